@@ -1,0 +1,9 @@
+"""The `lgp` command: a placeholder until the package has something to run."""
+
+import sys
+
+
+def main() -> None:
+    """Say that nothing is here yet and exit with 2, as any command that cannot do what was asked."""
+    sys.stderr.write("lgp: this package holds no commands yet; `reba --help` lists what works today\n")
+    raise SystemExit(2)

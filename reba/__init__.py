@@ -1,0 +1,1 @@
+"""Exact REBA scores (Hignett & McAtamney 2000) from recordings of posture."""

@@ -1,0 +1,61 @@
+"""One family of errors: what was given, what was expected, what to do next.
+
+Every error the package raises on purpose is a `RebaError`, which is also a `ValueError`; its text is one line that
+the command line prints as it is.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class RebaError(ValueError):
+    """Base of every error that this package raises on purpose."""
+
+
+class RulesError(RebaError):
+    """A `Rules` record or its TOML file cannot be used."""
+
+
+class PostureError(RebaError):
+    """A posture table or one of its factors cannot be scored."""
+
+
+class ProfileError(RebaError):
+    """No profile fits a recording, two fit equally well, or a profile file is wrong."""
+
+
+class ReadError(RebaError):
+    """A recording cannot be read: which file, where in it, what is wrong, what to do.
+
+    >>> str(ReadError("walk.mcap", "chunk CRC differs", hint="record it again", offset=4096))
+    'walk.mcap: at byte 4096: chunk CRC differs; record it again'
+    """
+
+    def __init__(self, path: str | Path, what: str, *, hint: str = "", offset: int | None = None) -> None:
+        self.path = str(path)
+        self.what = what
+        self.hint = hint
+        self.offset = offset
+        where = f"at byte {offset}: " if offset is not None else ""
+        super().__init__(f"{self.path}: {where}{what}" + (f"; {hint}" if hint else ""))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Errors cross process borders when files are scored in parallel.
+        return (_read_error, (self.path, self.what, self.hint, self.offset))
+
+
+def _read_error(path: str, what: str, hint: str, offset: int | None) -> ReadError:
+    return ReadError(path, what, hint=hint, offset=offset)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return "; did you mean 'x'?" for the nearest known name, or an empty string.
+
+    >>> did_you_mean("trunk_flexoin", ["trunk_flexion", "neck_flexion"])
+    "; did you mean 'trunk_flexion'?"
+    """
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.75)
+    return f"; did you mean '{near[0]}'?" if near else ""
