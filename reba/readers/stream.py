@@ -11,10 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Kind = Literal["joints", "frames", "points", "angles"]
 """joints: one number per name (joint coordinate, in `Stream.unit`).
@@ -91,6 +94,7 @@ class Stream:
         up: "x", "y", "z", "-y" ... if the format fixes the vertical axis, else "" (found from the body).
         rest: frames only: (k, 7) pose of each frame in its parent when all rotations are zero (BVH offsets), else None.
         read: `read(log, names)` iterates over blocks; `names` limits the signals (None: all).
+        table: angles only: the whole table, `time` in seconds since `epoch`, text and bool factor columns included.
     """
 
     name: str
@@ -104,6 +108,7 @@ class Stream:
     count: int | None = None
     up: str = ""
     rest: NDArray[np.float64] | None = None
+    table: Callable[[], pd.DataFrame] | None = None
 
     def blocks(self, log: ReadLog | None = None, names: Sequence[str] | None = None) -> Iterator[Block]:
         """Iterate over the samples in time order, block by block."""
