@@ -1,0 +1,208 @@
+"""BVH (Biovision hierarchy): a tree of joints with offsets, then one line of channel values per frame.
+
+Written from the description in M. Meredith and S. Maddock, "Motion capture file formats explained", University of
+Sheffield, CS-01-11, section 3. The format states no unit of length and no vertical axis: positions stay in the unit of
+the file (angles do not depend on it) and the vertical is found from the body. The first frame, often a T-pose, is kept.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from reba.errors import ReadError
+from reba.readers.bvh_pose import CHANNELS, Joint, Skeleton
+from reba.readers.memory import array_stream, clip, unique_names
+from reba.readers.stream import ReadLog, Recording, Topic
+from reba.readers.text import LARGEST, number_rows, read_lines
+
+MAX_JOINTS = 1000
+"""No body has more; a damaged or hostile file may."""
+
+
+def sniff(path: Path, head: bytes) -> bool:
+    """Return whether the first bytes open a BVH hierarchy."""
+    return head.removeprefix(b"\xef\xbb\xbf").lstrip()[:9].upper() == b"HIERARCHY"
+
+
+def open_bvh(path: Path) -> Recording:
+    """Open a BVH file: one stream of frames, the global pose of each joint and end site.
+
+    The stream's values are (n, k, 7): x y z in the unit of the file and qx qy qz qw, in the world of the file; `rest`
+    holds the pose with every channel zero. An end site is called `<joint>_end`.
+
+    Raises:
+        ReadError: the hierarchy or a number is damaged, there is no whole frame, or the frame time is not positive.
+    """
+    log = ReadLog(time_source="frame time")
+    lines = read_lines(path, log)
+    joints, motion = _Hierarchy(path, lines).parse()
+    names = unique_names([joint.name for joint in joints], log)
+    skeleton = Skeleton(tuple(joints))
+    if not skeleton.width:
+        raise ReadError(path, "no joint has a channel, so nothing moves", hint="export the motion with it")
+    declared, frame_time, first = _motion_header(path, lines, motion)
+    rows, _ = number_rows(path, lines, first, skeleton.width, log)
+    if not len(rows):
+        raise ReadError(
+            path, f"no whole frame of {skeleton.width} numbers behind line {first}", hint="export the motion with it"
+        )
+    if len(rows) != declared:
+        log.warn(f"the file states {declared} frames and holds {len(rows)} whole ones; those were read")
+    add = skeleton.adds_positions(rows)
+    if add is False:
+        log.warn("position channels of inner joints repeat the offsets; they were read as replacing them")
+    stream = array_stream(
+        path.stem,
+        "frames",
+        "BVH",
+        names,
+        np.arange(len(rows), dtype=np.float64) * frame_time,
+        lambda part: skeleton.poses(rows[part], add),
+        opened=log,
+        parents=("",) * len(names),
+        rest=skeleton.rest(),
+    )
+    why = f"{len(names)} joints and end sites; lengths in the unit of the file, which BVH does not state"
+    return Recording(str(path), "bvh", (stream,), (Topic(stream.name, "BVH motion", len(rows), True, why),), log)
+
+
+def _motion_header(path: Path, lines: list[str], motion: int) -> tuple[int, float, int]:
+    """Return the stated number of frames, the frame time [s] and the index of the first line of numbers."""
+    values: dict[str, tuple[str, int]] = {}
+    index = motion + 1
+    while index < len(lines) and len(values) < 2:
+        key, colon, value = lines[index].partition(":")
+        key = " ".join(key.split()).lower()
+        if key in ("frames", "frame time") and colon:
+            values[key] = (value.strip(), index + 1)
+        elif lines[index].strip():
+            break
+        index += 1
+    for key in ("frames", "frame time"):
+        if key not in values:
+            what = f"line {min(index + 1, len(lines))}: '{key.title()}:' expected behind MOTION"
+            raise ReadError(path, what, hint="the file is cut or damaged: export it again")
+    text, line = values["frame time"]
+    frame_time = _float(text)
+    if not 0 < frame_time < LARGEST:
+        raise ReadError(
+            path,
+            f"line {line}: Frame Time is {clip(text)}, expected seconds above 0",
+            hint="write the time between two frames there, such as 0.016667 for 60 Hz",
+        )
+    text, line = values["frames"]
+    if not (text.isascii() and text.isdigit() and len(text) < 19):
+        raise ReadError(path, f"line {line}: Frames is {clip(text)}, expected a number", hint="export it again")
+    return int(text), frame_time, index
+
+
+def _float(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+@dataclass
+class _Hierarchy:
+    """A parser over the words of the hierarchy; a stack of open joints instead of recursion."""
+
+    path: Path
+    lines: list[str]
+
+    def parse(self) -> tuple[list[Joint], int]:
+        """Return the joints, each behind its parent, and the index of the line MOTION."""
+        self._take_words()
+        joints: list[Joint] = []
+        stack: list[int] = []
+        self._expect("HIERARCHY")
+        while self.at < len(self.words):
+            word = self._next("a joint").upper()
+            if word == "}" and stack:
+                stack.pop()
+            elif (word == "ROOT") != bool(stack) and word in ("ROOT", "JOINT", "END"):
+                if len(joints) == MAX_JOINTS:
+                    self._fail(f"more than {MAX_JOINTS} joints")
+                joints.append(self._joint(word, joints, stack[-1] if stack else -1))
+                stack.append(len(joints) - 1)
+            else:
+                self._fail(f"{clip(word)} where {'JOINT, End Site or }' if stack else 'ROOT or MOTION'} was expected")
+        if stack:
+            self._fail(f"joint {clip(joints[stack[-1]].name)} is not closed")
+        if self.motion == len(self.lines):
+            self._fail("the hierarchy ends without MOTION")
+        if not joints:
+            self._fail("the hierarchy has no joint")
+        return joints, self.motion
+
+    def _take_words(self) -> None:
+        self.words: list[str] = []
+        self.line_of: list[int] = []
+        self.at = 0
+        self.motion = len(self.lines)
+        for index, line in enumerate(self.lines):
+            row = line.replace("{", " { ").replace("}", " } ").split()
+            if row and row[0].upper() == "MOTION":
+                self.motion = index
+                break
+            self.words += row
+            self.line_of += [index + 1] * len(row)
+
+    def _joint(self, kind: str, joints: list[Joint], parent: int) -> Joint:
+        """Read a joint from its name to the last of its own lines."""
+        label = []
+        while (word := self._next("{")) != "{":
+            label.append(word)
+        name = " ".join(label)
+        if kind == "END":
+            name = f"{joints[parent].name}_end"
+        elif not name:
+            self._fail("a joint has no name")
+        offset = np.zeros(3)
+        channels: tuple[str, ...] = ()
+        while self.at < len(self.words) and self.words[self.at].upper() in ("OFFSET", "CHANNELS"):
+            if self._next("OFFSET").upper() == "OFFSET":
+                offset = np.array([self._number() for _ in range(3)])
+            else:
+                channels = tuple(self._channel() for _ in range(self._count()))
+        if len(set(channels)) < len(channels):
+            self._fail(f"joint {clip(name)} has a channel twice")
+        return Joint(name, parent, offset, channels)
+
+    def _count(self) -> int:
+        word = self._next("the number of channels")
+        if word not in ("0", "1", "2", "3", "4", "5", "6"):
+            self._fail(f"{clip(word)} channels, expected 0 to 6")
+        return int(word)
+
+    def _channel(self) -> str:
+        word = self._next("a channel")
+        if word.lower() not in CHANNELS:
+            self._fail(f"{clip(word)} is no channel, expected Xposition ... Zrotation")
+        return word.lower()
+
+    def _number(self) -> float:
+        word = self._next("a number")
+        value = _float(word)
+        if not abs(value) <= LARGEST:
+            self._fail(f"{clip(word)} is not a finite number of plausible size")
+        return value
+
+    def _expect(self, keyword: str) -> None:
+        if self._next(keyword).upper() != keyword:
+            self._fail(f"{keyword} expected")
+
+    def _next(self, wanted: str) -> str:
+        if self.at == len(self.words):
+            self._fail(f"the hierarchy ends where {wanted} was expected")
+        self.at += 1
+        return self.words[self.at - 1]
+
+    def _fail(self, what: str) -> NoReturn:
+        line = self.line_of[self.at - 1] if self.at else 1
+        raise ReadError(self.path, f"line {line}: {what}", hint="the hierarchy is damaged: export the recording again")

@@ -1,0 +1,177 @@
+"""Text files of motion capture: decoding, and rows of numbers with the line in every error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.errors import ReadError
+from reba.readers.memory import clip
+from reba.readers.stream import ReadLog
+
+CHUNK = 20_000
+"""Lines converted at once, so that the words of a long file never stand in memory together."""
+
+MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+"""Byte order marks and the encodings that they announce."""
+
+LARGEST = 1e12
+"""No angle, length or time of a recording is larger; beyond it sums of products overflow."""
+
+BLANKS = frozenset({"", "nan", "na", "n/a", "-nan", "nan(ind)", "-nan(ind)", "null", "none"})
+"""Words that stand for "no value", in lower case."""
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file.
+
+    Raises:
+        ReadError: it is missing, empty, a folder or may not be read.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ReadError(path, error.strerror or str(error), hint="give an existing, readable file") from error
+    if not data:
+        raise ReadError(path, "the file is empty", hint="record or copy it again")
+    return data
+
+
+def decode(path: Path, data: bytes, log: ReadLog) -> str:
+    """Return text from UTF-8 or UTF-16 with a byte order mark, else Latin-1, which is noted.
+
+    Raises:
+        ReadError: the bytes are no text.
+    """
+    encoding = next((MARKS[mark] for mark in MARKS if data.startswith(mark)), "utf-8")
+    if encoding != "utf-16" and (at := data.find(b"\0")) >= 0:
+        raise ReadError(path, "binary data where text was expected", offset=at, hint="give a text file")
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        if encoding == "utf-16":
+            raise ReadError(path, "damaged UTF-16 text", offset=error.start, hint="save it as UTF-8") from error
+        log.warn(f"byte {error.start} is not UTF-8; names were read as Latin-1")
+        return data.decode("latin-1")
+
+
+def read_lines(path: Path, log: ReadLog) -> list[str]:
+    """Return the lines of a text file without their ends (LF, CRLF or CR).
+
+    Raises:
+        ReadError: it cannot be read or is no text.
+    """
+    text = decode(path, read_bytes(path), log)
+    # Not splitlines(): that also cuts at form feeds and Unicode separators, and lines would be miscounted.
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def number_rows(
+    path: Path,
+    lines: Sequence[str],
+    first: int,
+    width: int,
+    log: ReadLog,
+    *,
+    separator: str | None = None,
+    gaps: bool = False,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return rows of numbers (n, width) and the line number (n,) of each, counted from 1.
+
+    Blank lines are passed over. An incomplete last row is left out and noted, an incomplete row before it is an error.
+
+    Args:
+        path: for errors.
+        lines: every line of the file.
+        first: index of the first line with numbers.
+        width: numbers in a row.
+        log: takes the note of a cut end.
+        separator: None for any white space.
+        gaps: blank fields and "nan" are NaN, and rows that lack fields at their end are filled with NaN.
+
+    Raises:
+        ReadError: a word is no finite number, or a row has too many or too few.
+    """
+    parts: list[NDArray[np.float64]] = []
+    numbers: list[int] = []
+    last = next((index for index in range(len(lines) - 1, first - 1, -1) if _is_row(lines[index], separator)), -1)
+    for start in range(first, len(lines), CHUNK):
+        rows: list[list[str]] = []
+        stop = min(start + CHUNK, last + 1)
+        for index in range(start, stop):
+            if not _is_row(lines[index], separator):
+                continue
+            row = _row(lines[index], width, separator)
+            if len(row) != width:
+                if index == last and len(row) < width and (not gaps or index == len(lines) - 1):
+                    log.ended_abnormally = (
+                        f"line {index + 1} ends after {len(row)} of {width} numbers; the rows before it were read"
+                    )
+                    log.warn(log.ended_abnormally)
+                    continue
+                if len(row) > width or not gaps:
+                    raise ReadError(
+                        path,
+                        f"line {index + 1} has {len(row)} numbers, expected {width}",
+                        hint="the file is damaged there: export it again",
+                    )
+                row += [""] * (width - len(row))
+            rows.append(row)
+            numbers.append(index + 1)
+        if rows:
+            parts.append(_convert(path, rows, numbers[-len(rows) :], gaps))
+    table = np.concatenate(parts) if parts else np.empty((0, width))
+    return table, np.array(numbers, dtype=np.int64)
+
+
+def _is_row(line: str, separator: str | None) -> bool:
+    return bool(line.strip() if separator is None else line.replace(separator, "").strip())
+
+
+def _row(line: str, width: int, separator: str | None) -> list[str]:
+    """Return the fields of a line without empty ones beyond the width."""
+    row = line.split(separator)
+    while len(row) > width and not row[-1].strip():
+        row.pop()
+    return row
+
+
+def _convert(path: Path, rows: list[list[str]], numbers: list[int], gaps: bool) -> NDArray[np.float64]:
+    """Return (n, width) numbers of rows of equal length; the fast way first, word by word only where it fails."""
+    words: Iterable[str] = chain.from_iterable(rows)
+    if gaps:
+        words = (word or "nan" for word in words)
+    try:
+        table = np.array(list(words), dtype=np.float64).reshape(len(rows), -1)
+    except ValueError:
+        table = np.array(
+            [[_number(path, word, line, gaps) for word in row] for row, line in zip(rows, numbers, strict=True)]
+        )
+    bad = np.abs(table) > LARGEST
+    if not gaps:
+        bad |= np.isnan(table)
+    if bad.any():
+        row_index, column = (int(index) for index in np.argwhere(bad)[0])
+        word = clip(rows[row_index][column].strip())
+        raise ReadError(
+            path,
+            f"line {numbers[row_index]}: {word} is not a finite number of plausible size",
+            hint="export the recording again",
+        )
+    return table
+
+
+def _number(path: Path, word: str, line: int, gaps: bool) -> float:
+    text = word.strip()
+    if gaps and text.lower() in BLANKS:
+        return float("nan")
+    try:
+        return float(text)
+    except ValueError:
+        raise ReadError(
+            path, f"line {line}: {clip(text)} is not a number", hint="the file is damaged there: export it again"
+        ) from None
