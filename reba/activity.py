@@ -1,0 +1,258 @@
+"""Activity from the movement itself: static, repeated, and rapid large changes of posture.
+
+The paper gives three points (Hignett & McAtamney 2000): "1 or more body parts are static, e.g. held for longer than
+1 min"; "repeated small range actions, e.g. repeated more than 4 times per minute (not including walking)"; "action
+causes rapid large range changes in postures or an unstable base". What these mean for a signal is defined here, with
+every threshold a field of `Rules`:
+
+- static: all measured angles of one part stay within a band of `static_range` degrees for longer than
+  `static_seconds`; every frame of such a stretch counts.
+- repeated: an angle of one part turns back by at least `repeated_min` degrees again and again, by swings of at most
+  `repeated_max` degrees, and completes more than `repeated_per_minute` back-and-forth movements (two swings each)
+  within one minute; every frame from the first to the last of these swings counts. Walking is left out: stretches in
+  which the difference of the knees alternates with at least `gait_per_minute` strides a minute.
+- unstable: an angle of trunk, neck, upper arm or (not walking) legs changes by more than `rapid_range` degrees within
+  `rapid_seconds`; every frame of such a window counts. An unstable base cannot be seen in angles: the caller gives it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.posture import COLUMNS, INDEX, SIDES
+from reba.rules import Rules
+
+PARTS: dict[str, tuple[str, ...]] = {
+    "trunk": ("trunk_flexion", "trunk_side_bend", "trunk_twist"),
+    "neck": ("neck_flexion", "neck_side_bend", "neck_twist"),
+    "legs": ("knee_flexion_left", "knee_flexion_right"),
+    **{
+        f"{part}_{side}": tuple(f"{angle}_{side}" for angle in angles)
+        for side in SIDES
+        for part, angles in {
+            "upper_arm": ("upper_arm_flexion", "upper_arm_abduction", "shoulder_elevation"),
+            "lower_arm": ("lower_arm_flexion",),
+            "wrist": ("wrist_flexion", "wrist_deviation", "wrist_twist"),
+        }.items()
+    },
+}
+"""Body parts whose movement is watched, with their angles."""
+
+RAPID_PARTS = ("trunk", "neck", "legs", "upper_arm_left", "upper_arm_right")
+"""Parts whose rapid change is a change of posture; hands and forearms move fast in ordinary work."""
+
+GRID_HZ = 20.0
+"""[Hz] Signals are looked at on a regular grid of at most this rate."""
+MAX_GAP = 0.5
+"""[s] Samples further apart than this are not joined."""
+GAIT_SWING = 20.0
+"""[deg] The difference of the knees swings at least this far in a step."""
+GAIT_MIN_SWINGS = 3
+"""Alternations of the knees in a row that make a stretch walking."""
+
+Flags = NDArray[np.bool_]
+Signal = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Activity:
+    """Activity of n frames.
+
+    Attributes:
+        static, repeated, unstable: (n,) booleans.
+        causes: for each kind, the parts that caused it and the share of frames in which they did.
+    """
+
+    static: Flags
+    repeated: Flags
+    unstable: Flags
+    causes: dict[str, dict[str, float]] = field(default_factory=dict)
+
+
+def detect(time: Signal, angles: Signal, rules: Rules, walking: Flags | None = None) -> Activity:
+    """Find the activity of a recording.
+
+    Args:
+        time: (n,) seconds, increasing.
+        angles: (n, 22) degrees, NaN = not measured.
+        rules: thresholds.
+        walking: (n,) frames known to be walking; gait seen in the knees is added to them.
+
+    Example:
+        >>> import numpy as np
+        >>> time = np.arange(0.0, 90.0, 0.1)
+        >>> bool(detect(time, np.zeros((900, 22)), Rules()).static.all())
+        True
+    """
+    n = len(time)
+    none = Activity(np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, bool))
+    if n < 2 or not time[-1] > time[0]:
+        return none
+    grid = _Grid(time)
+    signals = {name: grid.sample(angles[:, INDEX[name]]) for name in COLUMNS}
+    gait = _gait(signals, rules, grid)
+    if walking is not None:
+        gait |= grid.flags(walking)
+    kinds: dict[str, dict[str, Flags]] = {"static": {}, "repeated": {}, "unstable": {}}
+    for part, names in PARTS.items():
+        measured = [signals[name] for name in names if not np.isnan(signals[name]).all()]
+        if not measured:
+            continue
+        kinds["static"][part] = _static(measured, rules, grid.hz)
+        kinds["repeated"][part] = np.logical_or.reduce([_repeated(s, rules, grid.hz) for s in measured]) & ~gait
+        if part in RAPID_PARTS:
+            rapid = np.logical_or.reduce([_rapid(s, rules, grid.hz) for s in measured])
+            kinds["unstable"][part] = rapid & ~gait if part == "legs" else rapid
+    found = {kind: {part: grid.frames(flags) for part, flags in parts.items()} for kind, parts in kinds.items()}
+    any_part = {kind: np.logical_or.reduce([none.static, *parts.values()]) for kind, parts in found.items()}
+    causes = {
+        kind: {part: float(flags.mean()) for part, flags in parts.items() if flags.any()}
+        for kind, parts in found.items()
+    }
+    return Activity(any_part["static"], any_part["repeated"], any_part["unstable"], causes)
+
+
+class _Grid:
+    """A regular time grid over a recording, and the way there and back."""
+
+    def __init__(self, time: Signal) -> None:
+        step = float(np.median(np.diff(time)))
+        self.hz = GRID_HZ if step <= 0 else min(GRID_HZ, 1.0 / step)
+        # A clock that jumps far ahead must not make a huge grid: time is counted without its long gaps.
+        steps = np.diff(time)
+        gaps = np.where(steps > 10 * MAX_GAP, steps - 10 * MAX_GAP, 0.0)
+        self.time = time - np.concatenate([[0.0], np.cumsum(gaps)])
+        size = int(np.floor((self.time[-1] - self.time[0]) * self.hz)) + 1
+        self.points = self.time[0] + np.arange(size) / self.hz
+        nearest = np.rint((self.time - self.time[0]) * self.hz).astype(np.int64)
+        self.nearest = np.clip(nearest, 0, size - 1)
+
+    def sample(self, column: Signal) -> Signal:
+        """Return the column on the grid, NaN where no sample is near."""
+        known = ~np.isnan(column)
+        if not known.any():
+            return np.full(len(self.points), np.nan)
+        time = self.time[known]
+        values = np.interp(self.points, time, column[known])
+        after = np.clip(np.searchsorted(time, self.points), 1, max(len(time) - 1, 1))
+        before = time[np.minimum(after - 1, len(time) - 1)]
+        after_time = time[np.minimum(after, len(time) - 1)]
+        limit = max(MAX_GAP, 1.5 / self.hz)
+        apart = (after_time - before > limit) & (self.points > before + 1e-9) & (self.points < after_time - 1e-9)
+        outside = (self.points < time[0] - limit) | (self.points > time[-1] + limit)
+        values[apart | outside] = np.nan
+        return values
+
+    def frames(self, flags: Flags) -> Flags:
+        """Return grid flags at the frames."""
+        return flags[self.nearest]
+
+    def flags(self, frames: Flags) -> Flags:
+        """Return frame flags on the grid."""
+        grid = np.zeros(len(self.points), bool)
+        grid[self.nearest[frames]] = True
+        return grid
+
+
+def _static(signals: list[Signal], rules: Rules, hz: float) -> Flags:
+    window = int(np.floor(rules.static_seconds * hz)) + 2
+    if window > len(signals[0]):
+        return np.zeros(len(signals[0]), bool)
+    # NaN makes a window's range NaN, and NaN <= band is False: a stretch with a hole is not held.
+    held = np.logical_and.reduce([_spread(signal, window) <= rules.static_range for signal in signals])
+    return _cover(held, window)
+
+
+def _rapid(signal: Signal, rules: Rules, hz: float) -> Flags:
+    window = int(np.floor(rules.rapid_seconds * hz + 1e-9)) + 1
+    if not 2 <= window <= len(signal):
+        return np.zeros(len(signal), bool)
+    return _cover(_spread(signal, window) > rules.rapid_range, window)
+
+
+def _repeated(signal: Signal, rules: Rules, hz: float) -> Flags:
+    flags = np.zeros(len(signal), bool)
+    swings = [s for s in _swings(signal, rules.repeated_min) if abs(signal[s[1]] - signal[s[0]]) <= rules.repeated_max]
+    if not swings:
+        return flags
+    starts, ends = np.array(swings).T
+    last = np.searchsorted(ends, starts + 60.0 * hz, side="right")
+    for first in np.flatnonzero((last - np.arange(len(starts))) / 2 > rules.repeated_per_minute):
+        flags[starts[first] : ends[last[first] - 1] + 1] = True
+    return flags
+
+
+def _gait(signals: dict[str, Signal], rules: Rules, grid: _Grid) -> Flags:
+    difference = signals["knee_flexion_left"] - signals["knee_flexion_right"]
+    flags = np.zeros(len(difference), bool)
+    longest = 30.0 * grid.hz / rules.gait_per_minute if rules.gait_per_minute > 0 else 0.0
+    run: list[tuple[int, int]] = []
+    for start, end in [*_swings(difference, GAIT_SWING), (-1, -1)]:
+        joined = end - start <= longest and (not run or start == run[-1][1])
+        if start < 0 or not joined:
+            if len(run) >= GAIT_MIN_SWINGS:
+                flags[run[0][0] : run[-1][1] + 1] = True
+            run = []
+        if start >= 0 and end - start <= longest:
+            run.append((start, end))
+    return flags
+
+
+def _swings(signal: Signal, least: float) -> Iterator[tuple[int, int]]:
+    """Yield (start, end) of movements between turning points that turn back by at least `least`.
+
+    The last movement counts once it is at least as large, whether or not it has turned back. NaN is passed over.
+    """
+    known = np.flatnonzero(~np.isnan(signal))
+    if len(known) < 2:
+        return
+    # Only local extremes can be turning points.
+    slope = np.sign(np.diff(signal[known]))
+    turning = np.concatenate([[True], slope[1:] != slope[:-1], [True]])
+    places = known[turning].tolist()
+    values = signal[known[turning]].tolist()
+    low = high = pivot = 0
+    direction = 0
+    for i in range(1, len(values)):
+        if direction >= 0 and values[i] > values[high]:
+            high = i
+        if direction <= 0 and values[i] < values[low]:
+            low = i
+        if direction >= 0 and values[high] - values[i] >= least:
+            if direction > 0 or values[high] - values[pivot] >= least:
+                yield places[pivot], places[high]
+            pivot, low, direction = high, i, -1
+        elif direction <= 0 and values[i] - values[low] >= least:
+            if direction < 0 or values[pivot] - values[low] >= least:
+                yield places[pivot], places[low]
+            pivot, high, direction = low, i, 1
+    end = high if direction > 0 else low
+    if direction != 0 and abs(values[end] - values[pivot]) >= least:
+        yield places[pivot], places[end]
+
+
+def _spread(signal: Signal, window: int) -> Signal:
+    """Return max - min of every window, (len - window + 1,); windows are built by doubling."""
+    return _rolling(signal, window, np.maximum) - _rolling(signal, window, np.minimum)
+
+
+def _rolling(signal: Signal, window: int, pick: np.ufunc) -> Signal:
+    size, level = 1, signal
+    while size * 2 <= window:
+        level = pick(level[:-size], level[size:])
+        size *= 2
+    rest = window - size
+    result: Signal = level if rest == 0 else pick(level[: len(level) - rest], level[rest:])
+    return result
+
+
+def _cover(windows: Flags, window: int) -> Flags:
+    """Return which samples lie in any flagged window; flag i stands for samples i to i + window - 1."""
+    edges = np.zeros(len(windows) + window, np.int64)
+    edges[: len(windows)] += windows
+    edges[window:] -= windows
+    return np.cumsum(edges[:-1]) > 0

@@ -1,0 +1,211 @@
+"""Exposure over time: how long which score, the worst stretches, and what drives them.
+
+Every frame weighs as much as the time until the next one; across a gap it weighs one median period. Scores stay whole
+numbers: percentiles are scores that occurred. Where unmeasured angles leave a score open, both ends of its range are
+summarised and the shares of action levels name the undetermined rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.scoring import SCORE_COLUMNS
+
+if TYPE_CHECKING:
+    from reba.scores import Scores
+
+HELD_SECONDS: Final = 1.0
+"""[s] A score counts as held from this time on; shorter peaks are likely flicker of a measurement."""
+WORST_INTERVALS: Final = 5
+"""How many worst intervals are listed."""
+PARTS: Final = SCORE_COLUMNS[: SCORE_COLUMNS.index("score_a")]
+"""Columns of part scores."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A stretch of a recording in which REBA stays at or above a score.
+
+    Attributes:
+        start, end: [s], the end one period after the last frame.
+        reba: the score that is held or exceeded (of the low end of the range).
+        frame: the frame that stands for it: one of the highest in it, nearest to the middle.
+    """
+
+    start: float
+    end: float
+    reba: int
+    frame: int
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """Time-weighted statistics of one score; None where no frame has it."""
+
+    mean: float | None
+    median: int | None
+    p90: int | None
+    max: int | None
+
+
+def durations(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n,) seconds that each frame stands for.
+
+    Example:
+        >>> durations(np.array([0.0, 0.1, 0.2, 9.0])).round(3).tolist()
+        [0.1, 0.1, 0.1, 0.1]
+    """
+    if len(time) < 2:
+        return np.ones(len(time))
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    longest = max(5 * period, 0.2)
+    return np.append(np.where(steps > longest, period, steps), period)
+
+
+def distribution(scores: NDArray[Any], weights: NDArray[np.float64]) -> Distribution:
+    """Return the weighted statistics of (n,) scores; NaN entries are left out.
+
+    Example:
+        >>> distribution(np.array([1.0, 1.0, 8.0]), np.ones(3))
+        Distribution(mean=3.3333333333333335, median=1, p90=8, max=8)
+    """
+    values = np.asarray(scores, np.float64)
+    known = ~np.isnan(values)
+    if not known.any():
+        return Distribution(None, None, None, None)
+    values, weights = values[known], weights[known]
+    median, p90 = (int(np.quantile(values, q, weights=weights, method="inverted_cdf")) for q in (0.5, 0.9))
+    return Distribution(float(np.average(values, weights=weights)), median, p90, int(values.max()))
+
+
+def column(scores: Scores, name: str) -> NDArray[np.float64]:
+    """Return one column of the score table as (n,) floats, NaN where undetermined."""
+    values: NDArray[np.float64] = scores.data[name].to_numpy(np.float64, na_value=np.nan)
+    return values
+
+
+def level_shares(scores: Scores, name: str = "action_level") -> dict[str, float]:
+    """Return the share of time in action levels "0" to "4" and "undetermined"."""
+    weights = durations(scores.time)
+    levels = column(scores, name)
+    total = weights.sum() or 1.0
+    shares = {str(level): float(weights[levels == level].sum() / total) for level in range(5)}
+    return {**shares, "undetermined": float(weights[np.isnan(levels)].sum() / total)}
+
+
+def held(scores: Scores, seconds: float = HELD_SECONDS) -> int | None:
+    """Return the highest score that is held for `seconds` without a break (of the low end of the range)."""
+    low = column(scores, "reba_low")
+    for score in sorted(set(low.tolist()), reverse=True):
+        if any(interval.end - interval.start >= seconds for interval in stretches(scores, int(score))):
+            return int(score)
+    return None
+
+
+def stretches(scores: Scores, at_least: int) -> list[Interval]:
+    """Return every stretch in which the low end of REBA is at least a score; gaps end a stretch."""
+    time, low = scores.time, column(scores, "reba_low")
+    weights = durations(time)
+    above = low >= at_least
+    broken = np.append(np.diff(time) > weights[:-1] + 1e-9, True) if len(time) else np.zeros(0, bool)
+    starts = np.flatnonzero(above & np.concatenate([[True], ~above[:-1] | broken[:-1]]))
+    ends = np.flatnonzero(above & np.concatenate([~above[1:] | broken[:-1], [True]]))
+    found = []
+    for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
+        worst = first + np.flatnonzero(low[first : last + 1] == low[first : last + 1].max())
+        middle = int(worst[np.argmin(np.abs(worst - (first + last) / 2))])
+        found.append(Interval(float(time[first]), float(time[last] + weights[last]), at_least, middle))
+    return found
+
+
+def worst_intervals(scores: Scores, count: int = WORST_INTERVALS) -> list[Interval]:
+    """Return the worst stretches, highest score first, then longest; none overlaps another.
+
+    Stretches held for at least a second come first; shorter ones fill up only where there are not enough.
+    """
+    chosen: list[Interval] = []
+    low = column(scores, "reba_low")
+    for least in (HELD_SECONDS, 0.0):
+        for score in sorted(set(low[low > 1].tolist()), reverse=True):
+            found = [s for s in stretches(scores, int(score)) if s.end - s.start >= least - 1e-9]
+            for interval in sorted(found, key=lambda s: (s.start - s.end, s.start)):
+                apart = all(interval.end <= c.start or interval.start >= c.end for c in chosen)
+                if apart and len(chosen) < count:
+                    chosen.append(interval)
+    return sorted(chosen, key=lambda s: (-s.reba, s.start - s.end, s.start))
+
+
+def summarise(scores: Scores) -> dict[str, Any]:
+    """Return the exposure of one recording as plain data (the object of `reba score --json` without paths)."""
+    from reba.worksheet import drivers
+
+    time = scores.time
+    weights = durations(time)
+    low, high = column(scores, "reba_low"), column(scores, "reba_high")
+    shares = level_shares(scores)
+    undetermined = shares.pop("undetermined")
+    low_end, high_end = distribution(low, weights), distribution(high, weights)
+    worst = []
+    for interval in worst_intervals(scores):
+        row = scores.data.iloc[interval.frame]
+        known = low[interval.frame] == high[interval.frame]
+        worst.append(
+            {
+                "time": float(row["time"]),
+                "reba": int(low[interval.frame]) if known else None,
+                "reba_low": int(low[interval.frame]),
+                "reba_high": int(high[interval.frame]),
+                "start": interval.start,
+                "end": interval.end,
+                "held": interval.reba,
+                "why": drivers(scores, interval.frame),
+            }
+        )
+    return {
+        "frames": len(time),
+        "seconds": float(weights.sum()),
+        "rules": dataclasses.asdict(scores.rules),
+        "profile": scores.postures.profile,
+        "unmeasured": list(scores.unmeasured),
+        "assumed": list(scores.assumed),
+        "reba": dataclasses.asdict(distribution(column(scores, "reba"), weights)),
+        "range": {
+            "mean_low": low_end.mean,
+            "mean_high": high_end.mean,
+            "median_low": low_end.median,
+            "median_high": high_end.median,
+            "p90_low": low_end.p90,
+            "p90_high": high_end.p90,
+            "max_low": low_end.max,
+            "max_high": high_end.max,
+        },
+        "held": {"seconds": HELD_SECONDS, "reba": held(scores)},
+        "action_levels": shares,
+        "action_level_undetermined": undetermined,
+        "sides": {
+            side: {
+                "mean": distribution(column(scores, f"reba_{side}"), weights).mean,
+                "action_levels": _side_shares(scores, side, weights),
+            }
+            for side in ("left", "right")
+        },
+        "worst": worst,
+        "parts": {name: {"mean": distribution(column(scores, name), weights).mean} for name in PARTS},
+        "activity": scores.activity_causes,
+    }
+
+
+def _side_shares(scores: Scores, side: str, weights: NDArray[np.float64]) -> dict[str, float]:
+    from reba.tables import LEVEL_OF
+
+    reba = column(scores, f"reba_{side}")
+    levels = LEVEL_OF[np.nan_to_num(reba).astype(np.int64)]
+    total = weights.sum() or 1.0
+    known = ~np.isnan(reba)
+    return {str(level): float(weights[known & (levels == level)].sum() / total) for level in range(5)}

@@ -1,0 +1,213 @@
+"""The factors beside the angles: load, coupling, support, arm support and activity.
+
+A factor is one value for a whole recording or one per frame. What nobody gave is assumed (`ASSUMED`) and named in
+every output; only angles carry a range of what is unmeasured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.errors import PostureError, did_you_mean
+from reba.posture import SIDES
+from reba.rules import LOAD_EDGES, Rules
+
+COUPLINGS: Final = ("good", "fair", "poor", "unacceptable")
+"""Coupling 0 to 3."""
+SUPPORTS: Final = ("bilateral", "unilateral", "walking", "sitting")
+"""How the legs bear the weight."""
+ACTIVITIES: Final = ("static", "repeated", "unstable")
+"""The three kinds of activity, +1 each."""
+
+ASSUMED: Final[dict[str, str]] = {
+    "load": "load 0 kg",
+    "shock": "no shock",
+    "coupling_left": "coupling good (left)",
+    "coupling_right": "coupling good (right)",
+    "support": "support bilateral",
+    "arm_supported_left": "left arm unsupported",
+    "arm_supported_right": "right arm unsupported",
+}
+"""What is assumed for a factor that nobody gave; activity comes from the movement itself."""
+
+Points = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Factors of a recording; every field is a scalar or has one value per frame.
+
+    Attributes:
+        load: [kg], not negative.
+        shock: shock or rapid build-up of force.
+        coupling_left, coupling_right: "good", "fair", "poor", "unacceptable" or 0 to 3.
+        support: "bilateral", "unilateral", "walking" or "sitting".
+        arm_supported_left, arm_supported_right: arm leaning, supported or gravity assisted.
+        static, repeated, unstable: the activity points, +1 each.
+    """
+
+    load: Any = 0.0
+    shock: Any = False
+    coupling_left: Any = "good"
+    coupling_right: Any = "good"
+    support: Any = "bilateral"
+    arm_supported_left: Any = False
+    arm_supported_right: Any = False
+    static: Any = False
+    repeated: Any = False
+    unstable: Any = False
+
+    @staticmethod
+    def of(given: Factors | Mapping[str, Any] | None) -> Factors:
+        """Return the record for a mapping of some of its fields; `coupling` and `arm_supported` stand for both sides.
+
+        Raises:
+            PostureError: a name is unknown.
+        """
+        if given is None:
+            return Factors()
+        if isinstance(given, Factors):
+            return given
+        values = expand_sides(given)
+        for name in values:
+            if name not in FACTORS:
+                raise PostureError(
+                    f"factor {name!r} is unknown{did_you_mean(name, FACTORS)}; known: {', '.join(FACTORS)}"
+                )
+        return Factors(**values)
+
+
+FACTORS: Final = tuple(field.name for field in fields(Factors))
+"""The factor names, which are also the names of factor columns of a posture table."""
+
+
+def expand_sides(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the mapping with `coupling` and `arm_supported` written out for both sides.
+
+    >>> expand_sides({"coupling": "fair"})
+    {'coupling_left': 'fair', 'coupling_right': 'fair'}
+    """
+    values: dict[str, Any] = {}
+    for name, value in given.items():
+        if name in ("coupling", "arm_supported"):
+            for side in SIDES:
+                values.setdefault(f"{name}_{side}", value)
+        else:
+            values[name] = value
+    return values
+
+
+@dataclass(frozen=True)
+class FactorPoints:
+    """Factors turned into points: uint8 arrays of shape (n,) or (1,), which broadcast over the frames."""
+
+    load_force: Points
+    coupling: tuple[Points, Points]
+    arm_supported: tuple[Points, Points]
+    legs: Points
+    knees_count: Points
+    activity: Points
+
+    def rows(self, start: int, stop: int) -> FactorPoints:
+        """Return the points of frames start to stop."""
+
+        def cut(points: Points) -> Points:
+            return points if len(points) == 1 else points[start:stop]
+
+        return FactorPoints(
+            load_force=cut(self.load_force),
+            coupling=(cut(self.coupling[0]), cut(self.coupling[1])),
+            arm_supported=(cut(self.arm_supported[0]), cut(self.arm_supported[1])),
+            legs=cut(self.legs),
+            knees_count=cut(self.knees_count),
+            activity=cut(self.activity),
+        )
+
+
+def points(factors: Factors, rules: Rules, n: int) -> FactorPoints:
+    """Return the points of n frames.
+
+    Raises:
+        PostureError: a value is missing, out of range or has another number of frames.
+    """
+    load = load_kg(factors.load, n)
+    load_points = (load >= LOAD_EDGES[0]).astype(np.uint8) + (load > LOAD_EDGES[1])
+    coupling = tuple(_choice(f"coupling_{side}", getattr(factors, f"coupling_{side}"), COUPLINGS, n) for side in SIDES)
+    if not rules.coupling_without_load:
+        coupling = tuple((code * (load > 0)).astype(np.uint8) for code in coupling)
+    support = _choice("support", factors.support, SUPPORTS, n)
+    walking = support == SUPPORTS.index("walking")
+    legs = 1 + (support == SUPPORTS.index("unilateral")) + walking * (rules.walking_legs - 1)
+    sitting = support == SUPPORTS.index("sitting")
+    supported = tuple(flag(f"arm_supported_{side}", getattr(factors, f"arm_supported_{side}"), n) for side in SIDES)
+    active = sum(flag(name, getattr(factors, name), n).astype(np.uint8) for name in ACTIVITIES)
+    return FactorPoints(
+        load_force=(load_points + flag("shock", factors.shock, n)).astype(np.uint8),
+        coupling=(coupling[0], coupling[1]),
+        arm_supported=(supported[0].astype(np.uint8), supported[1].astype(np.uint8)),
+        legs=legs.astype(np.uint8),
+        knees_count=(~sitting | rules.seated_knees).astype(np.uint8),
+        activity=np.asarray(active, np.uint8),
+    )
+
+
+def load_kg(value: Any, n: int) -> NDArray[np.float64]:
+    """Return a load as (n,) or (1,) kilograms.
+
+    Raises:
+        PostureError: not a number, negative, infinite or missing somewhere.
+    """
+    try:
+        load = np.atleast_1d(np.asarray(value, np.float64))
+    except (TypeError, ValueError) as error:
+        raise PostureError(f"load is {value!r}; expected kilograms, one number or one per frame") from error
+    _check_length("load", load, n)
+    bad = ~(np.isfinite(load) & (load >= 0))
+    if bad.any():
+        where = int(np.argmax(bad))
+        raise PostureError(f"load is {load[where]} at frame {where}; expected kilograms, 0 or more, at every frame")
+    return load
+
+
+def flag(name: str, value: Any, n: int) -> NDArray[np.bool_]:
+    """Return a yes-or-no factor as (n,) or (1,) booleans; 0 and 1 stand for no and yes.
+
+    Raises:
+        PostureError: anything else, or missing somewhere.
+    """
+    given = np.atleast_1d(np.asarray(value))
+    _check_length(name, given, n)
+    if given.dtype == bool:
+        return given
+    words = {"true": True, "false": False, "1": True, "0": False, "1.0": True, "0.0": False}
+    yes = [words.get(str(item).strip().lower()) for item in given.tolist()]
+    if None in yes:
+        where = yes.index(None)
+        raise PostureError(f"{name} is {given[where]!r} at frame {where}; expected true or false at every frame")
+    return np.array(yes, bool)
+
+
+def _choice(name: str, value: Any, words: tuple[str, ...], n: int) -> Points:
+    """Return codes 0, 1, ... of words (or of the codes themselves, for coupling)."""
+    given = np.atleast_1d(np.asarray(value))
+    _check_length(name, given, n)
+    codes = {word: code for code, word in enumerate(words)}
+    if name.startswith("coupling"):
+        codes.update({str(code): code for code in range(4)} | {f"{code}.0": code for code in range(4)})
+    kinds, inverse = np.unique(given.astype(str), return_inverse=True)
+    found = [codes.get(str(kind).strip().lower()) for kind in kinds]
+    if None in found:
+        raise PostureError(
+            f"{name} is {str(kinds[found.index(None)])!r}; expected one of {', '.join(words)} at every frame"
+        )
+    return np.array(found, np.uint8)[inverse]
+
+
+def _check_length(name: str, given: NDArray[Any], n: int) -> None:
+    if given.ndim != 1 or len(given) not in (1, n):
+        raise PostureError(f"{name} has shape {given.shape}; expected one value or one for each of {n} frames")

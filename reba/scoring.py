@@ -1,0 +1,327 @@
+"""The vectorised core: posture angles and factors in, every part score and total out.
+
+    angles (n, 22) -> chunks that fit in cache -> part classes -> Tables A, B, C -> uint8 arrays
+
+Unmeasured angles (NaN) never fall into a class by themselves: they are replaced once by the angle of the lowest and
+once by that of the highest class. A, B and C are non-decreasing in every index, so the two evaluations give the exact
+range over everything unmeasured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reba.errors import PostureError
+from reba.factors import FactorPoints, Factors, points
+from reba.gravity import against_gravity
+from reba.posture import ANGLES, COLUMNS, INDEX
+from reba.rules import (
+    KNEE_EDGES,
+    LOWER_ARM_RANGE,
+    NECK_EDGE,
+    TRUNK_EDGES,
+    UPPER_ARM_EDGES,
+    WRIST_EDGE,
+    Rules,
+    rules_of,
+)
+from reba.tables import LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
+
+Missing = Literal["range", "neutral", "worst", "error"]
+MISSING: Final = ("range", "neutral", "worst", "error")
+"""What may stand for a score that unmeasured angles leave open, see `score_array`."""
+
+UNKNOWN: Final = 255
+"""Stands in every array of `ScoreArrays` for a score that the measured angles do not determine."""
+
+CHUNK: Final = 8192
+"""Frames handled at once: 22 columns of float64 (1.4 MB) and the part scores stay in the second-level cache."""
+
+_BEST: Final = np.array([angle.best for angle in ANGLES for _ in angle.columns])
+_WORST: Final = np.array([angle.worst for angle in ANGLES for _ in angle.columns])
+_A, _B, _C = (np.ascontiguousarray(table.ravel()) for table in (TABLE_A, TABLE_B, TABLE_C))
+
+Scores8 = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class ScoreArrays:
+    """Scores of n frames, each (n,) uint8, `UNKNOWN` (255) where the measured angles leave more than one value.
+
+    Fields are the columns of the score table; `reba_low` and `reba_high` are always known. Items can be taken by
+    name as well: `arrays["reba"]`.
+    """
+
+    trunk: Scores8
+    neck: Scores8
+    legs: Scores8
+    load_force: Scores8
+    upper_arm_left: Scores8
+    upper_arm_right: Scores8
+    lower_arm_left: Scores8
+    lower_arm_right: Scores8
+    wrist_left: Scores8
+    wrist_right: Scores8
+    coupling_left: Scores8
+    coupling_right: Scores8
+    activity: Scores8
+    score_a: Scores8
+    score_b_left: Scores8
+    score_b_right: Scores8
+    reba_left: Scores8
+    reba_right: Scores8
+    reba: Scores8
+    action_level: Scores8
+    reba_low: Scores8
+    reba_high: Scores8
+
+    def __getitem__(self, name: str) -> Scores8:
+        """Return one column by its name."""
+        if name not in SCORE_COLUMNS:
+            raise KeyError(name)
+        column: Scores8 = getattr(self, name)
+        return column
+
+
+SCORE_COLUMNS: Final = tuple(field.name for field in fields(ScoreArrays))
+"""Columns of the score table after `time`, in their public order."""
+
+_ROW: Final = {name: row for row, name in enumerate(SCORE_COLUMNS)}
+_RANGED: Final = SCORE_COLUMNS[: SCORE_COLUMNS.index("reba_low")]
+
+
+def score_array(
+    angles: ArrayLike,
+    factors: Factors | Mapping[str, Any] | None = None,
+    rules: Rules | str = "measured",
+    missing: Missing = "range",
+) -> ScoreArrays:
+    """Score n postures.
+
+    Args:
+        angles: (n, 22) degrees in the order of `reba.COLUMNS`; NaN = not measured.
+        factors: a `Factors` record or a mapping of some of its fields; scalars or (n,) arrays.
+        rules: a preset's name or a `Rules` record.
+        missing: what stands for a score that unmeasured angles leave open: `UNKNOWN` ("range"), the score of the
+            neutral, lowest class ("neutral"), that of the highest ("worst"), or an error ("error"). `reba_low` and
+            `reba_high` hold the exact range all the same.
+
+    Returns:
+        The scores of every part and the totals, see `ScoreArrays`.
+
+    Raises:
+        PostureError: a wrong shape, an infinite angle, a bad factor, or an unmeasured angle with missing="error".
+
+    Example:
+        >>> import numpy as np
+        >>> posture = np.zeros((1, 22))
+        >>> posture[0, COLUMNS.index("trunk_flexion")] = 70.0
+        >>> int(score_array(posture).reba[0])
+        2
+    """
+    table = np.asarray(angles, np.float64)
+    if table.ndim != 2 or table.shape[1] != len(COLUMNS):
+        raise PostureError(
+            f"angles have shape {table.shape}; expected (n, {len(COLUMNS)}) in the order of reba.COLUMNS"
+        )
+    chosen = rules_of(rules)
+    if missing not in MISSING:
+        raise PostureError(f"missing is {missing!r}; expected one of {', '.join(MISSING)}")
+    given = points(Factors.of(factors), chosen, len(table))
+    out = np.empty((len(SCORE_COLUMNS), len(table)), np.uint8)
+    columns = np.empty((len(COLUMNS), CHUNK))
+    for start in range(0, len(table), CHUNK):
+        stop = min(start + CHUNK, len(table))
+        block = columns[:, : stop - start]
+        np.copyto(block, table[start:stop].T)
+        _score_block(block, given.rows(start, stop), chosen, missing, out[:, start:stop], start)
+    return ScoreArrays(*out)
+
+
+def _score_block(
+    block: NDArray[np.float64], given: FactorPoints, chosen: Rules, missing: Missing, out: Scores8, start: int
+) -> None:
+    # One pass tells whether anything is NaN or infinite: the sum of a block then is not finite.
+    complete = bool(np.isfinite(block.sum()))
+    if not complete and np.isinf(block).any():
+        row, frame = np.argwhere(np.isinf(block))[0]
+        raise PostureError(
+            f"{COLUMNS[row]} is infinite at frame {start + frame}; expected degrees, or NaN if not measured"
+        )
+    if chosen.upper_arm_reference == "gravity":
+        against_gravity(block)
+    if complete:
+        _evaluate(block, given, chosen, out)
+        out[_ROW["reba_low"]] = out[_ROW["reba_high"]] = out[_ROW["reba"]]
+        return
+    unmeasured = np.isnan(block)
+    if missing == "error":
+        row, frame = np.argwhere(unmeasured)[0]
+        raise PostureError(
+            f"{COLUMNS[row]} is not measured at frame {start + frame}; measure it, or choose missing='range'"
+        )
+    high = np.empty_like(out)
+    _evaluate(np.where(unmeasured, _BEST[:, None], block), given, chosen, out)
+    _evaluate(np.where(unmeasured, _WORST[:, None], block), given, chosen, high)
+    out[_ROW["reba_low"]] = out[_ROW["reba"]]
+    out[_ROW["reba_high"]] = high[_ROW["reba"]]
+    ends = len(_RANGED)
+    if missing == "range":
+        out[:ends][out[:ends] != high[:ends]] = UNKNOWN
+    elif missing == "worst":
+        out[:ends] = high[:ends]
+
+
+def _evaluate(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Scores8) -> None:
+    """Score one block of fully known columns c (22, m) into the rows of `out`."""
+    above = np.greater if chosen.edges == "lower" else np.greater_equal
+    two = chosen.twist_and_bend == "two"
+
+    def row(name: str) -> Scores8:
+        target: Scores8 = out[_ROW[name]]
+        return target
+
+    trunk, neck, legs, score_a = row("trunk"), row("neck"), row("legs"), row("score_a")
+    flexion = c[INDEX["trunk_flexion"]]
+    size = np.abs(flexion)
+    np.add(size > chosen.trunk_upright, 1, out=trunk, dtype=np.uint8)
+    trunk += above(size, TRUNK_EDGES[0])
+    trunk += above(flexion, TRUNK_EDGES[1])
+    twist, bend = c[INDEX["trunk_twist"]], c[INDEX["trunk_side_bend"]]
+    _adjust(
+        trunk,
+        np.abs(twist) > chosen.trunk_twist,
+        np.abs(bend) > chosen.trunk_side_bend,
+        two,
+        PART_MAXIMA["trunk"],
+    )
+
+    flexion = c[INDEX["neck_flexion"]]
+    np.add(above(flexion, NECK_EDGE) | (flexion < -chosen.neck_upright), 1, out=neck, dtype=np.uint8)
+    twist, bend = c[INDEX["neck_twist"]], c[INDEX["neck_side_bend"]]
+    _adjust(
+        neck,
+        np.abs(twist) > chosen.neck_twist,
+        np.abs(bend) > chosen.neck_side_bend,
+        two,
+        PART_MAXIMA["neck"],
+    )
+
+    knee = np.maximum(c[INDEX["knee_flexion_left"]], c[INDEX["knee_flexion_right"]])
+    np.add(knee >= KNEE_EDGES[0], above(knee, KNEE_EDGES[1]), out=legs, dtype=np.uint8)
+    legs *= given.knees_count
+    legs += given.legs
+
+    row("load_force")[:] = given.load_force
+    row("activity")[:] = given.activity
+    np.add(_A[(trunk - 1) * 12 + (neck - 1) * 4 + (legs - 1)], given.load_force, out=score_a)
+    score_a_row = (score_a - 1) * 12
+    for side, name in enumerate(("left", "right")):
+        _evaluate_arm(c, side, given, chosen, row, name)
+        np.add(_C[score_a_row + (row(f"score_b_{name}") - 1)], given.activity, out=row(f"reba_{name}"))
+    if chosen.two_sides == "worse":
+        np.maximum(row("reba_left"), row("reba_right"), out=row("reba"))
+    else:
+        row("reba")[:] = row(f"reba_{chosen.two_sides}")
+    np.take(LEVEL_OF, row("reba"), out=row("action_level"), mode="clip")
+
+
+def _evaluate_arm(c: NDArray[np.float64], side: int, given: FactorPoints, chosen: Rules, row: Any, name: str) -> None:
+    above = np.greater if chosen.edges == "lower" else np.greater_equal
+    upper, lower, wrist = row(f"upper_arm_{name}"), row(f"lower_arm_{name}"), row(f"wrist_{name}")
+    flexion = c[INDEX["upper_arm_flexion_left"] + side]
+    np.add(above(np.abs(flexion), UPPER_ARM_EDGES[0]), 1, out=upper, dtype=np.uint8)
+    upper += above(flexion, UPPER_ARM_EDGES[1])
+    upper += above(flexion, UPPER_ARM_EDGES[2])
+    upper += c[INDEX["upper_arm_abduction_left"] + side] > chosen.abduction
+    upper += c[INDEX["shoulder_elevation_left"] + side] > chosen.shoulder_elevation
+    # A supported arm takes one off but never below 1: index 0 would wrap to the last row of Table B.
+    upper -= given.arm_supported[side] & (upper > 1)
+
+    elbow = c[INDEX["lower_arm_flexion_left"] + side]
+    np.add((elbow < LOWER_ARM_RANGE[0]) | above(elbow, LOWER_ARM_RANGE[1]), 1, out=lower, dtype=np.uint8)
+
+    np.add(above(np.abs(c[INDEX["wrist_flexion_left"] + side]), WRIST_EDGE), 1, out=wrist, dtype=np.uint8)
+    deviated = np.abs(c[INDEX["wrist_deviation_left"] + side]) > chosen.wrist_deviation
+    wrist += deviated | (np.abs(c[INDEX["wrist_twist_left"] + side]) > chosen.wrist_twist)
+
+    row(f"coupling_{name}")[:] = given.coupling[side]
+    table_b = _B[(upper - 1) * 6 + (lower - 1) * 3 + (wrist - 1)]
+    np.add(table_b, given.coupling[side], out=row(f"score_b_{name}"))
+
+
+def _adjust(part: Scores8, twisted: NDArray[np.bool_], bent: NDArray[np.bool_], two: bool, highest: int) -> None:
+    """Add the points for twisted and side flexed in place: one together, or one each up to the table's size."""
+    if two:
+        part += twisted
+        part += bent
+        np.minimum(part, highest, out=part)
+    else:
+        part += twisted | bent
+
+
+class PartScores(NamedTuple):
+    """What the tables give for part scores: ints for scalars, (n,) integer arrays for arrays."""
+
+    score_a: Any
+    score_b: Any
+    score_c: Any
+    reba: Any
+    action_level: Any
+
+
+def score_parts(
+    *,
+    trunk: ArrayLike,
+    neck: ArrayLike,
+    legs: ArrayLike,
+    upper_arm: ArrayLike,
+    lower_arm: ArrayLike,
+    wrist: ArrayLike,
+    load_force: ArrayLike = 0,
+    coupling: ArrayLike = 0,
+    activity: ArrayLike = 0,
+) -> PartScores:
+    """Apply Tables A, B, C to part scores of one side.
+
+    Args:
+        trunk, neck, legs, upper_arm, lower_arm, wrist: body part scores from 1 (scalars or arrays that broadcast).
+        load_force, coupling, activity: 0 to 3.
+
+    Raises:
+        PostureError: a score is not a whole number in its range.
+
+    Example:
+        >>> score_parts(trunk=4, neck=2, legs=2, load_force=3, upper_arm=4, lower_arm=2, wrist=3, coupling=3)
+        PartScores(score_a=9, score_b=10, score_c=12, reba=12, action_level=4)
+    """
+    given = {
+        "trunk": trunk, "neck": neck, "legs": legs, "upper_arm": upper_arm, "lower_arm": lower_arm, "wrist": wrist,
+        "load_force": load_force, "coupling": coupling, "activity": activity,
+    }  # fmt: skip
+    p = {name: _whole(name, value) for name, value in given.items()}
+    score_a = TABLE_A[p["trunk"] - 1, p["neck"] - 1, p["legs"] - 1].astype(int) + p["load_force"]
+    score_b = TABLE_B[p["upper_arm"] - 1, p["lower_arm"] - 1, p["wrist"] - 1].astype(int) + p["coupling"]
+    score_c = TABLE_C[score_a - 1, score_b - 1].astype(int)
+    reba = score_c + p["activity"]
+    results = (score_a, score_b, score_c, reba, LEVEL_OF[reba].astype(int))
+    return PartScores(*(int(value) if np.ndim(value) == 0 else value for value in results))
+
+
+def _whole(name: str, value: ArrayLike) -> NDArray[np.int64]:
+    lowest = 0 if name in ("load_force", "coupling", "activity") else 1
+    highest = PART_MAXIMA[name]
+    scores = np.asarray(value)
+    try:
+        whole = scores.astype(np.int64)
+        fits = bool(np.all((whole == scores) & (whole >= lowest) & (whole <= highest)))
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise PostureError(f"{name} score is {value!r}; expected whole numbers from {lowest} to {highest}")
+    return whole
