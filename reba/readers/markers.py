@@ -1,0 +1,93 @@
+"""Labelled marker positions of any format -> one stream of points per subject, in metres.
+
+Vicon and others write a label as `Subject:MARKER` and trajectories without a name as `*12`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.errors import ReadError
+from reba.readers.memory import array_stream, clip, unique_names
+from reba.readers.stream import ReadLog, Recording, Topic
+
+METRES: dict[str, float] = {
+    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
+    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
+    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
+    **dict.fromkeys(("in", "inch", "inches"), 0.0254),
+}
+"""Length of one unit [m] by its name in lower case."""
+
+
+def metres(path: Path, unit: str, where: str) -> float:
+    """Return the length [m] of one unit.
+
+    Raises:
+        ReadError: the unit is unknown; `where` says where it stands.
+    """
+    scale = METRES.get(unit.strip().lower())
+    if scale is None:
+        raise ReadError(path, f"{where}: unit {clip(unit)} is unknown", hint="write mm, cm or m there")
+    return scale
+
+
+def marker_recording(
+    path: Path,
+    format: tuple[str, str],
+    labels: Sequence[str],
+    time: NDArray[np.float64],
+    points: NDArray[np.float64],
+    log: ReadLog,
+    *,
+    topics: Sequence[Topic] = (),
+    up: str = "",
+) -> Recording:
+    """Return a recording with one stream per subject, in the order of the file.
+
+    A single subject gives a stream named as the file, several give streams named as the subjects. Markers without a
+    label are left out and listed.
+
+    Args:
+        path: the file.
+        format: name of the reader and of the format, for people.
+        labels: k labels, `Subject:` prefix or not; "" and `*...` are no label.
+        time: (n,) [s].
+        points: (n, k, 3) [m], NaN in gaps.
+        log: notes of the opening.
+        topics: further topics to list.
+        up: as in `Stream`.
+
+    Raises:
+        ReadError: no marker has a label.
+    """
+    subjects: dict[str, list[int]] = {}
+    bare: list[str] = []
+    unlabelled = 0
+    for index, label in enumerate(labels):
+        subject, _, marker = label.strip().rpartition(":")
+        bare.append(marker.strip())
+        if not bare[-1] or bare[-1].startswith("*"):
+            unlabelled += 1
+        else:
+            subjects.setdefault(subject.strip(), []).append(index)
+    if not subjects:
+        raise ReadError(
+            path, f"none of its {len(labels)} markers has a label", hint="label the markers and export again"
+        )
+    streams, listed = [], []
+    for subject, columns in subjects.items():
+        name = subject if subject and len(subjects) > 1 else path.stem
+        names = unique_names([bare[index] for index in columns], log)
+        part = points if len(columns) == len(labels) else points[:, columns]
+        streams.append(array_stream(name, "points", format[1], names, time, part, opened=log, up=up))
+        gaps = float(np.mean(np.isnan(part[..., 0]))) if part.size else 0.0
+        why = f"{len(names)} markers" + (f" of {subject}" if subject else "") + f", {gaps:.1%} gaps"
+        listed.append(Topic(name, format[1], len(time), True, why))
+    if unlabelled:
+        listed.append(Topic("unlabelled", format[1], len(time), False, f"{unlabelled} markers without a label"))
+    return Recording(str(path), format[0], tuple(streams), (*listed, *topics), log)
