@@ -1,0 +1,158 @@
+"""Make every data set of this folder and its catalogue: `python datasets/make_datasets.py`.
+
+The data are simulated from the seed below; running the script again gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import assembly
+import numpy as np
+import palletising
+from ros2_bag import Ros2Bag
+from ros2_messages import NANOSECONDS, Transform
+
+HERE = Path(__file__).resolve().parent
+SEED = 20260101
+EPOCH = 1_767_261_600 * NANOSECONDS
+"""Stamp of the first frame: 2026-01-01 10:00 UTC, chosen freely."""
+COMMAND = "python datasets/make_datasets.py"
+LICENCE = "Apache-2.0"
+BOX_KG = 9.0
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One data set of the catalogue.
+
+    Attributes:
+        file: its name.
+        shows: what is to be seen in it, one sentence.
+        frames: number of frames.
+        rate: frames per second.
+        contents: (what, how) lines: topics or columns with their units.
+    """
+
+    file: str
+    shows: str
+    frames: int
+    rate: float
+    contents: tuple[tuple[str, str], ...]
+
+
+def make_palletising(folder: Path) -> Entry:
+    """Write the simulated palletising as an MCAP file."""
+    motion = palletising.simulate(np.random.default_rng(SEED))
+    entry = Entry(
+        file="simulated_palletising.mcap",
+        shows=(
+            f"A person moves {len(palletising.BOXES) - 1} boxes of {BOX_KG:g} kg from a low pallet to a table at waist "
+            "height or an overhead shelf: stoop lifts (some twisted), squat lifts, carrying, walking, one pause."
+        ),
+        frames=len(motion.time),
+        rate=palletising.RATE,
+        contents=(
+            ("format", "MCAP, profile ros2, zstd chunks, CDR with ros2msg schemas"),
+            (
+                "`/joint_states`",
+                "sensor_msgs/msg/JointState: 36 joints of human.urdf (`human_36dof_ISB_model`), position [rad], "
+                "velocity [rad/s], no effort",
+            ),
+            (
+                "`/tf`",
+                "tf2_msgs/msg/TFMessage: pose of `middle_pelvis` (x forward, y up, z right) in `map` (z up), [m]",
+            ),
+            ("load", f"{BOX_KG:g} kg while a box is carried; not in the file, give it as `--load {BOX_KG:g}`"),
+        ),
+    )
+    with Ros2Bag(folder / entry.file, library="datasets/make_datasets.py") as bag:
+        bag.note(
+            "simulated",
+            {
+                "source": "simulated, no person was measured",
+                "made_by": COMMAND,
+                "seed": str(SEED),
+                "licence": LICENCE,
+                "shows": entry.shows,
+                "zstandard": version("zstandard"),
+            },
+        )
+        for time, position, velocity, root in zip(
+            motion.time, motion.position, motion.velocity, motion.root, strict=True
+        ):
+            stamp = EPOCH + round(float(time) * NANOSECONDS)
+            bag.joints("/joint_states", stamp, palletising.JOINTS, position, velocity)
+            bag.transforms("/tf", stamp, [Transform("map", "middle_pelvis", root)])
+    return entry
+
+
+def make_assembly(folder: Path) -> Entry:
+    """Write the simulated assembly as a posture table in CSV."""
+    time, angles, load = assembly.simulate(np.random.default_rng(SEED + 1))
+    entry = Entry(
+        file="simulated_assembly.csv",
+        shows="A person assembles parts at a bench, fetches them from the side and fixes them above the head.",
+        frames=len(time),
+        rate=assembly.RATE,
+        contents=(
+            ("format", "posture table, CSV, one row per frame"),
+            ("`time`", "[s]"),
+            ("angles", ", ".join(f"`{name}`" for name in assembly.COLUMNS) + " [deg]"),
+            ("`load`", "[kg], tool or part in the hands"),
+            ("not measured", "the wrists: there are no wrist columns"),
+        ),
+    )
+    rows = [",".join(("time", *assembly.COLUMNS, "load"))]
+    rows += [
+        ",".join(f"{value:g}" for value in (second, *row, kg))
+        for second, row, kg in zip(np.round(time, 3), angles, load, strict=True)
+    ]
+    (folder / entry.file).write_text("\n".join(rows) + "\n", encoding="utf-8", newline="\n")
+    return entry
+
+
+def describe(folder: Path, entry: Entry, seed: int) -> str:
+    """Return the section of one data set for the catalogue."""
+    data = (folder / entry.file).read_bytes()
+    lines = [
+        f"## {entry.file}",
+        "",
+        entry.shows,
+        "",
+        "| | |",
+        "|---|---|",
+        "| source | **simulated**: minimum-jerk movements between key postures; no person was measured |",
+        f"| made by | `{COMMAND}`, seed {seed} |",
+        f"| licence | {LICENCE} |",
+        f"| frames | {entry.frames} at {entry.rate:g} Hz ({(entry.frames - 1) / entry.rate:.1f} s) |",
+        *(f"| {what} | {how} |" for what, how in entry.contents),
+        f"| size | {len(data)} bytes |",
+        f"| sha256 | `{hashlib.sha256(data).hexdigest()}` |",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def make(folder: Path) -> None:
+    """Write all data sets and the catalogue README.md into a folder."""
+    entries = [make_palletising(folder), make_assembly(folder)]
+    sections = "\n".join(describe(folder, entry, SEED + number) for number, entry in enumerate(entries))
+    head = (
+        "# Data sets\n\n"
+        "Small recordings to try the commands on. All are simulated; nobody was measured, and nothing about real work "
+        "may be concluded from them.\n"
+        f"This page and the files are written by `{COMMAND}` (the same seed gives the same bytes; the bytes of an MCAP "
+        "file depend on the version of the zstandard package as well, which the file names in its metadata).\n\n"
+    )
+    (folder / "README.md").write_text(head + sections, encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--folder", type=Path, default=HERE, help="where to write (default: beside the script)")
+    make(arguments.parse_args().folder)
