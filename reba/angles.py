@@ -1,0 +1,212 @@
+"""Segment frames and directions of a body -> the 22 posture angles.
+
+One convention for every source (ISB: Wu et al. 2002, 2005): each segment has the axes x forward, y up along the
+segment, z to the right, and all segments coincide when a person stands upright with hanging arms and thumbs forward.
+The left side is the right side in a mirror, so both go through the same functions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.posture import COLUMNS, INDEX, SIDES
+
+Array = NDArray[np.float64]
+
+CONE = 30.0
+"""[deg] Nearer than this to the pure sideways direction an arm has no plane of flexion; its elevation is used.
+
+There 5 mm of noise in a joint centre turns the plane by tens of degrees, while the elevation stays within two."""
+
+MIRROR = np.array([1.0, 1.0, -1.0])
+"""Left seen as right: the z axis turns round."""
+
+
+@dataclass
+class Body:
+    """A body over n frames, as far as a recording shows it.
+
+    Attributes:
+        frames: segment -> (n, 3, 3) orientation, its columns the segment's ISB axes in one common reference. Segments:
+            pelvis, thorax, head, trunk (the line from hips to shoulders, where joint positions are known; else the
+            thorax stands in), and per side clavicle, upper_arm, forearm, hand, thigh, shank (`thigh_left` ...).
+        axes: segment -> (n, 3) long axis, pointing to the nearer joint; for segments whose full frame is unknown.
+            For a clavicle: from the neck to the shoulder.
+        columns: columns of the posture table that the source measures directly [deg].
+        up: (3,) vertical in the reference, or None where only the pelvis is a reference.
+    """
+
+    frames: dict[str, Array] = field(default_factory=dict)
+    axes: dict[str, Array] = field(default_factory=dict)
+    columns: dict[str, Array] = field(default_factory=dict)
+    up: Array | None = None
+
+    def axis(self, segment: str) -> Array | None:
+        """Return the (n, 3) long axis of a segment, or None."""
+        if segment in self.frames:
+            return self.frames[segment][:, :, 1]
+        return self.axes.get(segment)
+
+
+def posture_angles(body: Body, n: int) -> Array:
+    """Return the (n, 22) posture angles [deg] of a body in the order of `reba.COLUMNS`; NaN = not measured.
+
+    >>> frames = {"pelvis": turned(np.eye(3), 2, np.zeros(1)), "thorax": turned(np.eye(3), 2, np.radians([-30.0]))}
+    >>> float(posture_angles(Body(frames, up=np.array([0.0, 1.0, 0.0])), 1)[0, 0].round(9))
+    30.0
+    """
+    out = np.full((n, len(COLUMNS)), np.nan)
+    found: dict[str, Array] = {}
+    trunk = body.frames.get("trunk", body.frames.get("thorax"))
+    thorax = body.frames.get("thorax", trunk)
+    if trunk is not None:
+        _trunk(body, trunk, found)
+    if thorax is not None:
+        _neck(body, thorax, found)
+    for side in SIDES:
+        if trunk is not None and thorax is not None:
+            _shoulder(body, trunk, thorax, side, found)
+        _limbs(body, side, found)
+    found.update(body.columns)
+    for column, values in found.items():
+        out[:, INDEX[column]] = values
+    return out
+
+
+def turned(frame: Array, axis: int, angle: Array) -> Array:
+    """Return (n, 3, 3) frames turned about their own axis 0, 1 or 2 by (n,) angles [rad].
+
+    Args:
+        frame: (3, 3) or (n, 3, 3).
+    """
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    result = np.empty((len(angle), 3, 3))
+    result[:] = frame
+    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    first, second = result[:, :, i].copy(), result[:, :, j].copy()
+    result[:, :, i] = first * cosine + second * sine
+    result[:, :, j] = second * cosine - first * sine
+    return result
+
+
+def frame_of(y: Array, z: Array) -> Array:
+    """Return (n, 3, 3) frames with the (n, 3) axis y kept and z made square to it; NaN where they are parallel."""
+    up = unit(y)
+    right = unit(z - np.sum(z * up, axis=1, keepdims=True) * up)
+    return np.stack([np.cross(up, right), up, right], axis=2)
+
+
+def unit(vectors: Array) -> Array:
+    """Return (n, 3) vectors at length 1; NaN where the length is 0."""
+    length = np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(length > 1e-12, vectors / length, np.nan)
+
+
+def angle_between(a: Array, b: Array) -> Array:
+    """Return the (n,) angle [deg] between (n, 3) directions, exact near 0 and 180 too."""
+    across = np.cross(a, b)
+    return np.degrees(np.arctan2(np.sqrt(np.sum(across * across, axis=1)), np.sum(a * b, axis=1)))
+
+
+def arm_angles(direction: Array) -> tuple[Array, Array]:
+    """Return flexion and abduction [deg] of an upper arm.
+
+    Flexion is the angle of the arm in the sagittal plane of the trunk, from -90 (backwards) over 0 (hanging) to 270, so
+    that an arm overhead does not jump; within `CONE` of the pure sideways direction it is the elevation. Abduction is
+    the angle to that plane. No Euler angle is used: they lock at the hanging arm.
+
+    Args:
+        direction: (n, 3) unit vectors shoulder -> elbow, x forward, y up, z out to the arm's own side.
+    """
+    forward, up, out = direction.T
+    flexion = np.degrees(np.arctan2(forward, -up))
+    flexion = np.where(flexion < -90.0, flexion + 360.0, flexion)
+    flat = np.hypot(forward, up)
+    sideways = flat <= np.sin(np.radians(CONE))
+    elevation = np.degrees(np.arctan2(np.hypot(forward, out), -up))
+    return np.where(sideways, elevation, flexion), np.degrees(np.arctan2(out, flat))
+
+
+def _lean(axis: Array) -> tuple[Array, Array]:
+    """Return flexion and side bend [deg] of an (n, 3) axis given in the axes of what it leans against."""
+    x, y, z = axis.T
+    return np.degrees(np.arctan2(x, y)), np.degrees(np.arctan2(z, np.hypot(x, y)))
+
+
+def _twist(relative: Array) -> Array:
+    """Return the angle [deg] about the child's long axis between the z axes of parent and child."""
+    return np.degrees(np.arctan2(-relative[:, 2, 0], relative[:, 2, 2]))
+
+
+def _relative(parent: Array, child: Array) -> Array:
+    return np.matmul(parent.transpose(0, 2, 1), child)
+
+
+def _in(parent: Array, vectors: Array) -> Array:
+    return np.einsum("nji,nj->ni", parent, vectors)
+
+
+def _mirrored(relative: Array, side: str) -> Array:
+    """Return relative frames (n, 3, 3) or vectors (n, 3) as if they were of the right side."""
+    if side == "right":
+        return relative
+    return relative * (MIRROR if relative.ndim == 2 else np.outer(MIRROR, MIRROR))
+
+
+def _trunk(body: Body, trunk: Array, found: dict[str, Array]) -> None:
+    pelvis = body.frames.get("pelvis")
+    if body.up is not None:
+        # The way a person faces: the hip line keeps it when the pelvis tips forward, its x axis does not.
+        right = (trunk if pelvis is None else pelvis)[:, :, 2]
+        base = frame_of(np.broadcast_to(body.up, right.shape), right)
+    elif pelvis is not None:
+        base = pelvis
+    else:
+        return
+    found["trunk_flexion"], found["trunk_side_bend"] = _lean(_in(base, trunk[:, :, 1]))
+    if pelvis is not None:
+        found["trunk_twist"] = _twist(_relative(pelvis, trunk))
+
+
+def _neck(body: Body, thorax: Array, found: dict[str, Array]) -> None:
+    axis = body.axis("head")
+    if axis is not None:
+        found["neck_flexion"], found["neck_side_bend"] = _lean(_in(thorax, axis))
+    if "head" in body.frames:
+        found["neck_twist"] = _twist(_relative(thorax, body.frames["head"]))
+
+
+def _shoulder(body: Body, trunk: Array, thorax: Array, side: str, found: dict[str, Array]) -> None:
+    arm = body.axis(f"upper_arm_{side}")
+    if arm is not None:
+        angles = arm_angles(_mirrored(-_in(trunk, arm), side))
+        found[f"upper_arm_flexion_{side}"], found[f"upper_arm_abduction_{side}"] = angles
+    clavicle = body.axes.get(f"clavicle_{side}")
+    if f"clavicle_{side}" in body.frames:
+        clavicle = body.frames[f"clavicle_{side}"][:, :, 2] * (1.0 if side == "right" else -1.0)
+    if clavicle is not None:
+        x, y, z = _in(thorax, clavicle).T
+        found[f"shoulder_elevation_{side}"] = np.degrees(np.arctan2(y, np.hypot(x, z)))
+
+
+def _limbs(body: Body, side: str, found: dict[str, Array]) -> None:
+    hinges = (("knee_flexion", "thigh", "shank"), ("lower_arm_flexion", "upper_arm", "forearm"))
+    for column, upper, lower in hinges:
+        near, far = body.axis(f"{upper}_{side}"), body.axis(f"{lower}_{side}")
+        if near is not None and far is not None:
+            found[f"{column}_{side}"] = angle_between(near, far)
+    forearm = body.frames.get(f"forearm_{side}")
+    if forearm is None:
+        return
+    hand = body.axis(f"hand_{side}")
+    if hand is not None:
+        radial, along, palmar = _mirrored(_in(forearm, hand), side).T
+        found[f"wrist_flexion_{side}"] = np.degrees(np.arctan2(palmar, along))
+        found[f"wrist_deviation_{side}"] = np.degrees(np.arctan2(radial, np.hypot(along, palmar)))
+    arm = body.frames.get(f"upper_arm_{side}")
+    if arm is not None:
+        found[f"wrist_twist_{side}"] = _twist(_mirrored(_relative(arm, forearm), side))

@@ -1,0 +1,220 @@
+"""What can be changed about a frame, what each change does to the part scores and what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.factors import ACTIVITIES, COUPLINGS, SUPPORTS, flag, load_kg
+from reba.gravity import against_gravity
+from reba.limits import Quantity, quantities
+from reba.posture import ANGLES, INDEX, SIDES
+from reba.rules import LOAD_EDGES
+
+if TYPE_CHECKING:
+    from reba.scores import Scores
+
+Points = NDArray[np.int16]
+_BEST: Final = np.array([angle.best for angle in ANGLES for _ in angle.columns])
+
+
+@dataclass(frozen=True)
+class Option:
+    """One thing that could be done: the points (F,) that then remain, how far the frames move [deg], and words."""
+
+    points: Points
+    degrees: float
+    target: str
+    before: str
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Something about the frames that can be left as it is or changed.
+
+    Attributes:
+        what: "trunk flexion", "load", "left coupling" ...
+        kind: "angle", "load", "coupling", "support" or "activity".
+        group: "a", "left", "right" or "activity".
+        part: part score it counts for, without a side.
+        shares: "" if its points add up, else the name of the points it shares with others of its part.
+        points: (F,) points as it is.
+        options: the changes, mildest first.
+    """
+
+    what: str
+    kind: str
+    group: str
+    part: str
+    shares: str
+    points: Points
+    options: tuple[Option, ...]
+
+    def change(self, choice: int, option: int) -> Change:
+        """Return one option as a change."""
+        chosen = self.options[option]
+        return Change(self.what, self.kind, chosen.before, chosen.target, chosen.degrees, choice, option)
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of one thing.
+
+    Attributes:
+        what, kind: as in `Choice`.
+        before, target: what it is and what it should be.
+        degrees: how far the angle moves, averaged over the frames; 0 for factors.
+        choice, option: where it stands among the choices.
+    """
+
+    what: str
+    kind: str
+    before: str
+    target: str
+    degrees: float
+    choice: int
+    option: int
+
+    def text(self) -> str:
+        """Return "trunk flexion 62.0 -> up to 60.0 deg"."""
+        return f"{self.what} {self.before} -> {self.target}"
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is made smallest, and which kinds of change are allowed for it."""
+
+    name: str
+    kinds: tuple[str, ...]
+    per_change: float
+    per_degree: float = 1.0
+
+    def allows(self, choice: Choice) -> bool:
+        """Whether a choice may be changed under this goal."""
+        return choice.kind in self.kinds
+
+    def cost(self, choice: Choice, option: int) -> float:
+        """Return the cost of an option."""
+        return self.per_change + self.per_degree * choice.options[option].degrees
+
+
+_ANY: Final = ("angle", "load", "coupling", "support", "activity")
+_COUNT_FIRST: Final = 1e6
+
+
+def goals() -> tuple[Goal, ...]:
+    """Return the goals in the order in which they are offered."""
+    return (
+        Goal("least movement", ("angle",), 1e-6),
+        Goal("fewest changes of posture", ("angle",), _COUNT_FIRST),
+        Goal("load only", ("load",), 1.0),
+        Goal("coupling only", ("coupling",), 1.0),
+        Goal("support only", ("support",), 1.0),
+        Goal("activity only", ("activity",), 1.0),
+        Goal("fewest changes of any kind", _ANY, _COUNT_FIRST),
+    )
+
+
+def choices(scores: Scores, frames: NDArray[np.int64]) -> tuple[Choice, ...]:
+    """Return everything that can be changed about the frames, with the points as it is."""
+    angles = np.array(scores.angles[frames], np.float64).T
+    if scores.rules.upper_arm_reference == "gravity":
+        against_gravity(angles)
+    angles = np.where(np.isnan(angles), _BEST[:, None], angles)
+    knees = _at(scores, "support", frames, lambda value, n: np.asarray(value).astype(str) != SUPPORTS[3])
+    knees |= scores.rules.seated_knees
+    found = [_angle(quantity, angles, knees) for quantity in quantities(scores.rules)]
+    return (*found, *_factors(scores, frames))
+
+
+def _angle(quantity: Quantity, angles: NDArray[np.float64], knees: NDArray[np.bool_]) -> Choice:
+    rows = angles[[INDEX[column] for column in quantity.columns]]
+    side = quantity.columns[0].rsplit("_", 1)[-1]
+    group = side if side in SIDES and quantity.part != "legs" else "a"
+    counts = knees.astype(np.int16) if quantity.part == "legs" else np.ones(rows.shape[1], np.int16)
+    points = np.full(rows.shape, quantity.classes[-1].points, np.int16)
+    for known in reversed(quantity.classes[:-1]):
+        points[(rows >= known.low) & (rows <= known.high)] = known.points
+    worst = points.max(axis=0)
+    options = []
+    for limit in reversed(quantity.classes[:-1]):
+        kept = np.clip(rows, limit.low, limit.high)
+        if worst.max() > limit.points:
+            options.append(
+                Option(
+                    points=(np.minimum(worst, limit.points) * counts).astype(np.int16),
+                    degrees=float(np.abs(rows - kept).sum(axis=0).mean()),
+                    target=_interval(limit.low, limit.high),
+                    before=_range(rows),
+                )
+            )
+    shares = quantity.adjusts if quantity.adjusts not in (quantity.name, "knees") else ""
+    part = quantity.part.removesuffix(f"_{side}")
+    return Choice(quantity.name, "angle", group, part, shares, (worst * counts).astype(np.int16), tuple(options))
+
+
+def _interval(low: float, high: float) -> str:
+    low, high = round(low, 3), round(high, 3)
+    if low == -np.inf:
+        return f"up to {high:g} deg"
+    return f"within {high:g} deg" if low == -high else f"{low:g} to {high:g} deg"
+
+
+def _range(rows: NDArray[np.float64]) -> str:
+    low, high = float(rows.min()), float(rows.max())
+    return f"{low:.1f} deg" if high - low < 0.05 else f"{low:.1f} to {high:.1f} deg"
+
+
+def _at(scores: Scores, name: str, frames: NDArray[np.int64], read: Callable[[Any, int], Any]) -> NDArray[Any]:
+    values = np.atleast_1d(read(getattr(scores.factors, name), len(scores.data)))
+    return np.broadcast_to(values[0], len(frames)).copy() if len(values) == 1 else values[frames]
+
+
+def _factors(scores: Scores, frames: NDArray[np.int64]) -> list[Choice]:
+    def yes(name: str) -> Points:
+        flags: Points = _at(scores, name, frames, lambda value, n: flag(name, value, n)).astype(np.int16)
+        return flags
+
+    def removable(what: str, kind: str, group: str, part: str, points: Points, target: str) -> Choice:
+        gone = Option(np.zeros_like(points), 0.0, target, "yes")
+        return Choice(what, kind, group, part, "", points, (gone,) if points.any() else ())
+
+    load = _at(scores, "load", frames, load_kg)
+    load_points = (load >= LOAD_EDGES[0]).astype(np.int16) + (load > LOAD_EDGES[1])
+    lighter = [
+        Option(np.minimum(load_points, p).astype(np.int16), 0.0, target, f"{load.max():g} kg")
+        for p, target in ((1, f"at most {LOAD_EDGES[1]:g} kg"), (0, f"under {LOAD_EDGES[0]:g} kg"))
+        if load_points.max() > p
+    ]
+    found = [
+        Choice("load", "load", "a", "load_force", "", load_points.astype(np.int16), tuple(lighter)),
+        removable("shock", "load", "a", "load_force", yes("shock"), "no shock"),
+    ]
+    legs = _at(scores, "support", frames, lambda value, n: np.asarray(value).astype(str))
+    base = np.where(legs == "unilateral", 2, np.where(legs == "walking", scores.rules.walking_legs, 1)).astype(np.int16)
+    both = Option(np.minimum(base, 1).astype(np.int16), 0.0, "both legs", "one leg")
+    found.append(Choice("support", "support", "a", "legs", "", base, (both,) if base.max() > 1 else ()))
+    for side in SIDES:
+        found += [_coupling(scores, frames, side), _arm_support(side, yes(f"arm_supported_{side}"))]
+    targets = {"static": "change posture within a minute", "repeated": "fewer repetitions", "unstable": "move steadily"}
+    found += [removable(k, "activity", "activity", "activity", yes(k), targets[k]) for k in ACTIVITIES]
+    return found
+
+
+def _coupling(scores: Scores, frames: NDArray[np.int64], side: str) -> Choice:
+    codes = scores.data[f"coupling_{side}"].to_numpy(np.int16)[frames]
+    better = [
+        Option(np.minimum(codes, code).astype(np.int16), 0.0, COUPLINGS[code], COUPLINGS[int(codes.max())])
+        for code in reversed(range(int(codes.max())))
+    ]
+    return Choice(f"{side} coupling", "coupling", side, "coupling", "", codes, tuple(better))
+
+
+def _arm_support(side: str, supported: Points) -> Choice:
+    rest = Option(-np.ones_like(supported), 0.0, "supported", "unsupported")
+    options = () if supported.all() else (rest,)
+    return Choice(f"{side} arm", "support", side, "upper_arm", "", (-supported).astype(np.int16), options)

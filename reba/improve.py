@@ -1,0 +1,227 @@
+"""The smallest changes that bring frames to a lower action level, found by exact search over classes.
+
+REBA only changes where an angle passes from one class to the next, so a change is a limit on an angle ("trunk flexion
+up to 20"), a lighter load, a better grip or another factor, and its size is how far the frames lie outside the limit.
+All combinations of limits are searched: the part scores under each combination of group A and of each arm are
+tabulated, dominated combinations dropped, and the cheapest ones kept whose total stays at or under the target in every
+frame. For several frames (a worst minute) one set of limits must serve them all.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.changes import Change, Choice, Goal, choices, goals
+from reba.errors import PostureError
+from reba.posture import SIDES
+from reba.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
+
+if TYPE_CHECKING:
+    from reba.scores import Scores
+
+WORST_SECONDS: Final = 60.0
+"""[s] Length of a worst stretch that is improved as a whole."""
+
+Points = NDArray[np.int16]
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """One set of changes that lowers the action level.
+
+    Attributes:
+        goal: what was made smallest: "least movement", "fewest changes", "load only" ...
+        changes: the changes, largest first.
+        degrees: sum of the angle changes, averaged over the frames [deg].
+        reba_before, reba_after: highest REBA of the frames (unmeasured angles taken as neutral).
+        level_before, level_after: their action levels.
+    """
+
+    goal: str
+    changes: tuple[Change, ...]
+    degrees: float
+    reba_before: int
+    reba_after: int
+    level_before: int
+    level_after: int
+
+    def text(self) -> str:
+        """Return the improvement as one line."""
+        what = "; ".join(change.text() for change in self.changes)
+        risk = ACTION_LEVELS[self.level_after][0]
+        return f"{what}: REBA {self.reba_before} -> {self.reba_after} ({risk})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {**asdict(self), "text": self.text()}
+
+
+def improve_frame(scores: Scores, frame: int) -> list[Improvement]:
+    """Return the smallest changes for one frame, one for each goal that can be reached."""
+    return improve_frames(scores, np.array([frame]))
+
+
+def worst_stretch(scores: Scores, seconds: float = WORST_SECONDS) -> NDArray[np.int64]:
+    """Return the frames of the stretch of `seconds` with the highest mean REBA (low end of the range)."""
+    time = scores.time
+    if not len(time):
+        raise PostureError("the recording holds no frames; nothing can be improved")
+    reba = scores.data["reba_low"].to_numpy(np.float64)
+    total = np.concatenate([[0.0], np.cumsum(reba)])
+    stop = np.searchsorted(time, time + seconds, side="left")
+    whole = stop < len(time) if time[-1] - time[0] > seconds else np.arange(len(time)) == 0
+    means = np.where(whole, (total[stop] - total[:-1]) / np.maximum(stop - np.arange(len(time)), 1), -1.0)
+    first = int(np.argmax(means))
+    return np.arange(first, stop[first])
+
+
+def improve_worst(scores: Scores, seconds: float = WORST_SECONDS) -> list[Improvement]:
+    """Return the smallest limits that lower the action level of the worst stretch in every one of its frames."""
+    return improve_frames(scores, worst_stretch(scores, seconds))
+
+
+def improve_frames(scores: Scores, frames: NDArray[np.int64]) -> list[Improvement]:
+    """Return the smallest common changes that bring every given frame below the highest action level among them.
+
+    Unmeasured angles are taken as neutral: a change can only be asked of what is known.
+    """
+    available = choices(scores, frames)
+    before = int(_total(available, {}).max())
+    level = int(LEVEL_OF[before])
+    if level == 0:
+        return []
+    target = ACTION_LEVEL_FROM[level] - 1
+    found: list[Improvement] = []
+    for goal in goals():
+        best = _search(available, goal, target)
+        if best is None or any({c.what for c in best} == {c.what for c in other.changes} for other in found):
+            continue
+        chosen = {change.choice: change.option for change in best}
+        after = int(_total(available, chosen).max())
+        found.append(
+            Improvement(
+                goal=goal.name,
+                changes=tuple(sorted(best, key=lambda change: -change.degrees)),
+                degrees=float(sum(change.degrees for change in best)),
+                reba_before=before,
+                reba_after=after,
+                level_before=level,
+                level_after=int(LEVEL_OF[after]),
+            )
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class _Combination:
+    """Options of one group and what they cost; `options` are (choice index, option index), left out = as it is."""
+
+    options: tuple[tuple[int, int], ...]
+    cost: float
+
+
+def _search(available: tuple[Choice, ...], goal: Goal, target: int) -> list[Change] | None:
+    """Return the cheapest changes under a goal that keep every frame at or under the target, or None."""
+    groups: dict[str, list[int]] = {"a": [], "left": [], "right": [], "activity": []}
+    for index, choice in enumerate(available):
+        groups[choice.group].append(index)
+    a = _combinations(available, groups["a"], goal, "a")
+    arms = {side: _combinations(available, groups[side], goal, side) for side in SIDES}
+    active = _combinations(available, groups["activity"], goal, "activity")
+    best: tuple[float, tuple[tuple[int, int], ...]] | None = None
+    limits: dict[bytes, tuple[float, tuple[tuple[int, int], ...]] | None] = {}
+    for activity, combination in active:
+        for score_a, chosen_a in a:
+            so_far = combination.cost + chosen_a.cost
+            if best is not None and so_far >= best[0]:
+                break
+            # The highest Score B that Table C allows in each frame.
+            allowed = (TABLE_C[score_a - 1].astype(np.int16) + activity[:, None] <= target).sum(axis=1).astype(np.int16)
+            key = allowed.tobytes()
+            if key not in limits:
+                limits[key] = _cheapest_arms(arms, allowed)
+            rest = limits[key]
+            if rest is not None and (best is None or so_far + rest[0] < best[0]):
+                best = (so_far + rest[0], (*combination.options, *chosen_a.options, *rest[1]))
+    if best is None or not best[1]:
+        return None
+    return [available[choice].change(choice, option) for choice, option in best[1]]
+
+
+def _cheapest_arms(
+    arms: dict[str, list[tuple[Points, _Combination]]], allowed: Points
+) -> tuple[float, tuple[tuple[int, int], ...]] | None:
+    cost = 0.0
+    options: tuple[tuple[int, int], ...] = ()
+    for side in SIDES:
+        fitting = next((c for score_b, c in arms[side] if bool((score_b <= allowed).all())), None)
+        if fitting is None:
+            return None
+        cost += fitting.cost
+        options += fitting.options
+    return cost, options
+
+
+def _combinations(
+    available: tuple[Choice, ...], members: list[int], goal: Goal, group: str
+) -> list[tuple[Points, _Combination]]:
+    """Return the scores of a group (F,) under every useful combination of options, cheapest first, none dominated."""
+    useful = [index for index in members if goal.allows(available[index])]
+    cheapest: dict[bytes, tuple[Points, _Combination]] = {}
+    for picked in itertools.product(*(_options(available[index]) for index in useful)):
+        chosen = {index: option for index, option in zip(useful, picked, strict=True) if option is not None}
+        cost = sum(goal.cost(available[index], option) for index, option in chosen.items())
+        score = group_score(available, members, chosen, group)
+        key = score.tobytes()
+        if key not in cheapest or cost < cheapest[key][1].cost:
+            cheapest[key] = (score, _Combination(tuple(chosen.items()), cost))
+    kept: list[tuple[Points, _Combination]] = []
+    for score, combination in sorted(cheapest.values(), key=lambda item: item[1].cost):
+        if not any(bool((other <= score).all()) for other, _ in kept):
+            kept.append((score, combination))
+    return kept
+
+
+def _options(choice: Choice) -> Iterator[int | None]:
+    yield None
+    yield from range(len(choice.options))
+
+
+def group_score(available: tuple[Choice, ...], members: list[int], chosen: dict[int, int], group: str) -> Points:
+    """Return Score A, Score B of a side or the activity points (F,) with some options chosen."""
+    parts: dict[str, Points] = {}
+    shared: dict[tuple[str, str], Points] = {}
+    for index in members:
+        choice = available[index]
+        points = choice.points if index not in chosen else choice.options[chosen[index]].points
+        if choice.shares:
+            key = (choice.part, choice.shares)
+            shared[key] = np.maximum(shared.get(key, np.zeros_like(points)), points)
+        else:
+            parts[choice.part] = parts.get(choice.part, np.zeros_like(points)) + points
+    for (part, _), points in shared.items():
+        parts[part] = parts.get(part, np.zeros_like(points)) + points
+    if group == "activity":
+        return parts["activity"]
+    body = ("trunk", "neck", "legs") if group == "a" else ("upper_arm", "lower_arm", "wrist")
+    i, j, k = (np.clip(parts[part], 1, PART_MAXIMA[part]) - 1 for part in body)
+    table, extra = (TABLE_A, "load_force") if group == "a" else (TABLE_B, "coupling")
+    score: Points = table[i, j, k].astype(np.int16) + parts[extra]
+    return score
+
+
+def _total(available: tuple[Choice, ...], chosen: dict[int, int]) -> Points:
+    """Return REBA (F,) with some options chosen."""
+    score: dict[str, Points] = {}
+    for group in ("a", *SIDES, "activity"):
+        members = [index for index, choice in enumerate(available) if choice.group == group]
+        score[group] = group_score(available, members, chosen, group)
+    score_b = np.maximum(score["left"], score["right"])
+    total: Points = TABLE_C[score["a"] - 1, score_b - 1].astype(np.int16) + score["activity"]
+    return total

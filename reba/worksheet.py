@@ -1,0 +1,196 @@
+"""The paper worksheet of one frame: which angle and which rule gave which point."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from reba.factors import COUPLINGS, SUPPORTS
+from reba.gravity import against_gravity
+from reba.limits import Quantity, quantities
+from reba.posture import INDEX, SIDES
+from reba.rules import LOAD_EDGES
+from reba.tables import ACTION_LEVELS
+
+if TYPE_CHECKING:
+    from reba.scores import Scores
+
+GROUP_A = ("trunk", "neck", "legs")
+GROUP_B = ("upper_arm", "lower_arm", "wrist")
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the worksheet.
+
+    Attributes:
+        part: column of the part score ("trunk", "wrist_left", "load_force" ...).
+        points: what the line adds (or takes off); None where the angle was not measured.
+        what: the quantity: "trunk flexion".
+        value: its value in degrees, kilograms or words; "not measured".
+        rule: the rule that applied: "20 to 60 of flexion".
+        least: the points that any posture gets from this line.
+    """
+
+    part: str
+    points: int | None
+    what: str
+    value: str
+    rule: str
+    least: int = 0
+
+
+@dataclass(frozen=True)
+class Worksheet:
+    """The worksheet of one frame.
+
+    Attributes:
+        time: [s] of the frame.
+        lines: every rule that was asked, in worksheet order.
+        scores: the row of the score table; None where undetermined.
+        risk, action: name of the action level and what it asks for; "" where undetermined.
+        rules: name of the rules.
+    """
+
+    time: float
+    lines: tuple[Line, ...]
+    scores: dict[str, int | None]
+    risk: str
+    action: str
+    rules: str
+
+    def of(self, part: str) -> tuple[Line, ...]:
+        """Return the lines of one part."""
+        return tuple(line for line in self.lines if line.part == part)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return asdict(self)
+
+
+def worksheet(scores: Scores, frame: int) -> Worksheet:
+    """Return the worksheet of a frame (row of the score table)."""
+    row = scores.data.iloc[frame]
+    known = {name: None if row[name] is None or row[name] != row[name] else int(row[name]) for name in _names(scores)}
+    angles = np.array(scores.angles[frame], np.float64).reshape(-1, 1)
+    if scores.rules.upper_arm_reference == "gravity":
+        against_gravity(angles)
+    by_part: dict[str, list[Quantity]] = {}
+    for quantity in quantities(scores.rules):
+        by_part.setdefault(quantity.part, []).append(quantity)
+    lines: list[Line] = []
+    for part in GROUP_A:
+        lines += _support(scores, frame) if part == "legs" else []
+        lines += _part(by_part[part], angles[:, 0], _knees_count(scores, frame))
+    lines += _load(scores, frame)
+    for side in SIDES:
+        for part in GROUP_B:
+            lines += _part(by_part[f"{part}_{side}"], angles[:, 0], True)
+            if part == "upper_arm":
+                lines += _supported(scores, frame, side, lines)
+        lines += _coupling(scores, frame, side)
+    lines += _activity(scores, frame)
+    level = known["action_level"]
+    risk, action = ACTION_LEVELS[level] if level is not None else ("", "")
+    return Worksheet(float(row["time"]), tuple(lines), known, risk, action, scores.rules.name)
+
+
+def drivers(scores: Scores, frame: int, most: int = 4) -> list[str]:
+    """Return what gives the most points in a frame: "trunk flexion 62 deg (over 60): +3", highest first.
+
+    Only the side of the worse arm speaks, or both where they are equal.
+    """
+    sheet = worksheet(scores, frame)
+    left, right = sheet.scores["reba_left"], sheet.scores["reba_right"]
+    silent = "" if left is None or right is None or left == right else "left" if left < right else "right"
+    found = []
+    for line in sheet.lines:
+        extra = (line.points or 0) - line.least
+        if extra > 0 and not (silent and line.part.endswith(f"_{silent}")):
+            found.append((-extra, f"{line.what} {line.value} ({line.rule}): +{extra}"))
+    return [text for _, text in sorted(found, key=lambda item: item[0])[:most]]
+
+
+def _names(scores: Scores) -> list[str]:
+    return [name for name in scores.data.columns if name != "time"]
+
+
+def _part(parts: list[Quantity], angles: np.ndarray[Any, Any], counts: bool) -> list[Line]:
+    lines = []
+    given: set[str] = set()
+    for quantity in parts:
+        values = [float(angles[INDEX[column]]) for column in quantity.columns]
+        if all(np.isnan(values)):
+            lines.append(Line(quantity.part, None, quantity.name, "not measured", _span(quantity)))
+            continue
+        angle = float(np.nanmax(values))
+        found = quantity.class_of(angle)
+        points, rule = found.points, found.text
+        if quantity.adjusts and points:
+            if not counts:
+                points, rule = 0, f"{rule}; not counted while sitting"
+            elif quantity.adjusts in given:
+                points, rule = 0, f"{rule}; one point together"
+            given.add(quantity.adjusts)
+        lines.append(Line(quantity.part, points, quantity.name, f"{angle:.1f} deg", rule, quantity.classes[0].points))
+    return lines
+
+
+def _span(quantity: Quantity) -> str:
+    low, high = quantity.classes[0].points, quantity.classes[-1].points
+    return f"{low} to {high} possible"
+
+
+def _at(value: Any, frame: int) -> Any:
+    given = np.atleast_1d(np.asarray(value))
+    return given[0] if len(given) == 1 else given[frame]
+
+
+def _knees_count(scores: Scores, frame: int) -> bool:
+    return scores.rules.seated_knees or str(_at(scores.factors.support, frame)) != SUPPORTS[3]
+
+
+def _support(scores: Scores, frame: int) -> list[Line]:
+    support = str(_at(scores.factors.support, frame))
+    points = 2 if support == "unilateral" else scores.rules.walking_legs if support == "walking" else 1
+    rule = "one leg or unstable" if support == "unilateral" else "both legs, walking or sitting"
+    return [Line("legs", points, "support", support, rule, least=1)]
+
+
+def _load(scores: Scores, frame: int) -> list[Line]:
+    load = float(_at(scores.factors.load, frame))
+    points = int(load >= LOAD_EDGES[0]) + int(load > LOAD_EDGES[1])
+    rule = ("under 5 kg", "5 to 10 kg", "over 10 kg")[points]
+    lines = [Line("load_force", points, "load", f"{load:g} kg", rule)]
+    if _yes(_at(scores.factors.shock, frame)):
+        lines.append(Line("load_force", 1, "shock", "yes", "shock or rapid build-up of force"))
+    return lines
+
+
+def _supported(scores: Scores, frame: int, side: str, lines: list[Line]) -> list[Line]:
+    if not _yes(_at(getattr(scores.factors, f"arm_supported_{side}"), frame)):
+        return []
+    so_far = sum(line.points or 0 for line in lines if line.part == f"upper_arm_{side}")
+    points = -1 if so_far > 1 else 0
+    return [Line(f"upper_arm_{side}", points, f"{side} arm support", "yes", "leaning or supported, never below 1")]
+
+
+def _coupling(scores: Scores, frame: int, side: str) -> list[Line]:
+    points = int(scores.data[f"coupling_{side}"].iloc[frame])
+    return [Line(f"coupling_{side}", points, f"{side} coupling", COUPLINGS[points], f"{COUPLINGS[points]} grip")]
+
+
+def _activity(scores: Scores, frame: int) -> list[Line]:
+    rules = {
+        "static": f"a part held over {scores.rules.static_seconds:g} s",
+        "repeated": f"small movements over {scores.rules.repeated_per_minute:g} a minute",
+        "unstable": "rapid large changes, or an unstable base",
+    }
+    yes = {kind: _yes(_at(getattr(scores.factors, kind), frame)) for kind in rules}
+    return [Line("activity", int(yes[kind]), kind, "yes" if yes[kind] else "no", rule) for kind, rule in rules.items()]
+
+
+def _yes(value: Any) -> bool:
+    return str(value).strip().lower() in ("true", "1", "1.0")
