@@ -111,7 +111,6 @@ def number_rows(
                     log.ended_abnormally = (
                         f"line {index + 1} ends after {len(row)} of {width} numbers; the rows before it were read"
                     )
-                    log.warn(log.ended_abnormally)
                     continue
                 if len(row) > width or not gaps:
                     raise ReadError(

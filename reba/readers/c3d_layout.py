@@ -1,0 +1,176 @@
+"""Where things stand in a C3D file: the header, the parameters, and the block of frames.
+
+Written from "The C3D File Format User Guide" (Motion Lab Systems, 2021): header section, parameter section, data
+section. Every size is checked against the bytes that are there before it is used.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.errors import ReadError
+
+BLOCK = 512
+MAGIC = 0x50
+ORDERS = {84: "<", 85: "<", 86: ">"}
+"""Processor type in the parameter section: 84 Intel, 85 DEC (VAX floats), 86 MIPS; byte order of its integers."""
+DEC = 85
+MAX_RECORDS = 10_000
+"""More groups and parameters than any file has."""
+HINT = "the file is damaged: export or copy it again"
+
+Value = list[str] | NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a C3D file states about itself.
+
+    Attributes:
+        points: markers in a frame.
+        analogs: analog values in a frame, all channels.
+        first: number of the first frame, from 1.
+        frames: frames stated.
+        scale: [unit] per step of integer points; negative for points stored as floats.
+        start: byte of the first frame.
+        rate: frames per second as the header states it [Hz].
+        processor: a key of `ORDERS`.
+        parameters: by group and name in upper case; text as a list, numbers flat.
+    """
+
+    points: int
+    analogs: int
+    first: int
+    frames: int
+    scale: float
+    start: int
+    rate: float
+    processor: int
+    parameters: dict[tuple[str, str], Value]
+
+    def texts(self, group: str, name: str) -> list[str]:
+        """Return a text parameter, [] where it is missing or no text."""
+        value = self.parameters.get((group, name), [])
+        return value if isinstance(value, list) else []
+
+    def number(self, group: str, name: str) -> float | None:
+        """Return the first number of a parameter, None where it is missing or no number."""
+        value = self.parameters.get((group, name), [])
+        return None if isinstance(value, list) or not len(value) else float(value[0])
+
+
+def read_layout(path: Path, data: bytes) -> Layout:
+    """Return the layout of a C3D file.
+
+    Raises:
+        ReadError: the header or a parameter does not fit the bytes of the file.
+    """
+    if len(data) < 2 * BLOCK or data[1] != MAGIC:
+        raise ReadError(path, "no C3D header", offset=0, hint="give a .c3d file; " + HINT)
+    section = (data[0] - 1) * BLOCK
+    if section < BLOCK or section + 4 > len(data):
+        raise ReadError(path, f"the parameters are said to stand in block {data[0]}", offset=0, hint=HINT)
+    processor = data[section + 3]
+    if processor not in ORDERS:
+        raise ReadError(path, f"processor type {processor}, expected 84, 85 or 86", offset=section + 3, hint=HINT)
+    order = ORDERS[processor]
+    points, analogs, first, last = struct.unpack_from(order + "4H", data, 2)
+    (start,) = struct.unpack_from(order + "H", data, 16)
+    scale, rate = (_float(data, at, processor) for at in (12, 20))
+    parameters = _parameters(path, data, section + 4, processor)
+    layout = Layout(points, analogs, first, last - first + 1, scale, (start - 1) * BLOCK, rate, processor, parameters)
+    _check(path, layout, len(data))
+    if last == 0xFFFF:
+        return _with_long_count(layout)
+    return layout
+
+
+def _check(path: Path, layout: Layout, size: int) -> None:
+    used = layout.number("POINT", "USED")
+    if used is not None and int(used) & 0xFFFF != layout.points:
+        what = f"the header states {layout.points} points and POINT:USED {used:g}"
+        raise ReadError(path, what, offset=2, hint=HINT)
+    if not BLOCK <= layout.start <= size:
+        raise ReadError(path, f"the frames are said to start at byte {layout.start} of {size}", offset=16, hint=HINT)
+    if layout.frames < 1:
+        raise ReadError(path, "the header states no frame", offset=6, hint="export the trial with its frames")
+    if not (np.isfinite(layout.scale) and layout.scale):
+        raise ReadError(path, f"the scale of points is {layout.scale}", offset=12, hint=HINT)
+
+
+def _with_long_count(layout: Layout) -> Layout:
+    """Return the layout with the count of a file of more frames than the 16 bits of the header hold."""
+    counts = [float(layout.frames)]
+    counts += [layout.number("POINT", name) or 0.0 for name in ("FRAMES", "LONG_FRAMES")]
+    fields = [layout.parameters.get(("TRIAL", f"ACTUAL_{end}_FIELD")) for end in ("START", "END")]
+    words = [field for field in fields if isinstance(field, np.ndarray) and len(field) == 2]
+    if len(words) == 2:
+        # Two 16-bit words each, the low one first.
+        low, high = (words[1] % 65536 - words[0] % 65536).tolist()
+        counts.append(low + 65536 * high + 1)
+    best = max(count for count in counts if np.isfinite(count))
+    return Layout(**{**vars(layout), "frames": int(best)})
+
+
+def _parameters(path: Path, data: bytes, at: int, processor: int) -> dict[tuple[str, str], Value]:
+    """Walk the chain of groups and parameters."""
+    order = ORDERS[processor]
+    groups: dict[int, str] = {}
+    found: list[tuple[int, str, Value]] = []
+    for _ in range(MAX_RECORDS):
+        if at + 2 > len(data):
+            raise ReadError(path, "the parameters run over the end of the file", offset=at, hint=HINT)
+        length, number = struct.unpack_from("bb", data, at)
+        length = abs(length)
+        if length == 0:
+            break
+        body = at + 2 + length
+        if body + 4 > len(data):
+            raise ReadError(path, "a parameter runs over the end of the file", offset=at, hint=HINT)
+        name = data[at + 2 : body].decode("latin-1").strip().upper()
+        (step,) = struct.unpack_from(order + "H", data, body)
+        if number < 0:
+            groups[-number] = name
+        else:
+            found.append((number, name, _value(path, data, body + 2, processor)))
+        if step == 0:
+            break
+        at = body + step
+    return {(groups.get(number, ""), name): value for number, name, value in found}
+
+
+def _value(path: Path, data: bytes, at: int, processor: int) -> Value:
+    """Return the value of one parameter whose type stands at byte `at`."""
+    kind, dimensions = struct.unpack_from("bB", data, at)
+    shape = list(data[at + 2 : at + 2 + dimensions])
+    first = at + 2 + dimensions
+    count = int(np.prod(shape, dtype=np.float64)) if shape else 1
+    if kind not in (-1, 1, 2, 4) or dimensions > 7 or first + count * abs(kind) > len(data):
+        raise ReadError(path, f"a parameter of type {kind} with sizes {shape[:7]}", offset=at, hint=HINT)
+    raw = data[first : first + count * abs(kind)]
+    if kind == -1:
+        width = shape[0] if shape else 1
+        text = raw.decode("latin-1")
+        return [text[begin : begin + width].strip(" \0") for begin in range(0, count, width)] if width else []
+    if kind == 4:
+        return floats(raw, processor).astype(np.float64)
+    order = ORDERS[processor]
+    return np.frombuffer(raw, "u1" if kind == 1 else order + "i2").astype(np.float64)
+
+
+def floats(raw: bytes, processor: int) -> NDArray[np.float32]:
+    """Return 32-bit floats; those of DEC have their halves swapped and are four times as large as IEEE reads them."""
+    if processor != DEC:
+        return np.frombuffer(raw, ORDERS[processor] + "f4").astype(np.float32)
+    halves = np.frombuffer(raw, "<u2").astype(np.uint16).reshape(-1, 2)[:, ::-1]
+    with np.errstate(all="ignore"):
+        return np.ascontiguousarray(halves).view(np.float32).ravel() / np.float32(4)
+
+
+def _float(data: bytes, at: int, processor: int) -> float:
+    return float(floats(data[at : at + 4], processor)[0])
