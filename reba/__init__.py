@@ -5,7 +5,7 @@
 >>> frames = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})
 >>> scores = reba.score(frames, load=12.0)
 >>> scores.data[["reba_low", "reba_high"]].values.tolist()
-[[3, 10], [4, 10]]
+[[3, 11], [4, 12]]
 """
 
 from __future__ import annotations
