@@ -104,6 +104,7 @@ class PostureTable:
         assumed: what had to be assumed to get angles ("pelvis assumed upright").
         recognised: why this profile was chosen.
         quality: what was read and how regular it is.
+        epoch: Unix time [s] of time 0, 0.0 where the source does not say.
     """
 
     data: pd.DataFrame
@@ -115,3 +116,4 @@ class PostureTable:
     assumed: tuple[str, ...] = ()
     recognised: str = ""
     quality: Quality = field(default_factory=Quality)
+    epoch: float = 0.0
