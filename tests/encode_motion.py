@@ -67,7 +67,7 @@ def _poses(rotation: Array, position: Array) -> Array:
     return np.concatenate([position, Rotation.from_matrix(rotation).as_quat()], axis=1)
 
 
-def write_human_urdf(path: Path, motion: BodyMotion, hinges: Hinges = "directions", root: bool = True) -> None:
+def write_human_urdf(path: Path, motion: BodyMotion, hinges: Hinges = "angles", root: bool = True) -> None:
     """Write JointState of human.urdf on /joint_states and, if asked for, the pose of its root on /tf."""
     angles = human_urdf_angles(motion, hinges)
     position = np.stack([angles[joint] for joint in JOINTS], axis=1)
@@ -177,7 +177,7 @@ def _write_frames(
 
 ENCODINGS: dict[str, Callable[[Path, BodyMotion], None]] = {
     "human_urdf": write_human_urdf,
-    "human_urdf_angles": lambda path, motion: write_human_urdf(path, motion, "angles"),
+    "human_urdf_directions": lambda path, motion: write_human_urdf(path, motion, "directions"),
     "human_urdf_no_root": lambda path, motion: write_human_urdf(path, motion, root=False),
     "xsens_tf": write_xsens_tf,
     "xsens_tf_grouped": lambda path, motion: write_xsens_tf(path, motion, grouped=True),

@@ -35,23 +35,21 @@ def _between(parent: Array, child: Array) -> Array:
     return np.swapaxes(parent, 1, 2) @ child
 
 
-def _hinge(relative: Array) -> tuple[Array, Array, Array]:
-    """Split a rotation into Ry(turn) Rz(bend) Ry(axial), |turn| <= 90 deg.
+def _hinge(relative: Array, sign: float) -> tuple[Array, Array, Array]:
+    """Split a rotation into Ry(turn) Rz(sign * bend) Ry(axial) with bend >= 0, as the limits of elbow and knee demand.
 
     A model whose hinge cannot leave its plane carries the direction of the distal segment only if the proximal one is
-    turned about its own axis; this is that turn, with the sign of the bend taken from the plane it lies nearest to.
-    The split is singular for a straight hinge, where only turn + axial is defined.
+    turned about its own axis; this is that turn. The split is singular for a straight hinge, where only turn + axial
+    is defined.
     """
-    sine, along = -relative[:, 2, 1], relative[:, 0, 1]
-    # The distal axis is Ry(turn) Rz(bend) y = (-cos(turn) sin(bend), cos(bend), sin(turn) sin(bend)).
-    sign = np.where(along > 0.0, -1.0, 1.0)
-    bend = sign * np.arccos(np.clip(relative[:, 1, 1], -1.0, 1.0))
-    turn = np.arctan2(-sign * sine, -sign * along)
-    rest = np.swapaxes(_turn("y", turn) @ _turn("z", bend), 1, 2) @ relative
+    # The distal axis is Ry(turn) Rz(a) y = (-cos(turn) sin(a), cos(a), sin(turn) sin(a)).
+    bend = np.arccos(np.clip(relative[:, 1, 1], -1.0, 1.0))
+    turn = np.arctan2(sign * relative[:, 2, 1], -sign * relative[:, 0, 1])
+    rest = np.swapaxes(_turn("y", turn) @ _turn("z", sign * bend), 1, 2) @ relative
     return turn, bend, np.arctan2(rest[:, 0, 2], rest[:, 0, 0])
 
 
-def human_urdf_angles(motion: BodyMotion, hinges: Hinges = "directions") -> Angles:
+def human_urdf_angles(motion: BodyMotion, hinges: Hinges = "angles") -> Angles:
     """Return the 36 joint coordinates [rad] of `human_36dof_ISB_model`, each (n,), by name.
 
     Spine: the lumbar joint takes flexion and side bend of T12 against the pelvis, the thoracic joint the exact rest
@@ -87,7 +85,7 @@ def _arm(model: dict[str, Array], side: str, sign: float, hinges: Hinges) -> Ang
     clavicle = _turn("x", sign * raised)
     shoulder = _between(clavicle, _between(model["t8"], model[f"{side}_upper_arm"]))
     elbow = _between(model[f"{side}_upper_arm"], model[f"{side}_forearm"])
-    turn, bend, axial = _hinge(elbow)
+    turn, bend, axial = _hinge(elbow, 1.0)
     if hinges == "directions":
         shoulder = shoulder @ _turn("y", turn)
     else:
@@ -102,7 +100,7 @@ def _arm(model: dict[str, Array], side: str, sign: float, hinges: Hinges) -> Ang
         f"{side}_shoulder_X": sign * triple[:, 1],
         f"{side}_shoulder_Y": -sign * triple[:, 2],
         f"{side}_elbow_Z": bend,
-        f"{side}_elbow_Y": -sign * axial + np.pi / 2,
+        f"{side}_elbow_Y": np.mod(1.5 * np.pi - sign * axial, 2 * np.pi) - np.pi,
         f"{side}_wrist_Z": wrist[:, 0],
         f"{side}_wrist_X": sign * wrist[:, 1],
     }
@@ -110,17 +108,17 @@ def _arm(model: dict[str, Array], side: str, sign: float, hinges: Hinges) -> Ang
 
 def _leg(model: dict[str, Array], side: str, sign: float, hinges: Hinges) -> Angles:
     thigh, shank = model[f"{side}_upper_leg"], model[f"{side}_lower_leg"]
-    turn, bend, _ = _hinge(_between(thigh, shank))
+    turn, bend, _ = _hinge(_between(thigh, shank), -1.0)
     if hinges == "directions":
         thigh = thigh @ _turn("y", turn)
-        shank = thigh @ _turn("z", bend)
+        shank = thigh @ _turn("z", -bend)
     hip = _euler("ZXY", _between(model["pelvis"], thigh))
     ankle = _euler("ZXY", _between(shank, model[f"{side}_foot"]))
     return {
         f"{side}_hip_Z": hip[:, 0],
         f"{side}_hip_X": sign * hip[:, 1],
         f"{side}_hip_Y": -sign * hip[:, 2],
-        f"{side}_knee_Z": -bend,
+        f"{side}_knee_Z": bend,
         f"{side}_ankle_Z": ankle[:, 0],
         f"{side}_ankle_X": -sign * ankle[:, 1],
     }
@@ -139,9 +137,9 @@ def ros4hri_angles(motion: BodyMotion) -> Angles:
     for side, sign in _SIDE.items():
         letter = side[0]
         upper = motion.relative(f"{side}_upper_arm", "t8")[0]
-        turn, bend = _upright_hinge(motion.relative(f"{side}_forearm", f"{side}_upper_arm")[0])
+        turn, bend = _upright_hinge(motion.relative(f"{side}_forearm", f"{side}_upper_arm")[0], 1.0)
         plane, elevation, spin = _plane_triple(upper @ _turn("z", turn), sign)
-        hip_turn, knee = _upright_hinge(motion.relative(f"{side}_lower_leg", f"{side}_upper_leg")[0])
+        hip_turn, knee = _upright_hinge(motion.relative(f"{side}_lower_leg", f"{side}_upper_leg")[0], -1.0)
         hip = _euler("ZXY", motion.relative(f"{side}_upper_leg", "pelvis")[0] @ _turn("z", hip_turn))
         angles |= {
             f"{letter}_y_shoulder": plane,
@@ -151,14 +149,14 @@ def ros4hri_angles(motion: BodyMotion) -> Angles:
             f"{letter}_y_hip": -hip[:, 0],
             f"{letter}_p_hip": sign * hip[:, 1],
             f"{letter}_r_hip": -hip[:, 2],
-            f"{letter}_knee": knee,
+            f"{letter}_knee": -knee,
         }
     return angles
 
 
-def _upright_hinge(relative: Array) -> tuple[Array, Array]:
-    """Return turn about z and bend about -y: `_hinge` for axes with z up."""
-    turn, bend, _ = _hinge(STAND_UP.T @ relative @ STAND_UP)
+def _upright_hinge(relative: Array, sign: float) -> tuple[Array, Array]:
+    """Return turn about z and bend of `_hinge` for axes with z up."""
+    turn, bend, _ = _hinge(STAND_UP.T @ relative @ STAND_UP, sign)
     return turn, bend
 
 

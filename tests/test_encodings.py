@@ -127,6 +127,17 @@ def test_hinges_by_angles_keep_upper_arm_and_thigh(motion: BodyMotion) -> None:
         assert 10 < degrees_apart(segment_of(links, f"{side}_lowerarm"), motion.of(f"{side}_forearm")).max() < 25
 
 
+def test_hinges_by_angles_stay_within_the_limits_of_the_model(motion: BodyMotion) -> None:
+    urdf = human_urdf()
+    if urdf is None:
+        pytest.skip("example-robot-data is not installed")
+    angles = human_urdf_angles(motion)
+    assert set(angles) == {joint.name for joint in read_joints(urdf)}
+    for joint in read_joints(urdf):
+        assert joint.lower <= angles[joint.name].min(), joint.name
+        assert angles[joint.name].max() <= joint.upper, joint.name
+
+
 @pytest.mark.parametrize("hinges", ["directions", "angles"])
 def test_bends_are_the_angles_between_segments(motion: BodyMotion, hinges: Hinges) -> None:
     angles = human_urdf_angles(motion, hinges)
@@ -134,7 +145,7 @@ def test_bends_are_the_angles_between_segments(motion: BodyMotion, hinges: Hinge
         for joint, upper, lower in (("elbow_Z", "upper_arm", "forearm"), ("knee_Z", "upper_leg", "lower_leg")):
             axes = motion.of(f"{side}_{upper}")[:, :, 2], motion.of(f"{side}_{lower}")[:, :, 2]
             between = np.arccos(np.clip(np.sum(axes[0] * axes[1], axis=1), -1.0, 1.0))
-            assert_allclose(np.abs(angles[f"{side}_{joint}"]), between, atol=1e-6)
+            assert_allclose(angles[f"{side}_{joint}"], between, atol=1e-6)
 
 
 def ros4hri_chain(angles: dict[str, Array], letter: str, sign: float) -> tuple[Array, Array, Array, Array]:
