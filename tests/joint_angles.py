@@ -19,6 +19,11 @@ Hinges = Literal["directions", "angles"]
 
 STAND_UP = Rotation.from_euler("x", 90, degrees=True).as_matrix()
 """The axes of human.urdf (x forward, y up, z right) in those of REP 103 (x forward, y left, z up)."""
+ABDOMEN = 0.223
+HIP = np.array([0.023, -0.100, 0.0])
+CLAVICLE = np.array([0.0, 0.176, 0.0])
+SHOULDER = np.array([0.008, -0.075, 0.21])
+"""Offsets [m] in human.urdf: length of the abdomen, mid hip in the pelvis, clavicle in the thorax, right shoulder."""
 _SIDE = {"left": 1.0, "right": -1.0}
 
 
@@ -52,9 +57,9 @@ def _hinge(relative: Array, sign: float) -> tuple[Array, Array, Array]:
 def human_urdf_angles(motion: BodyMotion, hinges: Hinges = "angles") -> Angles:
     """Return the 36 joint coordinates [rad] of `human_36dof_ISB_model`, each (n,), by name.
 
-    Spine: the lumbar joint takes flexion and side bend of T12 against the pelvis, the thoracic joint the exact rest
-    up to T8. Clavicle: elevation of the line from the collar to the shoulder; the rest of the girdle goes into the
-    shoulder. Wrist and ankle: Z, X, Y with the last one left out.
+    Spine: the thoracic joint completes the lumbar one to the exact orientation of T8; the lumbar joint places the
+    shoulders, see `_lumbar`. Clavicle: elevation of the line from the collar to the shoulder; the rest of the girdle
+    goes into the shoulder. Wrist and ankle: Z, X, Y with the last one left out.
 
     Args:
         motion: segment poses.
@@ -63,7 +68,8 @@ def human_urdf_angles(motion: BodyMotion, hinges: Hinges = "angles") -> Angles:
             shoulder, pronation and hip are exact. The bend is the angle between the two segments either way.
     """
     model = {name: STAND_UP.T @ motion.of(name) @ STAND_UP for name in motion.names}
-    z, x, _ = _euler("ZXY", _between(model["pelvis"], model["t12"])).T
+    raised = {side: _raised(model, side, sign) for side, sign in _SIDE.items()}
+    z, x = _lumbar(motion, model, raised)
     lumbar = _turn("z", z) @ _turn("x", x)
     thoracic = _euler("ZXY", _between(lumbar, _between(model["pelvis"], model["t8"])))
     cervical = _euler("ZXY", _between(model["t8"], model["head"]))
@@ -75,13 +81,38 @@ def human_urdf_angles(motion: BodyMotion, hinges: Hinges = "angles") -> Angles:
             f"middle_{joint}_Y": turns[:, 2],
         }
     for side, sign in _SIDE.items():
-        angles |= _arm(model, side, sign, hinges) | _leg(model, side, sign, hinges)
+        angles |= _arm(model, side, sign, raised[side], hinges) | _leg(model, side, sign, hinges)
     return angles
 
 
-def _arm(model: dict[str, Array], side: str, sign: float, hinges: Hinges) -> Angles:
+def _raised(model: dict[str, Array], side: str, sign: float) -> Array:
+    """Return the elevation (n,) [rad] of the line from the collar to the shoulder in the thorax."""
     girdle = _between(model["t8"], model[f"{side}_shoulder"])
-    raised = np.arcsin(np.clip(-sign * girdle[:, 1, 2], -1.0, 1.0))
+    return np.arcsin(np.clip(-sign * girdle[:, 1, 2], -1.0, 1.0))
+
+
+def _lumbar(motion: BodyMotion, model: dict[str, Array], raised: dict[str, Array]) -> tuple[Array, Array]:
+    """Return lumbar turns about z and x [rad] that keep the direction of the line from hips to shoulders.
+
+    Orientation of T8 and direction of that line are five numbers, the lumbar and thoracic joints five coordinates. The
+    line of the model is abdomen + rest, with the abdomen of fixed length; rest follows from T8 and the clavicles.
+    """
+    hips, shoulders = (
+        (motion.at(f"left_{name}") + motion.at(f"right_{name}")) / 2 for name in ("upper_leg", "upper_arm")
+    )
+    line = np.einsum("nji,nj->ni", motion.of("pelvis") @ STAND_UP, shoulders - hips)
+    line /= np.linalg.norm(line, axis=1, keepdims=True)
+    middle = CLAVICLE + sum(
+        _turn("x", sign * raised[side]) @ (SHOULDER * [1.0, 1.0, -sign]) / 2 for side, sign in _SIDE.items()
+    )
+    rest = np.einsum("nij,nj->ni", _between(model["pelvis"], model["t8"]), middle) - HIP
+    along = np.sum(line * rest, axis=1)
+    length = along + np.sqrt(along**2 - np.sum(rest * rest, axis=1) + ABDOMEN**2)
+    abdomen = (length[:, None] * line - rest) / ABDOMEN
+    return np.arctan2(-abdomen[:, 0], abdomen[:, 1]), np.arcsin(np.clip(abdomen[:, 2], -1.0, 1.0))
+
+
+def _arm(model: dict[str, Array], side: str, sign: float, raised: Array, hinges: Hinges) -> Angles:
     clavicle = _turn("x", sign * raised)
     shoulder = _between(clavicle, _between(model["t8"], model[f"{side}_upper_arm"]))
     elbow = _between(model[f"{side}_upper_arm"], model[f"{side}_forearm"])

@@ -118,6 +118,17 @@ def test_whole_poses_of_human_urdf(motion: BodyMotion, link: str) -> None:
     assert degrees_apart(segment_of(links, link), motion.of(LINKS[link])).max() < 1e-4
 
 
+def test_hips_and_shoulders_of_human_urdf_lie_in_the_same_line(motion: BodyMotion) -> None:
+    links = links_of(motion, "angles")
+
+    def line(hip: str, shoulder: str, place: Callable[[str], Array]) -> Array:
+        lines = [place(f"{side}_{shoulder}") - place(f"{side}_{hip}") for side in SIDES]
+        return sum(lines) / np.linalg.norm(sum(lines), axis=1, keepdims=True)
+
+    found = line("upperleg", "upperarm", lambda link: links[link][1])
+    assert np.linalg.norm(found - line("upper_leg", "upper_arm", motion.at), axis=1).max() < 1e-6
+
+
 def test_hinges_by_angles_keep_upper_arm_and_thigh(motion: BodyMotion) -> None:
     links = links_of(motion, "angles")
     for side in SIDES:
