@@ -1,0 +1,315 @@
+"""The `reba` command."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+import reba
+from reba.batch import Options, Outcome, find_inputs, plan_outputs, score_many
+from reba.errors import RebaError
+from reba.factors import COUPLINGS, SUPPORTS
+
+
+class Stop(Exception):
+    """Ends a command with an exit code after everything was said."""
+
+    def __init__(self, code: int) -> None:
+        self.code = code
+
+
+def _console(stderr: bool = False) -> Any:
+    from rich.console import Console
+
+    # Piped output is not cut to 80 columns: a table then is as wide as it needs to be.
+    stream = sys.stderr if stderr else sys.stdout
+    width = None if stream.isatty() or "COLUMNS" in os.environ else 160
+    return Console(stderr=stderr, highlight=False, markup=False, width=width)
+
+
+def _print_json(result: Any) -> None:
+    click.echo(json.dumps(result, allow_nan=False))
+
+
+def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say how recordings are read."""
+    for option in (
+        click.option(
+            "--strict", is_flag=True, help="Refuse a recording that breaks off instead of reading up to there."
+        ),
+        click.option("--neutral", default="none", metavar="first:3s|at:T|none", help="Posture that counts as neutral."),
+        click.option("--topic", default=None, help="Topic or stream to use, if a recording holds several."),
+        click.option(
+            "--profile", default="auto", metavar="NAME|FILE.toml", help="What the names mean: `reba profiles`."
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say how postures are scored."""
+    for option in (
+        click.option(
+            "--missing",
+            default="range",
+            type=click.Choice(["range", "neutral", "worst", "error"]),
+            help="What stands for scores that unmeasured angles leave open.",
+        ),
+        click.option("--activity", default="auto", metavar="auto|none|LIST", help="LIST: static,repeated,unstable."),
+        click.option("--arm-supported", is_flag=True, default=None, help="Both arms are supported."),
+        click.option("--support", type=click.Choice(SUPPORTS), default=None, help="How the legs bear the weight."),
+        click.option("--coupling", type=click.Choice([*COUPLINGS, "0", "1", "2", "3"]), default=None, help="Grip."),
+        click.option("--shock", is_flag=True, default=None, help="Shock or rapid build-up of force."),
+        click.option("--load", type=float, default=None, metavar="KG", help="Load in kilograms."),
+        click.option("--rules", default="measured", metavar="paper|measured|FILE.toml", help="Rules to score by."),
+    ):
+        command = option(command)
+    return reading_options(command)
+
+
+def _options(given: dict[str, Any]) -> Options:
+    """Return the record for what `scoring_options` gave."""
+    names = ("load", "shock", "coupling", "support", "arm_supported")
+    factors = {name: given.pop(name) for name in names}
+    return Options(factors={name: value for name, value in factors.items() if value is not None}, **given)
+
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(reba.__version__, prog_name="reba")
+def cli() -> None:
+    """Exact REBA scores from recordings of posture.
+
+    \b
+    Start with:  reba info RECORDING      what is in it, and what REBA can get from it
+    Then:        reba score RECORDING     scores, exposure and a report
+    """
+
+
+@cli.command(epilog="Example: reba score shift.mcap --load 8 --coupling fair -o shift.parquet --report shift.html")
+@click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
+@click.option(
+    "-o", "--output", metavar="OUT", help="Score table (.parquet .csv .mcap), or a folder for several inputs."
+)
+@click.option("--report", metavar="FILE.html", help="Write a self-contained HTML report.")
+@scoring_options
+@click.option("--jobs", type=click.IntRange(min=1), default=1, help="Recordings scored at the same time.")
+@json_option
+def score(
+    inputs: tuple[str, ...], output: str | None, report: str | None, jobs: int, as_json: bool, **given: Any
+) -> None:
+    """Score recordings: files, or folders of them."""
+    options = _options(given)
+    reba.rules.rules_of(options.rules)
+    paths = find_inputs(inputs)
+    outputs = plan_outputs(paths, output)
+    with _progress(len(paths)) as advance:
+        outcomes = score_many(paths, outputs, options, jobs=jobs, keep=report is not None, done=advance)
+    scored = [outcome for outcome in outcomes if outcome.summary is not None]
+    if not scored and len(outcomes) == 1:
+        raise RebaError(outcomes[0].error)
+    if report is not None and scored:
+        from reba.report import write_report
+
+        write_report(report, [outcome.scores for outcome in scored if outcome.scores], command=_command_line())
+    if as_json:
+        failed = [{"input": outcome.input, "error": outcome.error} for outcome in outcomes if outcome.error is not None]
+        _print_json({"recordings": [outcome.summary for outcome in scored], "failed": failed})
+    else:
+        from reba.terminal import show_outcomes
+
+        show_outcomes(_console(), outcomes)
+        for place in [*(path for path in outputs if path is not None and path.exists()), *([report] if report else [])]:
+            click.echo(f"written: {place}", err=True)
+    if len(scored) < len(outcomes):
+        raise Stop(1)
+
+
+@cli.command(epilog="Example: reba info shift.mcap")
+@click.argument("path", metavar="INPUT")
+@reading_options
+@json_option
+def info(path: str, as_json: bool, **given: Any) -> None:
+    """Say what is in a recording, what was recognised and why, and what REBA can get from it."""
+    from reba.readers.info import inspect
+
+    found = inspect(path, **given)
+    if as_json:
+        _print_json(found.to_dict())
+    else:
+        from reba.terminal_info import show_info
+
+        show_info(_console(), found)
+
+
+@cli.command(epilog="Example: reba compare before.mcap after.mcap --load 8")
+@click.argument("a", metavar="A")
+@click.argument("b", metavar="B")
+@click.option("--report", metavar="FILE.html", help="Write both into one HTML report.")
+@scoring_options
+@json_option
+def compare(a: str, b: str, report: str | None, as_json: bool, **given: Any) -> None:
+    """Put two recordings side by side: before and after."""
+    from reba.comparison import compare as compare_scores
+
+    options = _options(given)
+    first, second = options.read_and_score(a), options.read_and_score(b)
+    result = compare_scores(first, second)
+    result["a"] = {"input": a, **result["a"]}
+    result["b"] = {"input": b, **result["b"]}
+    if report is not None:
+        from reba.report import write_report
+
+        write_report(report, [first, second], command=_command_line())
+    if as_json:
+        _print_json(result)
+    else:
+        from reba.terminal import show_comparison
+
+        show_comparison(_console(), result)
+
+
+@cli.command(epilog="Example: reba explain shift.mcap --at 12.5")
+@click.argument("path", metavar="INPUT")
+@click.option("--at", "time", type=float, required=True, metavar="SECONDS", help="Time of the frame.")
+@scoring_options
+@json_option
+def explain(path: str, time: float, as_json: bool, **given: Any) -> None:
+    """Print the worksheet of one frame: which angle and rule gave which point."""
+    sheet = _options(given).read_and_score(path).explain(time)
+    if as_json:
+        _print_json(sheet.to_dict())
+    else:
+        from reba.terminal import show_worksheet
+
+        show_worksheet(_console(), sheet)
+
+
+@cli.command(epilog="Example: reba improve shift.mcap --load 12 --at 12.5")
+@click.argument("path", metavar="INPUT")
+@click.option("--at", "time", type=float, default=None, metavar="SECONDS", help="One frame instead of the worst ones.")
+@scoring_options
+@json_option
+def improve(path: str, time: float | None, as_json: bool, **given: Any) -> None:
+    """Find the smallest changes that lower the action level of a frame, or of the worst frames and minute."""
+    from reba.exposure import worst_intervals
+    from reba.improve import improve_frame, improve_frames, worst_stretch
+
+    scores = _options(given).read_and_score(path)
+    stamps = scores.time
+    if time is not None:
+        frames = [scores.frame_at(time)]
+        minute = None
+    else:
+        frames = [interval.frame for interval in worst_intervals(scores)]
+        minute = worst_stretch(scores)
+    found = [(float(stamps[frame]), improve_frame(scores, frame)) for frame in frames]
+    whole = None if minute is None else improve_frames(scores, minute)
+    if as_json:
+        result: dict[str, Any] = {"input": path, "rules": scores.rules.name}
+        result["frames"] = [{"time": at, "improvements": [i.to_dict() for i in some]} for at, some in found]
+        if minute is not None and whole is not None:
+            span = {"start": float(stamps[minute[0]]), "end": float(stamps[minute[-1]])}
+            result["worst_minute"] = {**span, "improvements": [i.to_dict() for i in whole]}
+        _print_json(result)
+        return
+    from reba.terminal import show_improvements
+
+    console = _console()
+    for at, some in found:
+        show_improvements(console, f"frame at {at:.2f} s", some)
+    if minute is not None and whole is not None:
+        title = f"worst minute, every frame from {stamps[minute[0]]:.1f} to {stamps[minute[-1]]:.1f} s"
+        show_improvements(console, title, whole)
+
+
+@cli.command(epilog="Example: reba convert walk.bvh -o walk.parquet")
+@click.argument("path", metavar="INPUT")
+@click.option("-o", "--output", required=True, metavar="OUT", help="Posture table (.parquet .csv .mcap).")
+@reading_options
+@json_option
+def convert(path: str, output: str, as_json: bool, **given: Any) -> None:
+    """Turn any readable recording into a posture table in degrees."""
+    if Path(path).resolve() == Path(output).resolve():
+        raise RebaError(f"{output}: this is the recording itself and would be lost; choose another name")
+    postures = reba.read(path, **given)
+    reba.write_postures(postures, output)
+    result = {"input": path, "output": output, "frames": len(postures.data), "profile": postures.profile}
+    if as_json:
+        _print_json({**result, "unmeasured": list(postures.unmeasured), "assumed": list(postures.assumed)})
+    else:
+        click.echo(f"{output}: {result['frames']} frames, profile {postures.profile}")
+
+
+@cli.command(epilog="Example: reba profiles")
+@json_option
+def profiles(as_json: bool) -> None:
+    """List the known sources and what each can and cannot measure."""
+    from reba.readers.profile import profiles as known
+    from reba.terminal_info import describe_profile, show_profiles
+
+    found = [describe_profile(profile) for profile in known()]
+    if as_json:
+        _print_json({"profiles": found})
+    else:
+        show_profiles(_console(), found)
+
+
+def _command_line() -> str:
+    return " ".join(["reba", *sys.argv[1:]])
+
+
+class _progress:
+    """A progress bar on standard error for long batches, nothing when it is not a terminal."""
+
+    def __init__(self, total: int) -> None:
+        self.total = total
+        self.bar: Any = None
+
+    def __enter__(self) -> Callable[[Outcome], None]:
+        if self.total < 2 or not sys.stderr.isatty():
+            return lambda outcome: None
+        from rich.progress import Progress
+
+        self.bar = Progress(console=_console(stderr=True), transient=True)
+        self.bar.start()
+        task = self.bar.add_task("scoring", total=self.total)
+
+        def advance(outcome: Outcome) -> None:
+            self.bar.update(task, advance=1, description=Path(outcome.input).name)
+
+        return advance
+
+    def __exit__(self, *_: object) -> None:
+        if self.bar is not None:
+            self.bar.stop()
+
+
+def main() -> None:
+    """Run the command; errors are one line on standard error."""
+    try:
+        cli.main(standalone_mode=False)
+        code = 0
+    except Stop as stop:
+        code = stop.code
+    except (RebaError, click.ClickException) as error:
+        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        click.echo(f"reba: {' '.join(text.split())}", err=True)
+        code = 2
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("reba: interrupted", err=True)
+        code = 130
+    except BrokenPipeError:
+        # The reader of our output went away (`reba score ... | head`); nothing is left to say.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    raise SystemExit(code)

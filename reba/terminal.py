@@ -1,0 +1,167 @@
+"""What commands print for people: tables in the terminal, nothing computed here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from reba.batch import Outcome
+from reba.tables import ACTION_LEVELS
+
+if TYPE_CHECKING:
+    from reba.improve import Improvement
+    from reba.worksheet import Worksheet
+
+LEVEL_STYLES = ("green", "green", "yellow", "dark_orange", "red")
+
+
+def show_outcomes(console: Console, outcomes: Sequence[Outcome]) -> None:
+    """Print one line a recording, then what every reader of the numbers must know."""
+    table = Table(title="REBA", title_justify="left", header_style="bold")
+    for name in ("recording", "time [s]", "mean", "median", "p90", "held 1 s", "max"):
+        table.add_column(name, justify="left" if name == "recording" else "right", overflow="fold")
+    for level, (risk, _) in enumerate(ACTION_LEVELS):
+        table.add_column(risk, justify="right", style=LEVEL_STYLES[level])
+    scored = [outcome.summary for outcome in outcomes if outcome.summary is not None]
+    open_share = any(summary["action_level_undetermined"] > 0 for summary in scored)
+    if open_share:
+        table.add_column("open", justify="right")
+    for summary in scored:
+        shares = [_percent(share) for share in summary["action_levels"].values()]
+        shares += [_percent(summary["action_level_undetermined"])] if open_share else []
+        figures = [_span(summary, key) for key in ("mean", "median", "p90")]
+        low = summary["held"]["reba"]
+        held = "-" if low is None else str(low) if _known(summary) else f"{low}+"
+        table.add_row(
+            Text(summary["input"]), f"{summary['seconds']:.1f}", *figures, held, _span(summary, "max"), *shares
+        )
+    if scored:
+        console.print(table)
+    for line in _notes(scored):
+        console.print(Text(line))
+    for outcome in outcomes:
+        if outcome.error is not None:
+            console.print(Text(f"failed: {outcome.error}", style="red"))
+
+
+def _known(summary: dict[str, Any]) -> bool:
+    ends = summary["range"]
+    return all(ends[f"{key}_low"] == ends[f"{key}_high"] for key in ("mean", "median", "p90", "max"))
+
+
+def _span(summary: dict[str, Any], key: str) -> str:
+    low, high = summary["range"][f"{key}_low"], summary["range"][f"{key}_high"]
+    if low is None:
+        return "-"
+    words = (f"{low:.1f}", f"{high:.1f}") if key == "mean" else (str(low), str(high))
+    return words[0] if words[0] == words[1] else f"{words[0]}-{words[1]}"
+
+
+def _percent(share: float) -> str:
+    return f"{share * 100:.0f} %" if share >= 0.005 or share == 0 else "<1 %"
+
+
+def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:
+    """Return what was not measured, assumed and noticed; said once where it holds for every recording."""
+    summaries = list(scored)
+    lines: dict[str, list[str]] = {}
+    for summary in summaries:
+        notes = []
+        if summary["unmeasured"]:
+            notes.append(f"not measured: {', '.join(_short(summary['unmeasured']))} (ranges hold every possibility)")
+        if summary["assumed"]:
+            notes.append(f"assumed: {'; '.join(summary['assumed'])}")
+        notes += [f"note: {text}" for text in summary.get("warnings", [])]
+        notes.append(f"rules: {summary['rules']['name']}; profile: {summary['profile']}")
+        for note in notes:
+            lines.setdefault(note, []).append(summary["input"])
+    return [note if len(inputs) == len(summaries) else f"{', '.join(inputs)}: {note}" for note, inputs in lines.items()]
+
+
+def _short(columns: Sequence[str]) -> list[str]:
+    """Return column names with both sides of a pair written as one.
+
+    >>> _short(["wrist_flexion_left", "wrist_flexion_right", "neck_twist"])
+    ['wrist_flexion', 'neck_twist']
+    """
+    names: dict[str, None] = {}
+    for column in columns:
+        base, _, side = column.rpartition("_")
+        other = {"left": "right", "right": "left"}.get(side)
+        names[base if other and f"{base}_{other}" in columns else column] = None
+    return list(names)
+
+
+def show_worksheet(console: Console, sheet: Worksheet) -> None:
+    """Print the worksheet of one frame."""
+    table = Table(title=f"REBA worksheet at {sheet.time:.2f} s", title_justify="left", header_style="bold")
+    for name in ("part", "points", "what", "value", "rule"):
+        table.add_column(name, justify="right" if name == "points" else "left")
+    shown = ""
+    for line in sheet.lines:
+        part = "" if line.part == shown else line.part.replace("_", " ")
+        if part and shown:
+            table.add_section()
+        shown = line.part
+        table.add_row(part, "?" if line.points is None else f"{line.points:+d}", line.what, line.value, line.rule)
+    console.print(table)
+    s = {name: "?" if value is None else str(value) for name, value in sheet.scores.items()}
+    for side in ("left", "right"):
+        console.print(
+            f"{side}: Score A {s['score_a']} (Table A + load {s['load_force']}), "
+            f"Score B {s[f'score_b_{side}']} (Table B + coupling {s[f'coupling_{side}']}), "
+            f"Table C + activity {s['activity']} = {s[f'reba_{side}']}"
+        )
+    if sheet.scores["reba"] is None:
+        total = f"REBA {s['reba_low']} to {s['reba_high']}: not everything was measured"
+    else:
+        total = f"REBA {s['reba']}: {sheet.risk} risk, action {sheet.action}"
+    console.print(Text(total, style="bold"))
+    console.print(f"rules: {sheet.rules}")
+
+
+def show_improvements(console: Console, title: str, found: Sequence[Improvement]) -> None:
+    """Print the smallest changes for a frame or a stretch."""
+    console.print(Text(title, style="bold"))
+    if not found:
+        console.print("  nothing lowers the action level, or it is already the lowest")
+    for improvement in found:
+        console.print(Text(f"  {improvement.goal}: {improvement.text()}"))
+
+
+def show_comparison(console: Console, result: dict[str, Any]) -> None:
+    """Print two recordings side by side."""
+    a, b = result["a"], result["b"]
+    table = Table(title="REBA, side by side", title_justify="left", header_style="bold")
+    for name in ("", str(a["input"]), str(b["input"]), "change"):
+        table.add_column(Text(name), justify="left" if not name else "right", overflow="fold")
+    for key in ("mean", "median", "p90", "max"):
+        low, high = result["difference"]["range"][f"{key}_low"], result["difference"]["range"][f"{key}_high"]
+        table.add_row(key, _span(a, key), _span(b, key), _change(low, high))
+    for level, (risk, _) in enumerate(ACTION_LEVELS):
+        shares = (a["action_levels"][str(level)], b["action_levels"][str(level)])
+        table.add_row(
+            f"time at {risk}", _percent(shares[0]), _percent(shares[1]), f"{(shares[1] - shares[0]) * 100:+.0f} %"
+        )
+    for part, change in result["difference"]["parts"].items():
+        means = (a["parts"][part]["mean"], b["parts"][part]["mean"])
+        if any(mean is not None for mean in means):
+            words = ["open" if mean is None else f"{mean:.2f}" for mean in means]
+            table.add_row(part.replace("_", " "), *words, "" if change is None else f"{change:+.2f}")
+    console.print(table)
+    for side in ("a", "b"):
+        columns = result[f"only_{side}_unmeasured"]
+        if columns:
+            name = result[side]["input"]
+            console.print(Text(f"only {name} lacks: {', '.join(_short(columns))}; compare the ranges with care"))
+
+
+def _change(low: float | None, high: float | None) -> str:
+    if low is None or high is None:
+        return ""
+    words = (f"{low:+.1f}", f"{high:+.1f}")
+    return words[0] if words[0] == words[1] else f"{words[0]} / {words[1]}"

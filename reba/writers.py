@@ -1,0 +1,135 @@
+"""Write score tables and posture tables: Parquet, CSV and MCAP.
+
+The rules with every threshold, what was assumed and what was not measured go with the numbers: as Parquet metadata
+(key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`. Every file is written beside its
+target and renamed once it is whole.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pandas as pd
+
+from reba.errors import RebaError
+from reba.posture import PostureTable
+
+if TYPE_CHECKING:
+    from reba.scores import Scores
+
+ROWS: Final = 65_536
+"""Rows converted at a time, so that writing an hour does not need a second copy of the table."""
+SUFFIXES: Final = (".parquet", ".csv", ".mcap")
+
+
+def write_scores(scores: Scores, path: str | Path) -> None:
+    """Write the score table; the suffix of `path` chooses .parquet, .csv or .mcap.
+
+    An .mcap holds the original topics as well if the scored recording was MCAP.
+
+    Raises:
+        RebaError: unknown suffix, or the file cannot be written.
+    """
+    _write(scores.data, _about_scores(scores), Path(path), scores.postures, "scores")
+
+
+def write_postures(postures: PostureTable, path: str | Path) -> None:
+    """Write a posture table; the suffix of `path` chooses .parquet, .csv or .mcap.
+
+    Raises:
+        RebaError: unknown suffix, or the file cannot be written.
+    """
+    _write(postures.data, about_postures(postures), Path(path), postures, "postures")
+
+
+def about_postures(postures: PostureTable) -> dict[str, Any]:
+    """Return what belongs to a posture table beside its numbers, as plain data."""
+    import reba
+
+    return {
+        "reba_version": reba.__version__,
+        "source": Path(postures.source).name,
+        "topic": postures.topic,
+        "profile": postures.profile,
+        "recognised": postures.recognised,
+        "unmeasured": list(postures.unmeasured),
+        "why_unmeasured": dict(postures.why_unmeasured),
+        "assumed": list(postures.assumed),
+        "epoch": postures.epoch,
+        "quality": dataclasses.asdict(postures.quality),
+    }
+
+
+def _about_scores(scores: Scores) -> dict[str, Any]:
+    return {
+        **about_postures(scores.postures),
+        "rules": dataclasses.asdict(scores.rules),
+        "missing": scores.missing,
+        "assumed": list(scores.assumed),
+        "activity": scores.activity_causes,
+    }
+
+
+def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
+    """Call `write` with a temporary path beside `path` and rename it when it is whole.
+
+    Raises:
+        RebaError: the place cannot be written to.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(part)
+        part.replace(path)
+    except OSError as error:
+        raise RebaError(
+            f"{path}: cannot be written ({error.strerror or error}); choose another place with -o"
+        ) from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _write(data: pd.DataFrame, about: dict[str, Any], path: Path, postures: PostureTable, kind: str) -> None:
+    suffix = path.suffix.lower()
+    if suffix == ".parquet":
+        write_atomic(path, lambda part: _parquet(data, about, part))
+    elif suffix == ".csv":
+        write_atomic(path, lambda part: data.to_csv(part, index=False, chunksize=ROWS))
+        text = json.dumps(about, indent=1, default=_plain) + "\n"
+        write_atomic(path.with_name(path.name + ".meta.json"), lambda part: _text(part, text))
+    elif suffix == ".mcap":
+        from reba.mcap_output import write_mcap
+
+        write_atomic(path, lambda part: write_mcap(data, about, part, postures, kind))
+    else:
+        raise RebaError(f"{path}: ending {suffix!r} is unknown; choose one of {', '.join(SUFFIXES)}")
+
+
+def _text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def _parquet(data: pd.DataFrame, about: dict[str, Any], path: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    schema = pa.Schema.from_pandas(data.iloc[:0], preserve_index=False)
+    note = json.dumps(about, default=_plain)
+    schema = schema.with_metadata({**(schema.metadata or {}), b"reba": note.encode()})
+    with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+        for start in range(0, max(len(data), 1), ROWS):
+            rows = pa.Table.from_pandas(data.iloc[start : start + ROWS], schema=schema, preserve_index=False)
+            writer.write_table(rows)
+
+
+def _plain(value: Any) -> Any:
+    """Return NumPy scalars and tuples as plain JSON values."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")
