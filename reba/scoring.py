@@ -124,7 +124,10 @@ def score_array(
         >>> int(score_array(posture).reba[0])
         2
     """
-    table = np.asarray(angles, np.float64)
+    try:
+        table = np.asarray(angles, np.float64)
+    except (TypeError, ValueError) as error:
+        raise PostureError(f"angles hold something that is no number ({error}); expected degrees") from error
     if table.ndim != 2 or table.shape[1] != len(COLUMNS):
         raise PostureError(
             f"angles have shape {table.shape}; expected (n, {len(COLUMNS)}) in the order of reba.COLUMNS"
@@ -294,7 +297,7 @@ def score_parts(
         load_force, coupling, activity: 0 to 3.
 
     Raises:
-        PostureError: a score is not a whole number in its range.
+        PostureError: a score is not a whole number in its range, or the shapes do not broadcast.
 
     Example:
         >>> score_parts(trunk=4, neck=2, legs=2, load_force=3, upper_arm=4, lower_arm=2, wrist=3, coupling=3)
@@ -305,6 +308,11 @@ def score_parts(
         "load_force": load_force, "coupling": coupling, "activity": activity,
     }  # fmt: skip
     p = {name: _whole(name, value) for name, value in given.items()}
+    try:
+        np.broadcast_shapes(*(scores.shape for scores in p.values()))
+    except ValueError as error:
+        shapes = ", ".join(f"{name} {scores.shape}" for name, scores in p.items() if scores.ndim)
+        raise PostureError(f"part scores do not fit together: {shapes}; expected scalars or equal lengths") from error
     score_a = TABLE_A[p["trunk"] - 1, p["neck"] - 1, p["legs"] - 1].astype(int) + p["load_force"]
     score_b = TABLE_B[p["upper_arm"] - 1, p["lower_arm"] - 1, p["wrist"] - 1].astype(int) + p["coupling"]
     score_c = TABLE_C[score_a - 1, score_b - 1].astype(int)
@@ -318,9 +326,10 @@ def _whole(name: str, value: ArrayLike) -> NDArray[np.int64]:
     highest = PART_MAXIMA[name]
     scores = np.asarray(value)
     try:
-        whole = scores.astype(np.int64)
+        with np.errstate(invalid="ignore"):  # NaN and infinity become some integer, which the comparison refuses
+            whole = scores.astype(np.int64)
         fits = bool(np.all((whole == scores) & (whole >= lowest) & (whole <= highest)))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         fits = False
     if not fits:
         raise PostureError(f"{name} score is {value!r}; expected whole numbers from {lowest} to {highest}")
