@@ -1,0 +1,282 @@
+"""The table reader: posture tables and joint tables as CSV and Parquet, time columns, Vicon exports, damage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reba.errors import ReadError
+from reba.posture import COLUMNS
+from reba.readers.stream import ReadLog, Recording, Stream
+from reba.readers.table import open_table, sniff
+
+RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
+
+SMALL = """time,trunk_flexion,knee_flexion_left,support,shock,coupling_left,load
+0.0,10.5,1,bilateral,True,good,3.5
+0.1,20,,walking,False,poor,3.5
+0.2,-5.25,3,sitting,False,good,
+"""
+
+
+def opened(folder: Path, text: str | bytes, name: str = "small.csv") -> Recording:
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return open_table(path)
+
+
+def whole(stream: Stream) -> pd.DataFrame:
+    assert stream.table is not None
+    return stream.table()
+
+
+def times(recording: Recording) -> np.ndarray:
+    return np.concatenate([block.time for block in recording.streams[0].blocks()])
+
+
+def test_a_posture_table_keeps_its_angles_and_factors(tmp_path: Path) -> None:
+    recording = opened(tmp_path, SMALL)
+    (stream,) = recording.streams
+    assert (recording.format, stream.kind, stream.unit, stream.count) == ("csv", "angles", "deg", 3)
+    assert stream.names == ("trunk_flexion", "knee_flexion_left")
+    log = ReadLog()
+    (block,) = stream.blocks(log)
+    np.testing.assert_array_equal(block.values, [[10.5, 1], [20, np.nan], [-5.25, 3]])
+    assert (log.messages, log.skipped, log.warnings, log.time_source) == (3, 0, [], "column time")
+    table = whole(stream)
+    assert list(table.columns) == SMALL.splitlines()[0].split(",")
+    assert table["support"].tolist() == ["bilateral", "walking", "sitting"]
+    assert table["coupling_left"].tolist() == ["good", "poor", "good"]
+    assert table["shock"].tolist() == [True, False, False]
+    assert table["load"].isna().tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        SMALL.replace("\n", "\r\n"),
+        SMALL.replace("\n", "\r"),
+        "\ufeff" + SMALL,
+        SMALL.replace(",", "\t"),
+        SMALL.replace(",", ";").replace(".", ","),
+        SMALL.replace(",", "\t").replace(".", ","),
+        "# made by hand\n\n" + SMALL,
+        SMALL + "\n\n",
+        SMALL.rstrip("\n"),
+        SMALL.replace(",", ", "),
+        SMALL.encode("utf-16"),
+    ],
+)
+def test_writing_variants_give_the_same_table(tmp_path: Path, text: str | bytes) -> None:
+    expected = whole(opened(tmp_path, SMALL).streams[0])
+    recording = opened(tmp_path, text, "other.csv")
+    pd.testing.assert_frame_equal(whole(recording.streams[0]), expected)
+    assert recording.log.warnings == []
+
+
+def test_parquet_keeps_types(tmp_path: Path) -> None:
+    frame = whole(opened(tmp_path, SMALL).streams[0])
+    frame["support"] = frame["support"].astype("category")
+    frame["parts"] = [[1], [2, 3], []]
+    frame.to_parquet(tmp_path / "small.parquet")
+    recording = open_table(tmp_path / "small.parquet")
+    (stream,) = recording.streams
+    assert (recording.format, stream.kind, stream.count) == ("parquet", "angles", 3)
+    table = whole(stream)
+    assert table["support"].tolist() == ["bilateral", "walking", "sitting"]
+    assert table["shock"].dtype == bool
+    assert [(topic.name, topic.usable) for topic in recording.topics] == [("small", True), ("parts", False)]
+
+
+def test_any_other_table_holds_joints(tmp_path: Path) -> None:
+    text = "Time [s],left_knee_deg,hip_deg,who\n0,1.5,2,ann\n0.5,2.5,3,ann\n"
+    recording = opened(tmp_path, text)
+    (stream,) = recording.streams
+    assert (stream.kind, stream.unit, stream.names, stream.table) == (
+        "joints",
+        "deg",
+        ("left_knee_deg", "hip_deg"),
+        None,
+    )
+    np.testing.assert_array_equal(times(recording), [0, 0.5])
+    assert [(topic.name, topic.usable) for topic in recording.topics] == [("small", True), ("who", False)]
+    assert opened(tmp_path, text.replace("_deg", "_rad")).streams[0].unit == "rad"
+    assert opened(tmp_path, text.replace("_deg", "")).streams[0].unit == ""
+
+
+@pytest.mark.parametrize(
+    ("column", "first", "second", "step", "epoch"),
+    [
+        ("time", "0", "0.01", 0.01, 0.0),
+        ("t", "5", "5.5", 0.5, 0.0),
+        ("time_ms", "0", "10", 0.01, 0.0),
+        ("Timestamp (ms)", "100", "110", 0.01, 0.0),
+        ("time_ns", "0", "1000000", 0.001, 0.0),
+        ("timestamp", "0", "10000000", 0.01, 0.0),
+        ("timestamp", "0", "10000", 0.01, 0.0),
+        ("timestamp", "1700000000.25", "1700000000.5", 0.25, 1700000000.25),
+        ("timestamp", "1700000000250", "1700000000260", 0.01, 1700000000.25),
+        ("header.stamp", "1700000000250000000", "1700000000250000001", 1e-9, 1700000000.25),
+        ("stamp_us", "1700000000250000", "1700000000250001", 1e-6, 1700000000.25),
+        ("time", "2023-11-14T22:13:20.25Z", "2023-11-14T22:13:20.260Z", 0.01, 1700000000.25),
+    ],
+)
+def test_time_columns(tmp_path: Path, column: str, first: str, second: str, step: float, epoch: float) -> None:
+    recording = opened(tmp_path, f"{column},trunk_flexion\n{first},1\n{second},2\n")
+    found = times(recording)
+    assert found[1] - found[0] == pytest.approx(step, rel=1e-6)
+    assert recording.streams[0].epoch == pytest.approx(epoch)
+    if epoch:
+        assert found[0] == 0.0
+    assert list(whole(recording.streams[0]).columns) == ["time", "trunk_flexion"]
+
+
+def test_ros_stamps_in_two_columns(tmp_path: Path) -> None:
+    text = "header.stamp.sec,header.stamp.nanosec,knee\n1700000000,500000000,1\n1700000001,0,2\n"
+    recording = opened(tmp_path, text)
+    assert recording.streams[0].names == ("knee",)
+    np.testing.assert_allclose(np.diff(times(recording)), 0.5)
+
+
+def test_dates_in_parquet(tmp_path: Path) -> None:
+    stamps = pd.to_datetime([1700000000_000000001, 1700000000_000000003], unit="ns", utc=True)
+    pd.DataFrame({"timestamp": stamps, "knee": [1.0, 2.0]}).to_parquet(tmp_path / "a.parquet")
+    recording = open_table(tmp_path / "a.parquet")
+    np.testing.assert_allclose(times(recording), [0, 2e-9], rtol=1e-12)
+    assert recording.streams[0].epoch == pytest.approx(1.7e9)
+
+
+def test_what_is_odd_is_noted(tmp_path: Path) -> None:
+    text = "time,trunk_flexion,trunk_twsit\n0,1,2\n,2,3\n0.2,3,4\n0.1,4,5\n"
+    recording = opened(tmp_path, text)
+    assert recording.streams[0].count == 3
+    assert (recording.log.skipped, recording.log.first_skipped) == (1, "line 3: no time")
+    assert any("did you mean 'trunk_twist'" in warning for warning in recording.log.warnings)
+    assert any("time runs backwards" in warning for warning in recording.log.warnings)
+    recording = opened(tmp_path, "time,knee,knee\n0,1,2\n10,2,3\n")
+    assert recording.streams[0].names == ("knee", "knee_2")
+    assert any("call it time_ms" in warning for warning in recording.log.warnings)
+    recording = opened(tmp_path, "time,knee,größe\n0,1,2\n0.1,inf,3\n".encode("latin-1"))
+    assert recording.streams[0].names == ("knee", "größe")
+    assert np.isnan(next(recording.streams[0].blocks()).values[1, 0])
+    assert len(recording.log.warnings) == 2
+
+
+def test_a_last_line_that_breaks_off_is_left_out(tmp_path: Path) -> None:
+    recording = opened(tmp_path, SMALL[:-20])
+    assert recording.streams[0].count == 2
+    assert recording.log.ended_abnormally is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("", "the file is empty"),
+        ("\n\n# only a comment\n", "no line with column names"),
+        ("time,trunk_flexion\n", "the table has no rows"),
+        ("trunk_flexion,knee\n1,2\n", "no time column among its 2 columns"),
+        ("1,2,3\n4,5,6\n", "line 1 holds numbers, expected column names"),
+        ("time\n1\n", "line 1 has 1 column names"),
+        ("time,trunk_flexion\n0,1\n0.1,x1\n", "line 3: 'x1' in column 'trunk_flexion' is not a number"),
+        ("# c\n\ntime,knee\n0,1\n1,2\n2,3\n3,x1\n", "line 7: 'x1' in column 'knee' is not a number"),
+        ("time,trunk_flexion\n0,inf\n", "line 2: inf in column 'trunk_flexion' is no angle"),
+        ("time,trunk_flexion\nsoon,1\n", "line 2: 'soon' in column 'time' is not a time"),
+        ("time,trunk_flexion\n,1\n", "no row has a value in the time column"),
+        ("time,trunk_flexion\n1e300,1\n", "which is no time"),
+        ("time,who\n0,ann\n", "no column beside the time holds numbers"),
+        ("time,a,b\n0,1,2\n1,2,3,4,5\n", "line 3, saw 5"),
+        (b"time,a\n0,\x00\n", "at byte 9: binary data"),
+        (b"PAR1 and then nothing", "not a readable Parquet file"),
+        (b"\xff\xfet\x00,", "damaged UTF-16 text"),
+    ],
+)
+def test_damage_is_told(tmp_path: Path, text: str | bytes, what: str) -> None:
+    with pytest.raises(ReadError) as caught:
+        opened(tmp_path, text)
+    assert what in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@given(st.lists(st.lists(st.floats(-360, 360) | st.none(), min_size=3, max_size=3), min_size=1, max_size=8))
+def test_numbers_survive_csv_and_parquet_exactly(tmp_path_factory: pytest.TempPathFactory, rows: list) -> None:
+    folder = tmp_path_factory.mktemp("table")
+    frame = pd.DataFrame(rows, columns=list(COLUMNS[:3]), dtype=float)
+    frame.insert(0, "time", np.arange(len(rows)) / 100)
+    frame.to_csv(folder / "a.csv", index=False)
+    frame.to_parquet(folder / "a.parquet")
+    for name, tolerance in (("a.csv", 1e-15), ("a.parquet", 0.0)):
+        stream = open_table(folder / name).streams[0]
+        found = np.concatenate([block.values for block in stream.blocks()])
+        # The fast decimal parser of pandas may miss the last bit.
+        np.testing.assert_allclose(found, frame[list(COLUMNS[:3])], rtol=tolerance)
+
+
+def test_sniff_looks_at_the_content() -> None:
+    assert sniff(Path("a"), b"PAR1\x00\x00")
+    assert sniff(Path("a.txt"), SMALL.encode())
+    assert sniff(Path("a.txt"), "time;knee".encode("utf-16"))
+    assert sniff(Path("a.csv"), b"foo,bar\n1,2\n")
+    assert sniff(Path("a.txt"), b"Trajectories,,,\n100\n")
+    for head in (b"", b"foo,bar\n", b"HIERARCHY\nROOT a\n", b"<mvnx a='1,2'>", b"\x02\x50\x00\x01,time"):
+        assert not sniff(Path("a.txt"), head)
+
+
+VICON = """Trajectories,,,,,,,
+100,,,,,,,
+,,ann:HEAD,,,box:A,,
+Frame,Sub Frame,X,Y,Z,X,Y,Z
+,,mm,mm,mm,mm,mm,mm
+11,0,100,200,300,1,2,3
+12,0,101,,301,4,5,6
+"""
+
+
+def test_vicon_trajectories(tmp_path: Path) -> None:
+    devices = "Devices\n1000\n,,Force\nFrame,Sub Frame,Fx\n,,N\n1,0,5\n\n"
+    for text in (VICON, VICON.replace("\n", "\r\n"), devices + VICON, VICON + "\n" + devices, "\ufeff" + VICON):
+        recording = opened(tmp_path, text)
+        assert [(stream.name, stream.kind, stream.names) for stream in recording.streams] == [
+            ("ann", "points", ("HEAD",)),
+            ("box", "points", ("A",)),
+        ]
+        (block,) = recording.streams[0].blocks()
+        np.testing.assert_allclose(block.time, [0.10, 0.11])
+        np.testing.assert_allclose(block.values[:, 0], [[0.1, 0.2, 0.3], [np.nan] * 3])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("Trajectories", "Devices", "without its section 'Trajectories'"),
+        ("100,,,,,,,\n", "-1,,,,,,,\n", "line 2: expected the rate in Hz"),
+        ("mm,mm,mm,mm", "mm,m,mm,mm", "line 5 has 2 units"),
+        ("mm", "ell", "line 5: unit 'ell' is unknown"),
+        ("X,Y,Z,X", "X,Z,Y,X", "expected Frame, Sub Frame, then X, Y, Z"),
+        ("101", "1o1", "line 7: '1o1' is not a number"),
+        (VICON[VICON.index("Frame") :], "", "line 1: the section is cut"),
+    ],
+)
+def test_damaged_vicon_exports(tmp_path: Path, old: str, new: str, what: str) -> None:
+    with pytest.raises(ReadError) as caught:
+        opened(tmp_path, VICON.replace(old, new))
+    assert what in str(caught.value)
+
+
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the real recordings are not beside the checkout")
+def test_real_vicon_export_agrees_with_the_c3d_of_the_trial() -> None:
+    from reba.readers.c3d import open_c3d
+
+    folder = RECORDINGS / "irsst_box_lift"
+    for ours, theirs in zip(
+        open_table(folder / "markers.csv").streams, open_c3d(folder / "markers_analogs.c3d").streams, strict=True
+    ):
+        assert (ours.name, ours.names, ours.count) == (theirs.name, theirs.names, theirs.count)
+        for block, other in zip(ours.blocks(), theirs.blocks(), strict=True):
+            np.testing.assert_allclose(block.time, other.time, atol=1e-12)
+            # The export rounds to 6 digits of millimetres.
+            np.testing.assert_allclose(block.values, other.values, atol=1e-5)
