@@ -1,0 +1,293 @@
+"""Reading MCAP recordings: this reader beside the official Python packages, on one core, in one run.
+
+    python benchmarks/reading.py [--json FILE] [--messages 60000] [--repeat 5]
+
+Two recordings are made with a seed: joint states (36 joints, positions and velocities, 100 Hz) and /tf with 23
+transforms in each message (100 Hz), both in zstd chunks of 1 MiB. The slow peer reads a part of the recording; its
+time is given per message of that part, as is ours per message of the whole.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import struct
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zstandard
+from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+from mcap_ros2.decoder import DecoderFactory
+
+from reba.readers.mcap import open_mcap
+
+SEED = 20250101
+RATE_NS = 10_000_000
+EPOCH = 1_700_000_000
+JOINTS = tuple(f"{side}_joint_{index:02d}_{axis}" for side in ("left", "right") for index in range(6) for axis in "xyz")
+SEGMENTS = tuple(f"skeleton_segment_{index:02d}" for index in range(23))
+CHUNK = 1 << 20
+
+_LINE = "=" * 80
+_HEADER = f"""{_LINE}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+{_LINE}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+JOINT_STATE = f"""std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+{_HEADER}"""
+TF_MESSAGE = f"""geometry_msgs/TransformStamped[] transforms
+{_LINE}
+MSG: geometry_msgs/TransformStamped
+std_msgs/Header header
+string child_frame_id
+geometry_msgs/Transform transform
+{_LINE}
+MSG: geometry_msgs/Transform
+geometry_msgs/Vector3 translation
+geometry_msgs/Quaternion rotation
+{_LINE}
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+{_LINE}
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+{_HEADER}"""
+
+
+class Cdr:
+    """Writes little-endian CDR."""
+
+    def __init__(self) -> None:
+        self.data = bytearray(b"\x00\x01\x00\x00")
+
+    def align(self, size: int) -> None:
+        """Pad to a multiple of `size` behind the header."""
+        self.data += bytes(-(len(self.data) - 4) % size)
+
+    def number(self, code: str, *values: float) -> None:
+        """Write numbers of one type."""
+        self.align(struct.calcsize(code))
+        self.data += struct.pack(f"<{len(values)}{code}", *values)
+
+    def text(self, text: str) -> None:
+        """Write a string with its closing zero."""
+        self.number("I", len(text) + 1)
+        self.data += text.encode() + b"\0"
+
+
+def joint_state(stamp: int, positions: list[float], velocities: list[float]) -> bytes:
+    """Return one sensor_msgs/JointState."""
+    cdr = Cdr()
+    cdr.number("I", *divmod(stamp, 10**9))
+    cdr.text("")
+    cdr.number("I", len(JOINTS))
+    for name in JOINTS:
+        cdr.text(name)
+    for values in (positions, velocities):
+        cdr.number("I", len(values))
+        cdr.number("d", *values)
+    cdr.number("I", 0)
+    return bytes(cdr.data)
+
+
+def tf_message(stamp: int, poses: list[list[float]]) -> bytes:
+    """Return one tf2_msgs/TFMessage with a transform for each segment."""
+    cdr = Cdr()
+    cdr.number("I", len(SEGMENTS))
+    parent = "world"
+    for name, pose in zip(SEGMENTS, poses, strict=True):
+        cdr.number("I", *divmod(stamp, 10**9))
+        cdr.text(parent)
+        cdr.text(name)
+        cdr.number("d", *pose)
+        parent = name
+    return bytes(cdr.data)
+
+
+def write(path: Path, topic: str, name: str, schema: str, message: Callable[[int, int], bytes], count: int) -> None:
+    """Write a recording of one topic; `message(index, stamp)` gives its payloads."""
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=CHUNK, compression=CompressionType.ZSTD)
+        writer.start("ros2", "benchmark")
+        channel = writer.register_channel(topic, "cdr", writer.register_schema(name, "ros2msg", schema.encode()))
+        for index in range(count):
+            stamp = EPOCH * 10**9 + index * RATE_NS
+            writer.add_message(channel, stamp, message(index, stamp), stamp)
+        writer.finish()
+
+
+def best(run: Callable[[], Any], repeat: int) -> float:
+    """Return the shortest of several runs [s]."""
+    times = []
+    for _ in range(repeat):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def read_ours(path: Path) -> np.ndarray:
+    """Return the values of the only stream."""
+    (stream,) = open_mcap(path).streams
+    return np.concatenate([block.values for block in stream.blocks()])
+
+
+def read_peer(path: Path, count: int, values: Callable[[Any], list[Any]]) -> np.ndarray:
+    """Return the values of the first messages by mcap and mcap-ros2-support."""
+    rows = []
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, _, _, message in reader.iter_decoded_messages():
+            rows.append(values(message))
+            if len(rows) == count:
+                break
+    return np.array(rows)
+
+
+def chunks(path: Path) -> list[Chunk]:
+    """Return the chunks of a recording, packed."""
+    with path.open("rb") as file:
+        return [record for record in StreamReader(file, emit_chunks=True).records if isinstance(record, Chunk)]
+
+
+def poses_of(message: Any) -> list[Any]:
+    """Return the poses of a decoded TFMessage."""
+    return [
+        [
+            getattr(part, axis)
+            for part, axes in ((t.transform.translation, "xyz"), (t.transform.rotation, "xyzw"))
+            for axis in axes
+        ]
+        for t in message.transforms
+    ]
+
+
+def measure(
+    path: Path, count: int, peer_count: int, values: Callable[[Any], list[Any]], truth: np.ndarray, repeat: int
+) -> dict[str, Any]:
+    """Return the times of one recording, after comparing what was read with what was written."""
+    if not np.array_equal(read_ours(path), truth):
+        raise SystemExit(f"{path.name}: our reader returns other values than were written")
+    if not np.array_equal(read_peer(path, peer_count, values), truth[:peer_count]):
+        raise SystemExit(f"{path.name}: the peer returns other values than were written")
+    packed = chunks(path)
+    decompressor = zstandard.ZstdDecompressor()
+    ours = best(lambda: read_ours(path), repeat)
+    unpack = best(
+        lambda: [decompressor.decompress(chunk.data, max_output_size=chunk.uncompressed_size) for chunk in packed],
+        repeat,
+    )
+    peer = best(lambda: read_peer(path, peer_count, values), max(2, repeat // 2))
+    return {
+        "messages": count,
+        "file_bytes": path.stat().st_size,
+        "ours_s": ours,
+        "ours_messages_per_s": count / ours,
+        "zstd_only_s": unpack,
+        "ours_over_zstd": ours / unpack,
+        "peer_messages": peer_count,
+        "peer_s": peer,
+        "peer_messages_per_s": peer_count / peer,
+        "speed_up": (count / ours) / (peer_count / peer),
+    }
+
+
+def run(count: int, repeat: int) -> dict[str, Any]:
+    """Make both recordings and measure them."""
+    rng = np.random.default_rng(SEED)
+    with tempfile.TemporaryDirectory() as folder:
+        joints, tf = Path(folder) / "joint_states.mcap", Path(folder) / "tf.mcap"
+        positions, velocities = (np.cumsum(rng.normal(0, 0.01, (count, len(JOINTS))), axis=0) for _ in range(2))
+        write(
+            joints,
+            "/joint_states",
+            "sensor_msgs/msg/JointState",
+            JOINT_STATE,
+            lambda index, stamp: joint_state(stamp, positions[index].tolist(), velocities[index].tolist()),
+            count,
+        )
+        tf_count = count // 3
+        poses = rng.normal(size=(tf_count, len(SEGMENTS), 7))
+        poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
+        write(
+            tf,
+            "/tf",
+            "tf2_msgs/msg/TFMessage",
+            TF_MESSAGE,
+            lambda index, stamp: tf_message(stamp, poses[index].tolist()),
+            tf_count,
+        )
+        return {
+            "joint_states": measure(joints, count, min(count, 5000), lambda m: list(m.position), positions, repeat),
+            "tf": measure(tf, tf_count, min(tf_count, 1000), poses_of, poses, repeat),
+        }
+
+
+def main() -> None:
+    """Measure, print a table, write JSON."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--messages", type=int, default=60_000)
+    parser.add_argument("--repeat", type=int, default=5)
+    given = parser.parse_args()
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    packages = ("numpy", "mcap", "mcap-ros2-support", "zstandard")
+    result = {
+        "machine": {"processor": processor(), "system": platform.platform(), "cores_used": 1},
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in packages}},
+        "seed": SEED,
+        "recordings": run(given.messages, given.repeat),
+    }
+    print(f"{result['machine']['processor']}, one core; {result['versions']}")
+    print(
+        f"{'recording':<14}{'messages':>9}{'ours s':>9}{'msg/s':>10}"
+        f"{'zstd s':>8}{'/ zstd':>8}{'peer msg/s':>12}{'speed-up':>10}"
+    )
+    for name, row in result["recordings"].items():
+        print(
+            f"{name:<14}{row['messages']:>9}{row['ours_s']:>9.3f}{row['ours_messages_per_s']:>10.0f}"
+            f"{row['zstd_only_s']:>8.3f}{row['ours_over_zstd']:>8.2f}{row['peer_messages_per_s']:>12.0f}"
+            f"{row['speed_up']:>9.1f}x"
+        )
+    print("peer: mcap + mcap-ros2-support on the first messages of the same file (see peer_messages), per message")
+    if given.json:
+        given.json.write_text(json.dumps(result, indent=2) + "\n")
+
+
+def processor() -> str:
+    """Return the name of the processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,144 @@
+"""MCAP recordings: ROS 2, ROS 1, Foxglove and our own, decoded column by column.
+
+    bytes -> source -> container (chunks, checked) -> topics (what is what) -> decode (layouts) -> merge -> blocks
+
+No summary, index or declared length is trusted: see `container`. Format: https://mcap.dev/spec.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from reba.errors import ReadError
+from reba.readers.mcap.container import Container
+from reba.readers.mcap.records import Channel
+from reba.readers.mcap.source import MAGIC, ZSTD_MAGIC
+from reba.readers.mcap.streams import StreamReader, first_look
+from reba.readers.mcap.topics import Part, Unused, classify, recording_files
+from reba.readers.stream import ReadLog, Recording, Stream, Topic
+
+__all__ = ["open_mcap", "sniff"]
+
+_MAX_CHUNK = 1 << 30
+
+
+def sniff(path: Path) -> bool:
+    """Say whether a path is an MCAP recording: by its first bytes, a folder by the names of its files."""
+    if path.is_dir():
+        return any(file.name.endswith((".mcap", ".mcap.zstd")) for file in path.iterdir())
+    try:
+        with path.open("rb") as file:
+            head = file.read(len(MAGIC))
+    except OSError:
+        return False
+    return head == MAGIC or (head.startswith(ZSTD_MAGIC) and ".mcap" in path.name)
+
+
+def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = _MAX_CHUNK) -> Recording:
+    """Open a recording, or a folder with the splits of one.
+
+    Args:
+        path: an .mcap file, plain or zstd-compressed as a whole, or a folder of them (rosbag2).
+        strict: refuse a recording that breaks off, and a folder with a damaged split.
+        check_crc: compare the CRC of every chunk that carries one.
+        limit_bytes: the largest chunk, record or unpacked file that is accepted.
+
+    Returns:
+        The recording; its log says whether it ended abnormally. It has no streams if no topic holds joint states,
+        transforms or posture angles; `topics` says why for each.
+
+    Raises:
+        ReadError: no recording, or damaged so that data would be wrong or missing without a word.
+    """
+    log = ReadLog()
+    parts: list[Part] = []
+    unused: list[Unused] = []
+    for container, channels in _open_files(path, strict, check_crc, limit_bytes, log):
+        _note(container, log, path.is_dir())
+        for channel in channels:
+            if isinstance(channel, Part):
+                parts.append(channel)
+            else:
+                unused.append(channel)
+    if strict and log.ended_abnormally:
+        raise ReadError(path, log.ended_abnormally, hint="read it without strict to use what is there")
+    streams, topics = _streams(parts, log, strict)
+    topics += [Topic(item.topic, item.type, item.container.counts[item.channel], False, item.why) for item in unused]
+    return Recording(str(path), "mcap", tuple(streams), tuple(_by_topic(topics)), log)
+
+
+def _open_files(
+    path: Path, strict: bool, check_crc: bool, limit_bytes: int, log: ReadLog
+) -> list[tuple[Container, list[Part | Unused]]]:
+    """Open all files by start time; a damaged one of several is noted and left out."""
+    files = recording_files(path)
+    opened = []
+    for file in files:
+        try:
+            container = Container(file, check_crc=check_crc, limit_bytes=limit_bytes)
+            opened.append((container, [classify(container, known) for known in _channels(container)]))
+        except ReadError as error:
+            if strict or len(files) == 1:
+                raise
+            log.warn(f"{error}; this file is left out")
+    if not opened:
+        raise ReadError(path, f"none of its {len(files)} files can be read; {log.warnings[0]}")
+    return sorted(opened, key=lambda pair: pair[0].segments[0].start if pair[0].segments else 0)
+
+
+def _channels(container: Container) -> list[Channel]:
+    return [container.channels[number] for number in sorted(container.channels)]
+
+
+def _note(container: Container, log: ReadLog, named: bool) -> None:
+    """Take over what was noticed about a file."""
+    prefix = f"{container.path.name}: " if named else ""
+    if container.ended_abnormally:
+        before = f"{log.ended_abnormally}; " if log.ended_abnormally else ""
+        log.ended_abnormally = f"{before}{prefix}{container.ended_abnormally}"
+    for warning in container.warnings:
+        log.warn(prefix + warning)
+    for number in container.counts.keys() - container.channels.keys():
+        log.warn(f"{prefix}{container.counts[number]} messages name channel {number}, which the file does not define")
+
+
+def _streams(parts: Sequence[Part], log: ReadLog, strict: bool) -> tuple[list[Stream], list[Topic]]:
+    """Return a stream for each group of channels that holds anything, and what became of each topic."""
+    streams, topics = [], []
+    for kind, group in dict.fromkeys((part.kind, part.group) for part in parts):
+        mine = [part for part in parts if (part.kind, part.group) == (kind, group)]
+        seen = ReadLog()
+        first = first_look(mine, kind, seen)
+        why = {"joints": "joint positions", "frames": "poses of frames", "angles": "a posture table"}.get(kind, "")
+        if first is None:
+            why = "only static transforms" if all(part.static for part in mine) else "none of its messages is usable"
+            why += f" ({seen.first_skipped})" if seen.first_skipped else ""
+        else:
+            streams.append(StreamReader(mine, kind, first, log, strict=strict).stream(_main_topic(mine)))
+        topics += [
+            Topic(part.topic, part.type, part.container.counts[part.channel], first is not None, why) for part in mine
+        ]
+    return streams, topics
+
+
+def _main_topic(parts: Sequence[Part]) -> str:
+    moving = [part for part in parts if not part.static]
+    return max(moving, key=lambda part: part.container.counts[part.channel]).topic
+
+
+def _by_topic(topics: Sequence[Topic]) -> list[Topic]:
+    """Return one line for each topic and type: counts of several publishers and files are added."""
+    joined: dict[tuple[str, str], Topic] = {}
+    for topic in topics:
+        known = joined.get((topic.name, topic.type))
+        if known is not None:
+            topic = Topic(
+                topic.name,
+                topic.type,
+                (known.count or 0) + (topic.count or 0),
+                known.usable or topic.usable,
+                known.why if known.usable else topic.why,
+            )
+        joined[topic.name, topic.type] = topic
+    return list(joined.values())

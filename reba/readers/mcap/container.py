@@ -1,0 +1,342 @@
+"""The structure of an MCAP file: where its chunks are, what channels it has, how it ends.
+
+Opening walks the top-level records of the whole file, one small read per chunk, so neither the summary nor any index
+has to be believed. The summary is used for one thing only: to list channels and count messages without unpacking all
+chunks, and only if its own CRC and counts are right. Everything else comes from the data section.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from mcap.opcode import Opcode
+
+from reba.errors import ReadError
+from reba.readers.mcap import records
+from reba.readers.mcap.compression import BadChunk, unpack
+from reba.readers.mcap.records import BadRecord, Channel, ChunkHead, Scan, Schema
+from reba.readers.mcap.source import MAGIC, Source
+
+_PEEK: Final = 1 << 14
+_WINDOW: Final = 1 << 20
+_RECORD_AGAIN: Final = "copy the file again from its source, or record it again"
+_FOOTER: Final = 20
+
+
+@dataclass
+class Segment:
+    """A chunk, or a run of message records outside chunks.
+
+    Attributes:
+        offset: where its records (packed or not) start in the file.
+        size: their bytes in the file.
+        chunk: the head of the chunk, None for records outside chunks.
+        start: earliest log time [ns].
+        channels: messages of each channel by the message indexes behind it: a hint, never trusted; None: not known.
+    """
+
+    offset: int
+    size: int
+    chunk: ChunkHead | None
+    start: int
+    channels: dict[int, int] | None = None
+
+
+@dataclass
+class Loaded:
+    """The records of one segment, unpacked and found."""
+
+    segment: Segment
+    data: bytes
+    scan: Scan
+
+    def where(self, payload: int) -> str:
+        """Say in words where the message with this payload stands."""
+        at = payload - records.HEAD - records.MESSAGE_HEAD
+        if self.segment.chunk is None:
+            return f"byte {self.segment.offset + at}"
+        return f"byte {at} of the chunk at byte {self.segment.offset}"
+
+
+@dataclass
+class _Summary:
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    counts: dict[int, int] | None = None
+    channel_count: int = -1
+    start: int = 0
+    footer: tuple[int, int, int] | None = None
+    footer_at: int = 0
+
+
+class Container:
+    """One MCAP file, opened.
+
+    Attributes:
+        segments: chunks and runs of bare records, by start time.
+        schemas, channels: definitions by id.
+        counts: messages of each channel.
+        ended_abnormally: None, or how the file breaks off.
+        warnings: what else a user must know.
+
+    Raises:
+        ReadError: the file is no MCAP recording or damaged in a way that would make its data wrong.
+    """
+
+    def __init__(self, path: Path, *, check_crc: bool, limit_bytes: int) -> None:
+        self.path = path
+        self.source = Source(path, limit_bytes)
+        self.check_crc = check_crc
+        self.limit_bytes = limit_bytes
+        self.segments: list[Segment] = []
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.counts: Counter[int] = Counter()
+        self.ended_abnormally: str | None = None
+        self.warnings: list[str] = []
+        self.span: tuple[int, int] | None = None
+        self._last: Loaded | None = None
+        self._index()
+
+    def load(self, segment: Segment) -> Loaded:
+        """Return the records of a segment, checked; the last one stays at hand.
+
+        Raises:
+            ReadError: its bytes are damaged, or its definitions contradict others.
+        """
+        if self._last is None or self._last.segment is not segment:
+            self._last = None
+            data = self._bytes(segment)
+            try:
+                loaded = Loaded(segment, data, records.scan(data))
+                self._define(data, loaded.scan)
+            except BadRecord as error:
+                place = segment.offset + (0 if segment.chunk else error.offset)
+                inside = f"byte {error.offset} of the unpacked chunk: " if segment.chunk else ""
+                raise ReadError(
+                    self.path, f"damaged record ({inside}{error.what})", hint=_RECORD_AGAIN, offset=place
+                ) from error
+            self._last = loaded
+        return self._last
+
+    def _bytes(self, segment: Segment) -> bytes:
+        packed = self.source.read_at(segment.offset, segment.size)
+        head = segment.chunk
+        if len(packed) != segment.size:
+            raise ReadError(
+                self.path,
+                "the file became shorter while it was read",
+                hint="wait until it is recorded or copied",
+                offset=segment.offset,
+            )
+        if head is None:
+            return packed
+        try:
+            data = unpack(packed, head.compression, head.size)
+        except BadChunk as error:
+            raise ReadError(self.path, str(error), hint=_RECORD_AGAIN, offset=segment.offset) from error
+        if self.check_crc and head.crc and zlib.crc32(data) != head.crc:
+            raise ReadError(
+                self.path,
+                "the CRC of the chunk differs from its bytes, so numbers in it are wrong",
+                hint=_RECORD_AGAIN + "; check_crc=False reads it all the same",
+                offset=segment.offset,
+            )
+        return data
+
+    def _define(self, data: bytes, found: Scan) -> None:
+        for opcode, start, stop in found.definitions:
+            self._add(opcode, data[start:stop])
+
+    def _add(self, opcode: int, content: bytes) -> None:
+        """Add a schema or channel; the same id may come again, but not with another meaning."""
+        known: dict[int, Schema] | dict[int, Channel]
+        new: Schema | Channel
+        if opcode == Opcode.SCHEMA:
+            new, known = records.schema(content), self.schemas
+        else:
+            new, known = records.channel(content), self.channels
+        if known.setdefault(new.id, new) != new:  # type: ignore[arg-type]
+            raise BadRecord(0, f"{Opcode(opcode).name.lower()} {new.id} is defined twice, differently")
+
+    def _index(self) -> None:
+        summary = _Summary()
+        closed = self._ends_with_magic()
+        try:
+            for at, opcode, length in self._walk(closed):
+                self._note(summary, at, opcode, length)
+        except BadRecord as error:
+            raise ReadError(self.path, error.what, hint=_RECORD_AGAIN, offset=error.offset) from error
+        if summary.footer is not None and not closed:
+            self.warnings.append("the magic bytes at the end of the file are wrong; all records before are there")
+        complete = self.ended_abnormally is None
+        if complete and self._summary_holds(summary):
+            self.schemas |= summary.schemas
+            self.channels |= summary.channels
+            self.counts = Counter(summary.counts)
+        else:
+            self._count()
+        if self.ended_abnormally is None and summary.footer is None:
+            self.ended_abnormally = f"no footer at byte {self.source.size}, the recorder did not close the file"
+        if self.ended_abnormally is not None:
+            self.ended_abnormally += f"; {sum(self.counts.values())} messages read{self._until()}"
+        starts = [segment.start for segment in self.segments]
+        if starts != sorted(starts):
+            self.warnings.append("chunks are not in the order of time in the file; they are read by start time")
+            self.segments.sort(key=lambda segment: segment.start)
+
+    def _ends_with_magic(self) -> bool:
+        size = self.source.size
+        return size >= 2 * len(MAGIC) and self.source.read_at(size - len(MAGIC), len(MAGIC)) == MAGIC
+
+    def _walk(self, closed: bool) -> Iterator[tuple[int, int, int]]:
+        """Yield (offset of content, opcode, length) of every top-level record; note where the file breaks off."""
+        at, end = len(MAGIC), self.source.size
+        opcode = -1
+        while at < end and opcode != Opcode.FOOTER:
+            head = self._window(at, records.HEAD)
+            opcode, length = (head[0], int.from_bytes(head[1:9], "little")) if len(head) >= 9 else (-1, 0)
+            stop = at + records.HEAD + length
+            if opcode <= 0 or stop > end:
+                what = self._break(at, opcode, length, end)
+                if closed:
+                    raise BadRecord(at, f"{what}, although the file was closed properly")
+                self.ended_abnormally = what
+                return
+            if opcode == Opcode.MESSAGE:
+                at = self._bare(at)
+            else:
+                yield at + records.HEAD, opcode, length
+                at = stop
+
+    @staticmethod
+    def _break(at: int, opcode: int, length: int, end: int) -> str:
+        if opcode == 0:
+            return f"zeros instead of a record at byte {at}"
+        kind = "a chunk" if opcode == Opcode.CHUNK else "a record"
+        if opcode < 0:
+            return f"cut inside the head of a record at byte {at} of {end}"
+        return f"cut inside {kind} at byte {at} of {end} ({length} bytes declared)"
+
+    def _window(self, at: int, count: int) -> bytes:
+        """Return bytes of the file through a small read-ahead."""
+        start, data = getattr(self, "_ahead", (0, b""))
+        if not start <= at or at + count > start + len(data):
+            start, data = at, self.source.read_at(at, max(_PEEK, count))
+            self._ahead = (start, data)
+        return bytes(data[at - start : at - start + count])
+
+    def _bare(self, at: int) -> int:
+        """Note a run of messages outside chunks that starts at `at`, return where it ends."""
+        length = int.from_bytes(self._window(at, records.HEAD)[1:], "little")
+        self._check_size(at, length)
+        data = self.source.read_at(at, max(_WINDOW, records.HEAD + length))
+        try:
+            found = records.scan(data, whole=False)
+            self._define(data, found)
+        except BadRecord as error:
+            raise BadRecord(at + error.offset, error.what) from error
+        self._tally(found)
+        self.segments.append(Segment(at, found.end, None, int(found.times.min())))
+        return at + found.end
+
+    def _tally(self, found: Scan) -> None:
+        if len(found.times):
+            self.counts.update(Counter(found.channels.tolist()))
+            first, last = int(found.times.min()), int(found.times.max())
+            self.span = (first, last) if self.span is None else (min(first, self.span[0]), max(last, self.span[1]))
+
+    def _note(self, summary: _Summary, at: int, opcode: int, length: int) -> None:
+        """Take from one top-level record what is needed."""
+        after_data = summary.start > 0
+        if opcode == Opcode.CHUNK:
+            self._note_chunk(at, length)
+        elif opcode == Opcode.MESSAGE_INDEX and self.segments and length >= records.INDEX_HEAD:
+            number, count = records.message_index(self._window(at, records.INDEX_HEAD))
+            hints = self.segments[-1].channels = self.segments[-1].channels or {}
+            hints[number] = hints.get(number, 0) + count
+        elif opcode == Opcode.DATA_END:
+            summary.start = at + length
+        elif opcode == Opcode.FOOTER:
+            self._note_footer(summary, at, length)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS):
+            self._check_size(at, length)
+            self._note_definition(summary if after_data else None, opcode, self._window(at, length), at)
+
+    def _note_chunk(self, at: int, length: int) -> None:
+        try:
+            head = records.chunk_head(self._window(at, min(length, 128)), length)
+        except BadRecord as error:
+            raise BadRecord(at, error.what) from error
+        if head.size > self.limit_bytes:
+            raise BadRecord(
+                at,
+                f"a chunk declares {head.size} unpacked bytes, the limit is {self.limit_bytes} (limit_bytes)",
+            )
+        if head.size:
+            self.segments.append(Segment(at + head.records_at, head.records_size, head, head.start))
+
+    def _check_size(self, at: int, length: int) -> None:
+        if length > self.limit_bytes:
+            raise BadRecord(at, f"a record of {length} bytes exceeds the limit of {self.limit_bytes} (limit_bytes)")
+
+    def _note_footer(self, summary: _Summary, at: int, length: int) -> None:
+        if length == _FOOTER:
+            fields = records.Fields(self._window(at, length))
+            summary.footer = (fields.u64(), fields.u64(), fields.u32())
+            summary.footer_at = at - records.HEAD
+
+    def _note_definition(self, summary: _Summary | None, opcode: int, content: bytes, at: int) -> None:
+        """Take a definition of the data section, or one of the summary, which may be wrong without harm."""
+        try:
+            if summary is None:
+                if opcode != Opcode.STATISTICS:
+                    self._add(opcode, content)
+            elif opcode == Opcode.SCHEMA:
+                schema = records.schema(content)
+                summary.schemas[schema.id] = schema
+            elif opcode == Opcode.CHANNEL:
+                channel = records.channel(content)
+                summary.channels[channel.id] = channel
+            else:
+                summary.channel_count, summary.counts = records.statistics(content)
+        except BadRecord as error:
+            if summary is None:
+                raise BadRecord(at, error.what) from error
+            summary.counts = None
+
+    def _summary_holds(self, summary: _Summary) -> bool:
+        """Say whether the summary may stand for the data section: complete, and its CRC given and right."""
+        if summary.footer is None or summary.counts is None:
+            return False
+        start, _, crc = summary.footer
+        size = summary.footer_at - start
+        if crc == 0 or start != summary.start or size > self.limit_bytes:
+            return False
+        # The CRC covers the footer up to the CRC itself.
+        data = self.source.read_at(start, size + records.HEAD + _FOOTER - 4)
+        listed = summary.channels.keys() | self.channels.keys()
+        hinted = {number for segment in self.segments for number in segment.channels or ()}
+        agree = all(summary.channels.get(number, known) == known for number, known in self.channels.items())
+        return (
+            zlib.crc32(data) == crc
+            and summary.channel_count == len(summary.channels)
+            and hinted | summary.counts.keys() <= listed
+            and agree
+        )
+
+    def _count(self) -> None:
+        """Unpack every chunk once to learn channels and counts, where no summary tells them."""
+        for segment in self.segments:
+            if segment.chunk is not None:
+                found = self.load(segment).scan
+                self._tally(found)
+                segment.channels = dict(Counter(found.channels.tolist()))
+
+    def _until(self) -> str:
+        return f", the last {(self.span[1] - self.span[0]) / 1e9:.3f} s after the first" if self.span else ""

@@ -1,0 +1,280 @@
+"""Messages of one channel to pieces: arrays of time and values that share their names.
+
+`ColumnDecoder` serves every encoding with a layout (CDR, ROS 1, protobuf), `JsonDecoder` the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.readers.mcap.container import Loaded
+from reba.readers.mcap.layout import VARINT, Layout, Rows, Run, Span, Undecodable, Walked, runs, take
+from reba.readers.mcap.picks import Pick, Picker, Stamp, Value
+from reba.readers.stream import ReadLog
+
+NO_STAMP: Final = np.iinfo(np.int64).min
+"""Stamp of a message that carries none, or zero."""
+_MOST_LAYOUTS: Final = 64
+"""Layouts kept for one message length; messages of further ones are walked one by one."""
+_MOST_LENGTHS: Final = 64
+_NANO: Final = 1_000_000_000
+_ERRORS: Final = (ValueError, TypeError, OverflowError, RecursionError)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """n samples with the same names.
+
+    Attributes:
+        stamp: (n,) time in the message [ns since 1970], `NO_STAMP` where it has none.
+        log: (n,) log time [ns since 1970].
+        names: k names.
+        parents: frames only: k parents.
+        values: (n, k) or (n, 7 k).
+    """
+
+    stamp: NDArray[np.int64]
+    log: NDArray[np.int64]
+    names: tuple[str, ...]
+    parents: tuple[str, ...]
+    values: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Messages of one channel in a loaded segment: (n,) starts and lengths of payloads, log times [ns]."""
+
+    loaded: Loaded
+    starts: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    times: NDArray[np.int64]
+
+    def select(self, chosen: NDArray[np.bool_]) -> Batch:
+        """Return the messages for which `chosen` (n,) is true."""
+        return Batch(self.loaded, self.starts[chosen], self.lengths[chosen], self.times[chosen])
+
+    def payload(self, index: int) -> bytes:
+        """Return the bytes of one message."""
+        start = int(self.starts[index])
+        return self.loaded.data[start : start + int(self.lengths[index])]
+
+
+class Decoder(Protocol):
+    """Turns messages into pieces; messages without any use are counted in the log."""
+
+    def decode(self, batch: Batch, log: ReadLog) -> list[Piece]:
+        """Return the pieces of a batch, in any order."""
+
+
+@dataclass
+class _Plan:
+    """What to take from the messages of one layout; `joined`: all names and parents; `error`: why it is of no use."""
+
+    layout: Layout
+    picks: list[Pick] = field(default_factory=list)
+    runs: list[Run] = field(default_factory=list)
+    constant: dict[int, float] = field(default_factory=dict)
+    joined: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+    error: str = ""
+
+
+class ColumnDecoder:
+    """Decodes messages whose layout can be walked.
+
+    Args:
+        walk: finds the fields of one message.
+        pick: finds its usable numbers.
+        wanted: names to keep, None for all.
+    """
+
+    def __init__(self, walk: Callable[[bytes], Walked], pick: Picker, wanted: frozenset[str] | None) -> None:
+        self._walk = walk
+        self._pick = pick
+        self._wanted = wanted
+        self._plans: dict[int, list[_Plan]] = {}
+
+    def decode(self, batch: Batch, log: ReadLog) -> list[Piece]:
+        """Return the pieces of a batch, in any order."""
+        pieces: list[Piece] = []
+        data = np.frombuffer(batch.loaded.data, np.uint8)
+        for length in np.unique(batch.lengths).tolist():
+            same = batch.lengths == length
+            group = batch if same.all() else batch.select(same)
+            self._decode_group(group, data, length, pieces, log)
+        return pieces
+
+    def _decode_group(
+        self, batch: Batch, data: NDArray[np.uint8], length: int, pieces: list[Piece], log: ReadLog
+    ) -> None:
+        """Decode messages of one length: by the layouts known, then by the layouts of those left."""
+        if len(self._plans) >= _MOST_LENGTHS and length not in self._plans:
+            self._plans.pop(next(iter(self._plans)))
+        plans = self._plans.setdefault(length, [])
+        tried = 0
+        while len(batch.starts):
+            rows = Rows(data, batch.starts, length)
+            if tried < len(plans):
+                plan = plans[tried]
+                tried += 1
+            else:
+                plan = self._new_plan(rows.first())
+                if len(plans) < _MOST_LAYOUTS and not plan.error:
+                    plans.append(plan)
+                    tried = len(plans)
+            fits = plan.layout.matches(rows)
+            if not fits.any():
+                continue
+            if plan.error:
+                index = int(np.argmax(fits))
+                where = batch.loaded.where(int(batch.starts[index]))
+                log.skip(int(fits.sum()), f"message at {where}: {plan.error}")
+            else:
+                pieces.extend(_extract(plan, rows.select(fits), batch.times[fits]))
+            batch = batch.select(~fits)
+
+    def _new_plan(self, message: bytes) -> _Plan:
+        """Return the plan of the layout of one message; the plan of a damaged one fits this message alone."""
+        alone = Walked(fixed=[(0, len(message))])
+        try:
+            walked = self._walk(message)
+        except Undecodable as error:
+            return _Plan(Layout(alone, message), error=str(error))
+        try:
+            picks = self._pick(walked.tree)
+        except Undecodable as error:
+            return _Plan(Layout(walked, message), error=str(error))
+        plan = _Plan(Layout(walked, message), [kept for pick in picks if (kept := pick.only(self._wanted)).names])
+        values = [value for pick in plan.picks for value in pick.values]
+        plan.runs, plan.constant = runs(values)
+        names = tuple(name for pick in plan.picks for name in pick.names)
+        if len(set(names)) == len(names):
+            plan.joined = names, tuple(parent for pick in plan.picks for parent in pick.parents)
+        return plan
+
+
+def _extract(plan: _Plan, rows: Rows, times: NDArray[np.int64]) -> list[Piece]:
+    """Return the pieces of messages of one layout: one if all picks share their time, else one for each pick."""
+    if not plan.picks:
+        return []
+    width = sum(len(pick.values) for pick in plan.picks)
+    values = take(rows, plan.runs, plan.constant, width)
+    if plan.joined is not None and _share_time(plan.picks, rows):
+        return [Piece(_stamp(plan.picks[0].stamp, rows), times, *plan.joined, values)]
+    pieces, column = [], 0
+    for pick in plan.picks:
+        part = values[:, column : column + len(pick.values)]
+        pieces.append(Piece(_stamp(pick.stamp, rows), times, pick.names, pick.parents, part))
+        column += len(pick.values)
+    return pieces
+
+
+def _share_time(picks: list[Pick], rows: Rows) -> bool:
+    """Say whether all picks of each row carry one time."""
+    first = _raw_stamp(picks[0].stamp, rows)
+    return all(np.array_equal(_raw_stamp(pick.stamp, rows), first) for pick in picks[1:])
+
+
+def _raw_stamp(stamp: Stamp | None, rows: Rows) -> NDArray[np.generic]:
+    """Return (n,) the bytes of a time as one number if they stand together, else the time."""
+    seconds, nanos = stamp or (None, None)
+    if not isinstance(seconds, Span) or not isinstance(nanos, Span):
+        return _stamp(stamp, rows)
+    together = seconds.code[1:] == "i4" and nanos.start == seconds.start + 4
+    return rows.numbers(seconds.start, "u8", 1)[:, 0] if together else _stamp(stamp, rows)
+
+
+def _stamp(stamp: Stamp | None, rows: Rows) -> NDArray[np.int64]:
+    if stamp is None:
+        return np.full(len(rows), NO_STAMP)
+    seconds, nanos = (_whole(part, rows) for part in stamp)
+    total = seconds * _NANO + nanos
+    total[(seconds <= 0) & (nanos == 0)] = NO_STAMP
+    return total
+
+
+def _whole(value: Value, rows: Rows) -> NDArray[np.int64]:
+    if not isinstance(value, Span):
+        return np.full(len(rows), int(value or 0), np.int64)
+    if value.code == VARINT:
+        return rows.varint(value.start, value.count)
+    return rows.numbers(value.start, value.code, 1)[:, 0].astype(np.int64)
+
+
+class JsonDecoder:
+    """Decodes JSON messages one by one.
+
+    Args:
+        pick: finds the usable numbers of a message.
+        wanted: names to keep, None for all.
+    """
+
+    def __init__(self, pick: Picker, wanted: frozenset[str] | None) -> None:
+        self._pick = pick
+        self._wanted = wanted
+
+    def decode(self, batch: Batch, log: ReadLog) -> list[Piece]:
+        """Return the pieces of a batch, in any order."""
+        groups: dict[tuple[tuple[str, ...], tuple[str, ...]], list[tuple[int, int, tuple[Value, ...]]]] = {}
+        for index, time in enumerate(batch.times.tolist()):
+            try:
+                picks = self._pick(load_json(batch.payload(index)))
+            except Undecodable as error:
+                log.skip(1, f"message at {batch.loaded.where(int(batch.starts[index]))}: {error}")
+                continue
+            for pick in picks:
+                kept = pick.only(self._wanted)
+                if kept.names:
+                    sample = (_json_stamp(kept.stamp), time, kept.values)
+                    groups.setdefault((kept.names, kept.parents), []).append(sample)
+        return [
+            Piece(
+                np.array([stamp for stamp, _, _ in samples], np.int64),
+                np.array([time for _, time, _ in samples], np.int64),
+                names,
+                parents,
+                np.array([values for _, _, values in samples], np.float64),
+            )
+            for (names, parents), samples in groups.items()
+        ]
+
+
+def _json_stamp(stamp: Stamp | None) -> int:
+    if stamp is None:
+        return NO_STAMP
+    seconds, nanos = stamp
+    if not isinstance(seconds, int) or not isinstance(nanos, int):
+        return NO_STAMP
+    return seconds * _NANO + nanos
+
+
+def load_json(message: bytes) -> Any:
+    """Return a JSON value; orjson reads it if installed, the standard library what orjson refuses (NaN).
+
+    Raises:
+        Undecodable: it is no JSON text.
+    """
+    try:
+        return _fast_loads(message)
+    except _ERRORS:
+        pass
+    import json
+
+    try:
+        return json.loads(message)
+    except _ERRORS as error:
+        raise Undecodable(f"it is no JSON text ({str(error)[:60]})") from error
+
+
+def _fast_loads(message: bytes) -> Any:
+    try:
+        import orjson
+    except ImportError:
+        import json
+
+        return json.loads(message)
+    return orjson.loads(message)

@@ -1,0 +1,196 @@
+"""The layout of one message, and numbers of all messages that share it, column by column.
+
+Walking a message field by field costs tens of microseconds in Python. But the messages of a topic nearly always have
+the same layout: only numbers differ, while counts and names stay. So one message is walked; what it finds are the
+places of its numbers (`Span`) and the bytes that decide where these are ("fixed": counts, lengths, names that matter).
+Every other message of the same length whose fixed bytes are equal has its numbers in the same places, and numpy takes
+them from all these messages at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.readers.mcap.records import gather
+
+VARINT: Final = "varint"
+"""Type of a number in the base-128 encoding of protobuf."""
+_WORD: Final = 8
+_NEAR: Final = 16
+"""Fixed bytes that are not further apart than this are compared together."""
+
+
+class Undecodable(Exception):
+    """A message that does not fit its schema, or holds nothing usable; the text says where and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Where numbers stand in a message: `count` of the numpy type `code` (with byte order) from byte `start`.
+
+    A varint has the code `VARINT`, and `count` is its number of bytes. `scalar` tells a field from an array of one.
+    """
+
+    start: int
+    code: str
+    count: int = 1
+    scalar: bool = True
+
+    def items(self) -> list[Span]:
+        """Return a span for each number of an array."""
+        size = int(self.code[-1])
+        return [Span(self.start + index * size, self.code) for index in range(self.count)]
+
+
+Tree: TypeAlias = "Span | str | float | dict[str, Tree] | list[Tree] | None"
+"""A message as it was found: spans for numbers (JSON: the numbers), text, fields by name, elements in order."""
+
+
+@dataclass
+class Walked:
+    """What walking one message finds.
+
+    Attributes:
+        tree: the message.
+        fixed: (start, stop) of bytes that must be equal in another message of the same layout.
+        varints: (start, stop) of bytes of which only the highest bit must be equal.
+    """
+
+    tree: Tree = None
+    fixed: list[tuple[int, int]] = field(default_factory=list)
+    varints: list[tuple[int, int]] = field(default_factory=list)
+
+
+class Rows:
+    """Messages of one length in the bytes of a segment; row i starts at `starts[i]`."""
+
+    def __init__(self, data: NDArray[np.uint8], starts: NDArray[np.int64], length: int) -> None:
+        self.data = data
+        self.starts = starts
+        self.length = length
+        steps = np.diff(starts)
+        even = len(steps) > 0 and bool((steps == steps[0]).all())
+        self._step = int(steps[0]) if even else None
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def select(self, chosen: NDArray[np.bool_]) -> Rows:
+        """Return the rows for which `chosen` (n,) is true."""
+        return self if chosen.all() else Rows(self.data, self.starts[chosen], self.length)
+
+    def first(self) -> bytes:
+        """Return the bytes of the first row."""
+        start = int(self.starts[0])
+        return self.data[start : start + self.length].tobytes()
+
+    def numbers(self, start: int, code: str, count: int) -> NDArray[np.generic]:
+        """Return (n, count) numbers of type `code` that begin `start` bytes into each row."""
+        kind = np.dtype(code)
+        if self._step is not None:
+            at = int(self.starts[0]) + start
+            return np.ndarray(
+                (len(self), count),
+                kind,
+                self.data,
+                at,
+                (self._step, kind.itemsize),
+            )
+        return gather(self.data, self.starts + start, count * kind.itemsize).view(kind)
+
+    def varint(self, start: int, count: int) -> NDArray[np.int64]:
+        """Return (n,) numbers from varints of `count` bytes."""
+        parts = self.numbers(start, "u1", count).astype(np.uint64) & np.uint64(0x7F)
+        shifts = np.arange(0, 7 * count, 7, dtype=np.uint64)
+        return (parts << shifts).sum(axis=1, dtype=np.uint64).astype(np.int64)
+
+
+class Layout:
+    """The layout of a walked message, to be compared with others of the same length."""
+
+    def __init__(self, walked: Walked, message: bytes) -> None:
+        self.tree = walked.tree
+        template = np.frombuffer(message, np.uint8)
+        mask = np.zeros(len(message), np.uint8)
+        for start, stop in walked.fixed:
+            mask[start:stop] = 0xFF
+        for start, stop in walked.varints:
+            mask[start:stop] = 0x80
+        self._blocks = [(start, template[start:stop], mask[start:stop]) for start, stop in _blocks(mask, len(message))]
+
+    def matches(self, rows: Rows) -> NDArray[np.bool_]:
+        """Return (n,) whether each row has this layout."""
+        equal = np.ones(len(rows), bool)
+        for start, template, mask in self._blocks:
+            code = "u8" if len(template) % _WORD == 0 else "u1"
+            found = rows.numbers(start, code, len(template) // int(code[1]))
+            difference = found ^ template.view(code)
+            if difference.any():
+                equal &= ~(difference & mask.view(code)).any(axis=1)
+        return equal
+
+
+def _blocks(mask: NDArray[np.uint8], length: int) -> list[tuple[int, int]]:
+    """Return stretches that cover the masked bytes, of whole words unless the message is shorter."""
+    where = np.flatnonzero(mask)
+    if not len(where):
+        return []
+    cuts = np.flatnonzero(np.diff(where) > _NEAR)
+    starts = where[np.concatenate([[0], cuts + 1])].tolist()
+    stops = (where[np.concatenate([cuts, [len(where) - 1]])] + 1).tolist()
+    blocks = []
+    for start, stop in zip(starts, stops, strict=True):
+        size = min(-(-(stop - start) // _WORD) * _WORD, length)
+        start = min(start, length - size)
+        blocks.append((start, start + size))
+    return blocks
+
+
+@dataclass(frozen=True)
+class Run:
+    """Numbers that stand side by side in a message and in the result."""
+
+    start: int
+    code: str
+    count: int
+    column: int
+
+
+def runs(spans: Sequence[Span | float | None]) -> tuple[list[Run], dict[int, float]]:
+    """Return the runs of adjacent spans, and the columns that are constant (None: NaN)."""
+    found: list[Run] = []
+    constant: dict[int, float] = {}
+    for column, span in enumerate(spans):
+        if not isinstance(span, Span):
+            constant[column] = float("nan") if span is None else float(span)
+            continue
+        last = found[-1] if found else None
+        if (
+            last is not None
+            and span.code != VARINT
+            and last.code == span.code
+            and last.column + last.count == column
+            and last.start + last.count * int(span.code[-1]) == span.start
+        ):
+            found[-1] = Run(last.start, last.code, last.count + 1, last.column)
+        else:
+            found.append(Run(span.start, span.code, span.count, column))
+    return found, constant
+
+
+def take(rows: Rows, found: Sequence[Run], constant: dict[int, float], width: int) -> NDArray[np.float64]:
+    """Return (n, width) numbers of all rows."""
+    result = np.empty((len(rows), width))
+    for column, value in constant.items():
+        result[:, column] = value
+    for run in found:
+        if run.code == VARINT:
+            result[:, run.column] = rows.varint(run.start, run.count)
+        else:
+            result[:, run.column : run.column + run.count] = rows.numbers(run.start, run.code, run.count)
+    return result

@@ -1,0 +1,231 @@
+"""What a message means to posture: which numbers of its tree are joint positions, poses or angles.
+
+A tree comes from CDR, ROS 1, protobuf (numbers are spans) or JSON (numbers are numbers); the same functions serve all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from reba.factors import FACTORS
+from reba.posture import COLUMNS
+from reba.readers.mcap.layout import Span, Undecodable
+from reba.readers.stream import Kind
+
+Value = Span | float | None
+Stamp = tuple[Value, Value]
+"""Seconds and nanoseconds."""
+
+TEXTS: Final = frozenset({"name", "child_frame_id", "parent_frame_id", "frame_id"})
+"""Text fields that decide what numbers mean; other text may differ between messages of one layout."""
+POSE: Final = 7
+_XYZ, _XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
+
+
+@dataclass(frozen=True)
+class Pick:
+    """Usable numbers of a message.
+
+    Attributes:
+        stamp: the time in the message, None if it has none.
+        names: k signal names.
+        parents: frames only: k parent frames.
+        values: k numbers, or 7 k of poses.
+    """
+
+    stamp: Stamp | None
+    names: tuple[str, ...]
+    parents: tuple[str, ...]
+    values: tuple[Value, ...]
+
+    def only(self, wanted: frozenset[str] | None) -> Pick:
+        """Return the pick with the wanted names, each once (of several the last)."""
+        width = len(self.values) // max(len(self.names), 1)
+        index = {name: at for at, name in enumerate(self.names) if wanted is None or name in wanted}
+        if len(index) == len(self.names):
+            return self
+        kept = tuple(index.values())
+        return Pick(
+            self.stamp,
+            tuple(self.names[at] for at in kept),
+            tuple(self.parents[at] for at in kept) if self.parents else (),
+            tuple(value for at in kept for value in self.values[at * width : (at + 1) * width]),
+        )
+
+
+Picker = Callable[[Any], list[Pick]]
+
+
+def _fields(tree: Any) -> Mapping[str, Any]:
+    if not isinstance(tree, dict):
+        raise Undecodable("an object was expected")
+    return tree
+
+
+def number(value: Any) -> Value:
+    """Return a number of a tree; what is no number is None."""
+    if isinstance(value, Span):
+        return value if value.scalar else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if abs(value) < 1e300 or isinstance(value, float) else math.nan
+
+
+def _stamp(tree: Mapping[str, Any]) -> Stamp | None:
+    """Return the time of a message: ROS `header.stamp`, Foxglove `timestamp` or a bare `stamp`."""
+    header = tree.get("header")
+    stamp = header.get("stamp") if isinstance(header, dict) else tree.get("timestamp", tree.get("stamp"))
+    if not isinstance(stamp, dict):
+        return None
+    seconds = next((stamp[key] for key in ("sec", "secs", "seconds") if key in stamp), None)
+    nanos = next((stamp[key] for key in ("nanosec", "nsec", "nsecs", "nanos") if key in stamp), 0)
+    return None if seconds in (None, 0) and nanos in (None, 0) else (_whole(seconds or 0), _whole(nanos or 0))
+
+
+def _whole(value: Any) -> Value:
+    if isinstance(value, Span):
+        return value
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 1 << 33:
+        raise Undecodable("the time stamp is not in whole seconds and nanoseconds")
+    return value
+
+
+def _name(value: Any, what: str) -> str:
+    if not isinstance(value, str):
+        raise Undecodable(f"{what} is no text")
+    return value
+
+
+def pick_joints(tree: Any) -> list[Pick]:
+    """Return names and positions of a joint state, parallel arrays or a list of {name, position}.
+
+    Raises:
+        Undecodable: it holds no joints, or not one position for each name.
+    """
+    joints = tree if isinstance(tree, list) else _fields(tree).get("joints")
+    stamp = _stamp(tree) if isinstance(tree, dict) else None
+    if isinstance(joints, list):
+        items = [_fields(joint) for joint in joints]
+        names: Any = [item.get("name", "") for item in items]
+        positions: list[Value] = [number(item.get("position")) for item in items]
+    else:
+        fields = _fields(tree)
+        names, given = fields.get("name"), fields.get("position")
+        if isinstance(given, Span):
+            positions = list(given.items())
+        else:
+            positions = [number(value) for value in given] if isinstance(given, list) else []
+    if not isinstance(names, list) or not names:
+        raise Undecodable("it names no joints")
+    if len(positions) != len(names):
+        raise Undecodable(f"{len(positions)} positions for {len(names)} names")
+    return [Pick(stamp, tuple(_name(name, "a joint name") for name in names), (), tuple(positions))]
+
+
+def pick_transforms(tree: Any) -> list[Pick]:
+    """Return the transforms of a TFMessage, FrameTransforms or a single transform, one pick for each.
+
+    Raises:
+        Undecodable: it holds none, or one without frames.
+    """
+    fields = _fields(tree)
+    transforms = fields.get("transforms", [fields])
+    if not isinstance(transforms, list) or not transforms:
+        raise Undecodable("it holds no transforms")
+    return [_transform(_fields(transform)) for transform in transforms]
+
+
+def _transform(item: Mapping[str, Any]) -> Pick:
+    header = item.get("header")
+    parent = header.get("frame_id") if isinstance(header, dict) else item.get("parent_frame_id", "")
+    child = _name(item.get("child_frame_id", ""), "a frame name").strip("/")
+    if not child:
+        raise Undecodable("a transform names no child frame")
+    inner = item.get("transform", item)
+    values = _pose(_fields(inner).get("translation", {}), _fields(inner).get("rotation", {}))
+    return Pick(_stamp(item), (child,), (_name(parent, "a frame name").strip("/"),), values)
+
+
+def _pose(position: Any, rotation: Any) -> tuple[Value, ...]:
+    # Protobuf leaves out numbers that are zero.
+    return tuple(number(_fields(position).get(axis, 0.0)) for axis in _XYZ) + tuple(
+        number(_fields(rotation).get(axis, 0.0)) for axis in _XYZW
+    )
+
+
+def pick_links(tree: Any) -> list[Pick]:
+    """Return the absolute segment poses of a LinkStateArray; a segment's name is the frame of its header.
+
+    Raises:
+        Undecodable: it holds none, or one without a name or pose.
+    """
+    fields = _fields(tree)
+    states = fields.get("states")
+    if not isinstance(states, list) or not states:
+        raise Undecodable("it holds no segments")
+    names: list[str] = []
+    values: list[Value] = []
+    for state in map(_fields, states):
+        name = _name(_fields(state.get("header")).get("frame_id"), "a segment name").strip("/")
+        pose = _fields(state.get("pose"))
+        names.append(name)
+        values.extend(_pose(pose.get("position"), pose.get("orientation")))
+    # The stamps of the segments of one message differ by microseconds in some drivers; they are one frame.
+    return [Pick(_stamp(fields) or _stamp(states[0]), tuple(names), ("",) * len(names), tuple(values))]
+
+
+def pick_angles(tree: Any) -> list[Pick]:
+    """Return the columns of one row of a posture table; its `time` [s] becomes the stamp.
+
+    Raises:
+        Undecodable: it has none of the columns.
+    """
+    fields = _fields(tree)
+    names = tuple(name for name in TABLE_COLUMNS if name in fields)
+    if not names:
+        raise Undecodable("it has none of the posture columns")
+    time = number(fields.get("time"))
+    stamp: Stamp | None = None
+    if isinstance(time, float) and abs(time) < 1e9:
+        stamp = (0, round(time * 1e9))
+    values = tuple(float(v) if isinstance(v := fields[name], bool) else number(v) for name in names)
+    return [Pick(stamp, names, (), values)]
+
+
+TABLE_COLUMNS: Final = (*COLUMNS, "shoulder_raised_left", "shoulder_raised_right", *FACTORS)
+"""Columns that a row of a posture table may have."""
+
+PICKERS: Final[Mapping[str, tuple[Kind, Picker]]] = {
+    "sensor_msgs/JointState": ("joints", pick_joints),
+    "foxglove.JointStates": ("joints", pick_joints),
+    "foxglove_msgs/JointStates": ("joints", pick_joints),
+    "tf2_msgs/TFMessage": ("frames", pick_transforms),
+    "tf/tfMessage": ("frames", pick_transforms),
+    "geometry_msgs/TransformStamped": ("frames", pick_transforms),
+    "foxglove.FrameTransform": ("frames", pick_transforms),
+    "foxglove.FrameTransforms": ("frames", pick_transforms),
+    "foxglove_msgs/FrameTransform": ("frames", pick_transforms),
+    "foxglove_msgs/FrameTransforms": ("frames", pick_transforms),
+    "xsens_mvn_msgs/LinkStateArray": ("frames", pick_links),
+    "xsens_mvn_ros2_msgs/LinkStateArray": ("frames", pick_links),
+    "xsens_mvn_ros_msgs/LinkStateArray": ("frames", pick_links),
+    "xsens_awinda_ros/LinkStateArray": ("frames", pick_links),
+    "reba.Posture": ("angles", pick_angles),
+}
+"""What the message types that hold postures mean. LinkStateArray: https://github.com/hrii-iit/xsens_mvn_ros."""
+
+
+def kind_of_json(tree: Any) -> tuple[Kind, Picker] | None:
+    """Return what a JSON message of unknown type is by its fields, None if it is nothing of use."""
+    if isinstance(tree, list):
+        return ("joints", pick_joints) if tree and isinstance(tree[0], dict) and "position" in tree[0] else None
+    if not isinstance(tree, dict):
+        return None
+    if "transforms" in tree or "child_frame_id" in tree:
+        return "frames", pick_transforms
+    if "joints" in tree or ("name" in tree and "position" in tree):
+        return "joints", pick_joints
+    return ("angles", pick_angles) if any(column in tree for column in COLUMNS) else None

@@ -1,0 +1,256 @@
+"""MCAP records from bytes: https://mcap.dev/spec#records. Every length is checked against the bytes that exist."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+HEAD: Final = 9
+"""Opcode and length before the content of every record."""
+MESSAGE_HEAD: Final = 22
+"""Channel, sequence, log time and publish time before the payload of a message."""
+INDEX_HEAD: Final = 6
+"""Channel and byte count at the head of a MessageIndex record."""
+
+_HEAD = struct.Struct("<BQ")
+_U16 = struct.Struct("<H")
+_U32 = struct.Struct("<I")
+_U64 = struct.Struct("<Q")
+_PROBE: Final = 16
+_KEPT_IN_DATA: Final = (Opcode.SCHEMA, Opcode.CHANNEL)
+
+
+class BadRecord(Exception):
+    """A record that cannot be as it says; `offset` counts from the start of the bytes that were parsed."""
+
+    def __init__(self, offset: int, what: str) -> None:
+        self.offset = offset
+        self.what = what
+        super().__init__(what)
+
+
+@dataclass(frozen=True)
+class Schema:
+    """A message definition: its name, how it is written and its text or descriptor."""
+
+    id: int
+    name: str
+    encoding: str
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A topic of one publisher, the encoding of its messages and the id of their schema (0: none)."""
+
+    id: int
+    schema_id: int
+    topic: str
+    encoding: str
+
+
+@dataclass(frozen=True)
+class ChunkHead:
+    """What a chunk says of itself: log times [ns], sizes [bytes], CRC-32 (0: none) and where its records start."""
+
+    start: int
+    end: int
+    size: int
+    crc: int
+    compression: str
+    records_at: int
+    records_size: int
+
+
+class Fields:
+    """A cursor over the fields of one record.
+
+    Raises:
+        BadRecord: a field reaches past the end of the record.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.at = 0
+
+    def _number(self, form: struct.Struct) -> int:
+        if self.at + form.size > len(self.data):
+            raise BadRecord(self.at, "a record ends inside a field")
+        (value,) = form.unpack_from(self.data, self.at)
+        self.at += form.size
+        return int(value)
+
+    def u16(self) -> int:
+        """Return the next two bytes as a number."""
+        return self._number(_U16)
+
+    def u32(self) -> int:
+        """Return the next four bytes as a number."""
+        return self._number(_U32)
+
+    def u64(self) -> int:
+        """Return the next eight bytes as a number."""
+        return self._number(_U64)
+
+    def data32(self) -> bytes:
+        """Return the bytes behind a four-byte length."""
+        length = self.u32()
+        if self.at + length > len(self.data):
+            raise BadRecord(
+                self.at, f"a field of {length} bytes stands in a record with {len(self.data) - self.at} left"
+            )
+        self.at += length
+        return self.data[self.at - length : self.at]
+
+    def text(self) -> str:
+        """Return a string."""
+        at = self.at
+        try:
+            return self.data32().decode()
+        except UnicodeDecodeError as error:
+            raise BadRecord(at, "a name is not UTF-8 text") from error
+
+
+def schema(content: bytes) -> Schema:
+    """Return the schema of a Schema record."""
+    fields = Fields(content)
+    return Schema(fields.u16(), fields.text(), fields.text(), fields.data32())
+
+
+def channel(content: bytes) -> Channel:
+    """Return the channel of a Channel record (its metadata are not needed)."""
+    fields = Fields(content)
+    return Channel(fields.u16(), fields.u16(), fields.text(), fields.text())
+
+
+def chunk_head(content: bytes, length: int) -> ChunkHead:
+    """Return the head of a chunk from the first bytes of its content, which is `length` bytes long.
+
+    Raises:
+        BadRecord: its records do not fill the record.
+    """
+    fields = Fields(content)
+    start, end, size, crc = fields.u64(), fields.u64(), fields.u64(), fields.u32()
+    compression, records_size = fields.text(), fields.u64()
+    if fields.at + records_size != length:
+        raise BadRecord(0, f"a chunk of {length} bytes says that its records take {records_size}")
+    return ChunkHead(start, end, size, crc, compression, fields.at, records_size)
+
+
+def statistics(content: bytes) -> tuple[int, dict[int, int]]:
+    """Return the number of channels and the messages of each from a Statistics record."""
+    fields = Fields(content)
+    fields.u64()
+    fields.u16()
+    channels = fields.u32()
+    for _ in ("attachments", "metadata", "chunks"):
+        fields.u32()
+    fields.u64()
+    fields.u64()
+    counts = np.frombuffer(fields.data32(), np.uint8)
+    pairs = counts[: len(counts) // 10 * 10].reshape(-1, 10)
+    numbers = pairs[:, 2:].copy().view("<u8")[:, 0]
+    return channels, dict(zip(pairs[:, :2].copy().view("<u2")[:, 0].tolist(), numbers.tolist(), strict=True))
+
+
+def message_index(content: bytes) -> tuple[int, int]:
+    """Return the channel and the number of messages that a MessageIndex record lists."""
+    fields = Fields(content)
+    return fields.u16(), fields.u32() // 16
+
+
+@dataclass(frozen=True)
+class Scan:
+    """The records of a chunk, or of a run of records outside chunks.
+
+    Attributes:
+        payloads: (n,) where the payload of each message starts.
+        lengths: (n,) bytes of each payload.
+        channels: (n,) channel of each message.
+        times: (n,) log time [ns].
+        definitions: (opcode, start, stop) of schemas and channels among them.
+        end: where the scan stopped.
+    """
+
+    payloads: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    channels: NDArray[np.uint16]
+    times: NDArray[np.int64]
+    definitions: tuple[tuple[int, int, int], ...]
+    end: int
+
+
+def scan(data: bytes, *, whole: bool = True) -> Scan:
+    """Find the messages of a chunk (`whole`), or the complete ones at the head of a window of the data section.
+
+    Records of one size follow each other for long stretches in recordings of one topic, so a run of equal heads is
+    found by one comparison.
+
+    Raises:
+        BadRecord: a record reaches past the end of the chunk, or a message is too short to be one.
+    """
+    starts: list[int] = []
+    definitions: list[tuple[int, int, int]] = []
+    at, end, last = 0, len(data), -1
+    while at < end:
+        if end - at < HEAD:
+            if whole:
+                raise BadRecord(at, f"{end - at} bytes are left, too few for a record")
+            break
+        opcode, length = _HEAD.unpack_from(data, at)
+        stop = at + HEAD + length
+        if not whole and (opcode not in (Opcode.MESSAGE, *_KEPT_IN_DATA) or stop > end):
+            break
+        if stop > end:
+            raise BadRecord(at, f"a record of {length} bytes stands where {end - at - HEAD} are left")
+        if opcode == Opcode.MESSAGE:
+            if length < MESSAGE_HEAD:
+                raise BadRecord(at, f"a message record of {length} bytes is too short")
+            starts.append(at)
+            if length == last:
+                run = _run(data, at, HEAD + length)
+                starts.extend(range(stop, stop + run * (HEAD + length), HEAD + length))
+                stop += run * (HEAD + length)
+            last = length
+        elif opcode in _KEPT_IN_DATA:
+            definitions.append((opcode, at + HEAD, stop))
+        at = stop
+    return _fields_of(data, np.array(starts, np.int64), tuple(definitions), at)
+
+
+def _run(data: bytes, at: int, step: int) -> int:
+    """Return how many records with the same opcode and length follow the one at `at`."""
+    head = np.frombuffer(data, np.uint8, HEAD, at)
+    possible = (len(data) - at) // step - 1
+    for count in dict.fromkeys((min(_PROBE, possible), possible)):
+        if count <= 0:
+            return 0
+        heads = np.ndarray((count, HEAD), np.uint8, data, at + step, (step, 1))
+        equal = (heads == head).all(axis=1)
+        if not equal.all():
+            return int(np.argmin(equal))
+    return possible
+
+
+def _fields_of(data: bytes, starts: NDArray[np.int64], definitions: tuple[tuple[int, int, int], ...], end: int) -> Scan:
+    """Gather the fixed fields of the messages that start at `starts`."""
+    if not len(starts):
+        none = np.zeros(0, np.int64)
+        return Scan(none, none, np.zeros(0, np.uint16), none, definitions, end)
+    heads = gather(np.frombuffer(data, np.uint8), starts, HEAD + MESSAGE_HEAD)
+    lengths = heads[:, 1:HEAD].copy().view("<u8")[:, 0].astype(np.int64) - MESSAGE_HEAD
+    channels = heads[:, HEAD : HEAD + 2].copy().view("<u2")[:, 0].astype(np.uint16)
+    # A log time beyond the year 2262 does not fit; it stands at the end of time.
+    times = np.minimum(heads[:, HEAD + 6 : HEAD + 14].copy().view("<u8")[:, 0], np.uint64(2**63 - 1))
+    return Scan(starts + HEAD + MESSAGE_HEAD, lengths, channels, times.astype(np.int64), definitions, end)
+
+
+def gather(data: NDArray[np.uint8], starts: NDArray[np.int64], width: int) -> NDArray[np.uint8]:
+    """Return the (n, width) bytes that begin at each of the n `starts`."""
+    windows = np.ndarray((len(data) - width + 1, width), np.uint8, data, 0, (1, 1))
+    return windows[starts]

@@ -1,0 +1,104 @@
+"""The bytes of a recording: positioned reads of a plain file, or of a zstd-compressed one unpacked to a temporary file.
+
+Plain reads instead of a memory map: resident memory stays at one chunk, and a file that shrinks while it is read
+(one that is still being recorded or copied) gives an error, not a bus error.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import weakref
+from pathlib import Path
+from typing import IO, Final
+
+from reba.errors import ReadError
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+"""First and last bytes of an MCAP file, https://mcap.dev/spec#magic."""
+ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
+"""First bytes of a zstd frame, RFC 8878 section 3.1.1; `ros2 bag record --compression-mode file` makes such files."""
+
+_STEP: Final = 1 << 22
+
+
+class Source:
+    """Random access to the bytes of one recording.
+
+    Attributes:
+        path: the file that was given.
+        size: bytes of the (unpacked) recording.
+
+    Raises:
+        ReadError: the file is absent, empty, no MCAP file, or unpacks to more than `limit_bytes`.
+    """
+
+    def __init__(self, path: Path, limit_bytes: int) -> None:
+        self.path = path
+        try:
+            self._file: IO[bytes] = path.open("rb", buffering=0)
+        except OSError as error:
+            raise ReadError(
+                path, f"cannot be opened ({error.strerror})", hint="check the path and its permissions"
+            ) from error
+        # The file closes when the last stream of the recording goes.
+        weakref.finalize(self, self._file.close)
+        self.size = self._end()
+        if self.size == 0:
+            raise ReadError(path, "the file is empty", hint="record it again; the recorder wrote nothing")
+        if self.read_at(0, 4) == ZSTD_MAGIC:
+            self._file = _unpack(path, self._file, limit_bytes)
+            weakref.finalize(self, self._file.close)
+            self.size = self._end()
+        if self.read_at(0, len(MAGIC)) != MAGIC:
+            raise ReadError(path, "does not start with the MCAP magic bytes", hint="give an .mcap recording", offset=0)
+
+    def _end(self) -> int:
+        return self._file.seek(0, 2)
+
+    def read_at(self, offset: int, count: int) -> bytes:
+        """Return up to `count` bytes from `offset`, fewer only at the end of the file.
+
+        Raises:
+            ReadError: the system cannot read there.
+        """
+        count = min(count, max(self.size - offset, 0)) if hasattr(self, "size") else count
+        try:
+            self._file.seek(offset)
+            first = self._file.read(count)
+            if len(first) == count:
+                return first
+            parts = [first]
+            while first and sum(map(len, parts)) < count:
+                first = self._file.read(count - sum(map(len, parts)))
+                parts.append(first)
+            return b"".join(parts)
+        except OSError as error:
+            raise ReadError(
+                self.path, f"cannot be read ({error.strerror})", hint="copy it to a local disk", offset=offset
+            ) from error
+
+
+def _unpack(path: Path, packed: IO[bytes], limit_bytes: int) -> IO[bytes]:
+    """Unpack a zstd-compressed recording to an unnamed temporary file."""
+    import zstandard
+
+    # Closed by the finalizer of the source that owns it.
+    unpacked = tempfile.TemporaryFile()  # noqa: SIM115
+    packed.seek(0)
+    try:
+        with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True, closefd=False) as reader:
+            while part := reader.read(_STEP):
+                unpacked.write(part)
+                if unpacked.tell() > limit_bytes:
+                    raise ReadError(
+                        path,
+                        f"unpacks to more than {limit_bytes} bytes",
+                        hint="unpack it with `zstd -d` and give the .mcap file, or raise limit_bytes",
+                    )
+    except zstandard.ZstdError as error:
+        unpacked.close()
+        raise ReadError(path, f"is a damaged zstd file ({error})", hint="copy or record the file again") from error
+    except ReadError:
+        unpacked.close()
+        raise
+    return unpacked

@@ -1,0 +1,212 @@
+"""Streams of a recording: channels of one topic joined, peeked for their names, read segment by segment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from reba.errors import ReadError
+from reba.readers.mcap.container import Container, Segment
+from reba.readers.mcap.decode import NO_STAMP, Decoder, Piece, load_json
+from reba.readers.mcap.layout import Undecodable
+from reba.readers.mcap.merge import Clock, Merger
+from reba.readers.mcap.topics import Part, batch_of, segments_of
+from reba.readers.stream import Block, Kind, ReadLog, Stream
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PEEK: Final = 1000
+"""Messages of each channel that are looked at on opening."""
+_PEEK_SEGMENTS: Final = 16
+_JUMP_BACK: Final = 1_000_000_000
+"""Stamps that run back by more than this [ns] are not used as time."""
+
+
+@dataclass(frozen=True)
+class Peek:
+    """What the first messages of the channels of a stream tell."""
+
+    names: tuple[str, ...]
+    parents: tuple[str, ...]
+    clock: Clock
+
+
+def first_look(parts: Sequence[Part], kind: Kind, log: ReadLog) -> Peek | None:
+    """Peek into the first file that holds usable messages; None if there is none.
+
+    Raises:
+        ReadError: a chunk is damaged and no other file is there.
+    """
+    containers = list(dict.fromkeys(part.container for part in parts))
+    for container in containers:
+        try:
+            found = peek([part for part in parts if part.container is container], kind, log)
+        except ReadError:
+            if container is containers[-1]:
+                raise
+            continue
+        if found is not None:
+            return found
+    return None
+
+
+def peek(parts: Sequence[Part], kind: Kind, log: ReadLog) -> Peek | None:
+    """Look at the first messages of each channel; None if none of them is of use, the log then says why.
+
+    Raises:
+        ReadError: a chunk is damaged.
+    """
+    moving: list[Piece] = []
+    static: list[Piece] = []
+    for part in parts:
+        (static if part.static else moving).extend(_first_pieces(part, part.make(None), log))
+    if not any(len(piece.log) for piece in moving):
+        return None
+    parents = {
+        name: piece.parents[at] if piece.parents else ""
+        for piece in reversed(moving + static)
+        for at, name in enumerate(piece.names)
+    }
+    names = tuple(dict.fromkeys(name for piece in moving + static for name in piece.names))
+    clock = _clock(moving, "time" if kind == "angles" else "header.stamp")
+    return Peek(names, tuple(parents[name] for name in names) if kind == "frames" else (), clock)
+
+
+def _first_pieces(part: Part, decoder: Decoder, log: ReadLog) -> list[Piece]:
+    pieces, seen = [], 0
+    for segment in segments_of(part.container, part.channel)[:_PEEK_SEGMENTS]:
+        batch = batch_of(part.container, segment, part.channel)
+        pieces.extend(decoder.decode(batch, log))
+        seen += len(batch.starts)
+        if seen >= PEEK:
+            break
+    return pieces
+
+
+def _clock(pieces: Sequence[Piece], stamped: str) -> Clock:
+    """Choose the time: the stamps in the messages if all are there and do not run back, else the log time."""
+    log = np.concatenate([piece.log for piece in pieces])
+    stamps = np.concatenate([piece.stamp for piece in pieces])
+    stamps = stamps[np.argsort(log, kind="stable")]
+    back = -np.diff(stamps, prepend=stamps[:1]).min()
+    moves = len(stamps) == 1 or stamps.max() > stamps.min()
+    if (stamps == NO_STAMP).any() or not moves or back > _JUMP_BACK:
+        return Clock("log_time", int(log.min()), int(log.min()))
+    first = int(stamps.min())
+    if stamped == "time":
+        # Rows of a posture table keep the time they were written with; the log says when that was.
+        return Clock(stamped, 0, int(log.min()) - first)
+    return Clock(stamped, first, first)
+
+
+class StreamReader:
+    """Reads the channels of one stream.
+
+    Args:
+        parts: channels, of one or more files, by start time.
+        kind: as in `Stream`.
+        first: what peeking found.
+        opened: what was noted on opening the recording.
+        strict: whether a damaged file of several is an error.
+    """
+
+    def __init__(self, parts: Sequence[Part], kind: Kind, first: Peek, opened: ReadLog, *, strict: bool) -> None:
+        self._parts = parts
+        self._kind = kind
+        self._first = first
+        self._opened = opened
+        self._strict = strict
+
+    def stream(self, name: str) -> Stream:
+        """Return the stream under a name."""
+        counts = [part.container.counts[part.channel] for part in self._parts if not part.static]
+        formats = dict.fromkeys(part.format for part in self._parts if not part.static)
+        clock = self._first.clock
+        return Stream(
+            name,
+            self._kind,
+            ", ".join(formats),
+            self._first.names,
+            self.read,
+            unit="rad" if self._kind == "joints" else "",
+            parents=self._first.parents,
+            epoch=clock.epoch / 1e9,
+            count=sum(counts) if self._kind != "frames" and len(counts) == 1 else None,
+            table=self.table if self._kind == "angles" else None,
+        )
+
+    def read(self, log: ReadLog, names: Sequence[str] | None) -> Iterator[Block]:
+        """Iterate over the blocks, holding one chunk and one block in memory."""
+        self._begin(log)
+        wanted = None if names is None else frozenset(names)
+        first = self._first
+        kept = [at for at, name in enumerate(first.names) if wanted is None or name in wanted]
+        clock = Clock(first.clock.source, first.clock.zero, first.clock.epoch)
+        merger = Merger(
+            [first.names[at] for at in kept],
+            [first.parents[at] for at in kept] if first.parents else [],
+            clock,
+            log,
+            frames=self._kind == "frames",
+        )
+        decoders = {id(part): part.make(wanted) for part in self._parts}
+        for part in self._parts:
+            if part.static:
+                for piece in _first_pieces(part, decoders[id(part)], ReadLog()):
+                    merger.add(piece, static=True)
+        for container, segment in self._segments(log):
+            for part in self._parts:
+                if part.container is container:
+                    batch = batch_of(container, segment, part.channel)
+                    log.messages += len(batch.starts)
+                    for piece in decoders[id(part)].decode(batch, log):
+                        merger.add(piece, static=part.static)
+            if merger.full and (block := merger.flush()) is not None:
+                yield block
+        if (block := merger.flush(last=True)) is not None:
+            yield block
+
+    def table(self) -> pd.DataFrame:
+        """Return all rows of posture tables, text columns included; `time` in seconds since the epoch."""
+        import pandas as pd
+
+        rows = []
+        log = ReadLog()
+        for container, segment in self._segments(log):
+            for part in self._parts:
+                if part.container is container:
+                    batch = batch_of(container, segment, part.channel)
+                    for index, time in enumerate(batch.times.tolist()):
+                        try:
+                            row = load_json(batch.payload(index))
+                        except Undecodable:
+                            continue
+                        if isinstance(row, dict):
+                            if self._first.clock.source == "log_time":
+                                row["time"] = (time - self._first.clock.zero) / 1e9
+                            rows.append(row)
+        return pd.DataFrame(rows)
+
+    def _begin(self, log: ReadLog) -> None:
+        log.time_source = self._first.clock.source
+        log.ended_abnormally = log.ended_abnormally or self._opened.ended_abnormally
+        for warning in self._opened.warnings:
+            log.warn(warning)
+
+    def _segments(self, log: ReadLog) -> Iterator[tuple[Container, Segment]]:
+        """Yield the segments of all files; a file of several that is damaged on the way is left there."""
+        containers = list(dict.fromkeys(part.container for part in self._parts))
+        for container in containers:
+            for segment in container.segments:
+                try:
+                    container.load(segment)
+                except ReadError as error:
+                    if self._strict or len(containers) == 1:
+                        raise
+                    log.warn(f"{error}; the rest of this file is left out")
+                    break
+                yield container, segment
