@@ -97,11 +97,7 @@ def _lumbar(motion: BodyMotion, model: dict[str, Array], raised: dict[str, Array
     Orientation of T8 and direction of that line are five numbers, the lumbar and thoracic joints five coordinates. The
     line of the model is abdomen + rest, with the abdomen of fixed length; rest follows from T8 and the clavicles.
     """
-    hips, shoulders = (
-        (motion.at(f"left_{name}") + motion.at(f"right_{name}")) / 2 for name in ("upper_leg", "upper_arm")
-    )
-    line = np.einsum("nji,nj->ni", motion.of("pelvis") @ STAND_UP, shoulders - hips)
-    line /= np.linalg.norm(line, axis=1, keepdims=True)
+    line = _between(motion.of("pelvis") @ STAND_UP, trunk_line(motion))[:, :, 2]
     middle = CLAVICLE + sum(
         _turn("x", sign * raised[side]) @ (SHOULDER * [1.0, 1.0, -sign]) / 2 for side, sign in _SIDE.items()
     )
@@ -158,16 +154,17 @@ def _leg(model: dict[str, Array], side: str, sign: float, hinges: Hinges) -> Ang
 def ros4hri_angles(motion: BodyMotion) -> Angles:
     """Return the joint coordinates [rad] of the ROS4HRI model (human_description, REP 155), without the id.
 
-    The waist takes the flexion of T8 against the pelvis (Z, X, Y order); side bend and twist have no joint. Head and
-    arms are those against the true thorax. Shoulder girdle, pronation, wrist and ankle have no joint. Limits are not
-    applied.
+    The torso of the model is one straight link from hips to shoulders: the waist takes the flexion of that line
+    against the pelvis, and the arms are those against it; its side bend and twist have no joint. The head is that
+    against T8. Shoulder girdle, pronation, wrist and ankle have no joint. Limits are not applied.
     """
-    angles = {"waist": _euler("YXZ", motion.relative("t8", "pelvis")[0])[:, 0]}
+    trunk = trunk_line(motion)
+    angles = {"waist": _euler("YXZ", _between(motion.of("pelvis"), trunk))[:, 0]}
     roll, yaw, pitch = _euler("XZY", motion.relative("head", "t8")[0]).T
     angles |= {"r_head": roll, "y_head": yaw, "p_head": -pitch}
     for side, sign in _SIDE.items():
         letter = side[0]
-        upper = motion.relative(f"{side}_upper_arm", "t8")[0]
+        upper = _between(trunk, motion.of(f"{side}_upper_arm"))
         turn, bend = _upright_hinge(motion.relative(f"{side}_forearm", f"{side}_upper_arm")[0], 1.0)
         plane, elevation, spin = _plane_triple(upper @ _turn("z", turn), sign)
         hip_turn, knee = _upright_hinge(motion.relative(f"{side}_lower_leg", f"{side}_upper_leg")[0], -1.0)
@@ -183,6 +180,17 @@ def ros4hri_angles(motion: BodyMotion) -> Angles:
             f"{letter}_knee": -knee,
         }
     return angles
+
+
+def trunk_line(motion: BodyMotion) -> Array:
+    """Return frames (n, 3, 3) of the trunk: z from mid hips to mid shoulders, y to the left along the shoulders."""
+    left, right = motion.at("left_upper_arm"), motion.at("right_upper_arm")
+    up = left + right - motion.at("left_upper_leg") - motion.at("right_upper_leg")
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    across = left - right
+    across -= np.sum(across * up, axis=1, keepdims=True) * up
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return np.stack([np.cross(across, up), across, up], axis=2)
 
 
 def _upright_hinge(relative: Array, sign: float) -> tuple[Array, Array]:
