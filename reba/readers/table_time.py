@@ -90,9 +90,9 @@ def take_time(
     if unit is None:
         unit = _unit_by_size(valid, largest, column, log)
     log.time_source = f"column {column}"
-    extra = np.zeros(len(values))
+    extra: NDArray[np.float64] = np.zeros(len(values))
     if nanoseconds is not None:
-        extra = _as_numbers(path, frame, nanoseconds, where)[0] * 1e-9
+        extra = np.asarray(_as_numbers(path, frame, nanoseconds, where)[0], dtype=np.float64) * 1e-9
     start = valid[0]
     if abs(float(start)) * unit < ABSOLUTE:
         return values * unit + extra, 0.0, [column, *([nanoseconds] if nanoseconds else [])]
