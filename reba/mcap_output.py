@@ -1,13 +1,14 @@
 """Scores and postures as MCAP channels that Foxglove, Lichtblick and Rerun plot.
 
 One JSON message a frame on `/ergonomics/reba` (or `/ergonomics/posture`) with a JSON schema, at the time stamps of the
-recording, the rules as a metadata record named `reba`, and the topics of the original recording beside them if that
-was MCAP.
+recording, the rules as a metadata record named `reba`; beside scores the topics of the original recording if that was
+MCAP.
 """
 
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -15,7 +16,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from reba.errors import RebaError
 from reba.posture import COLUMNS, PostureTable
 
 if TYPE_CHECKING:
@@ -25,6 +25,10 @@ TOPICS: Final = {"scores": "/ergonomics/reba", "postures": "/ergonomics/posture"
 SCHEMAS: Final = {"scores": "reba.Scores", "postures": "reba.Posture"}
 ROWS: Final = 16_384
 """Frames turned into text at a time."""
+LIMIT: Final = 1 << 30
+"""[bytes] Largest chunk of a source that is unpacked."""
+_HEAD: Final = struct.Struct("<IQQ")
+"""Sequence, log time and publish time, which stand right before the payload of a message."""
 
 
 def write_mcap(data: pd.DataFrame, about: dict[str, Any], path: Path, postures: PostureTable, kind: str) -> None:
@@ -40,7 +44,7 @@ def write_mcap(data: pd.DataFrame, about: dict[str, Any], path: Path, postures: 
         channel = writer.register_channel(TOPICS[kind], "json", schema)
         messages = _messages(data, postures.epoch)
         source = Path(postures.source)
-        if source.is_file() and _is_mcap(source):
+        if kind == "scores" and source.is_file() and _is_mcap(source):
             _copy_beside(writer, source, channel, messages)
         else:
             for stamp, text in messages:
@@ -79,39 +83,39 @@ def _is_mcap(path: Path) -> bool:
 
 
 def _copy_beside(writer: Writer, source: Path, channel: int, ours: Iterator[tuple[int, bytes]]) -> None:
-    """Copy every message of the source and put ours between them by time.
+    """Copy every message of the source and put ours between them by time, chunk by chunk.
 
     A recording that breaks off is copied up to the break, as it was scored up to the break.
     """
-    from mcap.exceptions import McapError
-    from mcap.stream_reader import StreamReader
+    from reba.readers.mcap.container import Container
 
+    container = Container(source, check_crc=True, limit_bytes=LIMIT)
     schemas: dict[int, int] = {0: 0}
     channels: dict[int, int] = {}
-    known: dict[int, Any] = {}
-    next_ours = next(ours, None)
-    try:
-        with source.open("rb") as stream:
-            for record in StreamReader(stream, validate_crcs=True, record_size_limit=1 << 30).records:
-                kind = type(record).__name__
-                if kind == "Schema":
-                    schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
-                elif kind == "Channel":
-                    known[record.id] = record
-                elif kind == "Message":
-                    while next_ours is not None and next_ours[0] <= record.log_time:
-                        writer.add_message(channel, next_ours[0], next_ours[1], next_ours[0])
-                        next_ours = next(ours, None)
-                    if record.channel_id not in channels:
-                        original = known[record.channel_id]
-                        channels[record.channel_id] = writer.register_channel(
-                            original.topic, original.message_encoding, schemas[original.schema_id], original.metadata
-                        )
-                    target = channels[record.channel_id]
-                    writer.add_message(target, record.log_time, record.data, record.publish_time, record.sequence)
-    except (McapError, KeyError, EOFError) as error:
-        if not channels:
-            raise RebaError(f"{source}: its topics cannot be copied ({error}); write .parquet instead") from error
-    while next_ours is not None:
-        writer.add_message(channel, next_ours[0], next_ours[1], next_ours[0])
-        next_ours = next(ours, None)
+
+    def channel_of(number: int) -> int:
+        if number not in channels:
+            original = container.channels[number]
+            if original.schema_id not in schemas and original.schema_id in container.schemas:
+                schema = container.schemas[original.schema_id]
+                schemas[original.schema_id] = writer.register_schema(schema.name, schema.encoding, schema.data)
+            schema_id = schemas.get(original.schema_id, 0)
+            channels[number] = writer.register_channel(original.topic, original.encoding, schema_id)
+        return channels[number]
+
+    waiting = next(ours, None)
+    for segment in container.segments:
+        loaded = container.load(segment)
+        for payload, length, number in zip(
+            loaded.scan.payloads.tolist(), loaded.scan.lengths.tolist(), loaded.scan.channels.tolist(), strict=True
+        ):
+            sequence, log_time, publish_time = _HEAD.unpack_from(loaded.data, payload - _HEAD.size)
+            while waiting is not None and waiting[0] <= log_time:
+                writer.add_message(channel, waiting[0], waiting[1], waiting[0])
+                waiting = next(ours, None)
+            if number in container.channels:
+                data = loaded.data[payload : payload + length]
+                writer.add_message(channel_of(number), log_time, data, publish_time, sequence)
+    while waiting is not None:
+        writer.add_message(channel, waiting[0], waiting[1], waiting[0])
+        waiting = next(ours, None)
