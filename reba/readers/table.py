@@ -29,6 +29,9 @@ EXTENSIONS = (".csv", ".tsv", ".parquet", ".pq")
 KNOWN = (*COLUMNS, *FACTORS, *(f"shoulder_raised_{side}" for side in SIDES), "coupling", "arm_supported")
 """Columns with a meaning, to tell a slip of the pen from a column of another kind."""
 
+MAX_CHECKED = 200
+"""Columns compared with the known ones, which takes time; a wider table is no posture table."""
+
 
 def sniff(path: Path, head: bytes) -> bool:
     """Return whether the first bytes are Parquet, a Vicon export, or text with columns that fit."""
@@ -85,7 +88,7 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog) -> Record
             numbers[column] = values[timed]
     time = time[timed]
     check_time(time, log)
-    for column in (*numbers, *texts):
+    for column in (*numbers, *texts)[:MAX_CHECKED]:
         if column not in KNOWN and (near := did_you_mean(column, KNOWN)):
             log.warn(f"column {clip(column)} is not one of the posture table{near}")
     kind: Literal["angles", "joints"] = "angles" if angles else "joints"

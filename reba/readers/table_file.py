@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 PARQUET = b"PAR1"
 SEPARATORS = ",;\t"
-MAX_COLUMNS = 100_000
+MAX_COLUMNS = 10_000
 
 
 @dataclass(frozen=True)
@@ -107,6 +107,8 @@ def read_parquet(path: Path) -> TableFile:
     nested = [field.name for field in schema if pa.types.is_nested(field.type)]
     columns = [field.name for field in schema if field.name not in nested]
     table = attempt(lambda: file.read(columns=columns))
+    # Text that is no UTF-8 passes the reading and fails much later.
+    attempt(lambda: table.validate(full=True))
     frame = attempt(lambda: table.to_pandas(ignore_metadata=True))
     for name in [name for name in frame.columns if frame[name].dtype == "category"]:
         frame[name] = frame[name].astype(object)
