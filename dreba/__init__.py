@@ -1,4 +1,22 @@
 """dREBA: differentiable surrogates of the REBA posture score (Busch, Toussaint & Lopes 2018, section II).
 
-The package is empty for now: it will sample balanced postures, fit surrogates and report their error per class.
+Poses evenly filled over the REBA classes, models that are fitted to them in seconds, and their error per class.
 """
+
+from __future__ import annotations
+
+from dreba.errors import DomainError, ModelError, RadiansWarning, SampleError
+from dreba.files import load, models
+from dreba.model import KINDS, About, Surrogate
+
+__all__ = [
+    "KINDS",
+    "About",
+    "DomainError",
+    "ModelError",
+    "RadiansWarning",
+    "SampleError",
+    "Surrogate",
+    "load",
+    "models",
+]

@@ -1,0 +1,175 @@
+"""Model files: strict, versioned JSON that reads back equal or is refused with one line.
+
+Keys: `format` "dreba-model", `version`, `kind`, `joints` (names in order, unit), `parameters` (constructor parameters
+and what was learned), `payload`, `domain`, `rmse` per class, `provenance`.
+"""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from dreba.errors import ModelError
+from dreba.model import KINDS, About, Surrogate
+from reba.errors import did_you_mean
+
+FORMAT: Final = "dreba-model"
+VERSION: Final = 1
+"""Rises when a reader of the former version would misread a file."""
+
+_KEYS: Final[dict[str, type]] = {
+    "format": str,
+    "version": int,
+    "kind": str,
+    "joints": dict,
+    "parameters": dict,
+    "payload": dict,
+    "domain": dict,
+    "rmse": dict,
+    "provenance": dict,
+}
+
+
+def to_dict(model: Surrogate) -> dict[str, Any]:
+    """Return a fitted model as plain data, the content of its file.
+
+    Raises:
+        ModelError: the model is not fitted, or a parameter cannot be written as JSON.
+    """
+    if not hasattr(model, "joints_"):
+        raise ModelError(f"this {type(model).__name__} is not fitted; call fit first")
+    data = {
+        "format": FORMAT,
+        "version": VERSION,
+        "kind": model.kind,
+        "joints": {"names": list(model.joints_), "unit": "deg"},
+        "parameters": {"options": model.get_params(deep=False), "learned": model._state()},
+        "payload": model._payload(),
+        "domain": model.about_.domain,
+        "rmse": model.about_.rmse,
+        "provenance": model.about_.provenance,
+    }
+    try:
+        plain: dict[str, Any] = json.loads(json.dumps(data, default=_plain, allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"this {type(model).__name__} cannot be written as JSON: {error}") from error
+    return plain
+
+
+def from_dict(data: Any) -> Surrogate:
+    """Return the model of what `to_dict` gave.
+
+    Raises:
+        ModelError: not a model, a newer version, an unknown key or kind, or parameters that do not fit.
+    """
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise ModelError(f'not a model file: its "format" is not "{FORMAT}"')
+    version = data.get("version")
+    if isinstance(version, int) and version > VERSION:
+        raise ModelError(f"written as version {version}, this package reads up to {VERSION}; update dreba")
+    for key in data:
+        if key not in _KEYS:
+            raise ModelError(f"unknown key {key!r}{did_you_mean(key, _KEYS)}; known: {', '.join(_KEYS)}")
+    for key, expected in _KEYS.items():
+        if not isinstance(data.get(key), expected) or isinstance(data[key], bool):
+            raise ModelError(f"{key!r} is missing or no {expected.__name__}; the file is damaged")
+    if version != VERSION:
+        raise ModelError(f"version is {version}; expected {VERSION}")
+    return _build(data)
+
+
+def _build(data: dict[str, Any]) -> Surrogate:
+    kind = data["kind"]
+    if kind not in KINDS:
+        raise ModelError(f"kind {kind!r} is unknown{did_you_mean(kind, KINDS)}; known: {', '.join(sorted(KINDS))}")
+    joints, parameters = data["joints"], data["parameters"]
+    if set(joints) != {"names", "unit"} or joints["unit"] != "deg" or set(parameters) != {"options", "learned"}:
+        raise ModelError("'joints' or 'parameters' do not hold what they must; the file is damaged")
+    names = joints["names"]
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+        raise ModelError("'joints' holds no list of names; the file is damaged")
+    options, learned = parameters["options"], parameters["learned"]
+    if not isinstance(options, dict) or not isinstance(learned, dict):
+        raise ModelError("'parameters' do not hold what they must; the file is damaged")
+    known = KINDS[kind]().get_params(deep=False)
+    for name in options:
+        if name not in known:
+            raise ModelError(f"option {name!r} is unknown to kind {kind!r}{did_you_mean(name, known)}")
+    model = KINDS[kind](**{name: _tuples(value) for name, value in options.items()})
+    model.joints_ = tuple(names)
+    model.n_features_in_ = len(names)
+    model._restore(learned)
+    if json.loads(json.dumps(model._payload(), default=_plain)) != data["payload"]:
+        raise ModelError("'payload' does not agree with the parameters; the file is damaged")
+    model.about_ = About(data["domain"], data["rmse"], data["provenance"])
+    return model
+
+
+def save(model: Surrogate, path: str | Path) -> None:
+    """Write a model file beside its target and rename it once it is whole.
+
+    Raises:
+        ModelError: the model is not fitted, or the file cannot be written.
+    """
+    target = Path(path)
+    text = json.dumps(to_dict(model), indent=1) + "\n"
+    part = target.with_name(target.name + ".part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(target)
+    except OSError as error:
+        raise ModelError(f"{target}: cannot be written ({error.strerror or error})") from error
+
+
+def load(path: str | Path) -> Surrogate:
+    """Read a model file, or a model of the package by its name ("quadratic").
+
+    Raises:
+        ModelError: no such file or name, not JSON, a newer version, or damaged.
+    """
+    shipped = models()
+    try:
+        if str(path) in shipped:
+            text = resources.files("dreba").joinpath("models", f"{path}.json").read_text(encoding="utf-8")
+        else:
+            text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ModelError(
+            f"{path}: cannot be read as a model ({reason}); give a file, or one of {', '.join(shipped)}"
+        ) from error
+    try:
+        return from_dict(json.loads(text, parse_constant=_no_constant))
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise ModelError(f"{path}: not JSON ({error}); the file is damaged") from error
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from error
+
+
+def models() -> tuple[str, ...]:
+    """Return the names of the models that come with the package."""
+    folder = resources.files("dreba").joinpath("models")
+    if not folder.is_dir():
+        return ()
+    return tuple(sorted(entry.name[: -len(".json")] for entry in folder.iterdir() if entry.name.endswith(".json")))
+
+
+def _no_constant(name: str) -> float:
+    raise ModelError(f"holds {name}; the file is damaged")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"a {type(value).__name__} cannot be written")
+
+
+def _tuples(value: Any) -> Any:
+    """Return lists as tuples, the way constructor parameters are given in code."""
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

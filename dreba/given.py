@@ -1,0 +1,65 @@
+"""What a pose carries beside its angles: load, coupling, activity, and the temperature of an evaluation."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dreba.errors import ModelError
+from reba.factors import FACTORS, Factors, points
+from reba.factors import load_kg as checked_load
+from reba.rules import Rules
+
+Values = NDArray[np.float64]
+
+
+class Given(NamedTuple):
+    """Scalars or (n,) arrays; every field broadcasts over the poses.
+
+    Attributes:
+        load: [kg], not negative.
+        coupling: left and right coupling points, 0 (good) to 3 (unacceptable).
+        activity: activity points, 0 to 3.
+        temperature: [deg] of the smoothing, None for the kind's own default.
+    """
+
+    load: Any = 0.0
+    coupling: tuple[Any, Any] = (0, 0)
+    activity: Any = 0
+    temperature: float | None = None
+
+    def rows(self, which: Any) -> Given:
+        """Return the same for some poses (a slice or an index array)."""
+
+        def cut(value: Any) -> Any:
+            return value[which] if np.ndim(value) else value
+
+        return Given(
+            cut(self.load), (cut(self.coupling[0]), cut(self.coupling[1])), cut(self.activity), self.temperature
+        )
+
+
+NOTHING = Given()
+"""No load, good coupling, no activity, the kind's own temperature."""
+
+_MODELLED = ("load", "coupling_left", "coupling_right", "static", "repeated", "unstable")
+
+
+def given_of(factors: Factors | None, n: int) -> Given:
+    """Return the factors of n poses as points that a surrogate takes.
+
+    Raises:
+        ModelError: a factor that surrogates have no input for (shock, support, arm support) is not at its default.
+        reba.PostureError: a factor has a wrong value or length.
+    """
+    if factors is None:
+        return NOTHING
+    for name in FACTORS:
+        default = getattr(Factors(), name)
+        if name not in _MODELLED and np.any(np.asarray(getattr(factors, name)) != default):
+            raise ModelError(f"factor {name} varies, but surrogates know load, coupling and activity only")
+    found = points(factors, Rules(), n)
+    coupling = tuple(side.astype(float) for side in found.coupling)
+    return Given(checked_load(factors.load, n), (coupling[0], coupling[1]), found.activity.astype(float))
