@@ -183,7 +183,7 @@ def _neck(body: Body, thorax: Array, found: dict[str, Array]) -> None:
 def _shoulder(body: Body, trunk: Array, thorax: Array, side: str, found: dict[str, Array]) -> None:
     arm = body.axis(f"upper_arm_{side}")
     if arm is not None:
-        angles = arm_angles(_mirrored(-_in(trunk, arm), side))
+        angles = arm_angles(_mirrored(-_in(trunk, unit(arm)), side))
         found[f"upper_arm_flexion_{side}"], found[f"upper_arm_abduction_{side}"] = angles
     clavicle = body.axes.get(f"clavicle_{side}")
     if f"clavicle_{side}" in body.frames:

@@ -1,0 +1,67 @@
+"""Recordings -> posture tables: open, recognise, map, check.
+
+open_recording (formats.py) -> choose (recognise.py) -> collect (collect.py, mapping.py) -> finish (finish.py)
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from reba.posture import PostureTable
+
+__all__ = ["is_recording", "is_recording_folder", "read"]
+
+
+def is_recording(path: Path) -> bool:
+    """Return whether a file looks like a recording that `read` knows."""
+    from reba.readers import formats
+
+    return formats.is_recording(path)
+
+
+def is_recording_folder(path: Path) -> bool:
+    """Return whether a folder is one recording in splits, and not a folder of recordings."""
+    from reba.readers import formats
+
+    return formats.is_recording_folder(path)
+
+
+def read(
+    path: str | Path,
+    *,
+    profile: str | Path = "auto",
+    topic: str | None = None,
+    neutral: str = "none",
+    strict: bool = False,
+) -> PostureTable:
+    """Read a recording of any known format into a posture table.
+
+    Args:
+        path: MCAP file or rosbag2 folder, BVH, C3D, TRC, OpenSim .mot/.sto, MVNX, CSV or Parquet.
+        profile: "auto", the name of a shipped profile (`reba profiles`), or a TOML file with the meaning of the names.
+        topic: stream to use if there are several; the id of a body; or "<stream>#<id>".
+        neutral: "none", "first:3s" or "at:12.5": the posture that counts as neutral, see `neutral.py`.
+        strict: refuse a recording that breaks off instead of reading it up to there.
+
+    Returns:
+        The postures, with what was recognised, assumed and not measured.
+
+    Raises:
+        ReadError: the file is unknown, damaged, or holds no posture.
+        ProfileError: no profile fits, two fit equally, or it holds several bodies.
+        RebaError: `neutral` is wrong.
+
+    Example:
+        >>> reba.read("lift.mcap").data[["time", "trunk_flexion"]]  # doctest: +SKIP
+    """
+    from reba.readers.finish import finish
+    from reba.readers.formats import open_recording
+    from reba.readers.neutral import parse_neutral
+    from reba.readers.profile import find_profile, profiles
+    from reba.readers.recognise import choose
+
+    parse_neutral(neutral)
+    known = profiles() if str(profile) == "auto" else (find_profile(profile),)
+    recording = open_recording(path, strict=strict)
+    match = choose(recording, known, topic, named=str(profile) != "auto")
+    return finish(recording, match, neutral=neutral, strict=strict)

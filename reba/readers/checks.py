@@ -1,0 +1,137 @@
+"""What a posture table shows about its own quality: gaps, repeated frames, dead columns, impossible angles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.posture import ANGLES, COLUMNS, INDEX
+
+Array = NDArray[np.float64]
+
+LIMITS: dict[str, tuple[float, float]] = {
+    "trunk_flexion": (-60.0, 180.0),
+    "trunk_side_bend": (-90.0, 90.0),
+    "trunk_twist": (-100.0, 100.0),
+    "neck_flexion": (-90.0, 110.0),
+    "neck_side_bend": (-75.0, 75.0),
+    "neck_twist": (-110.0, 110.0),
+    "knee_flexion": (-20.0, 175.0),
+    "upper_arm_flexion": (-90.0, 200.0),
+    "upper_arm_abduction": (-60.0, 90.0),
+    "shoulder_elevation": (-40.0, 70.0),
+    "lower_arm_flexion": (-20.0, 165.0),
+    "wrist_flexion": (-110.0, 110.0),
+    "wrist_deviation": (-60.0, 70.0),
+    "wrist_twist": (-130.0, 140.0),
+}
+"""[deg] Beyond these no person moves: normal ranges (AAOS 1965; limits of human.urdf) with a margin for soft tissue."""
+
+GAP = 0.2
+"""[s] A stretch without samples is a gap when it is longer than this and than `PERIODS` sample periods."""
+
+PERIODS = 5.0
+
+JUMP = 20.0
+"""[deg] A first frame that differs by more from the second is no part of the movement, if the next ones do not."""
+
+FROZEN = 0.5
+"""[s] Longer stretches of exactly equal frames are reported."""
+
+STILL = 1e-6
+"""[deg] Frames and markers always tremble; a column that does not was not measured."""
+
+
+def median_rate(time: Array) -> float:
+    """Return the median sampling rate [Hz] of (n,) times [s], NaN for fewer than two samples."""
+    steps = np.diff(time)
+    steps = steps[steps > 0]
+    return float(1.0 / np.median(steps)) if len(steps) else float("nan")
+
+
+def find_gaps(time: Array) -> tuple[tuple[float, float], ...]:
+    """Return (start, end) [s] of stretches without samples.
+
+    >>> find_gaps(np.array([0.0, 0.01, 0.02, 0.5, 0.51]))
+    ((0.02, 0.5),)
+    """
+    steps = np.diff(time)
+    if not len(steps):
+        return ()
+    long = np.flatnonzero(steps > max(GAP, PERIODS / median_rate(time) if np.any(steps > 0) else GAP))
+    return tuple((float(time[index]), float(time[index + 1])) for index in long)
+
+
+def first_frame_alien(angles: Array) -> bool:
+    """Return whether the first of (n, 22) frames jumps to the second while the next ones do not: a T-pose, or zeros."""
+    if len(angles) < 3:
+        return False
+    steps = np.abs(np.diff(angles[:12], axis=0))
+    steps = np.minimum(steps, 360.0 - steps)
+    with np.errstate(invalid="ignore"):
+        first, later = np.nan_to_num(steps[0]), np.nan_to_num(steps[1:]).max(axis=0)
+    return bool(np.any((first > JUMP) & (first > 3.0 * later)))
+
+
+def dead_columns(angles: Array, seconds: float, kind: str) -> dict[str, str]:
+    """Return columns that never change though others do, and why they count as not measured.
+
+    Args:
+        angles: (n, 22) [deg].
+        seconds: length; one second of rest is no evidence.
+        kind: of the stream. Joint columns that keep another value than 0 may be held still and stay.
+    """
+    if seconds <= 1.0 or len(angles) < 3:
+        return {}
+    with np.errstate(invalid="ignore"):
+        known = np.isfinite(angles).any(axis=0)
+        low = np.min(angles, axis=0, where=np.isfinite(angles), initial=np.inf)
+        high = np.max(angles, axis=0, where=np.isfinite(angles), initial=-np.inf)
+        still = known & (high - low <= STILL)
+        near = 1.0 if kind == "frames" else STILL
+        zero = still & (np.abs(high) <= near)
+    if not np.any(known & ~still):
+        return {}
+    return {COLUMNS[index]: f"constant {round(float(high[index]), 3) + 0.0:g}" for index in np.flatnonzero(zero)}
+
+
+def frozen_warning(time: Array, angles: Array) -> str | None:
+    """Return a warning about stretches of exactly equal frames, or None; a recording that never moves is not frozen."""
+    if len(time) < 3:
+        return None
+    same = np.ones(len(time) - 1, dtype=bool)
+    for column in angles.T:
+        if np.isfinite(column).any():
+            same &= (column[1:] == column[:-1]) | np.isnan(column[1:])
+    if same.all() or not same.any():
+        return None
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
+    lengths = time[edges[1::2]] - time[edges[::2]]
+    long = lengths > FROZEN
+    if long.any():
+        first = time[edges[::2][long][0]]
+        return (
+            f"{int(long.sum())} stretches stand still to the last digit, the first at {first:.2f} s: frozen tracking?"
+        )
+    if same.mean() > 0.05:
+        return f"{int(same.sum())} of {len(time)} frames repeat the one before: the source is slower than its stamps"
+    return None
+
+
+def limit_warnings(angles: Array) -> list[str]:
+    """Return a warning for each column with angles that no person reaches."""
+    warnings = []
+    for index, column in enumerate(COLUMNS):
+        name = next(angle.name for angle in ANGLES if column in angle.columns)
+        low, high = LIMITS[name]
+        values = angles[:, index]
+        with np.errstate(invalid="ignore"):
+            count = int(np.sum((values < low) | (values > high)))
+        if count:
+            warnings.append(f"{column}: {count} of {len(values)} frames beyond {low:g} .. {high:g} deg")
+    return warnings
+
+
+def empty_columns(angles: Array) -> list[str]:
+    """Return the columns of `COLUMNS` without any value in (n, 22) angles."""
+    return [column for column, index in INDEX.items() if not np.isfinite(angles[:, index]).any()]

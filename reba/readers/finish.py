@@ -1,0 +1,192 @@
+"""The last step: collected angles -> checked posture table, with everything a user must know about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from reba.errors import ProfileError, ReadError
+from reba.posture import COLUMNS, INDEX, PostureTable, Quality
+from reba.readers.checks import (
+    dead_columns,
+    empty_columns,
+    find_gaps,
+    first_frame_alien,
+    frozen_warning,
+    limit_warnings,
+    median_rate,
+)
+from reba.readers.collect import Samples, collect, in_order
+from reba.readers.formats import file_hash
+from reba.readers.frames import AXES
+from reba.readers.mapping import Mapper, mapper_for
+from reba.readers.neutral import apply_neutral
+from reba.readers.profile import Profile
+from reba.readers.recognise import Match
+from reba.readers.root import RootPose, read_root
+from reba.readers.stream import ReadLog, Recording
+
+Array = NDArray[np.float64]
+
+
+def finish(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:
+    """Read the chosen stream of a recording into a posture table.
+
+    Args:
+        recording: the opened file.
+        match: the stream and what its names mean.
+        neutral: neutral posture, see `neutral.py`.
+        strict: refuse a recording that breaks off.
+
+    Raises:
+        ReadError: no sample can be used, or `strict` and the recording breaks off.
+        ProfileError: nothing in it was measured.
+        RebaError: `neutral` is wrong.
+    """
+    profile = match.profile
+    if profile is None or match.names is None:
+        return _finish_table(recording, match, neutral, strict)
+    root = _root(recording, match, profile)
+    mapper = mapper_for(profile, match.names, match.stream, root)
+    samples = collect(match.stream, mapper)
+    _refuse(recording, samples.log, len(samples.table), strict)
+    if match.stream.kind == "frames" and first_frame_alien(samples.angles):
+        samples.log.warn("the first frame does not belong to the movement (T-pose or zeros) and was left out")
+        samples.table = samples.table[1:]
+    reasons = _hide(samples, mapper, profile, match, neutral)
+    unmeasured = empty_columns(samples.angles)
+    if len(unmeasured) == len(COLUMNS):
+        why = "; ".join(dict.fromkeys(reasons.values())) or "no sample holds a whole segment"
+        raise ProfileError(f"{recording.path}: {match.why}, but nothing was measured: {why}; record it again")
+    done = apply_neutral(samples.time, samples.angles, neutral)
+    warnings = [*mapper.warnings, *limit_warnings(samples.angles)]
+    assumed = [*mapper.assumed, *([done] if done else [])]
+    data = pd.DataFrame(samples.table, columns=["time", *COLUMNS], copy=False)
+    return PostureTable(
+        data=data,
+        profile=profile.name,
+        source=recording.path,
+        topic=match.stream.name,
+        unmeasured=tuple(unmeasured),
+        why_unmeasured={column: reasons[column] for column in unmeasured if column in reasons},
+        assumed=tuple(dict.fromkeys(assumed)),
+        recognised=_recognised(match, reasons, unmeasured),
+        quality=_quality(recording, samples.log, samples.time, samples.angles, warnings),
+        epoch=match.stream.epoch,
+    )
+
+
+def _finish_table(recording: Recording, match: Match, neutral: str, strict: bool) -> PostureTable:
+    """Return the posture table that a recording holds ready-made, missing columns added as NaN."""
+    log = ReadLog()
+    given = _table(match, log)
+    _refuse(recording, log, len(given), strict)
+    rows = np.column_stack([given["time"].to_numpy(np.float64), np.arange(len(given), dtype=np.float64)])
+    ordered = given.iloc[in_order(rows, log)[:, 1].astype(int)].reset_index(drop=True)
+    angles = ordered.reindex(columns=list(COLUMNS)).to_numpy(np.float64, copy=True)
+    time = ordered["time"].to_numpy(np.float64)
+    done = apply_neutral(time, angles, neutral)
+    others = [column for column in ordered.columns if column not in INDEX and column != "time"]
+    data = pd.concat([ordered[["time"]], pd.DataFrame(angles, columns=list(COLUMNS)), ordered[others]], axis=1)
+    unmeasured = empty_columns(angles)
+    absent = {column: "no such column" for column in unmeasured if column not in ordered.columns}
+    return PostureTable(
+        data=data,
+        profile="table",
+        source=recording.path,
+        topic=match.stream.name,
+        unmeasured=tuple(unmeasured),
+        why_unmeasured={column: absent.get(column, "no value") for column in unmeasured},
+        assumed=(done,) if done else (),
+        recognised=match.why,
+        quality=_quality(recording, log, time, angles, limit_warnings(angles)),
+        epoch=match.stream.epoch,
+    )
+
+
+def _table(match: Match, log: ReadLog) -> pd.DataFrame:
+    """Return the whole table of a stream of angles; its blocks are read for what the reader has to say."""
+    blocks = list(match.stream.blocks(log))
+    if match.stream.table is not None:
+        return match.stream.table()
+    parts = [pd.DataFrame(block.values, columns=list(block.names)).assign(time=block.time) for block in blocks]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"time": []})
+
+
+def _root(recording: Recording, match: Match, profile: Profile) -> RootPose | None:
+    """Return the pose of the pelvis from a stream of frames of the same recording, if there is one."""
+    if profile.kind != "joints" or not profile.root:
+        return None
+    wanted = [name.replace("{id}", match.body) for name in profile.root if match.body or "{id}" not in name]
+    streams = [
+        (stream, name)
+        for stream in recording.streams
+        for name in wanted
+        if stream.kind == "frames" and name in stream.names
+    ]
+    return read_root(profile, streams, AXES[profile.root_axes])
+
+
+def _refuse(recording: Recording, log: ReadLog, frames: int, strict: bool) -> None:
+    ended = log.ended_abnormally or recording.log.ended_abnormally
+    if strict and ended:
+        raise ReadError(recording.path, ended, hint="read it without strict to use what is there")
+    if not frames:
+        first = f": {log.first_skipped}" if log.first_skipped else ""
+        raise ReadError(recording.path, f"no sample can be used{first}", hint="see `reba info`")
+
+
+def _hide(samples: Samples, mapper: Mapper, profile: Profile, match: Match, neutral: str) -> dict[str, str]:
+    """Blank the columns that were not measured; return the reason for every column without a value."""
+    angles = samples.angles
+    reasons = {**mapper.dead(samples.seconds), **dead_columns(angles, samples.seconds, match.stream.kind)}
+    if neutral == "none":
+        for column in profile.needs_neutral:
+            reasons[column] = "it has no zero of its own: give a neutral posture (neutral='first:3s')"
+    reasons |= profile.cannot
+    for column in reasons:
+        angles[:, INDEX[column]] = np.nan
+    for column in profile.sign_from_range:
+        _upright_sign(angles, column, mapper)
+    for column in empty_columns(angles):
+        reasons.setdefault(column, "its segments are not in the recording")
+    return reasons
+
+
+def _upright_sign(angles: Array, column: str, mapper: Mapper) -> None:
+    """Turn the sign of a hinge round if it bends the wrong way in most of its range."""
+    values = angles[:, INDEX[column]]
+    finite = values[np.isfinite(values)]
+    if len(finite) and abs(finite.min()) > abs(finite.max()) and finite.min() < 0:
+        values *= -1.0
+        span = f"{finite.min():.0f} .. {finite.max():.0f}"
+        mapper.assumed.append(f"{column}: flexion is negative in this source ({span} deg); sign turned round")
+
+
+def _recognised(match: Match, reasons: dict[str, str], unmeasured: Iterable[str]) -> str:
+    """Return why the profile was taken and what is lacking, in one line."""
+    constant: dict[str, list[str]] = {}
+    for column in unmeasured:
+        if "constant" in reasons.get(column, ""):
+            constant.setdefault(reasons[column], []).append(column)
+    parts = [f"{reason} -> {', '.join(columns)} not measured" for reason, columns in constant.items()]
+    return "; ".join([match.why, *parts])
+
+
+def _quality(recording: Recording, log: ReadLog, time: Array, angles: Array, warnings: list[str]) -> Quality:
+    frozen = frozen_warning(time, angles)
+    texts = [*recording.log.warnings, *log.warnings, *warnings, *([frozen] if frozen else [])]
+    return Quality(
+        messages=log.messages,
+        skipped=log.skipped,
+        first_skipped=log.first_skipped,
+        ended_abnormally=log.ended_abnormally or recording.log.ended_abnormally,
+        time_source=log.time_source or recording.log.time_source,
+        rate=median_rate(time),
+        gaps=find_gaps(time),
+        warnings=tuple(dict.fromkeys(texts)),
+        sha256=file_hash(recording.path),
+    )

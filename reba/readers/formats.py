@@ -1,0 +1,127 @@
+"""The formats that are read: one row each."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from reba.errors import ReadError
+from reba.readers.stream import Recording
+
+HEAD = 8192
+"""Bytes of a file that are looked at to tell its format."""
+
+_SPLIT = re.compile(r"(_\d+)?\.mcap(\.zstd)?$")
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format and where its reader is.
+
+    Attributes:
+        name: for people.
+        extensions: usual file name endings; the content decides, not the name.
+        module: module with `sniff(path, head)` and the opener.
+        opener: `open_...(path)` in it.
+    """
+
+    name: str
+    extensions: tuple[str, ...]
+    module: str
+    opener: str
+
+    def fits(self, path: Path, head: bytes) -> bool:
+        """Return whether the content looks like this format."""
+        return bool(importlib.import_module(self.module).sniff(path, head))
+
+    def open(self, path: Path) -> Recording:
+        """Open a file of this format.
+
+        Raises:
+            ReadError: it is damaged.
+        """
+        opened: Recording = getattr(importlib.import_module(self.module), self.opener)(path)
+        return opened
+
+
+FORMATS: tuple[Format, ...] = (
+    Format("C3D", (".c3d",), "reba.readers.c3d", "open_c3d"),
+    Format("BVH", (".bvh",), "reba.readers.bvh", "open_bvh"),
+    Format("OpenSim motion", (".mot", ".sto"), "reba.readers.opensim", "open_opensim"),
+    Format("TRC markers", (".trc",), "reba.readers.trc", "open_trc"),
+    Format("Xsens MVNX", (".mvnx",), "reba.readers.mvnx", "open_mvnx"),
+    Format("posture or joint table", (".csv", ".tsv", ".parquet"), "reba.readers.table", "open_table"),
+)
+"""Formats beside MCAP, the surest to tell first."""
+
+
+def open_recording(path: str | Path, *, strict: bool = False) -> Recording:
+    """Open a recording of any known format; a folder is taken for a rosbag2 recording of MCAP splits.
+
+    Args:
+        path: file or folder.
+        strict: refuse a recording that breaks off.
+
+    Raises:
+        ReadError: there is no such file, its format is unknown, or it is damaged.
+    """
+    place = Path(path)
+    if not place.exists():
+        raise ReadError(place, "no such file or folder", hint="check the path")
+    from reba.readers.mcap import open_mcap
+    from reba.readers.mcap import sniff as is_mcap
+
+    if place.is_dir() or is_mcap(place):
+        return open_mcap(place, strict=strict)
+    try:
+        with place.open("rb") as file:
+            head = file.read(HEAD)
+    except OSError as error:
+        raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
+    by_name = sorted(FORMATS, key=lambda known: place.suffix.lower() not in known.extensions)
+    for known in by_name:
+        if known.fits(place, head):
+            return known.open(place)
+    named = next((known for known in FORMATS if place.suffix.lower() in known.extensions), None)
+    if named is not None and head:
+        return named.open(place)
+    what = "the file is empty" if not head else "the format is not known"
+    read = ", ".join(
+        ["MCAP (.mcap or a rosbag2 folder)", *(f"{form.name} ({' '.join(form.extensions)})" for form in FORMATS)]
+    )
+    raise ReadError(place, what, hint=f"read are {read}")
+
+
+def is_recording(path: Path) -> bool:
+    """Return whether a file looks like a recording, by its name and its content."""
+    from reba.readers.mcap import sniff as is_mcap
+
+    try:
+        if is_mcap(path):
+            return True
+        named = [known for known in FORMATS if path.suffix.lower() in known.extensions]
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    except OSError:
+        return False
+    return any(known.fits(path, head) for known in named)
+
+
+def is_recording_folder(path: Path) -> bool:
+    """Return whether a folder is one recording: a rosbag2 folder, or splits `x_0.mcap`, `x_1.mcap` ..."""
+    files = [file.name for file in path.iterdir() if _SPLIT.search(file.name)]
+    if (path / "metadata.yaml").is_file():
+        return bool(files)
+    splits = [_SPLIT.sub("", name) for name in files]
+    return len(splits) > 1 and len(set(splits)) == 1 and all(re.search(r"_\d+\.mcap", name) for name in files)
+
+
+def file_hash(path: str | Path) -> str:
+    """Return the SHA-256 of a file, read in pieces; "" for a folder."""
+    if Path(path).is_dir():
+        return ""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

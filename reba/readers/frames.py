@@ -1,0 +1,178 @@
+"""Segment poses -> body: constant turns from the source's frames to the axes of the body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.angles import Body, frame_of, turned, unit
+from reba.posture import SIDES
+from reba.readers.framepose import FramePoses, matrices, rotated
+from reba.readers.orient import Orientation, axis_name, axis_vector
+from reba.readers.profile import Profile
+from reba.readers.stream import Block, Stream
+
+Array = NDArray[np.float64]
+
+AXES: dict[str, Array] = {
+    "isb": np.eye(3),
+    "ros": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
+"""Columns: the ISB axes x forward, y up, z right, in frames of a convention."""
+
+VERTICAL = {"isb": "y", "ros": "z", "rest": ""}
+"""The vertical axis of the world that is usual with frames of a convention."""
+
+BONE = {
+    "upper_arm": "forearm",
+    "forearm": "hand",
+    "hand": "",
+    "thigh": "shank",
+    "shank": "foot",
+}
+"""Segments whose long axis in a rest pose runs to the start of the next one (a hand: to whatever hangs on it)."""
+
+
+class FrameMapper:
+    """Turns blocks of frame poses into bodies.
+
+    Args:
+        profile: a profile of kind "frames".
+        names: segment of the profile -> frame of the stream, as far as present.
+        stream: where the blocks come from.
+    """
+
+    def __init__(self, profile: Profile, names: Mapping[str, str], stream: Stream) -> None:
+        self.profile, self.names, self.stream = profile, dict(names), stream
+        self.poses = FramePoses(stream, tuple(names.values()))
+        self.wanted = self.poses.wanted
+        self.orientation = Orientation(stream.up, profile.up or VERTICAL[profile.axes])
+        self.assumed: list[str] = list(profile.assumed)
+        self.warnings: list[str] = []
+        self.axes = self._axes()
+
+    def begin(self) -> None:
+        """Start a pass over the recording."""
+        self.orientation.begin()
+        self.lines = 0
+
+    def body(self, block: Block) -> Body:
+        """Return the body of a block of n samples."""
+        poses = {segment: self.poses.world(block, frame) for segment, frame in self.names.items()}
+        where = {segment: position for segment, (_, position) in poses.items()}
+        frames = {
+            segment: np.matmul(matrices(quaternion), self.axes[segment])
+            for segment, (quaternion, _) in poses.items()
+            if segment in self.axes
+        }
+        hips = _line(where, "thigh")
+        shoulders = _line(where, "upper_arm")
+        self._watch(where, frames, hips, shoulders)
+        if self.profile.trunk == "line" and hips is not None and shoulders is not None and "thorax" in frames:
+            line = unit(shoulders[0] - hips[0])
+            known = bool(np.isfinite(line).any())
+            self.lines += known
+            if known:
+                frames["trunk"] = frame_of(line, shoulders[1])
+                frames["pelvis"] = frame_of(frames["pelvis"][:, :, 1], hips[1])
+        return Body(frames, up=self.orientation.up)
+
+    def settled(self) -> bool:
+        """Return whether the vertical fits all frames; otherwise choose anew, and the recording is read again."""
+        settled = self.orientation.settled()
+        if self.orientation.swapped:
+            # Frames carry their own axes: exchanged names are reported, the frames are not touched.
+            self.orientation.swapped = False
+            settled = True
+        self.warnings += [text.removesuffix("; sides exchanged") for text in self.orientation.warnings]
+        self.assumed += self.orientation.assumed
+        if not self.orientation.name:
+            self.warnings.append("no vertical was found: no head and feet, and the file states none")
+        if self.lines:
+            self.assumed.append("trunk by the lines between hips and shoulders, not by the chest")
+        return settled
+
+    def dead(self, seconds: float) -> dict[str, str]:
+        """Return the columns that no frame gives, and why."""
+        return {}
+
+    def _watch(self, where: Mapping[str, Array], frames: Mapping[str, Array], hips: _Line, shoulders: _Line) -> None:
+        low = next((line[0] for name in ("foot", "shank") if (line := _line(where, name)) is not None), None)
+        low = low if low is not None else (hips[0] if hips is not None else None)
+        high = where.get("head", shoulders[0] if shoulders is not None else None)
+        upward = None if low is None or high is None else high - low
+        toes, feet = _line(where, "toe"), _line(where, "foot")
+        forward = toes[0] - feet[0] if toes is not None and feet is not None else None
+        if forward is None and "pelvis" in frames:
+            forward = frames["pelvis"][:, :, 0]
+        right = hips[1] if hips is not None else None
+        self.orientation.watch(upward, right, forward, shoulders[1] if shoulders is not None else None)
+        if right is None and upward is None and not self.orientation.name and "pelvis" in frames:
+            self.orientation.watch(frames["pelvis"][:, :, 1], None, None, None)
+
+    def _axes(self) -> dict[str, Array]:
+        """Return segment -> (3, 3) its ISB axes in its own frame."""
+        if self.profile.axes == "rest" and self.stream.rest is not None:
+            return self._rest_axes(self.stream.rest)
+        base = AXES[self.profile.axes if self.profile.axes in AXES else "ros"]
+        result = {}
+        for segment in self.names:
+            frame = base
+            for step in self.profile.turns.get(segment, ()):
+                frame = turned(frame, step.axis, np.radians([step.sign * step.degrees]))[0]
+            result[segment] = frame
+        return result
+
+    def _rest_axes(self, rest: Array) -> dict[str, Array]:
+        """Return the axes from the rest pose: bones lie as drawn there, thumbs forward in a T-pose as in an N-pose."""
+        block = Block(np.zeros(1), self.stream.names, rest[None], self.stream.parents)
+        poses = {segment: self.poses.world(block, frame) for segment, frame in self.names.items()}
+        where = {segment: position[0] for segment, (_, position) in poses.items()}
+        up = axis_vector(axis_name(where["head"] - (where["thigh_left"] + where["thigh_right"]) / 2.0))
+        right = axis_vector(axis_name(where["thigh_right"] - where["thigh_left"]))
+        forward = np.cross(up, right)
+        result = {}
+        for segment, (quaternion, _) in poses.items():
+            kind, _, side = segment.rpartition("_")
+            bone = self._bone(kind, side, where) if kind in BONE else None
+            long = up if bone is None else -bone
+            axes = np.stack([forward, up, right], axis=1)
+            if bone is not None and np.linalg.norm(np.cross(long, forward)) > 0.1:
+                axes = frame_of(long[None], np.cross(forward, long)[None])[0]
+            back = quaternion[0] * np.array([-1.0, -1.0, -1.0, 1.0])
+            result[segment] = np.stack([rotated(back[None], axis[None])[0] for axis in axes.T], axis=1)
+        if not self.warnings and float(np.sum(np.abs(up * right))) > 0.5:
+            self.warnings.append("the rest pose is neither standing nor facing along an axis: check the angles")
+        return result
+
+    def _bone(self, kind: str, side: str, where: Mapping[str, Array]) -> Array | None:
+        """Return the unit vector of a bone in the rest pose, away from the trunk; a hand may take the forearm's."""
+        start = where[f"{kind}_{side}"]
+        after = BONE[kind]
+        end = where.get(f"{after}_{side}") if after else self._child_of(self.names[f"{kind}_{side}"], start)
+        if end is None or np.linalg.norm(end - start) < 1e-9:
+            before = {"hand": "forearm", "shank": "thigh"}.get(kind)
+            return self._bone(before, side, where) if before and f"{before}_{side}" in where else None
+        return (end - start) / np.linalg.norm(end - start)
+
+    def _child_of(self, frame: str, start: Array) -> Array | None:
+        """Return the rest position of the end site of a frame, or None."""
+        rest = self.stream.rest
+        if rest is None or f"{frame}_end" not in self.stream.names:
+            return None
+        name = f"{frame}_end"
+        block = Block(np.zeros(1), self.stream.names, rest[None], self.stream.parents)
+        return FramePoses(self.stream, (name,)).world(block, name)[1][0]
+
+
+_Line = tuple[Array, Array] | None
+
+
+def _line(where: Mapping[str, Array], name: str) -> _Line:
+    """Return the middle of the left and right points and the vector from left to right, or None."""
+    if not all(f"{name}_{side}" in where for side in SIDES):
+        return None
+    left, right = where[f"{name}_left"], where[f"{name}_right"]
+    return (left + right) / 2.0, right - left

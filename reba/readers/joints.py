@@ -1,0 +1,212 @@
+"""Joint coordinates -> body: elementary turns composed in the order of the chain, never added up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.angles import Body, turned
+from reba.posture import COLUMNS, SIDES
+from reba.readers.orient import axis_vector
+from reba.readers.profile import Profile, Step
+from reba.readers.ranges import FAR, STILL, WILD, JointRanges
+from reba.readers.root import RootPose
+from reba.readers.stream import Block, Stream
+
+Array = NDArray[np.float64]
+
+ARM_AND_LEG = (
+    *(("clavicle", "thorax"), ("upper_arm", "clavicle"), ("forearm", "upper_arm"), ("hand", "forearm")),
+    *(("thigh", "pelvis"), ("shank", "thigh")),
+)
+"""Segments of a side and what they hang from, parents first; without a chain the clavicle is rigid with the thorax."""
+
+SPINE = {"trunk": "thorax", "neck": "head"}
+ABOUT = {"side_bend": 0, "twist": 1, "flexion": 2}
+"""The axis of a turn of the spine that gives an angle."""
+
+CHAIN_OF = {
+    "knee_flexion": "shank",
+    "upper_arm_flexion": "upper_arm",
+    "upper_arm_abduction": "upper_arm",
+    "shoulder_elevation": "clavicle",
+    "lower_arm_flexion": "forearm",
+    "wrist_flexion": "hand",
+    "wrist_deviation": "hand",
+    "wrist_twist": "forearm",
+}
+"""The chain that moves a column of the limbs, where no joint gives the column itself."""
+
+
+class JointMapper:
+    """Turns blocks of joint coordinates into bodies and keeps what the whole recording says about its joints.
+
+    Args:
+        profile: a profile of kind "joints".
+        names: joint of the profile -> signal of the stream, as far as present.
+        stream: where the blocks come from.
+        root: pose of the pelvis in the world, if the recording holds it.
+    """
+
+    def __init__(self, profile: Profile, names: Mapping[str, str], stream: Stream, root: RootPose | None) -> None:
+        self.profile, self.names, self.root = profile, dict(names), root
+        self.wanted = tuple(names.values())
+        self.epoch = stream.epoch
+        self.stated, self.unit = stream.unit, stream.unit or profile.unit
+        self.assumed: list[str] = list(profile.assumed)
+        self.warnings: list[str] = []
+        if root is not None:
+            self.assumed.append(root.assumed)
+        elif not profile.up:
+            self.assumed.append("pelvis assumed upright: trunk angles are relative to the pelvis")
+        self.begin()
+
+    def begin(self) -> None:
+        """Start a pass over the recording."""
+        self.ranges = JointRanges(len(self.names))
+
+    def body(self, block: Block) -> Body:
+        """Return the body of a block of n samples."""
+        values = self._values(block)
+        n = len(block.time)
+        body = Body(up=axis_vector(self.profile.up) if self.profile.up else None)
+        frames = body.frames
+        if self.root is not None:
+            body.up = self.root.up
+            frames["pelvis"] = self.root.at(block.time + self.epoch)
+        else:
+            frames["pelvis"] = self._turned(np.eye(3), "pelvis", values, n)
+        frames["thorax"] = self._turned(frames["pelvis"], "thorax", values, n)
+        if "head" in self.profile.chains:
+            frames["head"] = self._turned(frames["thorax"], "head", values, n)
+        for side in SIDES:
+            for segment, parent in ARM_AND_LEG:
+                if f"{segment}_{side}" in self.profile.chains:
+                    base = frames.get(f"{parent}_{side}", frames["pelvis" if parent == "pelvis" else "thorax"])
+                    frames[f"{segment}_{side}"] = self._turned(base, f"{segment}_{side}", values, n)
+        body.columns = self._columns(values, n)
+        return body
+
+    def settled(self) -> bool:
+        """Return whether the unit fits all values; otherwise take the other one, and the recording is read again."""
+        far = self.ranges.far()
+        if self.unit == "rad" and far >= 2:
+            self.unit = "deg"
+            where = "the file says radians" if self.stated else "the source usually has radians"
+            self.warnings.append(f"{where}, but {far} joints go beyond {FAR:g}: the values were read as degrees")
+            return False
+        if self.ranges.wild:
+            self.warnings.append(f"{self.ranges.wild} joint values beyond {WILD:.1f} rad were left out as damaged")
+        largest = self.ranges.largest()
+        if self.unit == "deg" and STILL < largest < 3.2:
+            self.warnings.append(f"no joint leaves +-{largest:.2f} degrees: check that the unit is not radians")
+        return True
+
+    def dead(self, seconds: float) -> dict[str, str]:
+        """Return the columns that no moving joint gives, and why.
+
+        Args:
+            seconds: length of the recording; one second of rest is no evidence.
+        """
+        still = self._still() if seconds > 1.0 else {}
+        reasons: dict[str, str] = {}
+        for column in COLUMNS:
+            joints = joints_of(self.profile, column)
+            absent = [joint for joint in joints if joint not in self.names]
+            idle = [joint for joint in joints if joint in still]
+            if not joints:
+                reasons[column] = "this source has no such joint"
+            elif len(absent) == len(joints):
+                reasons[column] = f"no joint {some(absent)}"
+            elif len(absent) + len(idle) == len(joints):
+                reasons[column] = f"{some([self.names[joint] for joint in idle])} constant {still[idle[0]]:g}"
+        partial = [joint for joint in self.profile.names if joint not in self.names]
+        if partial:
+            self.assumed.append(f"joints not recorded, taken as 0 in their chain: {some(partial)}")
+        return reasons
+
+    def _still(self) -> dict[str, float]:
+        """Return the joints that only fill a place -> their constant value [deg]."""
+        middle, rest = self.ranges.still(1.0 if self.unit == "deg" else 180.0 / np.pi)
+        known = self.ranges.known
+        moves = bool(np.any(known & ~rest))
+        silent = not np.any(np.abs(middle[known]) > STILL)
+        result = {}
+        for index, (joint, signal) in enumerate(self.names.items()):
+            if not rest[index]:
+                continue
+            dummy = self.profile.dummies.get(joint)
+            if dummy is not None and abs(middle[index] - dummy) < 0.01:
+                result[joint] = dummy
+            elif abs(middle[index]) <= STILL and (moves or silent):
+                result[joint] = 0.0
+            elif moves and abs(middle[index]) > STILL:
+                self.warnings.append(f"{signal} is constant {middle[index]:.4g} deg: check that it was measured")
+        if silent and known.any():
+            self.warnings.append("every joint is constantly 0: the source sent no joint angles")
+        return result
+
+    def _values(self, block: Block) -> dict[str, Array]:
+        """Return joint -> (n,) values of a block, and take up their range."""
+        columns = {name: index for index, name in enumerate(block.names)}
+        present = [
+            (index, joint, columns[name]) for index, (joint, name) in enumerate(self.names.items()) if name in columns
+        ]
+        if not self.unit:
+            used = np.abs(block.values[:, [at for _, _, at in present]])
+            self.unit = "deg" if np.nanmax(used, initial=0.0) > FAR else "rad"
+            self.assumed.append(f"the unit of the joints is not stated: {self.unit} by their range")
+        radians = self.unit == "rad"
+        return {
+            joint: self.ranges.add(index, np.ascontiguousarray(block.values[:, at]), radians)
+            for index, joint, at in present
+        }
+
+    def _turned(self, frame: Array, segment: str, values: Mapping[str, Array], n: int) -> Array:
+        """Return (n, 3, 3) frames of a segment: the parent's, turned by each step of the chain."""
+        factor = 1.0 if self.unit == "rad" else np.pi / 180.0
+        result = frame
+        for step in self.profile.chains.get(segment, ()):
+            if step.name in values:
+                result = turned(result, step.axis, values[step.name] * (self._sign(step, segment) * factor))
+            elif not step.name:
+                result = turned(result, step.axis, np.full(n, np.radians(self._sign(step, segment) * step.degrees)))
+        return result if result.ndim == 3 else np.broadcast_to(result, (n, 3, 3))
+
+    def _sign(self, step: Step, segment: str) -> float:
+        """Return the sense of a step; in the mirror image x and y turn the other way, z does not."""
+        mirrored = self.profile.mirror and segment.endswith("_left") and step.axis != 2
+        return -step.sign if mirrored else step.sign
+
+    def _columns(self, values: Mapping[str, Array], n: int) -> dict[str, Array]:
+        factor = 1.0 if self.unit == "deg" else 180.0 / np.pi
+        result = {}
+        for column, terms in self.profile.columns.items():
+            if any(term.name in values for term in terms):
+                parts = [term.sign * values[term.name] * factor for term in terms if term.name in values]
+                result[column] = sum(parts, np.full(n, sum(term.degrees for term in terms)))
+        return result
+
+
+def joints_of(profile: Profile, column: str) -> list[str]:
+    """Return the joints that move a column by themselves."""
+    if column in profile.columns:
+        return [term.name for term in profile.columns[column] if term.name]
+    part, _, angle = column.partition("_")
+    if part in SPINE:
+        chains = [SPINE[part], "pelvis"] if column in ("trunk_flexion", "trunk_side_bend") else [SPINE[part]]
+        steps = [step for chain in chains for step in profile.chains.get(chain, ())]
+        return [step.name for step in steps if step.axis == ABOUT[angle] and step.name]
+    angle, _, side = column.rpartition("_")
+    return [step.name for step in profile.chains.get(f"{CHAIN_OF[angle]}_{side}", ()) if step.name]
+
+
+def some(names: list[str], most: int = 4) -> str:
+    """Return the first names, and how many more there are.
+
+    >>> some(["a", "b", "c"], most=2)
+    'a, b and 1 more'
+    """
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")

@@ -1,0 +1,220 @@
+"""Profile files: reading them and checking every key and value, so that a slip is told and not ignored."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from reba.errors import ProfileError, did_you_mean
+from reba.posture import ANGLES, COLUMNS, SIDES
+from reba.readers.profile import AXES, KINDS, Profile, Step, Term
+
+MIDDLE = ("pelvis", "thorax", "head")
+SIDED = ("clavicle", "upper_arm", "forearm", "hand", "thigh", "shank", "foot", "toe")
+POINTS_MIDDLE = ("neck", "head", "head_front", "head_back", "nose", "notch", "xiphoid", "c7", "t8")
+POINTS_SIDED = (
+    *("asis", "psis", "hip", "shoulder", "elbow", "elbow_lateral", "elbow_medial"),
+    *("wrist", "wrist_radial", "wrist_ulnar", "hand", "hand_radial", "hand_ulnar"),
+    *("knee", "knee_lateral", "knee_medial", "ankle", "ankle_lateral", "ankle_medial", "toe", "heel", "ear"),
+)
+GROUPS: dict[str, tuple[str, ...]] = {
+    "trunk": ("trunk_flexion", "trunk_side_bend", "trunk_twist"),
+    "neck": ("neck_flexion", "neck_side_bend", "neck_twist"),
+    "legs": ("knee_flexion",),
+    "arms": ("upper_arm_flexion", "upper_arm_abduction", "lower_arm_flexion"),
+    "wrists": ("wrist_flexion", "wrist_deviation", "wrist_twist"),
+}
+"""Short names for several columns in `[cannot]`."""
+
+
+def load_profile(path: Path) -> Profile:
+    """Read and check a profile file.
+
+    Raises:
+        ProfileError: the file is not there, is not TOML, or a key or value in it is not known.
+    """
+    try:
+        with path.open("rb") as file:
+            given = tomllib.load(file)
+    except OSError as error:
+        raise ProfileError(f"profile {path}: {error.strerror or error}; give the path of a TOML file") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ProfileError(f"profile {path}: not TOML: {error}; mend the file") from error
+    return parse_profile(given, str(path))
+
+
+def parse_profile(given: Mapping[str, Any], where: str) -> Profile:
+    """Check the content of a profile file and return the profile.
+
+    Args:
+        given: the parsed TOML.
+        where: the file, for messages.
+
+    Raises:
+        ProfileError: a key is missing or unknown, or a value is not what it should be.
+    """
+    known = {entry.name: entry for entry in fields(Profile)}
+    _check_keys(given, known, where, "key")
+    for key in ("name", "title", "source", "kind"):
+        if key not in given:
+            raise ProfileError(f"profile {where}: key '{key}' is missing; add it")
+    values: dict[str, Any] = {}
+    for key, value in given.items():
+        values[key] = _value(key, value, where)
+    _choice(values["kind"], KINDS, "kind", where)
+    _choice(values.get("axes", "isb"), AXES, "axes", where)
+    _choice(values.get("root_axes", "ros"), AXES[:2], "root_axes", where)
+    _choice(values.get("trunk", "line"), ("line", "thorax"), "trunk", where)
+    _choice(values.get("unit", ""), ("rad", "deg", ""), "unit", where)
+    _choice(values.get("up", ""), ("", "x", "y", "z", "-x", "-y", "-z"), "up", where)
+    needed = {"joints": ("chains", "columns"), "frames": ("segments",), "points": ("points",)}[values["kind"]]
+    if not any(values.get(section) for section in needed):
+        raise ProfileError(f"profile {where}: kind '{values['kind']}' needs a section [{'] or ['.join(needed)}]")
+    profile = Profile(**values)
+    for pattern in profile.patterns:
+        if "{name}" not in pattern:
+            raise ProfileError(f"profile {where}: pattern {pattern!r} has no {{name}}; write it like '{{id}}_{{name}}'")
+    for name in profile.required:
+        if name not in profile.slots:
+            hint = did_you_mean(name, profile.slots)
+            raise ProfileError(f"profile {where}: required {name!r} stands nowhere else in it{hint}")
+    return profile
+
+
+def _value(key: str, value: Any, where: str) -> Any:
+    """Return the checked value of a top-level key, with sides spelt out."""
+    angles = {angle.name for angle in ANGLES if angle.sided}
+    if key in ("chains", "turns"):
+        table = _sides(_table(key, value, where), SIDED)
+        _check_keys(table, _segment_names(), where, "segment")
+        return {name: tuple(_step(item, where) for item in _list(name, items, where)) for name, items in table.items()}
+    if key == "columns":
+        table = _sides(_table(key, value, where), angles)
+        _check_keys(table, COLUMNS, where, "column")
+        return {name: tuple(_term(item, where) for item in _list(name, items, where)) for name, items in table.items()}
+    if key in ("segments", "points"):
+        sided, middle = (SIDED, MIDDLE) if key == "segments" else (POINTS_SIDED, POINTS_MIDDLE)
+        table = _sides(_table(key, value, where), sided)
+        _check_keys(table, (*middle, *(f"{name}_{side}" for name in sided for side in SIDES)), where, key[:-1])
+        return {name: _texts(name, items, where) for name, items in table.items()}
+    if key == "dummies":
+        numbers = _table(key, value, where)
+        return {word: _number(name, item, where) for name, item in numbers.items() for word in _both(name)}
+    if key == "cannot":
+        return _reasons(_table(key, value, where), where)
+    if key in ("sign_from_range", "needs_neutral"):
+        columns = [column for name in _texts(key, value, where) for column in _columns_of(name)]
+        _check_keys(dict.fromkeys(columns), COLUMNS, where, "column")
+        return tuple(columns)
+    if key == "mirror":
+        if not isinstance(value, bool):
+            raise ProfileError(f"profile {where}: mirror is {value!r}, expected true or false")
+        return value
+    if key in ("formats", "patterns", "required", "marks", "root", "assumed"):
+        items = _texts(key, value, where)
+        return tuple(word for item in items for word in _both(item)) if key == "required" else items
+    if not isinstance(value, str):
+        raise ProfileError(f"profile {where}: {key} is {value!r}, expected text in quotes")
+    return value
+
+
+def _both(text: str) -> tuple[str, ...]:
+    """Return the text for left and right, or itself where it has no side."""
+    left, right = (_with_side(text, side) for side in SIDES)
+    return (text,) if left == right == text else (left, right)
+
+
+def _with_side(text: str, side: str) -> str:
+    for mark, word in (("side", side), ("Side", side.title()), ("s", side[0]), ("S", side[0].upper())):
+        text = text.replace(f"{{{mark}}}", word)
+    return text
+
+
+def _sides(table: Mapping[str, Any], sided: Iterable[str]) -> dict[str, Any]:
+    """Spell out the entries of both sides: `forearm = "{side}_x"` -> `forearm_left`, `forearm_right`."""
+    result: dict[str, Any] = {}
+    for name, items in table.items():
+        for side in SIDES if name in set(sided) else ("",):
+            as_list = items if isinstance(items, list) else [items]
+            spelt = [_with_side(item, side) if side and isinstance(item, str) else item for item in as_list]
+            result[f"{name}_{side}" if side else name] = spelt
+    return result
+
+
+def _segment_names() -> tuple[str, ...]:
+    return (*MIDDLE, *(f"{name}_{side}" for name in SIDED for side in SIDES))
+
+
+def _columns_of(name: str) -> tuple[str, ...]:
+    """Return the columns of a group, of an angle of both sides, or the column itself."""
+    if name in GROUPS:
+        return tuple(column for part in GROUPS[name] for column in _columns_of(part))
+    return next((angle.columns for angle in ANGLES if angle.name == name), (name,))
+
+
+def _reasons(table: Mapping[str, Any], where: str) -> dict[str, str]:
+    result = {}
+    for name, reason in table.items():
+        columns = _columns_of(name)
+        _check_keys(dict.fromkeys(columns), COLUMNS, where, "column")
+        if not isinstance(reason, str):
+            raise ProfileError(f"profile {where}: cannot.{name} is {reason!r}, expected a reason in quotes")
+        result.update(dict.fromkeys(columns, reason))
+    return result
+
+
+def _step(item: Any, where: str) -> Step:
+    words = item.split() if isinstance(item, str) else []
+    if len(words) != 2 or words[0] not in ("+x", "-x", "+y", "-y", "+z", "-z"):
+        raise ProfileError(f"profile {where}: turn {item!r}, expected like '+z left_elbow' or '-x 90'")
+    sign, axis = (-1.0 if words[0][0] == "-" else 1.0), "xyz".index(words[0][1])
+    try:
+        return Step(axis, sign, "", float(words[1]))
+    except ValueError:
+        return Step(axis, sign, words[1])
+
+
+def _term(item: Any, where: str) -> Term:
+    if isinstance(item, str) and item.strip("+- "):
+        return Term(-1.0 if item[0] == "-" else 1.0, item[1:].strip() if item[0] in "+-" else item)
+    return Term(1.0, "", _number("columns", item, where))
+
+
+def _number(key: str, value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ProfileError(f"profile {where}: {key} holds {value!r}, expected a name or a number of degrees")
+    return float(value)
+
+
+def _table(key: str, value: Any, where: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise ProfileError(f"profile {where}: {key} is {value!r}, expected a section [{key}]")
+    return value
+
+
+def _list(key: str, value: Any, where: str) -> list[Any]:
+    if not isinstance(value, list) or not value:
+        raise ProfileError(f'profile {where}: {key} is {value!r}, expected a list like ["+z left_elbow"]')
+    return value
+
+
+def _texts(key: str, value: Any, where: str) -> tuple[str, ...]:
+    items = value if isinstance(value, list) else [value]
+    if not all(isinstance(item, str) and item for item in items):
+        raise ProfileError(f"profile {where}: {key} is {value!r}, expected names in quotes")
+    return tuple(items)
+
+
+def _choice(value: Any, choices: Iterable[str], key: str, where: str) -> None:
+    if value not in tuple(choices):
+        options = ", ".join(repr(choice) for choice in choices)
+        raise ProfileError(f"profile {where}: {key} is {value!r}, expected one of {options}")
+
+
+def _check_keys(given: Mapping[str, Any], known: Iterable[str], where: str, what: str) -> None:
+    for key in given:
+        if key not in tuple(known):
+            raise ProfileError(f"profile {where}: unknown {what} {key!r}{did_you_mean(key, known)}")
