@@ -13,7 +13,6 @@ import argparse
 import json
 import os
 import platform
-import struct
 import sys
 import tempfile
 import time
@@ -29,6 +28,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.typesys import Stores, get_typestore
 
 from reba.readers.mcap import open_mcap
 
@@ -38,106 +38,52 @@ EPOCH = 1_700_000_000
 JOINTS = tuple(f"{side}_joint_{index:02d}_{axis}" for side in ("left", "right") for index in range(6) for axis in "xyz")
 SEGMENTS = tuple(f"skeleton_segment_{index:02d}" for index in range(23))
 CHUNK = 1 << 20
+JOINT_STATE = "sensor_msgs/msg/JointState"
+TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 
-_LINE = "=" * 80
-_HEADER = f"""{_LINE}
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-{_LINE}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-JOINT_STATE = f"""std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-{_HEADER}"""
-TF_MESSAGE = f"""geometry_msgs/TransformStamped[] transforms
-{_LINE}
-MSG: geometry_msgs/TransformStamped
-std_msgs/Header header
-string child_frame_id
-geometry_msgs/Transform transform
-{_LINE}
-MSG: geometry_msgs/Transform
-geometry_msgs/Vector3 translation
-geometry_msgs/Quaternion rotation
-{_LINE}
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-{_LINE}
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
-{_HEADER}"""
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+CHAIN = ("world", *SEGMENTS)
 
 
-class Cdr:
-    """Writes little-endian CDR."""
-
-    def __init__(self) -> None:
-        self.data = bytearray(b"\x00\x01\x00\x00")
-
-    def align(self, size: int) -> None:
-        """Pad to a multiple of `size` behind the header."""
-        self.data += bytes(-(len(self.data) - 4) % size)
-
-    def number(self, code: str, *values: float) -> None:
-        """Write numbers of one type."""
-        self.align(struct.calcsize(code))
-        self.data += struct.pack(f"<{len(values)}{code}", *values)
-
-    def text(self, text: str) -> None:
-        """Write a string with its closing zero."""
-        self.number("I", len(text) + 1)
-        self.data += text.encode() + b"\0"
+def stamped(stamp: int, frame: str) -> Any:
+    """Return a std_msgs/Header."""
+    time_of = TYPES.types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
+    return TYPES.types["std_msgs/msg/Header"](time_of, frame)
 
 
-def joint_state(stamp: int, positions: list[float], velocities: list[float]) -> bytes:
+def joint_state(stamp: int, positions: np.ndarray, velocities: np.ndarray) -> Any:
     """Return one sensor_msgs/JointState."""
-    cdr = Cdr()
-    cdr.number("I", *divmod(stamp, 10**9))
-    cdr.text("")
-    cdr.number("I", len(JOINTS))
-    for name in JOINTS:
-        cdr.text(name)
-    for values in (positions, velocities):
-        cdr.number("I", len(values))
-        cdr.number("d", *values)
-    cdr.number("I", 0)
-    return bytes(cdr.data)
+    return TYPES.types[JOINT_STATE](stamped(stamp, ""), list(JOINTS), positions, velocities, np.zeros(0))
 
 
-def tf_message(stamp: int, poses: list[list[float]]) -> bytes:
+def tf_message(stamp: int, poses: np.ndarray) -> Any:
     """Return one tf2_msgs/TFMessage with a transform for each segment."""
-    cdr = Cdr()
-    cdr.number("I", len(SEGMENTS))
-    parent = "world"
-    for name, pose in zip(SEGMENTS, poses, strict=True):
-        cdr.number("I", *divmod(stamp, 10**9))
-        cdr.text(parent)
-        cdr.text(name)
-        cdr.number("d", *pose)
-        parent = name
-    return bytes(cdr.data)
+    of = TYPES.types
+    return of[TF_MESSAGE](
+        [
+            of["geometry_msgs/msg/TransformStamped"](
+                stamped(stamp, parent),
+                child,
+                of["geometry_msgs/msg/Transform"](
+                    of["geometry_msgs/msg/Vector3"](*pose[:3]), of["geometry_msgs/msg/Quaternion"](*pose[3:])
+                ),
+            )
+            for parent, child, pose in zip(CHAIN[:-1], CHAIN[1:], poses.tolist(), strict=True)
+        ]
+    )
 
 
-def write(path: Path, topic: str, name: str, schema: str, message: Callable[[int, int], bytes], count: int) -> None:
-    """Write a recording of one topic; `message(index, stamp)` gives its payloads."""
+def write(path: Path, topic: str, name: str, message: Callable[[int, int], Any], count: int) -> None:
+    """Write a recording of one topic; `message(index, stamp)` gives its messages."""
     with path.open("wb") as file:
         writer = Writer(file, chunk_size=CHUNK, compression=CompressionType.ZSTD)
         writer.start("ros2", "benchmark")
-        channel = writer.register_channel(topic, "cdr", writer.register_schema(name, "ros2msg", schema.encode()))
+        schema = writer.register_schema(name, "ros2msg", TYPES.generate_msgdef(name, ros_version=2)[0].encode())
+        channel = writer.register_channel(topic, "cdr", schema)
         for index in range(count):
             stamp = EPOCH * 10**9 + index * RATE_NS
-            writer.add_message(channel, stamp, message(index, stamp), stamp)
+            payload = TYPES.serialize_cdr(message(index, stamp), name)
+            writer.add_message(channel, stamp, bytes(payload), stamp)
         writer.finish()
 
 
@@ -226,9 +172,8 @@ def run(count: int, repeat: int) -> dict[str, Any]:
         write(
             joints,
             "/joint_states",
-            "sensor_msgs/msg/JointState",
             JOINT_STATE,
-            lambda index, stamp: joint_state(stamp, positions[index].tolist(), velocities[index].tolist()),
+            lambda index, stamp: joint_state(stamp, positions[index], velocities[index]),
             count,
         )
         tf_count = count // 3
@@ -237,9 +182,8 @@ def run(count: int, repeat: int) -> dict[str, Any]:
         write(
             tf,
             "/tf",
-            "tf2_msgs/msg/TFMessage",
             TF_MESSAGE,
-            lambda index, stamp: tf_message(stamp, poses[index].tolist()),
+            lambda index, stamp: tf_message(stamp, poses[index]),
             tf_count,
         )
         return {

@@ -172,6 +172,10 @@ class Container:
                 self._note(summary, at, opcode, length)
         except BadRecord as error:
             raise ReadError(self.path, error.what, hint=_RECORD_AGAIN, offset=error.offset) from error
+        if self.source.size == len(MAGIC):
+            raise ReadError(
+                self.path, "the recording holds nothing", hint="record it again; the recorder wrote nothing"
+            )
         if summary.footer is not None and not closed:
             self.warnings.append("the magic bytes at the end of the file are wrong; all records before are there")
         complete = self.ended_abnormally is None

@@ -129,9 +129,10 @@ class Layout:
         for start, template, mask in self._blocks:
             code = "u8" if len(template) % _WORD == 0 else "u1"
             found = rows.numbers(start, code, len(template) // int(code[1]))
-            difference = found ^ template.view(code)
-            if difference.any():
-                equal &= ~(difference & mask.view(code)).any(axis=1)
+            different = found != template.view(code)
+            if different.any():
+                # Only now look bit by bit: padding and text that does not matter may differ.
+                equal &= ~((found ^ template.view(code)) & mask.view(code)).any(axis=1)
         return equal
 
 

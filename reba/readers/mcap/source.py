@@ -19,6 +19,8 @@ ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 """First bytes of a zstd frame, RFC 8878 section 3.1.1; `ros2 bag record --compression-mode file` makes such files."""
 
 _STEP: Final = 1 << 22
+_HEAD: Final = 18
+"""The longest zstd frame header."""
 
 
 class Source:
@@ -82,6 +84,14 @@ def _unpack(path: Path, packed: IO[bytes], limit_bytes: int) -> IO[bytes]:
     """Unpack a zstd-compressed recording to an unnamed temporary file."""
     import zstandard
 
+    too_big = ReadError(
+        path,
+        f"unpacks to more than {limit_bytes} bytes",
+        hint="unpack it with `zstd -d` and give the .mcap file, or raise limit_bytes",
+    )
+    packed.seek(0)
+    if zstandard.frame_content_size(packed.read(_HEAD)) > limit_bytes:
+        raise too_big
     # Closed by the finalizer of the source that owns it.
     unpacked = tempfile.TemporaryFile()  # noqa: SIM115
     packed.seek(0)
@@ -90,11 +100,7 @@ def _unpack(path: Path, packed: IO[bytes], limit_bytes: int) -> IO[bytes]:
             while part := reader.read(_STEP):
                 unpacked.write(part)
                 if unpacked.tell() > limit_bytes:
-                    raise ReadError(
-                        path,
-                        f"unpacks to more than {limit_bytes} bytes",
-                        hint="unpack it with `zstd -d` and give the .mcap file, or raise limit_bytes",
-                    )
+                    raise too_big
     except zstandard.ZstdError as error:
         unpacked.close()
         raise ReadError(path, f"is a damaged zstd file ({error})", hint="copy or record the file again") from error
