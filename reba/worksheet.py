@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from reba.factors import COUPLINGS, SUPPORTS
 from reba.gravity import against_gravity
@@ -73,7 +74,7 @@ class Worksheet:
 def worksheet(scores: Scores, frame: int) -> Worksheet:
     """Return the worksheet of a frame (row of the score table)."""
     row = scores.data.iloc[frame]
-    known = {name: None if row[name] is None or row[name] != row[name] else int(row[name]) for name in _names(scores)}
+    known = {name: None if pd.isna(row[name]) else int(row[name]) for name in scores.data.columns if name != "time"}
     angles = np.array(scores.angles[frame], np.float64).reshape(-1, 1)
     if scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)
@@ -111,10 +112,6 @@ def drivers(scores: Scores, frame: int, most: int = 4) -> list[str]:
         if extra > 0 and not (silent and line.part.endswith(f"_{silent}")):
             found.append((-extra, f"{line.what} {line.value} ({line.rule}): +{extra}"))
     return [text for _, text in sorted(found, key=lambda item: item[0])[:most]]
-
-
-def _names(scores: Scores) -> list[str]:
-    return [name for name in scores.data.columns if name != "time"]
 
 
 def _part(parts: list[Quantity], angles: np.ndarray[Any, Any], counts: bool) -> list[Line]:
@@ -164,13 +161,13 @@ def _load(scores: Scores, frame: int) -> list[Line]:
     points = int(load >= LOAD_EDGES[0]) + int(load > LOAD_EDGES[1])
     rule = ("under 5 kg", "5 to 10 kg", "over 10 kg")[points]
     lines = [Line("load_force", points, "load", f"{load:g} kg", rule)]
-    if _yes(_at(scores.factors.shock, frame)):
+    if _at(scores.factors.shock, frame):
         lines.append(Line("load_force", 1, "shock", "yes", "shock or rapid build-up of force"))
     return lines
 
 
 def _supported(scores: Scores, frame: int, side: str, lines: list[Line]) -> list[Line]:
-    if not _yes(_at(getattr(scores.factors, f"arm_supported_{side}"), frame)):
+    if not _at(getattr(scores.factors, f"arm_supported_{side}"), frame):
         return []
     so_far = sum(line.points or 0 for line in lines if line.part == f"upper_arm_{side}")
     points = -1 if so_far > 1 else 0
@@ -188,9 +185,5 @@ def _activity(scores: Scores, frame: int) -> list[Line]:
         "repeated": f"small movements over {scores.rules.repeated_per_minute:g} a minute",
         "unstable": "rapid large changes, or an unstable base",
     }
-    yes = {kind: _yes(_at(getattr(scores.factors, kind), frame)) for kind in rules}
+    yes = {kind: bool(_at(getattr(scores.factors, kind), frame)) for kind in rules}
     return [Line("activity", int(yes[kind]), kind, "yes" if yes[kind] else "no", rule) for kind, rule in rules.items()]
-
-
-def _yes(value: Any) -> bool:
-    return str(value).strip().lower() in ("true", "1", "1.0")
