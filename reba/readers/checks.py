@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.posture import ANGLES, COLUMNS, INDEX
+from reba.posture import ANGLES, COLUMNS, INDEX, SIDES
 
 Array = NDArray[np.float64]
 
@@ -37,6 +37,12 @@ JUMP = 20.0
 
 FROZEN = 0.5
 """[s] Longer stretches of exactly equal frames are reported."""
+
+LINKED: tuple[tuple[str, ...], ...] = (
+    ("neck_flexion", "neck_side_bend", "neck_twist"),
+    *((f"wrist_flexion_{side}", f"wrist_deviation_{side}", f"wrist_twist_{side}") for side in SIDES),
+)
+"""Columns of one segment frame: if one of them is impossible, the frame is wrong and so are the others."""
 
 STILL = 1e-6
 """[deg] Frames and markers always tremble; a column that does not was not measured."""
@@ -118,18 +124,32 @@ def frozen_warning(time: Array, angles: Array) -> str | None:
     return None
 
 
-def limit_warnings(angles: Array) -> list[str]:
-    """Return a warning for each column with angles that no person reaches."""
-    warnings = []
-    for index, column in enumerate(COLUMNS):
-        name = next(angle.name for angle in ANGLES if column in angle.columns)
-        low, high = LIMITS[name]
-        values = angles[:, index]
-        with np.errstate(invalid="ignore"):
-            count = int(np.sum((values < low) | (values > high)))
-        if count:
-            warnings.append(f"{column}: {count} of {len(values)} frames beyond {low:g} .. {high:g} deg")
-    return warnings
+def beyond_limits(angles: Array) -> dict[str, str]:
+    """Return the columns with angles that no person reaches -> how many of the frames."""
+    return {column: text for column, (count, text) in _beyond(angles).items() if count}
+
+
+def impossible_columns(angles: Array) -> dict[str, str]:
+    """Return columns that are beyond their limits in half of the frames, with those of the same segment, and why."""
+    wrong = {column: text for column, (count, text) in _beyond(angles).items() if 2 * count > len(angles)}
+    for group in LINKED:
+        worst = next((column for column in group if column in wrong), None)
+        if worst is not None:
+            reason = f"{worst}: {wrong[worst]}, so the axes of this segment are not a person's"
+            wrong |= dict.fromkeys(group, reason)
+    return wrong
+
+
+def _beyond(angles: Array) -> dict[str, tuple[int, str]]:
+    result = {}
+    for angle in ANGLES:
+        low, high = LIMITS[angle.name]
+        for column in angle.columns:
+            values = angles[:, INDEX[column]]
+            with np.errstate(invalid="ignore"):
+                count = int(np.sum((values < low) | (values > high)))
+            result[column] = (count, f"{count} of {len(values)} frames beyond {low:g} .. {high:g} deg")
+    return result
 
 
 def empty_columns(angles: Array) -> list[str]:

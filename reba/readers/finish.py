@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from reba.errors import ProfileError, ReadError
 from reba.posture import COLUMNS, INDEX, PostureTable, Quality
 from reba.readers.checks import (
+    beyond_limits,
     dead_columns,
     empty_columns,
     find_gaps,
     first_frame_alien,
     frozen_warning,
-    limit_warnings,
+    impossible_columns,
     median_rate,
 )
 from reba.readers.collect import Samples, collect, in_order
@@ -62,7 +63,7 @@ def finish(recording: Recording, match: Match, *, neutral: str = "none", strict:
         why = "; ".join(dict.fromkeys(reasons.values())) or "no sample holds a whole segment"
         raise ProfileError(f"{recording.path}: {match.why}, but nothing was measured: {why}; record it again")
     done = apply_neutral(samples.time, samples.angles, neutral)
-    warnings = [*mapper.warnings, *limit_warnings(samples.angles)]
+    warnings = [*mapper.warnings, *_beyond(samples.angles)]
     assumed = [*mapper.assumed, *([done] if done else [])]
     data = pd.DataFrame(samples.table, columns=["time", *COLUMNS], copy=False)
     return PostureTable(
@@ -102,7 +103,7 @@ def _finish_table(recording: Recording, match: Match, neutral: str, strict: bool
         why_unmeasured={column: absent.get(column, "no value") for column in unmeasured},
         assumed=(done,) if done else (),
         recognised=match.why,
-        quality=_quality(recording, log, time, angles, limit_warnings(angles)),
+        quality=_quality(recording, log, time, angles, _beyond(angles)),
         epoch=match.stream.epoch,
     )
 
@@ -146,6 +147,8 @@ def _hide(samples: Samples, mapper: Mapper, profile: Profile, match: Match, neut
     if neutral == "none":
         for column in profile.needs_neutral:
             reasons[column] = "it has no zero of its own: give a neutral posture (neutral='first:3s')"
+    if match.stream.kind != "joints":
+        reasons |= impossible_columns(angles)
     reasons |= profile.cannot
     for column in reasons:
         angles[:, INDEX[column]] = np.nan
@@ -164,6 +167,10 @@ def _upright_sign(angles: Array, column: str, mapper: Mapper) -> None:
         values *= -1.0
         span = f"{finite.min():.0f} .. {finite.max():.0f}"
         mapper.assumed.append(f"{column}: flexion is negative in this source ({span} deg); sign turned round")
+
+
+def _beyond(angles: Array) -> list[str]:
+    return [f"{column}: {text}" for column, text in beyond_limits(angles).items()]
 
 
 def _recognised(match: Match, reasons: dict[str, str], unmeasured: Iterable[str]) -> str:

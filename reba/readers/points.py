@@ -169,6 +169,10 @@ def _spine(points: Points, body: Body) -> None:
     if hips is not None and shoulders is not None:
         across = points["shoulder_right"] - points["shoulder_left"]
         body.frames["trunk"] = frame_of(shoulders - hips, across)
+    elif hips is not None and "thorax" in body.frames:
+        # Markers on one arm only: the line ends between notch and C7, which stay at shoulder height.
+        neck = (points["notch"] + points["c7"]) / 2.0
+        body.frames["trunk"] = frame_of(neck - hips, body.frames["thorax"][:, :, 2])
     right = _across(points, "asis")
     right = right if right is not None else _across(points, "hip")
     if right is None:

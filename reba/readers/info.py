@@ -1,0 +1,162 @@
+"""What `reba info` shows: what a recording holds, what was recognised and why, and what REBA can get from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from reba.errors import ProfileError
+from reba.posture import COLUMNS, PostureTable
+from reba.readers.finish import finish
+from reba.readers.formats import open_recording
+from reba.readers.neutral import parse_neutral
+from reba.readers.profile import Profile, find_profile, profiles
+from reba.readers.recognise import Match, choose, matches
+from reba.readers.stream import Recording
+
+MOST_ALTERNATIVES = 5
+
+
+@dataclass(frozen=True)
+class Info:
+    """A recording at a glance.
+
+    Attributes:
+        input: path given.
+        format: name of the reader.
+        topics: one dict per topic or signal group: name, type, count, usable, why.
+        profile: name of the profile, "table" for a posture table, "" if nothing was recognised.
+        title: of the profile, for people.
+        recognised: why it was chosen, or why nothing was.
+        usable: whether postures can be read.
+        alternatives: what else would fit.
+        topic: stream that is used.
+        found: joints, segments or points of the profile that are there.
+        missing: those that are not.
+        frames: rows of the posture table.
+        seconds: its length.
+        start: Unix time of time 0 [s], 0.0 if unknown.
+        rate: median rate [Hz].
+        gaps: (start, end) [s].
+        time_source: where the time comes from.
+        messages, skipped, first_skipped, ended_abnormally, sha256: as in `Quality`.
+        measured: angle columns with values.
+        unmeasured: angle columns without -> why.
+        assumed: what had to be assumed.
+        warnings: other things to know.
+        ranges: measured column -> minimum, median, maximum [deg].
+    """
+
+    input: str
+    format: str
+    topics: tuple[dict[str, Any], ...] = ()
+    profile: str = ""
+    title: str = ""
+    recognised: str = ""
+    usable: bool = False
+    alternatives: tuple[str, ...] = ()
+    topic: str = ""
+    found: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    frames: int = 0
+    seconds: float = 0.0
+    start: float = 0.0
+    rate: float = float("nan")
+    gaps: tuple[tuple[float, float], ...] = ()
+    time_source: str = ""
+    messages: int = 0
+    skipped: int = 0
+    first_skipped: str | None = None
+    ended_abnormally: str | None = None
+    sha256: str = ""
+    measured: tuple[str, ...] = ()
+    unmeasured: dict[str, str] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    ranges: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON values; NaN becomes None."""
+        result = asdict(self)
+        result["rate"] = None if math.isnan(self.rate) else self.rate
+        return result
+
+
+def inspect(
+    path: str | Path,
+    *,
+    profile: str | Path = "auto",
+    topic: str | None = None,
+    neutral: str = "none",
+    strict: bool = False,
+) -> Info:
+    """Look into a recording; arguments as in `reba.read`.
+
+    A recording that nothing is recognised in is no error here: its topics and the reason are what the caller asks for.
+
+    Raises:
+        ReadError: the file is unknown, damaged or empty.
+        ProfileError: the named profile does not exist or is wrong.
+        RebaError: `neutral` is wrong.
+    """
+    parse_neutral(neutral)
+    named = str(profile) != "auto"
+    known = (find_profile(profile),) if named else profiles()
+    recording = open_recording(path, strict=strict)
+    topics = tuple(asdict(entry) for entry in recording.topics)
+    start = Info(str(path), recording.format, topics, warnings=tuple(recording.log.warnings))
+    try:
+        match = choose(recording, known, topic, named=named)
+        table = finish(recording, match, neutral=neutral, strict=strict)
+    except ProfileError as error:
+        ended = recording.log.ended_abnormally
+        others = _alternatives(recording, known, None)
+        return replace(start, recognised=str(error), alternatives=others, ended_abnormally=ended)
+    return _described(start, match, table, _alternatives(recording, known, match))
+
+
+def _described(start: Info, match: Match, table: PostureTable, alternatives: tuple[str, ...]) -> Info:
+    time, quality = table.data["time"].to_numpy(np.float64), table.quality
+    measured = tuple(column for column in COLUMNS if column not in table.unmeasured)
+    return replace(
+        start,
+        profile=table.profile,
+        title=match.profile.title if match.profile else "posture table",
+        recognised=table.recognised,
+        usable=True,
+        alternatives=alternatives,
+        topic=table.topic,
+        found=tuple(match.names or match.columns),
+        missing=match.missing,
+        frames=len(time),
+        seconds=float(time[-1] - time[0]),
+        start=table.epoch,
+        rate=quality.rate,
+        gaps=quality.gaps,
+        time_source=quality.time_source,
+        messages=quality.messages,
+        skipped=quality.skipped,
+        first_skipped=quality.first_skipped,
+        ended_abnormally=quality.ended_abnormally,
+        sha256=quality.sha256,
+        measured=measured,
+        unmeasured={column: table.why_unmeasured.get(column, "no value") for column in table.unmeasured},
+        assumed=table.assumed,
+        warnings=quality.warnings,
+        ranges={column: _range(table.data[column].to_numpy(np.float64)) for column in measured},
+    )
+
+
+def _range(values: np.ndarray) -> tuple[float, float, float]:
+    return float(np.nanmin(values)), float(np.nanmedian(values)), float(np.nanmax(values))
+
+
+def _alternatives(recording: Recording, known: tuple[Profile, ...], chosen: Match | None) -> tuple[str, ...]:
+    """Return what else fits, best first, in words."""
+    fitting = [match for match in matches(recording, known) if match.fits]
+    others = [match for match in fitting if chosen is None or match.why != chosen.why]
+    return tuple(f"{match.why}: {len(match.columns)} columns" for match in others[:MOST_ALTERNATIVES])
