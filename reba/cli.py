@@ -15,6 +15,7 @@ import reba
 from reba.batch import Options, Outcome, find_inputs, plan_outputs, score_many
 from reba.errors import RebaError
 from reba.factors import COUPLINGS, SUPPORTS
+from reba.rules import rules_of
 
 
 class Stop(Exception):
@@ -109,7 +110,7 @@ def score(
 ) -> None:
     """Score recordings: files, or folders of them."""
     options = _options(given)
-    reba.rules.rules_of(options.rules)
+    rules_of(options.rules)
     paths = find_inputs(inputs)
     outputs = plan_outputs(paths, output)
     with _progress(len(paths)) as advance:
@@ -194,12 +195,19 @@ def explain(path: str, time: float, as_json: bool, **given: Any) -> None:
         show_worksheet(_console(), sheet)
 
 
-@cli.command(epilog="Example: reba improve shift.mcap --load 12 --at 12.5")
+@cli.command(epilog="Example: reba improve shift.mcap --load 12 --at 12.5 --to low")
 @click.argument("path", metavar="INPUT")
+@click.option(
+    "--to",
+    "to_level",
+    type=click.Choice([risk.replace(" ", "-") for risk, _ in reba.ACTION_LEVELS[:-1]]),
+    default=None,
+    help="Action level to reach; by default the next lower one.",
+)
 @click.option("--at", "time", type=float, default=None, metavar="SECONDS", help="One frame instead of the worst ones.")
 @scoring_options
 @json_option
-def improve(path: str, time: float | None, as_json: bool, **given: Any) -> None:
+def improve(path: str, time: float | None, to_level: str | None, as_json: bool, **given: Any) -> None:
     """Find the smallest changes that lower the action level of a frame, or of the worst frames and minute."""
     from reba.exposure import worst_intervals
     from reba.improve import improve_frame, improve_frames, worst_stretch
@@ -212,8 +220,9 @@ def improve(path: str, time: float | None, as_json: bool, **given: Any) -> None:
     else:
         frames = [interval.frame for interval in worst_intervals(scores)]
         minute = worst_stretch(scores)
-    found = [(float(stamps[frame]), improve_frame(scores, frame)) for frame in frames]
-    whole = None if minute is None else improve_frames(scores, minute)
+    level = None if to_level is None else [risk for risk, _ in reba.ACTION_LEVELS].index(to_level)
+    found = [(float(stamps[frame]), improve_frame(scores, frame, level)) for frame in frames]
+    whole = None if minute is None else improve_frames(scores, minute, level)
     if as_json:
         result: dict[str, Any] = {"input": path, "rules": scores.rules.name}
         result["frames"] = [{"time": at, "improvements": [i.to_dict() for i in some]} for at, some in found]

@@ -62,9 +62,9 @@ class Improvement:
         return {**asdict(self), "text": self.text()}
 
 
-def improve_frame(scores: Scores, frame: int) -> list[Improvement]:
-    """Return the smallest changes for one frame, one for each goal that can be reached."""
-    return improve_frames(scores, np.array([frame]))
+def improve_frame(scores: Scores, frame: int, to_level: int | None = None) -> list[Improvement]:
+    """Return the smallest changes for one frame, one for each goal that can be reached; see `improve_frames`."""
+    return improve_frames(scores, np.array([frame]), to_level)
 
 
 def worst_stretch(scores: Scores, seconds: float = WORST_SECONDS) -> NDArray[np.int64]:
@@ -81,22 +81,30 @@ def worst_stretch(scores: Scores, seconds: float = WORST_SECONDS) -> NDArray[np.
     return np.arange(first, stop[first])
 
 
-def improve_worst(scores: Scores, seconds: float = WORST_SECONDS) -> list[Improvement]:
+def improve_worst(scores: Scores, seconds: float = WORST_SECONDS, to_level: int | None = None) -> list[Improvement]:
     """Return the smallest limits that lower the action level of the worst stretch in every one of its frames."""
-    return improve_frames(scores, worst_stretch(scores, seconds))
+    return improve_frames(scores, worst_stretch(scores, seconds), to_level)
 
 
-def improve_frames(scores: Scores, frames: NDArray[np.int64]) -> list[Improvement]:
-    """Return the smallest common changes that bring every given frame below the highest action level among them.
+def improve_frames(scores: Scores, frames: NDArray[np.int64], to_level: int | None = None) -> list[Improvement]:
+    """Return the smallest common changes that bring every given frame to a lower action level.
 
     Unmeasured angles are taken as neutral: a change can only be asked of what is known.
+
+    Args:
+        frames: rows of the score table.
+        to_level: highest action level (0 to 3) that may remain; by default one below the highest among the frames.
+
+    Returns:
+        One improvement for each goal that can be reached; none if the frames are at or below the level already.
     """
     available = choices(scores, frames)
     before = int(_total(available, {}).max())
     level = int(LEVEL_OF[before])
-    if level == 0:
+    goal_level = level - 1 if to_level is None else to_level
+    if level <= goal_level or goal_level < 0:
         return []
-    target = ACTION_LEVEL_FROM[level] - 1
+    target = ACTION_LEVEL_FROM[goal_level + 1] - 1
     found: list[Improvement] = []
     for goal in goals():
         best = _search(available, goal, target)
