@@ -177,4 +177,4 @@ def test_counts_are_never_believed(tmp_path: Path) -> None:
         assert counts == [3]
     data = bytearray(SEEDS["c3d"][1])
     data[8:10] = b"\xff\xfe"
-    assert read_all(tmp_path, "c3d", bytes(data)) == [3, 3] or read_all(tmp_path, "c3d", bytes(data)) == [3]
+    assert read_all(tmp_path, "c3d", bytes(data)) == [3, 3]
