@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.factors import ACTIVITIES, COUPLINGS, SUPPORTS, flag, load_kg
+from reba.factors import ACTIVITIES, COUPLINGS, SUPPORTS
 from reba.gravity import against_gravity
 from reba.limits import Quantity, quantities
 from reba.posture import ANGLES, INDEX, SIDES
@@ -125,8 +124,7 @@ def choices(scores: Scores, frames: NDArray[np.int64]) -> tuple[Choice, ...]:
     if scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)
     angles = np.where(np.isnan(angles), _BEST[:, None], angles)
-    knees = _at(scores, "support", frames, lambda value, n: np.asarray(value).astype(str) != SUPPORTS[3])
-    knees |= scores.rules.seated_knees
+    knees = (_at(scores, "support", frames) != SUPPORTS[3]) | scores.rules.seated_knees
     found = [_angle(quantity, angles, knees) for quantity in quantities(scores.rules)]
     return (*found, *_factors(scores, frames))
 
@@ -169,21 +167,20 @@ def _range(rows: NDArray[np.float64]) -> str:
     return f"{low:.1f} deg" if high - low < 0.05 else f"{low:.1f} to {high:.1f} deg"
 
 
-def _at(scores: Scores, name: str, frames: NDArray[np.int64], read: Callable[[Any, int], Any]) -> NDArray[Any]:
-    values = np.atleast_1d(read(getattr(scores.factors, name), len(scores.data)))
-    return np.broadcast_to(values[0], len(frames)).copy() if len(values) == 1 else values[frames]
+def _at(scores: Scores, name: str, frames: NDArray[np.int64]) -> NDArray[Any]:
+    return np.broadcast_to(getattr(scores.factors, name), len(scores.data))[frames]
 
 
 def _factors(scores: Scores, frames: NDArray[np.int64]) -> list[Choice]:
     def yes(name: str) -> Points:
-        flags: Points = _at(scores, name, frames, lambda value, n: flag(name, value, n)).astype(np.int16)
+        flags: Points = _at(scores, name, frames).astype(np.int16)
         return flags
 
     def removable(what: str, kind: str, group: str, part: str, points: Points, target: str) -> Choice:
         gone = Option(np.zeros_like(points), 0.0, target, "yes")
         return Choice(what, kind, group, part, "", points, (gone,) if points.any() else ())
 
-    load = _at(scores, "load", frames, load_kg)
+    load = _at(scores, "load", frames)
     load_points = (load >= LOAD_EDGES[0]).astype(np.int16) + (load > LOAD_EDGES[1])
     lighter = [
         Option(np.minimum(load_points, p).astype(np.int16), 0.0, target, f"{load.max():g} kg")
@@ -194,7 +191,7 @@ def _factors(scores: Scores, frames: NDArray[np.int64]) -> list[Choice]:
         Choice("load", "load", "a", "load_force", "", load_points.astype(np.int16), tuple(lighter)),
         removable("shock", "load", "a", "load_force", yes("shock"), "no shock"),
     ]
-    legs = _at(scores, "support", frames, lambda value, n: np.asarray(value).astype(str))
+    legs = _at(scores, "support", frames)
     base = np.where(legs == "unilateral", 2, np.where(legs == "walking", scores.rules.walking_legs, 1)).astype(np.int16)
     both = Option(np.minimum(base, 1).astype(np.int16), 0.0, "both legs", "one leg")
     found.append(Choice("support", "support", "a", "legs", "", base, (both,) if base.max() > 1 else ()))

@@ -33,7 +33,9 @@ ASSUMED: Final[dict[str, str]] = {
     "arm_supported_left": "left arm unsupported",
     "arm_supported_right": "right arm unsupported",
 }
-"""What is assumed for a factor that nobody gave; activity comes from the movement itself."""
+"""What is assumed for a factor that nobody gave."""
+ASSUMED_ACTIVITY: Final = "activity from the movement"
+"""The same for activity, which is found in the movement itself."""
 
 Points = NDArray[np.uint8]
 
@@ -82,6 +84,9 @@ class Factors:
         return Factors(**values)
 
 
+_GRIPS: Final = tuple(f"coupling_{side}" for side in SIDES)
+_FLAGS: Final = ("shock", *(f"arm_supported_{side}" for side in SIDES), *ACTIVITIES)
+
 FACTORS: Final = tuple(field.name for field in fields(Factors))
 """The factor names, which are also the names of factor columns of a posture table."""
 
@@ -104,29 +109,39 @@ def expand_sides(given: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class FactorPoints:
-    """Factors turned into points: uint8 arrays of shape (n,) or (1,), which broadcast over the frames."""
+    """Factors turned into points: uint8 arrays that broadcast over the frames.
+
+    Of shape (n,) or (1,); `coupling` and `arm_supported` (2, n) or (2, 1), left and right.
+    """
 
     load_force: Points
-    coupling: tuple[Points, Points]
-    arm_supported: tuple[Points, Points]
+    coupling: Points
+    arm_supported: NDArray[np.bool_]
     legs: Points
     knees_count: Points
     activity: Points
 
     def rows(self, start: int, stop: int) -> FactorPoints:
         """Return the points of frames start to stop."""
+        given = (getattr(self, field.name) for field in fields(self))
+        return FactorPoints(*(one if one.shape[-1] == 1 else one[..., start:stop] for one in given))
 
-        def cut(points: Points) -> Points:
-            return points if len(points) == 1 else points[start:stop]
 
-        return FactorPoints(
-            load_force=cut(self.load_force),
-            coupling=(cut(self.coupling[0]), cut(self.coupling[1])),
-            arm_supported=(cut(self.arm_supported[0]), cut(self.arm_supported[1])),
-            legs=cut(self.legs),
-            knees_count=cut(self.knees_count),
-            activity=cut(self.activity),
-        )
+def checked(factors: Factors, n: int) -> Factors:
+    """Return the factors of n frames in one spelling: kilograms, booleans and words, as one value or (n,) arrays.
+
+    Raises:
+        PostureError: a value is missing, out of range or has another number of frames.
+    """
+
+    def plain(values: NDArray[Any]) -> Any:
+        return values[0].item() if len(values) == 1 else values
+
+    couplings = {name: np.array(COUPLINGS)[_choice(name, getattr(factors, name), COUPLINGS, n)] for name in _GRIPS}
+    flags = {name: flag(name, getattr(factors, name), n) for name in _FLAGS}
+    support = np.array(SUPPORTS)[_choice("support", factors.support, SUPPORTS, n)]
+    given = {"load": load_kg(factors.load, n), "support": support, **couplings, **flags}
+    return Factors(**{name: plain(values) for name, values in given.items()})
 
 
 def points(factors: Factors, rules: Rules, n: int) -> FactorPoints:
@@ -137,22 +152,21 @@ def points(factors: Factors, rules: Rules, n: int) -> FactorPoints:
     """
     load = load_kg(factors.load, n)
     load_points = (load >= LOAD_EDGES[0]).astype(np.uint8) + (load > LOAD_EDGES[1])
-    coupling = tuple(_choice(f"coupling_{side}", getattr(factors, f"coupling_{side}"), COUPLINGS, n) for side in SIDES)
+    coupling = np.stack(np.broadcast_arrays(*(_choice(name, getattr(factors, name), COUPLINGS, n) for name in _GRIPS)))
     if not rules.coupling_without_load:
-        coupling = tuple((code * (load > 0)).astype(np.uint8) for code in coupling)
+        coupling = (coupling * (load > 0)).astype(np.uint8)
     support = _choice("support", factors.support, SUPPORTS, n)
     walking = support == SUPPORTS.index("walking")
     legs = 1 + (support == SUPPORTS.index("unilateral")) + walking * (rules.walking_legs - 1)
     sitting = support == SUPPORTS.index("sitting")
-    supported = tuple(flag(f"arm_supported_{side}", getattr(factors, f"arm_supported_{side}"), n) for side in SIDES)
-    active = sum(flag(name, getattr(factors, name), n).astype(np.uint8) for name in ACTIVITIES)
+    flags = {name: flag(name, getattr(factors, name), n) for name in _FLAGS}
     return FactorPoints(
-        load_force=(load_points + flag("shock", factors.shock, n)).astype(np.uint8),
-        coupling=(coupling[0], coupling[1]),
-        arm_supported=(supported[0].astype(np.uint8), supported[1].astype(np.uint8)),
+        load_force=(load_points + flags["shock"]).astype(np.uint8),
+        coupling=coupling,
+        arm_supported=np.stack(np.broadcast_arrays(*(flags[f"arm_supported_{side}"] for side in SIDES))),
         legs=legs.astype(np.uint8),
         knees_count=(~sitting | rules.seated_knees).astype(np.uint8),
-        activity=np.asarray(active, np.uint8),
+        activity=np.asarray(sum(flags[name].astype(np.uint8) for name in ACTIVITIES), np.uint8),
     )
 
 
@@ -180,32 +194,45 @@ def flag(name: str, value: Any, n: int) -> NDArray[np.bool_]:
     Raises:
         PostureError: anything else, or missing somewhere.
     """
-    given = np.atleast_1d(np.asarray(value))
-    _check_length(name, given, n)
+    given = _values(name, value, n)
     if given.dtype == bool:
         return given
     words = {"true": True, "false": False, "1": True, "0": False, "1.0": True, "0.0": False}
-    yes = [words.get(str(item).strip().lower()) for item in given.tolist()]
+    items = given.tolist()
+    yes = [words.get(str(item).strip().lower()) for item in items]
     if None in yes:
         where = yes.index(None)
-        raise PostureError(f"{name} is {given[where]!r} at frame {where}; expected true or false at every frame")
+        raise PostureError(f"{name} is {items[where]!r} at frame {where}; expected true or false at every frame")
     return np.array(yes, bool)
 
 
 def _choice(name: str, value: Any, words: tuple[str, ...], n: int) -> Points:
     """Return codes 0, 1, ... of words (or of the codes themselves, for coupling)."""
-    given = np.atleast_1d(np.asarray(value))
+    given = _values(name, value, n)
+    found = np.full(len(given), 255, np.uint8)
+    for code, word in enumerate(words):
+        found[given == word] = code
+    if (found == 255).any():  # numbers or other spellings
+        codes = {word: code for code, word in enumerate(words)}
+        if name in _GRIPS:
+            codes |= {text: code for code in range(4) for text in (str(code), f"{code}.0")}
+        kinds, inverse = np.unique(given.astype(str), return_inverse=True)
+        read = [codes.get(str(kind).strip().lower()) for kind in kinds]
+        if None in read:
+            raise PostureError(
+                f"{name} is {str(kinds[read.index(None)])!r}; expected one of {', '.join(words)} at every frame"
+            )
+        found = np.array(read, np.uint8)[inverse]
+    return found
+
+
+def _values(name: str, value: Any, n: int) -> NDArray[Any]:
+    try:
+        given = np.atleast_1d(np.asarray(value))
+    except ValueError as error:
+        raise PostureError(f"{name} is {value!r}; expected one value or one for each of {n} frames") from error
     _check_length(name, given, n)
-    codes = {word: code for code, word in enumerate(words)}
-    if name.startswith("coupling"):
-        codes.update({str(code): code for code in range(4)} | {f"{code}.0": code for code in range(4)})
-    kinds, inverse = np.unique(given.astype(str), return_inverse=True)
-    found = [codes.get(str(kind).strip().lower()) for kind in kinds]
-    if None in found:
-        raise PostureError(
-            f"{name} is {str(kinds[found.index(None)])!r}; expected one of {', '.join(words)} at every frame"
-        )
-    return np.array(found, np.uint8)[inverse]
+    return given
 
 
 def _check_length(name: str, given: NDArray[Any], n: int) -> None:

@@ -143,14 +143,15 @@ _CHOICES: Final[dict[str, tuple[str, ...]]] = {
     "upper_arm_reference": ("trunk", "gravity"),
     "two_sides": ("worse", "left", "right"),
 }
-_TOLERANCE_LIMITS: Final[dict[str, float]] = {"trunk_upright": 20.0, "neck_upright": 90.0}
+# An upright trunk ends before the first printed edge.
+_TOLERANCE_LIMITS: Final[dict[str, float]] = {"trunk_upright": 19.0, "neck_upright": 90.0}
 _FLAGS: Final = ("seated_knees", "coupling_without_load")
 
 
 def _check(name: str, value: object) -> None:
     if name == "name":
-        if not isinstance(value, str) or not value:
-            raise RulesError(f"rules name is {value!r}; expected a non-empty text")
+        if not isinstance(value, str) or not value or not value.isprintable():
+            raise RulesError(f"rules name is {value!r}; expected a text of one line")
     elif name in _CHOICES:
         if value not in _CHOICES[name]:
             raise RulesError(f"{name} is {value!r}; expected one of {', '.join(_CHOICES[name])}")
@@ -183,7 +184,7 @@ def _toml(value: object) -> str:
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
         return f'"{escaped}"'
-    return repr(value)
+    return repr(float(value)) if isinstance(value, float) else str(value)
 
 
 _ANY_DEPARTURE: Final[dict[str, Any]] = dict.fromkeys(
@@ -215,6 +216,6 @@ def rules_of(which: str | Path | Rules) -> Rules:
         return which
     if str(which) in PRESETS:
         return PRESETS[str(which)]
-    if Path(which).suffix == ".toml":
-        return Rules.load(which)
+    if str(which).endswith(".toml"):
+        return Rules.load(str(which))
     raise RulesError(f"rules {str(which)!r} are unknown; use {' or '.join(PRESETS)}, or a file ending in .toml")

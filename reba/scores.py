@@ -15,7 +15,17 @@ from numpy.typing import NDArray
 
 from reba import activity as activity_
 from reba.errors import PostureError, did_you_mean
-from reba.factors import ACTIVITIES, ASSUMED, FACTORS, SUPPORTS, Factors, expand_sides, flag
+from reba.factors import (
+    ACTIVITIES,
+    ASSUMED,
+    ASSUMED_ACTIVITY,
+    FACTORS,
+    SUPPORTS,
+    Factors,
+    checked,
+    expand_sides,
+    flag,
+)
 from reba.posture import ANGLES, COLUMNS, INDEX, SIDES, PostureTable
 from reba.rules import Rules, rules_of
 from reba.scoring import SCORE_COLUMNS, UNKNOWN, Missing, score_array
@@ -128,9 +138,14 @@ def score(
     table = postures if isinstance(postures, PostureTable) else table_of(postures)
     chosen = rules_of(rules)
     angles = angles_of(table.data)
-    given, assumed = _given(table.data, factors)
-    given, causes = _with_activity(table.data, angles, given, activity, chosen)
-    used = Factors.of(given)
+    given: dict[str, Any] = {name: table.data[name].to_numpy() for name in FACTORS if name in table.data}
+    given |= expand_sides({name: value for name, value in factors.items() if value is not None})
+    used = checked(Factors.of(given), len(table.data))
+    kinds, causes = _activity(table.data, angles, used, activity, chosen)
+    open_kinds = [kind for kind in ACTIVITIES if kind not in given]
+    used = dataclasses.replace(used, **{kind: kinds[kind] for kind in open_kinds})
+    assumed = [text for name, text in ASSUMED.items() if name not in given]
+    assumed += [ASSUMED_ACTIVITY] if activity == "auto" and open_kinds else []
     arrays = score_array(angles, used, chosen, missing)
     columns: dict[str, Any] = {"time": table.data["time"].to_numpy(np.float64)}
     for name in SCORE_COLUMNS:
@@ -144,7 +159,7 @@ def score(
         assumed=(*table.assumed, *assumed),
         unmeasured=table.unmeasured,
         missing=missing,
-        activity_causes=causes,
+        activity_causes={kind: parts for kind, parts in causes.items() if kind in open_kinds},
     )
 
 
@@ -205,28 +220,16 @@ def angles_of(data: pd.DataFrame) -> NDArray[np.float64]:
     return angles
 
 
-def _given(data: pd.DataFrame, factors: dict[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return the factors given by columns and arguments, and what is assumed for the others."""
-    given: dict[str, Any] = {name: data[name].to_numpy() for name in FACTORS if name in data}
-    given |= expand_sides({name: value for name, value in factors.items() if value is not None})
-    Factors.of(given)
-    return given, tuple(text for name, text in ASSUMED.items() if name not in given)
-
-
-def _with_activity(
-    data: pd.DataFrame, angles: NDArray[np.float64], given: dict[str, Any], activity: str, rules: Rules
+def _activity(
+    data: pd.DataFrame, angles: NDArray[np.float64], used: Factors, activity: str, rules: Rules
 ) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
+    """Return each kind of activity as the caller wants it found, and what caused it in the movement."""
     if activity == "auto":
-        walking = None
-        if "support" in given:
-            support = np.broadcast_to(np.asarray(given["support"]).astype(str), len(data))
-            walking = np.array(support == SUPPORTS[2])
+        walking = np.broadcast_to(used.support, len(data)) == SUPPORTS[2]
         found = activity_.detect(data["time"].to_numpy(np.float64), angles, rules, walking)
-        kinds = {kind: getattr(found, kind) for kind in ACTIVITIES}
-        causes = {kind: causes for kind, causes in found.causes.items() if kind not in given}
-        return {**kinds, **given}, causes
-    words = [] if activity == "none" else [word.strip() for word in activity.split(",")]
+        return {kind: getattr(found, kind) for kind in ACTIVITIES}, found.causes
+    words = [] if activity == "none" else [word.strip() for word in str(activity).split(",")]
     for word in words:
         if word not in ACTIVITIES:
             raise PostureError(f"activity {word!r} is unknown; use auto, none or some of {', '.join(ACTIVITIES)}")
-    return {**{kind: kind in words for kind in ACTIVITIES}, **given}, {}
+    return {kind: kind in words for kind in ACTIVITIES}, {}

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from reba.errors import PostureError
 from reba.factors import FactorPoints, Factors, points
 from reba.gravity import against_gravity
-from reba.posture import ANGLES, COLUMNS, INDEX
+from reba.posture import ANGLES, COLUMNS, INDEX, SIDES
 from reba.rules import (
     KNEE_EDGES,
     LOWER_ARM_RANGE,
@@ -39,8 +39,10 @@ MISSING: Final = ("range", "neutral", "worst", "error")
 UNKNOWN: Final = 255
 """Stands in every array of `ScoreArrays` for a score that the measured angles do not determine."""
 
-CHUNK: Final = 8192
-"""Frames handled at once: 22 columns of float64 (1.4 MB) and the part scores stay in the second-level cache."""
+CHUNK: Final = 16_000
+"""Frames handled at once: few enough for the cache, enough to make the cost of a numpy call small."""
+TILE: Final = 500
+"""Frames turned from rows to columns at once: a tile of 88 kB is read and written within the first caches."""
 
 _BEST: Final = np.array([angle.best for angle in ANGLES for _ in angle.columns])
 _WORST: Final = np.array([angle.worst for angle in ANGLES for _ in angle.columns])
@@ -141,7 +143,9 @@ def score_array(
     for start in range(0, len(table), CHUNK):
         stop = min(start + CHUNK, len(table))
         block = columns[:, : stop - start]
-        np.copyto(block, table[start:stop].T)
+        for first in range(0, stop - start, TILE):
+            rows = table[start + first : min(start + first + TILE, stop)]
+            block[:, first : first + len(rows)] = rows.T
         _score_block(block, given.rows(start, stop), chosen, missing, out[:, start:stop], start)
     return ScoreArrays(*out)
 
@@ -150,7 +154,8 @@ def _score_block(
     block: NDArray[np.float64], given: FactorPoints, chosen: Rules, missing: Missing, out: Scores8, start: int
 ) -> None:
     # One pass tells whether anything is NaN or infinite: the sum of a block then is not finite.
-    complete = bool(np.isfinite(block.sum()))
+    with np.errstate(invalid="ignore", over="ignore"):
+        complete = bool(np.isfinite(block.sum()))
     if not complete and np.isinf(block).any():
         row, frame = np.argwhere(np.isinf(block))[0]
         raise PostureError(
@@ -169,93 +174,97 @@ def _score_block(
             f"{COLUMNS[row]} is not measured at frame {start + frame}; measure it, or choose missing='range'"
         )
     high = np.empty_like(out)
-    _evaluate(np.where(unmeasured, _BEST[:, None], block), given, chosen, out)
-    _evaluate(np.where(unmeasured, _WORST[:, None], block), given, chosen, high)
+    np.copyto(block, _BEST[:, None], where=unmeasured)
+    _evaluate(block, given, chosen, out)
+    np.copyto(block, _WORST[:, None], where=unmeasured)
+    _evaluate(block, given, chosen, high)
     out[_ROW["reba_low"]] = out[_ROW["reba"]]
     out[_ROW["reba_high"]] = high[_ROW["reba"]]
     ends = len(_RANGED)
     if missing == "range":
-        out[:ends][out[:ends] != high[:ends]] = UNKNOWN
+        np.copyto(out[:ends], UNKNOWN, where=out[:ends] != high[:ends])
     elif missing == "worst":
         out[:ends] = high[:ends]
 
 
 def _evaluate(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Scores8) -> None:
-    """Score one block of fully known columns c (22, m) into the rows of `out`."""
+    """Score one block of fully known columns c (22, m) into the rows of `out`.
+
+    Left and right stand beside each other in `c` and `out`, so that both arms are scored as one (2, m) array.
+    """
+    score_a, score_b, sides = out[_ROW["score_a"]], _both(out, "score_b"), _both(out, "reba")
+    out[_ROW["activity"]] = given.activity
+    _group_a(c, given, chosen, out, score_a)
+    _group_b(c, given, chosen, out, score_b)
+    np.add(_C.take((score_a - 1) * 12 + (score_b - 1)), given.activity, out=sides)
+    if chosen.two_sides == "worse":
+        np.maximum(sides[0], sides[1], out=out[_ROW["reba"]])
+    else:
+        out[_ROW["reba"]] = sides[SIDES.index(chosen.two_sides)]
+    out[_ROW["action_level"]] = LEVEL_OF.take(out[_ROW["reba"]])
+
+
+def _both(out: Scores8, name: str) -> Scores8:
+    """Return the rows of the left and the right side, (2, m)."""
+    first = _ROW[f"{name}_left"]
+    return out[first : first + 2]
+
+
+def _group_a(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Scores8, score_a: Scores8) -> None:
     above = np.greater if chosen.edges == "lower" else np.greater_equal
     two = chosen.twist_and_bend == "two"
+    trunk, neck, legs = out[_ROW["trunk"]], out[_ROW["neck"]], out[_ROW["legs"]]
 
-    def row(name: str) -> Scores8:
-        target: Scores8 = out[_ROW[name]]
-        return target
-
-    trunk, neck, legs, score_a = row("trunk"), row("neck"), row("legs"), row("score_a")
     flexion = c[INDEX["trunk_flexion"]]
     size = np.abs(flexion)
     np.add(size > chosen.trunk_upright, 1, out=trunk, dtype=np.uint8)
     trunk += above(size, TRUNK_EDGES[0])
     trunk += above(flexion, TRUNK_EDGES[1])
-    twist, bend = c[INDEX["trunk_twist"]], c[INDEX["trunk_side_bend"]]
-    _adjust(
-        trunk,
-        np.abs(twist) > chosen.trunk_twist,
-        np.abs(bend) > chosen.trunk_side_bend,
-        two,
-        PART_MAXIMA["trunk"],
-    )
+    twisted = np.abs(c[INDEX["trunk_twist"]]) > chosen.trunk_twist
+    bent = np.abs(c[INDEX["trunk_side_bend"]]) > chosen.trunk_side_bend
+    _adjust(trunk, twisted, bent, two, PART_MAXIMA["trunk"])
 
     flexion = c[INDEX["neck_flexion"]]
     np.add(above(flexion, NECK_EDGE) | (flexion < -chosen.neck_upright), 1, out=neck, dtype=np.uint8)
-    twist, bend = c[INDEX["neck_twist"]], c[INDEX["neck_side_bend"]]
-    _adjust(
-        neck,
-        np.abs(twist) > chosen.neck_twist,
-        np.abs(bend) > chosen.neck_side_bend,
-        two,
-        PART_MAXIMA["neck"],
-    )
+    twisted = np.abs(c[INDEX["neck_twist"]]) > chosen.neck_twist
+    bent = np.abs(c[INDEX["neck_side_bend"]]) > chosen.neck_side_bend
+    _adjust(neck, twisted, bent, two, PART_MAXIMA["neck"])
 
     knee = np.maximum(c[INDEX["knee_flexion_left"]], c[INDEX["knee_flexion_right"]])
     np.add(knee >= KNEE_EDGES[0], above(knee, KNEE_EDGES[1]), out=legs, dtype=np.uint8)
     legs *= given.knees_count
     legs += given.legs
 
-    row("load_force")[:] = given.load_force
-    row("activity")[:] = given.activity
-    np.add(_A[(trunk - 1) * 12 + (neck - 1) * 4 + (legs - 1)], given.load_force, out=score_a)
-    score_a_row = (score_a - 1) * 12
-    for side, name in enumerate(("left", "right")):
-        _evaluate_arm(c, side, given, chosen, row, name)
-        np.add(_C[score_a_row + (row(f"score_b_{name}") - 1)], given.activity, out=row(f"reba_{name}"))
-    if chosen.two_sides == "worse":
-        np.maximum(row("reba_left"), row("reba_right"), out=row("reba"))
-    else:
-        row("reba")[:] = row(f"reba_{chosen.two_sides}")
-    np.take(LEVEL_OF, row("reba"), out=row("action_level"), mode="clip")
+    out[_ROW["load_force"]] = given.load_force
+    np.add(_A.take((trunk - 1) * 12 + (neck - 1) * 4 + (legs - 1)), given.load_force, out=score_a)
 
 
-def _evaluate_arm(c: NDArray[np.float64], side: int, given: FactorPoints, chosen: Rules, row: Any, name: str) -> None:
+def _group_b(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Scores8, score_b: Scores8) -> None:
     above = np.greater if chosen.edges == "lower" else np.greater_equal
-    upper, lower, wrist = row(f"upper_arm_{name}"), row(f"lower_arm_{name}"), row(f"wrist_{name}")
-    flexion = c[INDEX["upper_arm_flexion_left"] + side]
+    upper, lower, wrist = _both(out, "upper_arm"), _both(out, "lower_arm"), _both(out, "wrist")
+
+    def angle(name: str) -> NDArray[np.float64]:
+        first = INDEX[f"{name}_left"]
+        return c[first : first + 2]
+
+    flexion = angle("upper_arm_flexion")
     np.add(above(np.abs(flexion), UPPER_ARM_EDGES[0]), 1, out=upper, dtype=np.uint8)
     upper += above(flexion, UPPER_ARM_EDGES[1])
     upper += above(flexion, UPPER_ARM_EDGES[2])
-    upper += c[INDEX["upper_arm_abduction_left"] + side] > chosen.abduction
-    upper += c[INDEX["shoulder_elevation_left"] + side] > chosen.shoulder_elevation
+    upper += angle("upper_arm_abduction") > chosen.abduction
+    upper += angle("shoulder_elevation") > chosen.shoulder_elevation
     # A supported arm takes one off but never below 1: index 0 would wrap to the last row of Table B.
-    upper -= given.arm_supported[side] & (upper > 1)
+    upper -= given.arm_supported & (upper > 1)
 
-    elbow = c[INDEX["lower_arm_flexion_left"] + side]
+    elbow = angle("lower_arm_flexion")
     np.add((elbow < LOWER_ARM_RANGE[0]) | above(elbow, LOWER_ARM_RANGE[1]), 1, out=lower, dtype=np.uint8)
 
-    np.add(above(np.abs(c[INDEX["wrist_flexion_left"] + side]), WRIST_EDGE), 1, out=wrist, dtype=np.uint8)
-    deviated = np.abs(c[INDEX["wrist_deviation_left"] + side]) > chosen.wrist_deviation
-    wrist += deviated | (np.abs(c[INDEX["wrist_twist_left"] + side]) > chosen.wrist_twist)
+    np.add(above(np.abs(angle("wrist_flexion")), WRIST_EDGE), 1, out=wrist, dtype=np.uint8)
+    deviated = np.abs(angle("wrist_deviation")) > chosen.wrist_deviation
+    wrist += deviated | (np.abs(angle("wrist_twist")) > chosen.wrist_twist)
 
-    row(f"coupling_{name}")[:] = given.coupling[side]
-    table_b = _B[(upper - 1) * 6 + (lower - 1) * 3 + (wrist - 1)]
-    np.add(table_b, given.coupling[side], out=row(f"score_b_{name}"))
+    _both(out, "coupling")[:] = given.coupling
+    np.add(_B.take((upper - 1) * 6 + (lower - 1) * 3 + (wrist - 1)), given.coupling, out=score_b)
 
 
 def _adjust(part: Scores8, twisted: NDArray[np.bool_], bent: NDArray[np.bool_], two: bool, highest: int) -> None:
