@@ -208,9 +208,9 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         paths = write_all(folder, read_xsens_bvh(arguments.recording))
         if arguments.table:
-            from compare_encodings import agreement_table
+            from compare_encodings import agreement_table, compare_all
 
-            print(agreement_table(arguments.recording, paths))
+            print(agreement_table(compare_all(arguments.recording, paths, folder)))
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 from urdf_chain import forward, human_urdf, read_joints
 
+import reba
 from reba.posture import COLUMNS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "datasets"))
@@ -155,3 +156,21 @@ def test_noise_has_its_size_and_its_grid() -> None:
     noise = tremor(np.random.default_rng(0), (20_000, 2), 0.5)
     assert noise.std() == pytest.approx(0.5, rel=0.03)
     assert_array_equal(quantise(noise, 4) * 16 % 1, 0.0)
+
+
+def test_the_recording_runs_through_all_action_levels(motion: palletising.Motion) -> None:
+    postures = reba.read(MCAP)
+    assert postures.profile == "human_description"
+    assert not postures.unmeasured
+    assert len(postures.data) == len(motion.time)
+    assert postures.data["trunk_flexion"].max() > 70
+    levels = reba.score(postures, load=make_datasets.BOX_KG).data["action_level"]
+    assert set(levels) == {0, 1, 2, 3, 4}
+
+
+def test_the_table_is_scored_with_a_range_for_the_wrists() -> None:
+    postures = reba.read(CSV)
+    assert set(postures.unmeasured) == {name for name in COLUMNS if name.startswith("wrist")}
+    scores = reba.score(postures).data
+    assert (scores["reba_high"] - scores["reba_low"]).between(0, 3).all()
+    assert scores["reba_high"].max() >= 10
