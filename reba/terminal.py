@@ -72,7 +72,9 @@ def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:
     for summary in summaries:
         notes = []
         if summary["unmeasured"]:
-            notes.append(f"not measured: {', '.join(_short(summary['unmeasured']))} (ranges hold every possibility)")
+            notes.append(
+                f"not measured: {', '.join(short_columns(summary['unmeasured']))} (ranges hold every possibility)"
+            )
         if summary["assumed"]:
             notes.append(f"assumed: {'; '.join(summary['assumed'])}")
         notes += [f"note: {text}" for text in summary.get("warnings", [])]
@@ -82,10 +84,10 @@ def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:
     return [note if len(inputs) == len(summaries) else f"{', '.join(inputs)}: {note}" for note, inputs in lines.items()]
 
 
-def _short(columns: Sequence[str]) -> list[str]:
+def short_columns(columns: Sequence[str]) -> list[str]:
     """Return column names with both sides of a pair written as one.
 
-    >>> _short(["wrist_flexion_left", "wrist_flexion_right", "neck_twist"])
+    >>> short_columns(["wrist_flexion_left", "wrist_flexion_right", "neck_twist"])
     ['wrist_flexion', 'neck_twist']
     """
     names: dict[str, None] = {}
@@ -157,7 +159,7 @@ def show_comparison(console: Console, result: dict[str, Any]) -> None:
         columns = result[f"only_{side}_unmeasured"]
         if columns:
             name = result[side]["input"]
-            console.print(Text(f"only {name} lacks: {', '.join(_short(columns))}; compare the ranges with care"))
+            console.print(Text(f"only {name} lacks: {', '.join(short_columns(columns))}; compare the ranges with care"))
 
 
 def _change(low: float | None, high: float | None) -> str:
