@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-import pandas as pd
 
 from reba.factors import COUPLINGS, SUPPORTS
 from reba.gravity import against_gravity
