@@ -1,0 +1,214 @@
+"""The `reba` command as a user runs it: output, JSON, exit codes, one-line errors."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import reba
+from reba.cli import cli, main
+
+DATASETS = Path(__file__).resolve().parents[1] / "datasets"
+ASSEMBLY = str(DATASETS / "simulated_assembly.csv")
+PALLETS = str(DATASETS / "simulated_palletising.mcap")
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    def call(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["reba", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        captured = capsys.readouterr()
+        return int(stop.value.code or 0), captured.out, captured.err
+
+    return call
+
+
+@pytest.mark.parametrize("command", sorted(cli.commands))
+def test_every_command_has_help_with_an_example(run: Run, command: str) -> None:
+    code, out, _ = run(command, "--help")
+    assert code == 0
+    assert f"Example: reba {command}" in " ".join(out.split())
+
+
+def test_score_prints_a_table(run: Run) -> None:
+    code, out, err = run("score", ASSEMBLY)
+    assert code == 0
+    assert "very high" in out
+    assert "not measured: wrist_flexion, wrist_deviation, wrist_twist" in out
+    assert "assumed: no shock" in out
+    assert err == ""
+
+
+def test_score_json_has_the_contract_shape(run: Run, tmp_path: Path) -> None:
+    out_file = tmp_path / "scores.parquet"
+    code, out, _ = run("score", ASSEMBLY, "--json", "-o", out_file, "--missing", "neutral")
+    assert code == 0
+    result = json.loads(out)
+    assert result["failed"] == []
+    (recording,) = result["recordings"]
+    keys = {"input", "frames", "seconds", "rules", "profile", "unmeasured", "assumed", "reba", "range"}
+    assert keys | {"action_levels", "worst", "parts", "output"} <= set(recording)
+    assert recording["input"] == ASSEMBLY
+    assert recording["output"] == str(out_file)
+    assert set(recording["reba"]) == {"mean", "median", "p90", "max"}
+    assert {"mean_low", "mean_high"} <= set(recording["range"])
+    assert sum(recording["action_levels"].values()) == pytest.approx(1.0)
+    assert {"time", "reba", "why"} <= set(recording["worst"][0])
+    table = pd.read_parquet(out_file)
+    assert recording["frames"] == len(table)
+    assert recording["reba"]["max"] == int(table["reba"].max())
+
+
+def test_one_bad_file_does_not_stop_the_others(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "a_bad.csv").write_text("time,trunk_flexion\n0,abc\n")
+    (tmp_path / "b_good.csv").write_text(Path(ASSEMBLY).read_text())
+    code, out, _ = run("score", tmp_path, "--json", "-o", tmp_path / "out")
+    result = json.loads(out)
+    assert code == 1
+    assert [Path(r["input"]).name for r in result["recordings"]] == ["b_good.csv"]
+    assert [Path(f["input"]).name for f in result["failed"]] == ["a_bad.csv"]
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["b_good.csv.scores.parquet"]
+    code, out, _ = run("score", tmp_path / "a_bad.csv", tmp_path / "b_good.csv")
+    assert code == 1
+    assert "failed: " in out
+
+
+def test_parallel_scoring_gives_the_same(run: Run, tmp_path: Path) -> None:
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text(Path(ASSEMBLY).read_text())
+    _, one, _ = run("score", tmp_path, "--json")
+    _, two, _ = run("score", tmp_path, "--json", "--jobs", "2")
+    assert json.loads(one) == json.loads(two)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["score", "no_such_file.mcap"], "no such file"),
+        (["score", ASSEMBLY, "--load", "-3"], "expected kilograms, 0 or more"),
+        (["score", ASSEMBLY, "--load", "heavy"], "heavy"),
+        (["score", ASSEMBLY, "--rules", "strict"], "use measured or paper"),
+        (["score", ASSEMBLY, "--activity", "sleeping"], "sleeping"),
+        (["score", ASSEMBLY, "--coupling", "super"], "super"),
+        (["score", ASSEMBLY, "--frobnicate"], "--frobnicate"),
+        (["score"], "INPUT"),
+        (["explain", ASSEMBLY, "--at", "1e9"], "lies outside the recording"),
+        (["score", ASSEMBLY, "-o", "scores.docx"], ".docx"),
+        (["score", ASSEMBLY, "--missing", "error"], "is not measured"),
+        (["score", ASSEMBLY, "--profile", "xsenss"], "xsens"),
+        (["convert", ASSEMBLY, "-o", ASSEMBLY], "recording itself"),
+        (["frobnicate"], "frobnicate"),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_2(run: Run, words: list[str], says: str) -> None:
+    code, out, err = run(*words)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("reba: ")
+    assert err.count("\n") == 1
+    assert says in err
+
+
+def test_explain_worksheet_adds_up(run: Run) -> None:
+    code, out, _ = run("explain", ASSEMBLY, "--at", "10", "--json", "--load", "7")
+    assert code == 0
+    sheet = json.loads(out)
+    trunk = sum(line["points"] for line in sheet["lines"] if line["part"] == "trunk")
+    assert trunk == sheet["scores"]["trunk"]
+    code, out, _ = run("explain", ASSEMBLY, "--at", "10")
+    assert code == 0
+    assert "trunk flexion" in out
+    assert "Table A" in out
+
+
+def test_improve_lowers_the_level(run: Run) -> None:
+    code, out, _ = run("improve", ASSEMBLY, "--json", "--load", "12")
+    assert code == 0
+    result = json.loads(out)
+    for frame in result["frames"]:
+        for improvement in frame["improvements"]:
+            assert improvement["level_after"] < improvement["level_before"]
+    assert result["worst_minute"]["improvements"]
+    code, out, _ = run("improve", ASSEMBLY, "--at", "10", "--load", "12")
+    assert code == 0
+    assert "frame at 10.00 s" in out
+
+
+def test_compare_shows_the_difference(run: Run) -> None:
+    code, out, _ = run("compare", ASSEMBLY, ASSEMBLY, "--json")
+    assert code == 0
+    result = json.loads(out)
+    assert result["difference"]["range"]["mean_low"] == 0.0
+    code, out, _ = run("compare", ASSEMBLY, PALLETS)
+    assert code == 0
+    assert "time at medium" in out
+
+
+def test_info_and_profiles(run: Run) -> None:
+    code, out, _ = run("info", PALLETS)
+    assert code == 0
+    assert "/joint_states" in out
+    assert "human_description" in out
+    code, out, _ = run("info", PALLETS, "--json")
+    assert code == 0
+    assert json.loads(out)
+    code, out, _ = run("profiles", "--json")
+    assert code == 0
+    assert {"human_description", "ros4hri"} <= {p["name"] for p in json.loads(out)["profiles"]}
+    code, out, _ = run("profiles")
+    assert code == 0
+    assert "ros4hri" in out
+
+
+def test_convert_then_score_is_the_same(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "postures.parquet"
+    assert run("convert", PALLETS, "-o", path)[0] == 0
+    direct = reba.score(reba.read(PALLETS)).data
+    again = reba.score(reba.read(path)).data
+    pd.testing.assert_frame_equal(direct, again)
+
+
+def test_report_is_written(run: Run, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    code, _, err = run("score", ASSEMBLY, "--report", page)
+    assert code == 0
+    assert f"written: {page}" in err
+    assert "<html" in page.read_text(encoding="utf-8")
+
+
+def test_interrupt_is_130(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("reba.cli.score_many", interrupted)
+    code, out, err = run("score", ASSEMBLY)
+    assert code == 130
+    assert out == ""
+    assert err.strip() == "reba: interrupted"
+
+
+def test_closed_pipe_is_quiet() -> None:
+    code = "import sys; from reba.cli import main; sys.argv = ['reba', 'profiles']; main()"
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([sys.executable, "-c", code], stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert "Traceback" not in done.stderr
+
+
+def test_installed_commands_answer() -> None:
+    for module in ("dreba", "lgp"):
+        code = f"import sys; from {module}.cli import main; sys.argv = ['{module}', '--help']; main()"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+        assert "Traceback" not in done.stderr

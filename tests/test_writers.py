@@ -1,0 +1,112 @@
+"""Score and posture tables on disk: what is written is what was scored, with the rules beside it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from mcap.reader import make_reader
+
+import reba
+from reba.scores import Scores
+
+DATASETS = Path(__file__).resolve().parents[1] / "datasets"
+
+
+@pytest.fixture
+def scores() -> Scores:
+    time = np.arange(0, 20, 0.04)
+    frames = pd.DataFrame({"time": time, "trunk_flexion": 30 + 40 * np.sin(time), "knee_flexion_left": 45.0})
+    return reba.score(frames, load=7.0, rules="paper")
+
+
+def test_parquet_holds_table_and_rules(scores: Scores, tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "scores.parquet"
+    reba.write_scores(scores, path)
+    table = pd.read_parquet(path)
+    pd.testing.assert_frame_equal(table, scores.data, check_dtype=False)
+    about = json.loads(pq.read_schema(path).metadata[b"reba"])
+    assert about["rules"] == dataclasses.asdict(reba.PRESETS["paper"])
+    assert "wrist_flexion_left" in about["unmeasured"]
+    assert "no shock" in about["assumed"]
+
+
+def test_csv_holds_table_and_rules_beside(scores: Scores, tmp_path: Path) -> None:
+    path = tmp_path / "scores.csv"
+    reba.write_scores(scores, path)
+    table = pd.read_csv(path)
+    assert table["reba_low"].tolist() == scores.data["reba_low"].tolist()
+    assert table["reba"].isna().tolist() == scores.data["reba"].isna().tolist()
+    about = json.loads((tmp_path / "scores.csv.meta.json").read_text())
+    assert about["rules"]["trunk_upright"] == 0.0
+
+
+def test_mcap_holds_one_message_a_frame(scores: Scores, tmp_path: Path) -> None:
+    path = tmp_path / "scores.mcap"
+    reba.write_scores(scores, path)
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        found = [(message.log_time, json.loads(message.data)) for _, _, message in reader.iter_messages()]
+        notes = {record.name: record.metadata for record in reader.iter_metadata()}
+        schema = next(iter(reader.get_summary().schemas.values()))
+    assert len(found) == len(scores.data)
+    assert [row["reba_low"] for _, row in found] == scores.data["reba_low"].tolist()
+    assert found[3][0] == round(scores.time[3] * 1e9)
+    assert json.loads(notes["reba"]["rules"])["name"] == "paper"
+    assert schema.encoding == "jsonschema"
+    assert set(json.loads(schema.data)["properties"]) == set(scores.data.columns)
+
+
+def test_mcap_keeps_the_original_topics(tmp_path: Path) -> None:
+    source = DATASETS / "simulated_palletising.mcap"
+    scores = reba.score(reba.read(source))
+    reba.write_scores(scores, tmp_path / "scores.mcap")
+    counts: dict[str, int] = {}
+    payloads: list[bytes] = []
+    with (tmp_path / "scores.mcap").open("rb") as stream:
+        times = []
+        for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False):
+            counts[channel.topic] = counts.get(channel.topic, 0) + 1
+            times.append(message.log_time)
+            if channel.topic == "/joint_states":
+                payloads.append(message.data)
+    with source.open("rb") as stream:
+        originals = [m.data for _, _, m in make_reader(stream).iter_messages(topics="/joint_states")]
+    assert payloads == originals
+    assert counts["/ergonomics/reba"] == len(scores.data)
+    assert times == sorted(times)
+
+
+def test_posture_table_round_trip(tmp_path: Path) -> None:
+    postures = reba.read(DATASETS / "simulated_assembly.csv")
+    expected = reba.score(postures).data
+    for suffix in (".parquet", ".csv", ".mcap"):
+        path = tmp_path / f"postures{suffix}"
+        reba.write_postures(postures, path)
+        again = reba.score(reba.read(path)).data
+        pd.testing.assert_frame_equal(again.drop(columns="time"), expected.drop(columns="time"))
+        np.testing.assert_allclose(again["time"], expected["time"], atol=1e-6)
+
+
+def test_nothing_is_left_or_lost_on_failure(scores: Scores, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "scores.parquet"
+    path.write_bytes(b"earlier result")
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pyarrow.parquet.ParquetWriter", fail)
+    with pytest.raises(reba.RebaError, match="No space left on device; choose another place"):
+        reba.write_scores(scores, path)
+    assert path.read_bytes() == b"earlier result"
+    assert [p.name for p in tmp_path.iterdir()] == ["scores.parquet"]
+
+
+def test_unknown_ending_is_refused(scores: Scores, tmp_path: Path) -> None:
+    with pytest.raises(reba.RebaError, match=r"'\.xlsx' is unknown; choose one of \.parquet"):
+        reba.write_scores(scores, tmp_path / "scores.xlsx")
