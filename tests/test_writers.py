@@ -101,7 +101,7 @@ def test_nothing_is_left_or_lost_on_failure(scores: Scores, tmp_path: Path, monk
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("pyarrow.parquet.ParquetWriter", fail)
-    with pytest.raises(reba.RebaError, match="No space left on device; choose another place"):
+    with pytest.raises(reba.RebaError, match=r"No space left on device\); choose another place"):
         reba.write_scores(scores, path)
     assert path.read_bytes() == b"earlier result"
     assert [p.name for p in tmp_path.iterdir()] == ["scores.parquet"]
