@@ -124,7 +124,7 @@ class Merger:
         """
         if not self._pieces:
             return None
-        time, values = self._complete() or self._merged()
+        time, values = self._complete() or self._merged(last)
         if not last:
             self._keep(time[-1])
             time, values = time[:-1], values[:-1]
@@ -164,7 +164,7 @@ class Merger:
         self._held = (np.full(len(wanted), time[-1]), values[-1].copy())
         return time, values
 
-    def _merged(self) -> tuple[NDArray[np.float64], Values]:
+    def _merged(self, last: bool) -> tuple[NDArray[np.float64], Values]:
         """Return time and values with one row for each distinct time, gaps held."""
         every = np.unique(np.concatenate([times for times, _, _ in self._pieces]))
         near = np.diff(every) < TOGETHER if self._frames else np.zeros(len(every) - 1, bool)
@@ -180,18 +180,21 @@ class Merger:
             present[at[:, None], columns] = True
         if sum(piece.shape[0] * piece.shape[1] for *_, piece in self._pieces) > np.count_nonzero(present):
             self._log.warn("messages repeat the time of another; of those with one time the last one counts")
-        self._hold(time, values, present)
+        self._hold(time, values, present, last)
         return time, values
 
-    def _hold(self, time: NDArray[np.float64], values: Values, present: NDArray[np.bool_]) -> None:
-        """Fill what rows lack with the last value that is not too old; remember the newest of each column."""
+    def _hold(self, time: NDArray[np.float64], values: Values, present: NDArray[np.bool_], last: bool) -> None:
+        """Fill what rows lack with the last value that is not too old; remember the newest of each column.
+
+        The newest row is not complete yet unless this is the `last` block.
+        """
         count = present.shape[1]
         last_time, last_value = self._last(count)
         constant = [self._columns[name] for name in self._static]
         moving = np.setdiff1d(np.arange(count), constant)
         newest = np.where(present, np.arange(len(time))[:, None], -1)
         np.maximum.accumulate(newest, axis=0, out=newest)
-        if not present[:, moving].all():
+        if not present[: len(time) - (not last), moving].all():
             self._log.warn(f"messages hold a part of the signals; the last value of each is held for {HOLD} s")
             since = np.where(newest >= 0, time[newest], last_time)
             source = np.where((newest >= 0)[..., None], values[newest, np.arange(count)], last_value)

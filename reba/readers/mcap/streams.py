@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 PEEK: Final = 1000
 """Messages of each channel that are looked at on opening."""
 _PEEK_SEGMENTS: Final = 16
-_JUMP_BACK: Final = 1_000_000_000
-"""Stamps that run back by more than this [ns] are not used as time."""
+_JUMP_BACK: Final = 500_000_000
+"""Stamps that run back by more than this [ns] are not used as time; less is jitter between publishers."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def _clock(pieces: Sequence[Piece], stamped: str) -> Clock:
     stamps = np.concatenate([piece.stamp for piece in pieces])
     stamps = stamps[np.argsort(log, kind="stable")]
     back = -np.diff(stamps, prepend=stamps[:1]).min()
-    moves = len(stamps) == 1 or stamps.max() > stamps.min()
+    moves = len(stamps) == 1 or stamps[-1] > stamps[0]
     if (stamps == NO_STAMP).any() or not moves or back > _JUMP_BACK:
         return Clock("log_time", int(log.min()), int(log.min()))
     first = int(stamps.min())
