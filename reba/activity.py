@@ -123,8 +123,8 @@ class _Grid:
         step = float(np.median(np.diff(time)))
         self.hz = GRID_HZ if step <= 0 else min(GRID_HZ, 1.0 / step)
         # A clock that jumps far ahead must not make a huge grid: time is counted without its long gaps.
-        steps = np.diff(time)
-        gaps = np.where(steps > 10 * MAX_GAP, steps - 10 * MAX_GAP, 0.0)
+        longest = max(10 * MAX_GAP, 2 * step)
+        gaps = np.maximum(np.diff(time) - longest, 0.0)
         self.time = time - np.concatenate([[0.0], np.cumsum(gaps)])
         size = int(np.floor((self.time[-1] - self.time[0]) * self.hz)) + 1
         self.points = self.time[0] + np.arange(size) / self.hz

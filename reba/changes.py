@@ -119,14 +119,16 @@ def goals() -> tuple[Goal, ...]:
 
 
 def choices(scores: Scores, frames: NDArray[np.int64]) -> tuple[Choice, ...]:
-    """Return everything that can be changed about the frames, with the points as it is."""
+    """Return everything that can be changed about the frames and counts for the total, with the points as it is."""
     angles = np.array(scores.angles[frames], np.float64).T
     if scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)
     angles = np.where(np.isnan(angles), _BEST[:, None], angles)
     knees = (_at(scores, "support", frames) != SUPPORTS[3]) | scores.rules.seated_knees
     found = [_angle(quantity, angles, knees) for quantity in quantities(scores.rules)]
-    return (*found, *_factors(scores, frames))
+    counted = SIDES if scores.rules.two_sides == "worse" else (scores.rules.two_sides,)
+    groups = ("a", *counted, "activity")
+    return tuple(choice for choice in (*found, *_factors(scores, frames)) if choice.group in groups)
 
 
 def _angle(quantity: Quantity, angles: NDArray[np.float64], knees: NDArray[np.bool_]) -> Choice:

@@ -103,7 +103,7 @@ def held(scores: Scores, seconds: float = HELD_SECONDS) -> int | None:
     """Return the highest score that is held for `seconds` without a break (of the low end of the range)."""
     low = column(scores, "reba_low")
     for score in sorted(set(low.tolist()), reverse=True):
-        if any(interval.end - interval.start >= seconds for interval in stretches(scores, int(score))):
+        if any(interval.end - interval.start >= seconds - 1e-9 for interval in stretches(scores, int(score))):
             return int(score)
     return None
 

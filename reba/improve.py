@@ -136,12 +136,9 @@ class _Combination:
 
 def _search(available: tuple[Choice, ...], goal: Goal, target: int) -> list[Change] | None:
     """Return the cheapest changes under a goal that keep every frame at or under the target, or None."""
-    groups: dict[str, list[int]] = {"a": [], "left": [], "right": [], "activity": []}
-    for index, choice in enumerate(available):
-        groups[choice.group].append(index)
-    a = _combinations(available, groups["a"], goal, "a")
-    arms = {side: _combinations(available, groups[side], goal, side) for side in SIDES}
-    active = _combinations(available, groups["activity"], goal, "activity")
+    a = _combinations(available, goal, "a")
+    arms = [_combinations(available, goal, side) for side in _sides(available)]
+    active = _combinations(available, goal, "activity")
     best: tuple[float, tuple[tuple[int, int], ...]] | None = None
     limits: dict[bytes, tuple[float, tuple[tuple[int, int], ...]] | None] = {}
     for activity, combination in active:
@@ -163,12 +160,12 @@ def _search(available: tuple[Choice, ...], goal: Goal, target: int) -> list[Chan
 
 
 def _cheapest_arms(
-    arms: dict[str, list[tuple[Points, _Combination]]], allowed: Points
+    arms: list[list[tuple[Points, _Combination]]], allowed: Points
 ) -> tuple[float, tuple[tuple[int, int], ...]] | None:
     cost = 0.0
     options: tuple[tuple[int, int], ...] = ()
-    for side in SIDES:
-        fitting = next((c for score_b, c in arms[side] if bool((score_b <= allowed).all())), None)
+    for combinations in arms:
+        fitting = next((c for score_b, c in combinations if bool((score_b <= allowed).all())), None)
         if fitting is None:
             return None
         cost += fitting.cost
@@ -176,10 +173,9 @@ def _cheapest_arms(
     return cost, options
 
 
-def _combinations(
-    available: tuple[Choice, ...], members: list[int], goal: Goal, group: str
-) -> list[tuple[Points, _Combination]]:
+def _combinations(available: tuple[Choice, ...], goal: Goal, group: str) -> list[tuple[Points, _Combination]]:
     """Return the scores of a group (F,) under every useful combination of options, cheapest first, none dominated."""
+    members = _members(available, group)
     useful = [index for index in members if goal.allows(available[index])]
     cheapest: dict[bytes, tuple[Points, _Combination]] = {}
     for picked in itertools.product(*(_options(available[index]) for index in useful)):
@@ -194,6 +190,15 @@ def _combinations(
         if not any(bool((other <= score).all()) for other, _ in kept):
             kept.append((score, combination))
     return kept
+
+
+def _members(available: tuple[Choice, ...], group: str) -> list[int]:
+    return [index for index, choice in enumerate(available) if choice.group == group]
+
+
+def _sides(available: tuple[Choice, ...]) -> list[str]:
+    """Return the sides that count for the total."""
+    return [side for side in SIDES if _members(available, side)]
 
 
 def _options(choice: Choice) -> Iterator[int | None]:
@@ -227,9 +232,9 @@ def group_score(available: tuple[Choice, ...], members: list[int], chosen: dict[
 def _total(available: tuple[Choice, ...], chosen: dict[int, int]) -> Points:
     """Return REBA (F,) with some options chosen."""
     score: dict[str, Points] = {}
-    for group in ("a", *SIDES, "activity"):
-        members = [index for index, choice in enumerate(available) if choice.group == group]
-        score[group] = group_score(available, members, chosen, group)
-    score_b = np.maximum(score["left"], score["right"])
+    sides = _sides(available)
+    for group in ("a", *sides, "activity"):
+        score[group] = group_score(available, _members(available, group), chosen, group)
+    score_b = np.maximum.reduce([score[side] for side in sides])
     total: Points = TABLE_C[score["a"] - 1, score_b - 1].astype(np.int16) + score["activity"]
     return total

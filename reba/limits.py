@@ -6,6 +6,7 @@ the other way round: up to which angle a class reaches. Both are tested against 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -21,8 +22,6 @@ from reba.rules import (
 )
 
 INF: Final = float("inf")
-JUST_BELOW: Final = 1e-6
-"""[deg] Stands for "less than" where a class does not hold its edge."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +57,11 @@ class Quantity:
         return next(c for c in self.classes if c.low <= angle <= c.high)
 
 
+def just_below(edge: float) -> float:
+    """Return the next number below an edge, which stands for "less than" in a closed interval."""
+    return math.nextafter(edge, -INF)
+
+
 def quantities(rules: Rules) -> tuple[Quantity, ...]:
     """Return every angle with its classes under the rules.
 
@@ -66,10 +70,15 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
         >>> trunk.class_of(62.0).text
         'over 60'
     """
-    below = 0.0 if rules.edges == "lower" else JUST_BELOW
+
+    def top(edge: float) -> float:
+        """The highest angle of the class below a printed edge."""
+        return edge if rules.edges == "lower" else just_below(edge)
+
     shared = "twist or bend" if rules.twist_and_bend == "one" else ""
-    e1, e2, e3 = (edge - below for edge in UPPER_ARM_EDGES)
-    t1, t2 = (edge - below for edge in TRUNK_EDGES)
+    e1, e2, e3 = map(top, UPPER_ARM_EDGES)
+    t1, t2 = map(top, TRUNK_EDGES)
+    w1 = top(WRIST_EDGE)
     upright = rules.trunk_upright
     found = [
         Quantity(
@@ -90,7 +99,7 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
             "neck flexion",
             ("neck_flexion",),
             (
-                Class(1, -rules.neck_upright, NECK_EDGE - below, f"0 to {NECK_EDGE:g} of flexion"),
+                Class(1, -rules.neck_upright, top(NECK_EDGE), f"0 to {NECK_EDGE:g} of flexion"),
                 Class(2, -INF, INF, f"over {NECK_EDGE:g} of flexion, or in extension"),
             ),
         ),
@@ -101,8 +110,8 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
             "knee flexion",
             tuple(f"knee_flexion_{side}" for side in SIDES),
             (
-                Class(0, -INF, KNEE_EDGES[0] - JUST_BELOW, f"under {KNEE_EDGES[0]:g}"),
-                Class(1, -INF, KNEE_EDGES[1] - below, f"{KNEE_EDGES[0]:g} to {KNEE_EDGES[1]:g}"),
+                Class(0, -INF, just_below(KNEE_EDGES[0]), f"under {KNEE_EDGES[0]:g}"),
+                Class(1, -INF, top(KNEE_EDGES[1]), f"{KNEE_EDGES[0]:g} to {KNEE_EDGES[1]:g}"),
                 Class(2, -INF, INF, f"over {KNEE_EDGES[1]:g}"),
             ),
             "knees",
@@ -129,7 +138,7 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
                 f"{side} elbow flexion",
                 (f"lower_arm_flexion_{side}",),
                 (
-                    Class(1, LOWER_ARM_RANGE[0], LOWER_ARM_RANGE[1] - below, "60 to 100"),
+                    Class(1, LOWER_ARM_RANGE[0], top(LOWER_ARM_RANGE[1]), "60 to 100"),
                     Class(2, -INF, INF, "under 60 or over 100"),
                 ),
             ),
@@ -138,7 +147,7 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
                 f"{side} wrist flexion",
                 (f"wrist_flexion_{side}",),
                 (
-                    Class(1, below - WRIST_EDGE, WRIST_EDGE - below, f"within {WRIST_EDGE:g}"),
+                    Class(1, -w1, w1, f"within {WRIST_EDGE:g}"),
                     Class(2, -INF, INF, f"over {WRIST_EDGE:g} of flexion or extension"),
                 ),
             ),

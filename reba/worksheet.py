@@ -13,7 +13,7 @@ from reba.gravity import against_gravity
 from reba.limits import Quantity, quantities
 from reba.posture import INDEX, SIDES
 from reba.rules import LOAD_EDGES
-from reba.tables import ACTION_LEVELS
+from reba.tables import ACTION_LEVELS, PART_MAXIMA
 
 if TYPE_CHECKING:
     from reba.scores import Scores
@@ -84,7 +84,7 @@ def worksheet(scores: Scores, frame: int) -> Worksheet:
     lines: list[Line] = []
     for part in GROUP_A:
         lines += _support(scores, frame) if part == "legs" else []
-        lines += _part(by_part[part], angles[:, 0], _knees_count(scores, frame))
+        lines += _part(by_part[part], angles[:, 0], part != "legs" or _knees_count(scores, frame))
     lines += _load(scores, frame)
     for side in SIDES:
         for part in GROUP_B:
@@ -131,6 +131,10 @@ def _part(parts: list[Quantity], angles: np.ndarray[Any, Any], counts: bool) -> 
             elif quantity.adjusts in given:
                 points, rule = 0, f"{rule}; one point together"
             given.add(quantity.adjusts)
+        so_far = sum(line.points or 0 for line in lines)
+        highest = PART_MAXIMA[quantity.part.removesuffix("_left").removesuffix("_right")]
+        if so_far + points > highest:
+            points, rule = highest - so_far, f"{rule}; at most {highest} for this part"
         lines.append(Line(quantity.part, points, quantity.name, f"{angle:.1f} deg", rule, quantity.classes[0].points))
     return lines
 
