@@ -99,6 +99,11 @@ def frame_of(y: Array, z: Array) -> Array:
     return np.stack([np.cross(up, right), up, right], axis=2)
 
 
+def frame_across(y: Array, z: Array) -> Array:
+    """Return (n, 3, 3) frames with the (n, 3) axis z kept, like a hip line, and y made square to it."""
+    return frame_of(np.cross(z, np.cross(y, z)), z)
+
+
 def unit(vectors: Array) -> Array:
     """Return (n, 3) vectors at length 1; NaN where the length is 0."""
     length = np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True))

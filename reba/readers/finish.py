@@ -143,7 +143,7 @@ def _refuse(recording: Recording, log: ReadLog, frames: int, strict: bool) -> No
 def _hide(samples: Samples, mapper: Mapper, profile: Profile, match: Match, neutral: str) -> dict[str, str]:
     """Blank the columns that were not measured; return the reason for every column without a value."""
     angles = samples.angles
-    reasons = {**mapper.dead(samples.seconds), **dead_columns(angles, samples.seconds, match.stream.kind)}
+    reasons = {**dead_columns(angles, samples.seconds, match.stream.kind), **mapper.dead(samples.seconds)}
     if neutral == "none":
         for column in profile.needs_neutral:
             reasons[column] = "it has no zero of its own: give a neutral posture (neutral='first:3s')"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.angles import Body, frame_of, turned, unit
+from reba.angles import Body, frame_across, frame_of, turned, unit
 from reba.posture import SIDES
 from reba.readers.framepose import FramePoses, matrices, rotated
 from reba.readers.orient import Orientation, axis_name, axis_vector
@@ -76,7 +76,7 @@ class FrameMapper:
             self.lines += known
             if known:
                 frames["trunk"] = frame_of(line, shoulders[1])
-                frames["pelvis"] = frame_of(frames["pelvis"][:, :, 1], hips[1])
+                frames["pelvis"] = frame_across(frames["pelvis"][:, :, 1], hips[1])
         return Body(frames, up=self.orientation.up)
 
     def settled(self) -> bool:

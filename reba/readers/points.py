@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.angles import Body, frame_of
+from reba.angles import Body, frame_across, frame_of
 from reba.posture import SIDES
 from reba.readers.orient import Orientation
 from reba.readers.profile import Profile
@@ -178,9 +178,9 @@ def _spine(points: Points, body: Body) -> None:
     if right is None:
         return
     if "pelvis_front" in points:
-        body.frames["pelvis"] = frame_of(np.cross(right, points["pelvis_front"] - points["pelvis_back"]), right)
+        body.frames["pelvis"] = frame_across(np.cross(right, points["pelvis_front"] - points["pelvis_back"]), right)
     elif "trunk" in body.frames:
-        body.frames["pelvis"] = frame_of(body.frames["trunk"][:, :, 1], right)
+        body.frames["pelvis"] = frame_across(body.frames["trunk"][:, :, 1], right)
 
 
 def _head(points: Points, body: Body) -> None:
