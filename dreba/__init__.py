@@ -7,23 +7,32 @@ from __future__ import annotations
 
 from dreba.domain import Bins, Domain, domain_of
 from dreba.errors import DomainError, ModelError, RadiansWarning, SampleError
+from dreba.evaluate import PUBLISHED, Evaluation, evaluate, fit_to
 from dreba.files import load, models
 from dreba.model import KINDS, About, Surrogate
+from dreba.payload import delta_payload
 from dreba.poses import Poses, read_poses
+from dreba.quadratic import QuadraticModel
 from dreba.sample import sample
 
 __all__ = [
     "KINDS",
+    "PUBLISHED",
     "About",
     "Bins",
     "Domain",
     "DomainError",
+    "Evaluation",
     "ModelError",
     "Poses",
+    "QuadraticModel",
     "RadiansWarning",
     "SampleError",
     "Surrogate",
+    "delta_payload",
     "domain_of",
+    "evaluate",
+    "fit_to",
     "load",
     "models",
     "read_poses",
