@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,26 +14,7 @@ from reba.batch import Options, Outcome, find_inputs, plan_outputs, score_many
 from reba.errors import RebaError
 from reba.factors import COUPLINGS, SUPPORTS
 from reba.rules import rules_of
-
-
-class Stop(Exception):
-    """Ends a command with an exit code after everything was said."""
-
-    def __init__(self, code: int) -> None:
-        self.code = code
-
-
-def _console(stderr: bool = False) -> Any:
-    from rich.console import Console
-
-    # Piped output is not cut to 80 columns: a table then is as wide as it needs to be.
-    stream = sys.stderr if stderr else sys.stdout
-    width = None if stream.isatty() or "COLUMNS" in os.environ else 160
-    return Console(stderr=stderr, highlight=False, markup=False, width=width)
-
-
-def _print_json(result: Any) -> None:
-    click.echo(json.dumps(result, allow_nan=False))
+from reba.shell import GROUP, Stop, command_line, console, json_option, print_json, run
 
 
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -82,10 +61,7 @@ def _options(given: dict[str, Any]) -> Options:
     return Options(factors={name: value for name, value in factors.items() if value is not None}, **given)
 
 
-json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
-
-
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(context_settings=GROUP)
 @click.version_option(reba.__version__, prog_name="reba")
 def cli() -> None:
     """Exact REBA scores from recordings of posture.
@@ -121,14 +97,14 @@ def score(
     if report is not None and scored:
         from reba.report import write_report
 
-        write_report(report, [outcome.scores for outcome in scored if outcome.scores], command=_command_line())
+        write_report(report, [outcome.scores for outcome in scored if outcome.scores], command=command_line("reba"))
     if as_json:
         failed = [{"input": outcome.input, "error": outcome.error} for outcome in outcomes if outcome.error is not None]
-        _print_json({"recordings": [outcome.summary for outcome in scored], "failed": failed})
+        print_json({"recordings": [outcome.summary for outcome in scored], "failed": failed})
     else:
         from reba.terminal import show_outcomes
 
-        show_outcomes(_console(), outcomes)
+        show_outcomes(console(), outcomes)
         for place in [*(path for path in outputs if path is not None and path.exists()), *([report] if report else [])]:
             click.echo(f"written: {place}", err=True)
     if len(scored) < len(outcomes):
@@ -145,11 +121,11 @@ def info(path: str, as_json: bool, **given: Any) -> None:
 
     found = inspect(path, **given)
     if as_json:
-        _print_json(found.to_dict())
+        print_json(found.to_dict())
     else:
         from reba.terminal_info import show_info
 
-        show_info(_console(), found)
+        show_info(console(), found)
 
 
 @cli.command(epilog="Example: reba compare before.mcap after.mcap --load 8")
@@ -170,13 +146,13 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **given: Any) -> 
     if report is not None:
         from reba.report import write_report
 
-        write_report(report, [first, second], command=_command_line())
+        write_report(report, [first, second], command=command_line("reba"))
     if as_json:
-        _print_json(result)
+        print_json(result)
     else:
         from reba.terminal import show_comparison
 
-        show_comparison(_console(), result)
+        show_comparison(console(), result)
 
 
 @cli.command(epilog="Example: reba explain shift.mcap --at 12.5")
@@ -188,11 +164,11 @@ def explain(path: str, time: float, as_json: bool, **given: Any) -> None:
     """Print the worksheet of one frame: which angle and rule gave which point."""
     sheet = _options(given).read_and_score(path).explain(time)
     if as_json:
-        _print_json(sheet.to_dict())
+        print_json(sheet.to_dict())
     else:
         from reba.terminal import show_worksheet
 
-        show_worksheet(_console(), sheet)
+        show_worksheet(console(), sheet)
 
 
 @cli.command(epilog="Example: reba improve shift.mcap --load 12 --at 12.5 --to low")
@@ -229,16 +205,16 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
         if minute is not None and whole is not None:
             span = {"start": float(stamps[minute[0]]), "end": float(stamps[minute[-1]])}
             result["worst_minute"] = {**span, "improvements": [i.to_dict() for i in whole]}
-        _print_json(result)
+        print_json(result)
         return
     from reba.terminal import show_improvements
 
-    console = _console()
+    out = console()
     for at, some in found:
-        show_improvements(console, f"frame at {at:.2f} s", some)
+        show_improvements(out, f"frame at {at:.2f} s", some)
     if minute is not None and whole is not None:
         title = f"worst minute, every frame from {stamps[minute[0]]:.1f} to {stamps[minute[-1]]:.1f} s"
-        show_improvements(console, title, whole)
+        show_improvements(out, title, whole)
 
 
 @cli.command(epilog="Example: reba convert walk.bvh -o walk.parquet")
@@ -254,7 +230,7 @@ def convert(path: str, output: str, as_json: bool, **given: Any) -> None:
     reba.write_postures(postures, output)
     result = {"input": path, "output": output, "frames": len(postures.data), "profile": postures.profile}
     if as_json:
-        _print_json({**result, "unmeasured": list(postures.unmeasured), "assumed": list(postures.assumed)})
+        print_json({**result, "unmeasured": list(postures.unmeasured), "assumed": list(postures.assumed)})
     else:
         click.echo(f"{output}: {result['frames']} frames, profile {postures.profile}")
 
@@ -268,13 +244,9 @@ def profiles(as_json: bool) -> None:
 
     found = [describe_profile(profile) for profile in known()]
     if as_json:
-        _print_json({"profiles": found})
+        print_json({"profiles": found})
     else:
-        show_profiles(_console(), found)
-
-
-def _command_line() -> str:
-    return " ".join(["reba", *sys.argv[1:]])
+        show_profiles(console(), found)
 
 
 class _progress:
@@ -289,7 +261,7 @@ class _progress:
             return lambda outcome: None
         from rich.progress import Progress
 
-        self.bar = Progress(console=_console(stderr=True), transient=True)
+        self.bar = Progress(console=console(stderr=True), transient=True)
         self.bar.start()
         task = self.bar.add_task("scoring", total=self.total)
 
@@ -305,20 +277,4 @@ class _progress:
 
 def main() -> None:
     """Run the command; errors are one line on standard error."""
-    try:
-        cli.main(standalone_mode=False)
-        code = 0
-    except Stop as stop:
-        code = stop.code
-    except (RebaError, click.ClickException) as error:
-        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
-        click.echo(f"reba: {' '.join(text.split())}", err=True)
-        code = 2
-    except (KeyboardInterrupt, click.Abort):
-        click.echo("reba: interrupted", err=True)
-        code = 130
-    except BrokenPipeError:
-        # The reader of our output went away (`reba score ... | head`); nothing is left to say.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 0
-    raise SystemExit(code)
+    run(cli, "reba")

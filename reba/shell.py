@@ -1,0 +1,74 @@
+"""What the commands of all packages share: how they print, and how they end.
+
+Exit codes: 0 done, 1 some inputs of a batch failed, 2 bad input or usage (one line), 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import warnings
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from reba.errors import RebaError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+GROUP: Final[dict[str, Any]] = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
+"""Settings of a command group."""
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
+
+
+class Stop(Exception):
+    """Ends a command with an exit code after everything was said."""
+
+    def __init__(self, code: int) -> None:
+        self.code = code
+
+
+def console(stderr: bool = False) -> Console:
+    """Return where tables are printed to."""
+    from rich.console import Console
+
+    # Piped output is not cut to 80 columns: a table then is as wide as it needs to be.
+    stream = sys.stderr if stderr else sys.stdout
+    width = None if stream.isatty() or "COLUMNS" in os.environ else 160
+    return Console(stderr=stderr, highlight=False, markup=False, width=width)
+
+
+def print_json(result: Any) -> None:
+    """Print one JSON object on standard output."""
+    click.echo(json.dumps(result, allow_nan=False))
+
+
+def command_line(name: str) -> str:
+    """Return the command as it was typed, so that a result can be made again."""
+    return " ".join([name, *sys.argv[1:]])
+
+
+def run(group: click.Group, name: str) -> None:
+    """Run a command group and exit; errors and warnings are one line each on standard error."""
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: click.echo(f"{name}: warning: {message}", err=True)
+            group.main(standalone_mode=False)
+        code = 0
+    except Stop as stop:
+        code = stop.code
+    except (RebaError, click.ClickException) as error:
+        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        click.echo(f"{name}: {' '.join(text.split())}", err=True)
+        code = 2
+    except (KeyboardInterrupt, click.Abort):
+        click.echo(f"{name}: interrupted", err=True)
+        code = 130
+    except BrokenPipeError:
+        # The reader of our output went away (`reba score ... | head`); nothing is left to say.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    raise SystemExit(code)
