@@ -105,7 +105,7 @@ def frame_across(y: Array, z: Array) -> Array:
 
 
 def unit(vectors: Array) -> Array:
-    """Return (n, 3) vectors at length 1; NaN where the length is 0."""
+    """Return (n, k) vectors at length 1; NaN where the length is 0."""
     length = np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(length > 1e-12, vectors / length, np.nan)

@@ -140,9 +140,10 @@ MOVES: dict[str, list[tuple[dict[str, float], dict[str, float]]]] = {
 
 def _angles(profile: Profile, joints: dict[str, float]) -> np.ndarray:
     start = HANGING if profile.name == "human_gazebo" else {}
-    values = {name: np.radians({**start, **joints}.get(name, 0.0)) for name in profile.names}
+    names = {slot: words[:1] for slot, words in profile.slots.items()}
+    values = {name: np.radians({**start, **joints}.get(name, 0.0)) for (name,) in names.values()}
     stream = joints_stream(values, unit="rad", n=2)
-    mapper = mapper_for(profile, {name: (name,) for name in profile.names}, stream)
+    mapper = mapper_for(profile, names, stream)
     mapper.begin()
     return block_angles(mapper, next(stream.blocks()))[0]
 
@@ -245,7 +246,7 @@ GOOD = {"name": "a", "title": "b", "source": "c", "kind": "joints", "columns": {
         ({"unit": "degrees"}, "unit is 'degrees'"),
         ({"mirror": "no"}, "expected true or false"),
         ({"required": ["nose"]}, "required 'nose'"),
-        ({"patterns": ["{id}_x"]}, "has no {name}"),
+        ({"patterns": ["{id}_x"]}, "expected one {name}"),
         ({"cannot": {"nek": "x"}}, "unknown column 'nek'"),
         ({"columns": {"knee_flexion_left": [["a"]]}}, "expected a name or a number"),
         ({"dummies": {"a": "b"}}, "expected a name or a number"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -52,7 +54,8 @@ def median_rate(time: Array) -> float:
     """Return the median sampling rate [Hz] of (n,) times [s], NaN for fewer than two samples."""
     steps = np.diff(time)
     steps = steps[steps > 0]
-    return float(1.0 / np.median(steps)) if len(steps) else float("nan")
+    # Times are decimal fractions: without rounding 25 Hz would read 25.000000000000533.
+    return float(f"{1.0 / np.median(steps):.9g}") if len(steps) else float("nan")
 
 
 def find_gaps(time: Array) -> tuple[tuple[float, float], ...]:
@@ -79,12 +82,13 @@ def first_frame_alien(angles: Array) -> bool:
     return bool(np.any((first > JUMP) & (first > 3.0 * later)))
 
 
-def dead_columns(angles: Array, seconds: float, kind: str) -> dict[str, str]:
+def dead_columns(angles: Array, seconds: float, kind: str, dummies: Mapping[str, float]) -> dict[str, str]:
     """Return columns that never change though others do, and why they count as not measured.
 
     Args:
         angles: (n, 22) [deg].
         seconds: length; one second of rest is no evidence.
+        dummies: columns -> the value [deg] at which they only fill a place.
         kind: of the stream. Joint columns that keep another value than 0 may be held still and stay.
     """
     if seconds <= 1.0 or len(angles) < 3:
@@ -96,6 +100,9 @@ def dead_columns(angles: Array, seconds: float, kind: str) -> dict[str, str]:
         still = known & (high - low <= STILL)
         near = 1.0 if kind == "frames" else STILL
         zero = still & (np.abs(high) <= near)
+    for column, value in dummies.items():
+        if column in INDEX:
+            zero[INDEX[column]] |= still[INDEX[column]] and abs(high[INDEX[column]] - value) < 0.01
     if not np.any(known & ~still):
         return {}
     return {COLUMNS[index]: f"constant {round(float(high[index]), 3) + 0.0:g}" for index in np.flatnonzero(zero)}
@@ -138,6 +145,16 @@ def impossible_columns(angles: Array) -> dict[str, str]:
             reason = f"{worst}: {wrong[worst]}, so the axes of this segment are not a person's"
             wrong |= dict.fromkeys(group, reason)
     return wrong
+
+
+def patchy_columns(angles: Array) -> list[str]:
+    """Return a note for each column that lacks a value in more than one of a hundred frames, but not in all."""
+    notes = []
+    for column, index in INDEX.items():
+        missing = float(np.mean(np.isnan(angles[:, index]))) if len(angles) else 0.0
+        if 0.01 < missing < 1.0:
+            notes.append(f"{column}: no value in {100 * missing:.0f} % of the frames")
+    return notes
 
 
 def _beyond(angles: Array) -> dict[str, tuple[int, str]]:

@@ -19,6 +19,7 @@ from reba.readers.checks import (
     frozen_warning,
     impossible_columns,
     median_rate,
+    patchy_columns,
 )
 from reba.readers.collect import Samples, collect, in_order
 from reba.readers.formats import file_hash
@@ -54,7 +55,8 @@ def finish(recording: Recording, match: Match, *, neutral: str = "none", strict:
     mapper = mapper_for(profile, match.names, match.stream, root)
     samples = collect(match.stream, mapper)
     _refuse(recording, samples.log, len(samples.table), strict)
-    if match.stream.kind == "frames" and first_frame_alien(samples.angles):
+    posed = match.stream.rest is not None or recording.format == "mvnx"
+    if posed and first_frame_alien(samples.angles):
         samples.log.warn("the first frame does not belong to the movement (T-pose or zeros) and was left out")
         samples.table = samples.table[1:]
     reasons = _hide(samples, mapper, profile, match, neutral)
@@ -143,7 +145,10 @@ def _refuse(recording: Recording, log: ReadLog, frames: int, strict: bool) -> No
 def _hide(samples: Samples, mapper: Mapper, profile: Profile, match: Match, neutral: str) -> dict[str, str]:
     """Blank the columns that were not measured; return the reason for every column without a value."""
     angles = samples.angles
-    reasons = {**dead_columns(angles, samples.seconds, match.stream.kind), **mapper.dead(samples.seconds)}
+    reasons = {
+        **dead_columns(angles, samples.seconds, match.stream.kind, profile.dummies),
+        **mapper.dead(samples.seconds),
+    }
     if neutral == "none":
         for column in profile.needs_neutral:
             reasons[column] = "it has no zero of its own: give a neutral posture (neutral='first:3s')"
@@ -170,7 +175,7 @@ def _upright_sign(angles: Array, column: str, mapper: Mapper) -> None:
 
 
 def _beyond(angles: Array) -> list[str]:
-    return [f"{column}: {text}" for column, text in beyond_limits(angles).items()]
+    return [f"{column}: {text}" for column, text in beyond_limits(angles).items()] + patchy_columns(angles)
 
 
 def _recognised(match: Match, reasons: dict[str, str], unmeasured: Iterable[str]) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.angles import unit
 from reba.readers.stream import Block, Stream
 
 Array = NDArray[np.float64]
@@ -51,7 +52,7 @@ class FramePoses:
         if at is None:
             nothing = np.full((len(block.time), 7), np.nan)
             return nothing[:, 3:], nothing[:, :3]
-        position, quaternion = block.values[:, at, :3], block.values[:, at, 3:]
+        position, quaternion = block.values[:, at, :3], unit(block.values[:, at, 3:])
         self._known[name] = (quaternion, position)  # a loop of parents ends here
         parent = self._parent.get(name, "")
         if parent in self._at:

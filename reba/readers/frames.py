@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.angles import Body, frame_across, frame_of, turned, unit
+from reba.errors import ProfileError
 from reba.posture import SIDES
 from reba.readers.framepose import FramePoses, matrices, rotated
 from reba.readers.orient import Orientation, axis_name, axis_vector
@@ -76,6 +77,7 @@ class FrameMapper:
             self.lines += known
             if known:
                 frames["trunk"] = frame_of(line, shoulders[1])
+            if known and "pelvis" in frames:
                 frames["pelvis"] = frame_across(frames["pelvis"][:, :, 1], hips[1])
         return Body(frames, up=self.orientation.up)
 
@@ -130,8 +132,14 @@ class FrameMapper:
         block = Block(np.zeros(1), self.stream.names, rest[None], self.stream.parents)
         poses = {segment: self.poses.world(block, frame) for segment, frame in self.names.items()}
         where = {segment: position[0] for segment, (_, position) in poses.items()}
-        up = axis_vector(axis_name(where["head"] - (where["thigh_left"] + where["thigh_right"]) / 2.0))
-        right = axis_vector(axis_name(where["thigh_right"] - where["thigh_left"]))
+        hips, shoulders = _line(where, "thigh"), _line(where, "upper_arm")
+        if hips is None or shoulders is None:
+            raise ProfileError(
+                f"profile {self.profile.name}: axes 'rest' need thigh_left, thigh_right, upper_arm_left and "
+                f"upper_arm_right in {self.stream.name}; add them to [segments]"
+            )
+        up = axis_vector(axis_name(where.get("head", shoulders[0]) - hips[0]))
+        right = axis_vector(axis_name(hips[1]))
         forward = np.cross(up, right)
         result = {}
         for segment, (quaternion, _) in poses.items():

@@ -122,7 +122,7 @@ class JointMapper:
                 reasons[column] = f"no joint {some(absent)}"
             elif len(absent) + len(idle) == len(joints):
                 reasons[column] = f"{some([self.names[joint] for joint in idle])} constant {still[idle[0]]:g}"
-        partial = [joint for joint in self.profile.names if joint not in self.names]
+        partial = [joint for joint in self.profile.slots if joint not in self.names]
         if partial:
             self.assumed.append(f"joints not recorded, taken as 0 in their chain: {some(partial)}")
         return reasons

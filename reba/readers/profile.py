@@ -2,18 +2,19 @@
 
 A profile says for one kind of source which joints, frames or points it names, about which axes and with which sign they
 turn, what it cannot measure and why. The shipped ones are the TOML files in `profiles/`; a laboratory with its own
-names writes another one (README, "Your own names") and gives its path.
+names writes another one and gives its path (`--profile FILE.toml`).
 
 A TOML file has `name`, `title`, `source`, `kind` and, as far as they apply:
 
     patterns   how names are written: "{name}", "{name}_{id}", "{id}_{name}"; `{id}` tells bodies apart
     required   names (or segments, points) without which it is not this source; all others may be missing
     [chains]   joints: segment = ["<sign><axis> <joint>", ...], turned in this order about the segment's own ISB axes
-               (x forward, y up, z right); a number instead of a joint is a fixed turn in degrees
+               (x forward, y up, z right); a number instead of a joint is a fixed turn in degrees,
+               "a|b" a joint that is called a or b
     [columns]  joints: column = ["<sign><joint>", ..., <degrees>], a sum that is the angle itself
     [segments] frames: segment = ["<frame>", ...], the first of them that is present
     [points]   points: point = ["<marker>", ...], the mean of them
-    [dummies]  joint = value [deg] that only fills the place of a joint that was not measured
+    [dummies]  joint (or column) = value [deg] that only fills the place of one that was not measured
     [cannot]   column (or "trunk", "neck", "arms", "wrists", "legs") = reason
 
 `{side}`, `{Side}`, `{s}`, `{S}` stand for left/right, Left/Right, l/r, L/R; the entry then holds for both sides.
@@ -110,17 +111,16 @@ class Profile:
     @property
     def names(self) -> tuple[str, ...]:
         """Every joint, frame or marker name it knows, each once."""
-        steps = [step.name for chain in self.chains.values() for step in chain]
-        steps += [term.name for terms in self.columns.values() for term in terms]
-        groups = [name for group in (*self.segments.values(), *self.points.values()) for name in group]
-        return tuple(dict.fromkeys(name for name in steps + groups if name))
+        return tuple(dict.fromkeys(name for group in self.slots.values() for name in group))
 
     @property
     def slots(self) -> dict[str, tuple[str, ...]]:
         """What can be present or missing -> its names: each joint, each segment, each point."""
-        if self.kind == "joints":
-            return {name: (name,) for name in self.names}
-        return dict(self.segments if self.kind == "frames" else self.points)
+        if self.kind != "joints":
+            return dict(self.segments if self.kind == "frames" else self.points)
+        joints = [step.name for chain in self.chains.values() for step in chain]
+        joints += [term.name for terms in self.columns.values() for term in terms]
+        return {name: tuple(name.split("|")) for name in joints if name}
 
     def measures(self) -> tuple[str, ...]:
         """The columns it gives where all its names are recorded."""

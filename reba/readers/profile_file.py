@@ -75,8 +75,8 @@ def parse_profile(given: Mapping[str, Any], where: str) -> Profile:
         raise ProfileError(f"profile {where}: kind '{values['kind']}' needs a section [{'] or ['.join(needed)}]")
     profile = Profile(**values)
     for pattern in profile.patterns:
-        if "{name}" not in pattern:
-            raise ProfileError(f"profile {where}: pattern {pattern!r} has no {{name}}; write it like '{{id}}_{{name}}'")
+        if pattern.count("{name}") != 1 or pattern.count("{id}") > 1:
+            raise ProfileError(f"profile {where}: pattern {pattern!r}, expected one {{name}}, like '{{id}}_{{name}}'")
     for name in profile.required:
         if name not in profile.slots:
             hint = did_you_mean(name, profile.slots)
