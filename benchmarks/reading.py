@@ -98,9 +98,16 @@ def best(run: Callable[[], Any], repeat: int) -> float:
 
 
 def read_ours(path: Path) -> np.ndarray:
-    """Return the values of the only stream."""
-    (stream,) = open_mcap(path).streams
-    return np.concatenate([block.values for block in stream.blocks()])
+    """Return the values of the only stream; every row is one message."""
+    recording = open_mcap(path)
+    (stream,), (topic,) = recording.streams, recording.topics
+    result, row = None, 0
+    for block in stream.blocks():
+        if result is None:
+            result = np.empty((topic.count, *block.values.shape[1:]))
+        result[row : row + len(block.values)] = block.values
+        row += len(block.values)
+    return result[:row]
 
 
 def read_peer(path: Path, count: int, values: Callable[[Any], list[Any]]) -> np.ndarray:
@@ -187,8 +194,8 @@ def run(count: int, repeat: int) -> dict[str, Any]:
             tf_count,
         )
         return {
-            "joint_states": measure(joints, count, min(count, 5000), lambda m: list(m.position), positions, repeat),
-            "tf": measure(tf, tf_count, min(tf_count, 1000), poses_of, poses, repeat),
+            "joint_states": measure(joints, count, min(count, 10_000), lambda m: list(m.position), positions, repeat),
+            "tf": measure(tf, tf_count, min(tf_count, 2000), poses_of, poses, repeat),
         }
 
 

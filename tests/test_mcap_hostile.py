@@ -12,10 +12,11 @@ import hostile_mcap as hostile
 import mcap_builder as make
 import numpy as np
 import pytest
+import zstandard
 from hostile_mcap import CASES
 
 from reba.errors import ReadError
-from reba.readers.mcap import open_mcap, sniff
+from reba.readers.mcap import compression, open_mcap, sniff
 from reba.readers.stream import ReadLog
 
 SLOW_BOMB = "bomb_that_declares_half"
@@ -162,6 +163,18 @@ def test_any_damaged_message_is_decoded_or_counted(tmp_path: Path) -> None:
             assert len(block.time) == len(block.values)
     assert log.messages == 400
     assert log.skipped < 400
+
+
+@pytest.mark.parametrize("size", [0, 1])
+def test_a_large_chunk_grows_with_what_comes_out(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compression, "_AT_ONCE", 10)
+    data = bytes(range(256)) * 40
+    packed = zstandard.ZstdCompressor(write_content_size=False).compress(data)
+    if size:
+        with pytest.raises(compression.BadChunk, match="not to the"):
+            compression.unpack(packed, "zstd", len(data) - size)
+    else:
+        assert compression.unpack(packed, "zstd", len(data)) == data
 
 
 def test_sniff(tmp_path: Path) -> None:

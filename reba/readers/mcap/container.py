@@ -101,6 +101,7 @@ class Container:
         self.warnings: list[str] = []
         self.span: tuple[int, int] | None = None
         self._last: Loaded | None = None
+        self._ahead = (0, b"")
         self._index()
 
     def load(self, segment: Segment) -> Loaded:
@@ -229,7 +230,7 @@ class Container:
 
     def _window(self, at: int, count: int) -> bytes:
         """Return bytes of the file through a small read-ahead."""
-        start, data = getattr(self, "_ahead", (0, b""))
+        start, data = self._ahead
         if not start <= at or at + count > start + len(data):
             start, data = at, self.source.read_at(at, max(_PEEK, count))
             self._ahead = (start, data)
@@ -277,11 +278,9 @@ class Container:
             head = records.chunk_head(self._window(at, min(length, 128)), length)
         except BadRecord as error:
             raise BadRecord(at, error.what) from error
-        if head.size > self.limit_bytes:
-            raise BadRecord(
-                at,
-                f"a chunk declares {head.size} unpacked bytes, the limit is {self.limit_bytes} (limit_bytes)",
-            )
+        size = max(head.size, head.records_size)
+        if size > self.limit_bytes:
+            raise BadRecord(at, f"a chunk declares {size} bytes, the limit is {self.limit_bytes} (limit_bytes)")
         if head.size:
             self.segments.append(Segment(at + head.records_at, head.records_size, head, head.start))
 

@@ -102,7 +102,7 @@ class ColumnDecoder:
         """Return the pieces of a batch, in any order."""
         pieces: list[Piece] = []
         data = np.frombuffer(batch.loaded.data, np.uint8)
-        for length in np.unique(batch.lengths).tolist():
+        for length in dict.fromkeys(batch.lengths.tolist()):
             same = batch.lengths == length
             group = batch if same.all() else batch.select(same)
             self._decode_group(group, data, length, pieces, log)
@@ -179,7 +179,7 @@ def _share_time(picks: list[Pick], rows: Rows) -> bool:
     return all(np.array_equal(_raw_stamp(pick.stamp, rows), first) for pick in picks[1:])
 
 
-def _raw_stamp(stamp: Stamp | None, rows: Rows) -> NDArray[np.generic]:
+def _raw_stamp(stamp: Stamp | None, rows: Rows) -> NDArray[Any]:
     """Return (n,) the bytes of a time as one number if they stand together, else the time."""
     seconds, nanos = stamp or (None, None)
     if not isinstance(seconds, Span) or not isinstance(nanos, Span):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from reba.readers.mcap.records import gather
 
 VARINT: Final = "varint"
 """Type of a number in the base-128 encoding of protobuf."""
-_WORD: Final = 8
 _NEAR: Final = 16
 """Fixed bytes that are not further apart than this are compared together."""
 
@@ -89,7 +88,7 @@ class Rows:
         start = int(self.starts[0])
         return self.data[start : start + self.length].tobytes()
 
-    def numbers(self, start: int, code: str, count: int) -> NDArray[np.generic]:
+    def numbers(self, start: int, code: str, count: int) -> NDArray[Any]:
         """Return (n, count) numbers of type `code` that begin `start` bytes into each row."""
         kind = np.dtype(code)
         if self._step is not None:
@@ -121,35 +120,28 @@ class Layout:
             mask[start:stop] = 0xFF
         for start, stop in walked.varints:
             mask[start:stop] = 0x80
-        self._blocks = [(start, template[start:stop], mask[start:stop]) for start, stop in _blocks(mask, len(message))]
+        self._blocks = [(start, template[start:stop], mask[start:stop]) for start, stop in _blocks(mask)]
 
     def matches(self, rows: Rows) -> NDArray[np.bool_]:
         """Return (n,) whether each row has this layout."""
         equal = np.ones(len(rows), bool)
         for start, template, mask in self._blocks:
-            code = "u8" if len(template) % _WORD == 0 else "u1"
-            found = rows.numbers(start, code, len(template) // int(code[1]))
-            different = found != template.view(code)
-            if different.any():
+            found = rows.numbers(start, "u1", len(template))
+            if (found != template).any():
                 # Only now look bit by bit: padding and text that does not matter may differ.
-                equal &= ~((found ^ template.view(code)) & mask.view(code)).any(axis=1)
+                equal &= ~((found ^ template) & mask).any(axis=1)
         return equal
 
 
-def _blocks(mask: NDArray[np.uint8], length: int) -> list[tuple[int, int]]:
-    """Return stretches that cover the masked bytes, of whole words unless the message is shorter."""
+def _blocks(mask: NDArray[np.uint8]) -> list[tuple[int, int]]:
+    """Return stretches that cover the masked bytes."""
     where = np.flatnonzero(mask)
     if not len(where):
         return []
     cuts = np.flatnonzero(np.diff(where) > _NEAR)
-    starts = where[np.concatenate([[0], cuts + 1])].tolist()
-    stops = (where[np.concatenate([cuts, [len(where) - 1]])] + 1).tolist()
-    blocks = []
-    for start, stop in zip(starts, stops, strict=True):
-        size = min(-(-(stop - start) // _WORD) * _WORD, length)
-        start = min(start, length - size)
-        blocks.append((start, start + size))
-    return blocks
+    starts = where[np.concatenate([[0], cuts + 1])]
+    stops = where[np.concatenate([cuts, [len(where) - 1]])] + 1
+    return list(zip(starts.tolist(), stops.tolist(), strict=True))
 
 
 @dataclass(frozen=True)

@@ -63,17 +63,13 @@ class Source:
         Raises:
             ReadError: the system cannot read there.
         """
-        count = min(count, max(self.size - offset, 0)) if hasattr(self, "size") else count
         try:
             self._file.seek(offset)
-            first = self._file.read(count)
-            if len(first) == count:
-                return first
-            parts = [first]
-            while first and sum(map(len, parts)) < count:
-                first = self._file.read(count - sum(map(len, parts)))
-                parts.append(first)
-            return b"".join(parts)
+            data = self._file.read(min(count, max(self.size - offset, 0)))
+            # One read returns at most 2 GiB.
+            while len(data) < count and (more := self._file.read(count - len(data))):
+                data += more
+            return data
         except OSError as error:
             raise ReadError(
                 self.path, f"cannot be read ({error.strerror})", hint="copy it to a local disk", offset=offset
