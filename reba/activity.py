@@ -159,7 +159,7 @@ class _Grid:
 
 
 def _static(signals: list[Signal], rules: Rules, hz: float) -> Flags:
-    window = int(np.floor(rules.static_seconds * hz)) + 2
+    window = int(np.floor(rules.static_seconds * hz + 1e-6)) + 2
     if window > len(signals[0]):
         return np.zeros(len(signals[0]), bool)
     # NaN makes a window's range NaN, and NaN <= band is False: a stretch with a hole is not held.
