@@ -1,0 +1,222 @@
+"""The interactive plots, as plotly JSON: REBA over time and angles over time."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.factors import ACTIVITIES, flag
+from reba.limits import quantities
+from reba.posture import COLUMNS, INDEX
+from reba.report.phrases import angle_name
+from reba.report.recording import Recording
+from reba.report.series import VIEWS, Curve, Steps, band, line, runs, steps
+from reba.report.words import LEVEL_COLOURS
+from reba.report.worst import Worst
+from reba.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
+
+INK: Final = "#1b2430"
+RANGE_FILL: Final = "rgba(72, 52, 170, 0.42)"
+RANGE_LINE: Final = "#403a82"
+GAP_FILL: Final = "rgba(110, 118, 130, 0.28)"
+TOP: Final = 15.6
+ANGLE_BUCKETS: Final = 300
+MOST_GAPS: Final = 200
+"""Gaps drawn as grey stretches; the longest ones where there are more. Lines break at every gap."""
+
+
+def level_bands() -> list[tuple[float, float, str, str]]:
+    """Return (from, to, colour, name) of each action level on the score axis; edges lie between whole scores."""
+    edges = [start - 0.5 for start in ACTION_LEVEL_FROM] + [TOP]
+    return [(edges[i], edges[i + 1], LEVEL_COLOURS[i], ACTION_LEVELS[i][0]) for i in range(len(LEVEL_COLOURS))]
+
+
+def drawn_gaps(record: Recording) -> list[tuple[float, float]]:
+    """Return the gaps that are drawn, in time order."""
+    longest = sorted(record.gaps, key=lambda gap: gap[0] - gap[1])[:MOST_GAPS]
+    return sorted(longest)
+
+
+def time_range(record: Recording, span: float) -> list[float]:
+    """Return the ends of the time axis [s]: `span` seconds from the first frame."""
+    start = float(record.scores.time[0]) if record.frames else 0.0
+    margin = 0.01 * span
+    return [start - margin, start + span + margin]
+
+
+def time_figure(record: Recording, intervals: list[Worst], span: float) -> str:
+    """Return the plot of REBA over time as JSON: totals with their ranges, levels, gaps, worst intervals, activity.
+
+    Args:
+        record: with at least one frame.
+        intervals: the worst intervals, marked by their numbers.
+        span: [s] length of the time axis, the same for all recordings of a page.
+    """
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    for name in VIEWS:
+        for trace in _curve_traces(record, record.curves[name], shown=name == "reba"):
+            figure.add_trace(go.Scatter(**trace, meta=name))
+    for trace in _activity_traces(record):
+        figure.add_trace(go.Scatter(**trace, meta="activity"))
+    figure.update_layout(
+        **_layout("REBA", 400),
+        shapes=[*_level_shapes(), *_gap_shapes(record), *_worst_shapes(intervals)],
+        annotations=[*_level_names(), *_worst_numbers(intervals)],
+        xaxis={**_TIME_AXIS, "range": time_range(record, span), "anchor": "y2"},
+        yaxis={
+            "domain": [0.2, 1.0], "range": [0.5, TOP], "tickvals": [1, 2, 4, 8, 11, 15], "fixedrange": True,
+            "title": {"text": "REBA"}, "zeroline": False, "showgrid": False,
+        },
+        yaxis2={
+            "domain": [0.0, 0.15], "range": [-0.6, 2.6], "tickvals": [0, 1, 2], "ticktext": list(reversed(ACTIVITIES)),
+            "fixedrange": True, "zeroline": False, "showgrid": False, "tickfont": {"size": 11},
+        },
+    )  # fmt: skip
+    return _json(figure)
+
+
+def _curve_traces(record: Recording, curve: Curve, *, shown: bool) -> list[dict[str, Any]]:
+    points = steps(record.scores, curve, record.gaps)
+    low, high, value = (part[points.frame] for part in (curve.low, curve.high, curve.value))
+    open_, known = low < high, ~np.isnan(value)
+    look = {"mode": "lines", "visible": shown, "showlegend": False}
+    traces: list[dict[str, Any]] = []
+    if open_.any():
+        x, y = band(points, low, high, open_)
+        traces.append({**look, "x": _short(x), "y": y.astype(np.float32), "fill": "toself", "fillcolor": RANGE_FILL,
+                       "line": {"width": 0}, "hoverinfo": "skip"})  # fmt: skip
+        edge = {"width": 1, "color": RANGE_LINE, "shape": "hv"}
+        x, y = line(points, low, open_)
+        traces.append({**look, "x": _short(x), "y": y.astype(np.float32), "line": edge, "hoverinfo": "skip"})
+        _, top = line(points, high, open_)
+        said = "%{x:.2f} s: REBA %{customdata} to %{y}<extra></extra>"
+        traces.append({**look, "x": _short(x), "y": top.astype(np.float32), "line": edge, "customdata": y.tolist(),
+                       "hovertemplate": said})  # fmt: skip
+    if known.any():
+        x, y = line(points, value, known)
+        traces.append({**look, "x": _short(x), "y": y.astype(np.float32), "hovertemplate": "%{x:.2f} s: REBA %{y}"
+                       "<extra></extra>", "line": {"width": 1.6, "color": INK, "shape": "hv"}})  # fmt: skip
+    return traces
+
+
+def _activity_traces(record: Recording) -> list[dict[str, Any]]:
+    n = record.frames
+    frames = np.arange(n)
+    last = np.zeros(n, bool)
+    time = record.scores.time
+    if n:
+        last[np.searchsorted(time, [start for start, _ in record.gaps], side="right") - 1] = True
+        last[-1] = True
+    every = Steps(time, time + record.weights, last, frames)
+    traces = []
+    for row, kind in enumerate(reversed(ACTIVITIES)):
+        flags = np.broadcast_to(flag(kind, getattr(record.scores.factors, kind), n), (n,))
+        found = runs(every, flags, joined=record.seconds / 2000)
+        x = [value for start, end in found for value in (start, end, None)]
+        y = [value for _ in found for value in (row, row, None)]
+        traces.append({
+            "x": x, "y": y, "yaxis": "y2", "mode": "lines", "showlegend": False,
+            "line": {"width": 7, "color": "#5c3c99"}, "hovertemplate": f"%{{x:.1f}} s: {kind}<extra></extra>",
+        })  # fmt: skip
+    return traces
+
+
+def _level_shapes() -> list[dict[str, Any]]:
+    return [
+        {"type": "rect", "xref": "paper", "x0": 0, "x1": 1, "yref": "y", "y0": low, "y1": high, "fillcolor": colour,
+         "opacity": 0.42, "line": {"width": 0}, "layer": "below"}
+        for low, high, colour, _ in level_bands()
+    ]  # fmt: skip
+
+
+def _level_names() -> list[dict[str, Any]]:
+    return [
+        {"xref": "paper", "x": 1, "xanchor": "left", "yref": "y", "y": (low + high) / 2, "text": name,
+         "showarrow": False, "font": {"size": 11, "color": INK}, "bgcolor": "rgba(255,255,255,0.65)", "borderpad": 1}
+        for low, high, _, name in level_bands()
+    ]  # fmt: skip
+
+
+def _gap_shapes(record: Recording) -> list[dict[str, Any]]:
+    return [
+        {"type": "rect", "xref": "x", "x0": start, "x1": end, "yref": "paper", "y0": 0, "y1": 1, "fillcolor": GAP_FILL,
+         "line": {"width": 0}, "layer": "below"}
+        for start, end in drawn_gaps(record)
+    ]  # fmt: skip
+
+
+def _worst_shapes(intervals: list[Worst]) -> list[dict[str, Any]]:
+    return [
+        {"type": "rect", "xref": "x", "x0": one.start, "x1": one.end, "yref": "y", "y0": 0.5, "y1": TOP,
+         "fillcolor": "rgba(27, 36, 48, 0.07)", "line": {"width": 1, "color": "rgba(27, 36, 48, 0.55)", "dash": "dot"}}
+        for one in intervals
+    ]  # fmt: skip
+
+
+def _worst_numbers(intervals: list[Worst]) -> list[dict[str, Any]]:
+    return [
+        {"x": one.time, "y": TOP, "yref": "y", "yanchor": "bottom", "text": f"<b>{one.number}</b>", "showarrow": False,
+         "font": {"size": 12, "color": "#ffffff"}, "bgcolor": INK, "borderpad": 2}
+        for one in intervals
+    ]  # fmt: skip
+
+
+def angle_figure(record: Recording, span: float) -> tuple[str, list[str]] | None:
+    """Return the plot of one angle at a time as JSON and the names to choose from, or None if nothing was measured."""
+    import plotly.graph_objects as go
+
+    angles = record.scores.angles
+    measured = [column for column in COLUMNS if not np.isnan(angles[:, INDEX[column]]).all()]
+    if not measured or not record.frames:
+        return None
+    edges = {column: one for one in quantities(record.scores.rules) for column in one.columns}
+    figure = go.Figure()
+    for number, column in enumerate(measured):
+        values = angles[:, INDEX[column]]
+        marked = sorted({edge for known in edges[column].classes for edge in (known.low, known.high)
+                         if np.isfinite(edge)})  # fmt: skip
+        known = ~np.isnan(values)
+        filled = np.where(known, np.round(values, 1) * 10, 0.0)
+        points = steps(record.scores, Curve(filled, filled, filled), record.gaps, ANGLE_BUCKETS)
+        x, y = line(points, values[points.frame], known[points.frame])
+        figure.add_trace(
+            go.Scatter(
+                x=_short(x), y=np.round(y, 1).astype(np.float32), mode="lines", visible=number == 0, showlegend=False,
+                line={"width": 1.4, "color": INK}, hovertemplate="%{x:.2f} s: %{y:.1f} deg<extra></extra>",
+                meta={"name": angle_name(column), "edges": [round(edge, 2) for edge in marked]},
+            )
+        )  # fmt: skip
+    figure.update_layout(
+        **_layout("Angle", 290),
+        shapes=_gap_shapes(record),
+        xaxis={**_TIME_AXIS, "range": time_range(record, span)},
+        yaxis={"title": {"text": "deg"}, "fixedrange": True, "gridcolor": "#e6e9ee", "zerolinecolor": "#b9c0ca"},
+    )
+    return _json(figure), [angle_name(column) for column in measured]
+
+
+_TIME_AXIS: Final[dict[str, Any]] = {
+    "title": {"text": "time [s]"}, "showgrid": False, "zeroline": False, "nticks": 8, "tickangle": 0,
+}  # fmt: skip
+
+
+def _layout(title: str, height: int) -> dict[str, Any]:
+    return {
+        "height": height, "margin": {"l": 62, "r": 72, "t": 50, "b": 44}, "paper_bgcolor": "#ffffff",
+        "plot_bgcolor": "#ffffff", "hovermode": "closest", "hoverdistance": 60, "dragmode": "zoom",
+        "font": {"family": "system-ui, sans-serif", "size": 13, "color": INK}, "meta": title,
+    }  # fmt: skip
+
+
+def _short(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.round(seconds, 4)
+
+
+def _json(figure: Any) -> str:
+    """Return a figure as JSON that can stand inside a script element."""
+    text: str = figure.to_json(validate=False)
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

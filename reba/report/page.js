@@ -1,0 +1,58 @@
+"use strict";
+// Draws the plots over the still pictures that stand in the page, and answers the two choices beside them.
+(() => {
+  const config = {
+    responsive: true,
+    displaylogo: false,
+    // Named one by one: the usual set holds a button that sends the plot away.
+    modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
+  };
+  const views = (drawing, wanted) =>
+    drawing.data.map((trace) => trace.meta === "activity" || trace.meta === wanted);
+
+  const edges = (drawing, number) =>
+    drawing.data[number].meta.edges.map((edge) => ({
+      type: "line", xref: "paper", x0: 0, x1: 1, y0: edge, y1: edge,
+      line: { color: "#b92d2b", width: 1, dash: "dash" },
+    }));
+
+  const drawings = [];
+  for (const figure of document.querySelectorAll("figure.plot")) {
+    const { data, layout } = JSON.parse(document.getElementById(figure.dataset.figure).textContent);
+    const drawing = figure.querySelector(".drawing");
+    const gaps = layout.shapes || [];
+    for (const part of [figure, ...figure.querySelectorAll(".live")]) part.hidden = false;
+    figure.querySelectorAll(".still").forEach((still) => still.classList.add("replaced"));
+    const narrow = window.innerWidth < 600;
+    if (narrow) {
+      // A finger must be able to scroll past the plot.
+      layout.dragmode = false;
+      layout.margin.t = 26;
+      layout.margin.r = 8;
+      for (const name of (layout.annotations || []).filter((note) => note.xref === "paper")) name.xanchor = "right";
+      layout.margin.l = 46;
+      layout.xaxis.nticks = 5;
+      if (layout.yaxis2) layout.yaxis2.ticktext = layout.yaxis2.ticktext.map((text) => text.slice(0, 6));
+    }
+    drawings.push(
+      Plotly.newPlot(drawing, data, layout, { ...config, displayModeBar: narrow ? false : "hover" }).then(() => {
+        const select = figure.querySelector("select");
+        if (select) {
+          const show = () => {
+            const number = Number(select.value);
+            const shapes = [...gaps, ...edges(drawing, number)];
+            const visible = data.map((_, index) => index === number);
+            return Plotly.update(drawing, { visible }, { shapes, "yaxis.autorange": true });
+          };
+          select.addEventListener("change", show);
+          return show();
+        }
+        for (const choice of figure.querySelectorAll("input[type=radio]")) {
+          choice.addEventListener("change", () => Plotly.restyle(drawing, { visible: views(drawing, choice.value) }));
+        }
+        return null;
+      }),
+    );
+  }
+  Promise.all(drawings).then(() => document.documentElement.setAttribute("data-drawn", String(drawings.length)));
+})();

@@ -1,0 +1,150 @@
+"""The page: what each section shows, and the template that sets it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import resources
+from typing import TYPE_CHECKING, Any, Final
+
+from reba.report import phrases
+from reba.report.angles import angle_rows
+from reba.report.assumptions import activity_rows, factor_rows, rule_rows, unmeasured_rows
+from reba.report.figures import angle_figure, time_figure
+from reba.report.grade import RULE
+from reba.report.parts import effects, part_shares
+from reba.report.recording import Recording, recording, shares_of_levels
+from reba.report.series import BUCKETS, VIEWS
+from reba.report.static_plot import time_svg
+from reba.report.verdict import WHY_P90, demanding_time, verdict, worse_side
+from reba.report.words import LEVEL_COLOURS, LIMITS, PART_COLOURS, SOURCES, TEXT_ON
+from reba.report.worst import worst, worst_minute
+from reba.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
+
+if TYPE_CHECKING:
+    from reba.scores import Scores
+
+LEVEL_SCORES: Final = tuple(
+    f"{low}" if low + 1 == after else f"{low} to {after - 1}"
+    for low, after in zip(ACTION_LEVEL_FROM, (*ACTION_LEVEL_FROM[1:], 16), strict=True)
+)
+"""Scores of each action level, in words."""
+
+
+def page(scores: Sequence[Scores], command: str) -> str:
+    """Return the whole page.
+
+    Args:
+        scores: one or more scored recordings.
+        command: command line to show, "" for none.
+    """
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+    from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
+
+    from reba import __version__
+
+    records = [recording(one) for one in scores]
+    span = max((_length(record) for record in records), default=1.0)
+    environment = Environment(
+        loader=FunctionLoader(_file), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {"seconds": phrases.seconds, "percent": phrases.percent, "listed": phrases.listed}
+    environment.globals |= {
+        "levels": [
+            {"number": number, "name": name, "action": phrases.action(number), "scores": LEVEL_SCORES[number]}
+            for number, (name, _) in enumerate(ACTION_LEVELS)
+        ],
+    }  # fmt: skip
+    return environment.get_template("template.html").render(
+        sections=[_section(number, record, span) for number, record in enumerate(records, 1)],
+        command=command,
+        buckets=BUCKETS,
+        version=__version__,
+        grade_rule=RULE,
+        why_p90=WHY_P90,
+        limits=LIMITS,
+        sources=SOURCES,
+        style=Markup(_colours() + _file("style.css")),
+        script=Markup(_file("page.js")),
+        plotly=Markup(get_plotlyjs()),
+    )
+
+
+def _file(name: str) -> str:
+    return (resources.files("reba.report") / name).read_text(encoding="utf-8")
+
+
+def _colours() -> str:
+    """Return the classes l0 to l4 and p0 to p6 as CSS: a colour and a text colour that stands out from it."""
+    named = {f"l{i}": colour for i, colour in enumerate(LEVEL_COLOURS)}
+    named |= {f"p{i}": colour for i, colour in enumerate(PART_COLOURS)}
+    fills = [f".{name} {{ background: {colour}; color: {TEXT_ON.get(colour, '#1b2430')}; }}\n" for name, colour in
+             named.items()]  # fmt: skip
+    edges = [f".l{i}-edge {{ border-left-color: {colour} !important; }}\n" for i, colour in enumerate(LEVEL_COLOURS)]
+    return "".join((*fills, *edges))
+
+
+def _length(record: Recording) -> float:
+    time = record.scores.time
+    return max(float(time[-1] - time[0] + record.weights[-1]), 1e-3) if record.frames else 1e-3
+
+
+def _section(number: int, record: Recording, span: float) -> dict[str, Any]:
+    """Return everything that the template shows of one recording."""
+    from markupsafe import Markup
+
+    intervals = worst(record)
+    postures = record.scores.postures
+    angle_plot = angle_figure(record, span) if record.frames else None
+    section: dict[str, Any] = {
+        "id": f"r{number}",
+        "name": record.name,
+        "record": record,
+        "empty": not record.frames,
+        "verdict": verdict(record),
+        "held": phrases.span(*record.held),
+        "demanding": _demanding(record),
+        "side": worse_side(record)[0] if record.frames else "",
+        "views": VIEWS,
+        "level_rows": _level_rows(record),
+        "intervals": [(one, Markup(one.svg)) for one in intervals],
+        "minute": worst_minute(record),
+        "parts": part_shares(record),
+        "effects": effects(record),
+        "angles": angle_rows(record),
+        "unmeasured": unmeasured_rows(record),
+        "factors": factor_rows(record),
+        "activity": activity_rows(record),
+        "rules": rule_rows(record),
+        "postures": postures,
+        "quality": postures.quality,
+        "grade": record.grade,
+        "gaps": record.gaps,
+        "time_svg": "",
+        "figures": {},
+        "angle_names": [],
+    }
+    if record.frames:
+        section["time_svg"] = Markup(time_svg(record, intervals, span))
+        section["figures"]["time"] = Markup(time_figure(record, intervals, span))
+    if angle_plot is not None:
+        section["figures"]["angles"] = Markup(angle_plot[0])
+        section["angle_names"] = angle_plot[1]
+    return section
+
+
+def _demanding(record: Recording) -> str:
+    low, high = (phrases.percent(share) for share in demanding_time(record))
+    return low if low == high else f"{low} to {high}"
+
+
+def _level_rows(record: Recording) -> list[dict[str, Any]]:
+    """Return seconds and share of each action level, highest first, for each total; undetermined time last."""
+    of_view = {name: shares_of_levels(record, name) for name in VIEWS}
+    rows = []
+    for level in (4, 3, 2, 1, 0, None):
+        cells = [{"seconds": found[level], "share": found[level] / (record.seconds or 1.0)} for found in
+                 of_view.values()]  # fmt: skip
+        if level is not None or any(cell["seconds"] > 0 for cell in cells):
+            rows.append({"level": level, "cells": cells})
+    return rows

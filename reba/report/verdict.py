@@ -1,0 +1,154 @@
+"""The verdict: the few numbers that stand first, in plain words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from reba.exposure import HELD_SECONDS
+from reba.posture import SIDES
+from reba.report.phrases import action, body_parts, listed, percent, risk, seconds, span
+from reba.report.recording import Recording
+from reba.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF
+
+WHY_P90: Final = (
+    "The headline is the 90th percentile of time (p90): REBA is at or below it for nine tenths of the recording. "
+    "Unlike the maximum it is not moved by single flickering frames, and unlike the mean it does not hide the peaks."
+)
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One number with its name and a short note."""
+
+    name: str
+    value: str
+    note: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What stands first.
+
+    Attributes:
+        p90: the headline score or range; "" without frames.
+        levels: lowest and highest action level of the headline.
+        risk, action: their words.
+        because: why there is a range, "" where there is none.
+        sentences: the findings in plain words.
+        tiles: the other numbers.
+    """
+
+    p90: str
+    levels: tuple[int, int]
+    risk: str
+    action: str
+    because: str
+    sentences: tuple[str, ...]
+    tiles: tuple[Tile, ...]
+
+
+def verdict(record: Recording) -> Verdict:
+    """Return the verdict on a recording."""
+    if not record.frames:
+        nothing = ("The recording holds no frames, so there is nothing to score.",)
+        return Verdict("", (0, 0), "not known", "", "", nothing, (_quality(record),))
+    ends = record.summary["range"]
+    low, high = ends["p90_low"], ends["p90_high"]
+    levels = int(LEVEL_OF[low]), int(LEVEL_OF[high])
+    actions = list(dict.fromkeys(action(level) for level in levels))
+    worst = record.held
+    demanding = demanding_time(record)
+    tiles = (
+        Tile(
+            f"Worst score held for {HELD_SECONDS:g} s",
+            span(*worst),
+            f"{risk(*worst)}; single frames reach {span(ends['max_low'], ends['max_high'])}"
+            if worst[0] is not None
+            else f"nothing is held that long; single frames reach {span(ends['max_low'], ends['max_high'])}",
+        ),
+        Tile("Mean over time", span(ends["mean_low"], ends["mean_high"], 1), _median(record)),
+        Tile("High or very high", _share(*demanding), "share of time at REBA 8 or above"),
+        Tile("Worse side", *worse_side(record)),
+        Tile("Scored", seconds(record.seconds), f"{record.frames:,} frames at {record.rate:.4g} Hz"),
+        _quality(record),
+    )
+    return Verdict(
+        span(low, high), levels, risk(low, high), " or ".join(actions), reason(record), _sentences(record), tiles
+    )
+
+
+def demanding_time(record: Recording) -> tuple[float, float]:
+    """Return the share of time at high or very high risk, at both ends of the range."""
+    total = record.curves["reba"]
+    first, second = (
+        float(record.weights[end >= ACTION_LEVEL_FROM[3]].sum() / record.seconds) if record.seconds else 0.0
+        for end in (total.low, total.high)
+    )
+    return first, second
+
+
+def reason(record: Recording) -> str:
+    """Return why the totals are a range, as a clause; "" where they are none."""
+    if record.measured:
+        return ""
+    unmeasured = body_parts(record.scores.unmeasured)
+    if not unmeasured:
+        return "some angles are missing for part of the time"
+    verb = "was" if len(unmeasured) == 1 and not unmeasured[0].endswith("s") else "were"
+    return f"{listed(unmeasured)} {verb} not measured"
+
+
+def worse_side(record: Recording) -> tuple[str, str]:
+    """Return which arm gives the higher total more often, and how often."""
+    left, right = (record.curves[f"reba_{side}"].low for side in SIDES)
+    higher = {
+        "left": float(record.weights[left > right].sum() / record.seconds),
+        "right": float(record.weights[right > left].sum() / record.seconds),
+    }
+    note = f"left higher {percent(higher['left'])} of the time, right {percent(higher['right'])}, else equal"
+    if abs(higher["left"] - higher["right"]) < 0.005:
+        return "both alike", note
+    return ("left" if higher["left"] > higher["right"] else "right"), note
+
+
+def _share(low: float, high: float) -> str:
+    first, second = percent(low), percent(high)
+    return first if first == second else f"{first} to {second}"
+
+
+def _median(record: Recording) -> str:
+    ends = record.summary["range"]
+    return f"time-weighted; median {span(ends['median_low'], ends['median_high'])}"
+
+
+def _quality(record: Recording) -> Tile:
+    return Tile("Data quality", record.grade.letter, record.grade.text)
+
+
+def _sentences(record: Recording) -> tuple[str, ...]:
+    ends = record.summary["range"]
+    low, high = ends["p90_low"], ends["p90_high"]
+    clause = reason(record)
+    where = f"between {low} and {high}" if low != high else f"{low}"
+    found = [
+        f"For nine tenths of the time REBA is {'at most a score ' if low != high else ''}{where}"
+        f"{'' if low != high else ' or lower'} ({risk(low, high)} risk)"
+        + (f": the range is there because {clause}." if clause and low != high else ".")
+    ]
+    longest = max(range(5), key=lambda level: record.summary["action_levels"][str(level)])
+    share = record.summary["action_levels"][str(longest)]
+    if share > 0:
+        found.append(f"The longest time, {percent(share)}, is spent at {ACTION_LEVELS[longest][0]} risk.")
+    open_share = record.summary["action_level_undetermined"]
+    if open_share > 0:
+        found.append(f"For {percent(open_share)} of the time the action level is not determined.")
+    if record.scores.missing != "range" and not record.measured:
+        taken = "neutral" if record.scores.missing == "neutral" else "at their worst"
+        p90 = record.summary["reba"]["p90"]
+        found.append(f"With unmeasured angles taken as {taken}, as asked for, p90 is {p90}; the ranges hold without.")
+    if not np.isfinite(record.rate):
+        found.append("There is only one frame: durations and percentiles stand for that frame alone.")
+    return tuple(found)

@@ -1,0 +1,105 @@
+"""Names, colours and explanations that the report uses: data, no logic."""
+
+from __future__ import annotations
+
+from typing import Final
+
+LEVEL_COLOURS: Final[tuple[str, ...]] = ("#5aa5d6", "#bfe0ef", "#ffe8a3", "#f9a35c", "#b92d2b")
+"""Action levels 0 to 4: blue to red by way of yellow after ColorBrewer RdYlBu, which colour-blind people can tell
+apart; a level never stands by its colour alone."""
+
+PART_COLOURS: Final[tuple[str, ...]] = ("#eef0f6", "#e3e1f1", "#c3bfe2", "#9e95ce", "#7a68b5", "#5c3c99", "#3f1273")
+"""Part scores 0 to 6: one hue, light to dark."""
+
+TEXT_ON: Final[dict[str, str]] = dict.fromkeys((LEVEL_COLOURS[4], *PART_COLOURS[4:]), "#ffffff")
+"""Text colour on the dark ones of these colours; dark text on all others."""
+
+PARTS: Final[dict[str, str]] = {
+    "trunk": "Trunk",
+    "neck": "Neck",
+    "legs": "Legs",
+    "load_force": "Load and force",
+    "upper_arm_left": "Left upper arm",
+    "upper_arm_right": "Right upper arm",
+    "lower_arm_left": "Left lower arm",
+    "lower_arm_right": "Right lower arm",
+    "wrist_left": "Left wrist",
+    "wrist_right": "Right wrist",
+    "coupling_left": "Left coupling",
+    "coupling_right": "Right coupling",
+    "activity": "Activity",
+}
+"""Part score columns in worksheet order, with their titles."""
+
+BODY: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
+    ("trunk", "the trunk", ("trunk_flexion", "trunk_side_bend", "trunk_twist")),
+    ("neck", "the neck", ("neck_flexion", "neck_side_bend", "neck_twist")),
+    ("legs", "the knees", ("knee_flexion",)),
+    ("upper_arm", "the upper arms", ("upper_arm_flexion", "upper_arm_abduction", "shoulder_elevation")),
+    ("lower_arm", "the elbows", ("lower_arm_flexion",)),
+    ("wrist", "the wrists", ("wrist_flexion", "wrist_deviation", "wrist_twist")),
+)
+"""Part score, its words, and the angles (without sides) that it is made of."""
+
+RULES: Final[dict[str, str]] = {
+    "name": "name of the rules",
+    "trunk_upright": "trunk counts as upright up to this flexion or extension [deg]",
+    "neck_upright": "neck is not in extension up to this angle [deg]",
+    "trunk_twist": "trunk is twisted above [deg]",
+    "trunk_side_bend": "trunk is side flexed above [deg]",
+    "neck_twist": "neck is twisted above [deg]",
+    "neck_side_bend": "neck is side flexed above [deg]",
+    "abduction": "upper arm is abducted above [deg]",
+    "shoulder_elevation": "shoulder is raised above [deg]",
+    "wrist_deviation": "wrist is bent from the midline above [deg]",
+    "wrist_twist": "wrist is twisted above [deg]",
+    "edges": "class that an angle on a printed edge belongs to",
+    "twist_and_bend": "points for twisted and side flexed together",
+    "upper_arm_reference": "what upper arm angles are measured against",
+    "two_sides": "arm that gives the total",
+    "seated_knees": "bent knees count while sitting",
+    "walking_legs": "leg score while walking",
+    "coupling_without_load": "coupling counts while nothing is held",
+    "static_seconds": "a part is static when held for longer than [s]",
+    "static_range": "... with all its angles within a band of [deg]",
+    "repeated_per_minute": "an action is repeated above this many movements a minute",
+    "repeated_min": "... smallest swing that counts [deg]",
+    "repeated_max": "... largest swing that counts [deg]",
+    "gait_per_minute": "strides a minute from which a stretch is walking",
+    "rapid_range": "a change of posture is rapid and large above [deg]",
+    "rapid_seconds": "... within [s]",
+}
+"""What each field of `reba.Rules` decides, in a few words."""
+
+FACTORS: Final[dict[str, str]] = {
+    "load": "Load [kg]",
+    "shock": "Shock or rapid force",
+    "coupling_left": "Coupling, left hand",
+    "coupling_right": "Coupling, right hand",
+    "support": "Leg support",
+    "arm_supported_left": "Left arm supported",
+    "arm_supported_right": "Right arm supported",
+    "static": "Activity: static",
+    "repeated": "Activity: repeated",
+    "unstable": "Activity: rapid or unstable",
+}
+"""Factors with their titles."""
+
+SOURCES: Final[tuple[str, ...]] = (
+    "Hignett S, McAtamney L (2000). Rapid Entire Body Assessment (REBA). Applied Ergonomics 31:201-205.",
+    "Hignett S, McAtamney L (2005). Rapid Entire Body Assessment. In: Handbook of Human Factors and Ergonomics "
+    "Methods, chapter 8.",
+    "Hignett S. REBA. In: Fundamentals and Assessment Tools for Occupational Ergonomics, chapter 42, Table 42.2.",
+)
+"""Where the method is published."""
+
+LIMITS: Final[tuple[str, ...]] = (
+    "REBA was made for selected postures that a trained observer rates. Scoring every frame of a recording is a "
+    "screening: it shows where to look, and does not replace the judgement of an ergonomist at the workplace.",
+    "The score weighs posture, load, grip and activity of single moments. It holds no duration of the working day, no "
+    "recovery, no vibration, temperature or mental load.",
+    "Nothing here is a medical statement about a person, and a score is no measure of injury.",
+    "Angles carry the errors of the sensor or the body model; a posture close to a class edge can fall on either side. "
+    "The edges used are listed under Assumptions.",
+)
+"""What a reader must know before using the numbers."""

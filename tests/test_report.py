@@ -1,0 +1,378 @@
+"""The HTML report: what it says, that it is safe and self-contained, and that gaps and ranges stay what they are."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import json
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import reba
+from reba.errors import RebaError
+from reba.posture import Quality
+from reba.report import render, write_report
+from reba.report.grade import grade
+from reba.report.recording import recording, shares_of_levels
+from reba.report.series import Curve, Steps, band, line, steps
+from reba.report.stickfigure import LIMBS, joints
+from reba.report.words import BODY, FACTORS, LEVEL_COLOURS, PARTS, RULES
+from reba.scores import Scores, table_of
+from reba.scoring import SCORE_COLUMNS
+
+HOSTILE = '<script>alert("x")</script>&\'"'
+
+
+def frames(n: int = 200, hz: float = 10.0, *, without: str = "wrist|neck_twist") -> pd.DataFrame:
+    """Return a person who bends and raises the right arm again and again; columns that match `without` are absent."""
+    time = np.arange(n) / hz
+    wave = 0.5 - 0.5 * np.cos(2 * np.pi * time / 7.0)
+    data: dict[str, Any] = {"time": time}
+    for number, name in enumerate(reba.COLUMNS):
+        data[name] = (10 + 4 * number) * wave if "flexion" in name else 3.0 * wave
+    return pd.DataFrame({name: values for name, values in data.items() if not re.search(without, name)})
+
+
+def scored(data: pd.DataFrame, source: str = "work.csv", **quality: Any) -> Scores:
+    table = table_of(data)
+    known = dataclasses.replace(table.quality, **quality)
+    return reba.score(dataclasses.replace(table, source=source, quality=known), load=6.0)
+
+
+class _Page(HTMLParser):
+    """Collects tags, attributes and text outside scripts and styles."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.links: list[str] = []
+        self.ids: list[str] = []
+        self.words: list[str] = []
+        self.data: dict[str, str] = {}
+        self._inside = ""
+        self._id = ""
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        self.tags.append(tag)
+        self.links += [str(given[name]) for name in ("src", "href", "action", "xlink:href") if name in given]
+        self.ids += [str(given["id"])] if "id" in given else []
+        if tag in ("script", "style"):
+            self._inside = tag
+            self._id = str(given.get("id", "")) if given.get("type") == "application/json" else ""
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == self._inside:
+            self._inside = ""
+
+    def handle_data(self, data: str) -> None:
+        if not self._inside:
+            self.words.append(data)
+        elif self._id:
+            self.data[self._id] = data
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"\s+", " ", " ".join(self.words))
+
+
+@pytest.fixture(scope="module")
+def page() -> _Page:
+    one = scored(frames(), sha256="ab" * 32, messages=210, skipped=10, first_skipped="byte 676: too short")
+    return _Page(render([one], command="reba score work.csv --load 6"))
+
+
+def numbers(encoded: Any) -> np.ndarray[Any, Any]:
+    """Return an array of a plotly figure, which may be stored as base64."""
+    if isinstance(encoded, dict):
+        return np.frombuffer(base64.b64decode(encoded["bdata"]), encoded["dtype"])
+    return np.array([np.nan if value is None else value for value in encoded], float)
+
+
+def test_every_section_is_there(page: _Page) -> None:
+    for words in (
+        "Verdict", "REBA over time", "Time per action level", "What drives the score", "Worst intervals", "Angles",
+        "Assumptions", "Data quality", "Method and limits", "Sources", "How to make this report again",
+    ):  # fmt: skip
+        assert words in page.text
+    for words in ("ab" * 32, "byte 676: too short", "reba score work.csv --load 6", reba.__version__, "screening"):
+        assert words in page.text
+
+
+def test_verdict_names_the_range_and_its_reason(page: _Page) -> None:
+    one = scored(frames())
+    ends = one.summary()["range"]
+    assert ends["p90_low"] < ends["p90_high"]
+    assert f"REBA is at most a score between {ends['p90_low']} and {ends['p90_high']}" in page.text
+    assert "neck twist and the wrists were not measured" in page.text
+
+
+def test_all_rules_factors_and_parts_are_named(page: _Page) -> None:
+    for field in dataclasses.fields(reba.Rules):
+        assert field.name in page.text
+        assert RULES[field.name] in page.text
+    assert set(FACTORS) == {field.name for field in dataclasses.fields(reba.Factors)}
+    assert tuple(PARTS) == SCORE_COLUMNS[: len(PARTS)]
+    assert {name for _, _, names in BODY for name in names} == {angle.name for angle in reba.posture.ANGLES}
+    assert all(title in page.text for title in (*PARTS.values(), *FACTORS.values()))
+
+
+def test_assumed_and_given_factors_differ(page: _Page) -> None:
+    assert "Load [kg] 6 given" in page.text
+    assert "Leg support bilateral assumed" in page.text
+    assert "Activity: repeated" in page.text
+    assert "found in the movement" in page.text
+
+
+def test_nothing_is_loaded(page: _Page) -> None:
+    assert all(link.startswith("#") for link in page.links)
+    assert not {"link", "iframe", "img", "object", "embed", "base", "form"} & set(page.tags)
+
+
+def test_accessible_structure() -> None:
+    html = render([scored(frames(), "a.csv"), scored(frames(60), "b.csv")])
+    page = _Page(html)
+    assert '<html lang="en">' in html
+    assert len(page.ids) == len(set(page.ids))
+    assert page.tags.count("h1") == 1
+    assert page.tags.count("table") == page.tags.count("caption")
+    assert all("aria-label=" in svg for svg in re.findall(r"<svg[^>]*>", html[: html.index("<script>")]))
+    assert set(re.findall(r'aria-labelledby="([^"]+)"', html)) <= set(page.ids)
+
+
+def test_text_from_files_is_escaped() -> None:
+    one = scored(
+        frames(30), HOSTILE.replace("/", "") + ".csv", warnings=(HOSTILE,), ended_abnormally=HOSTILE,
+        first_skipped=HOSTILE, skipped=1, messages=30, time_source=HOSTILE, sha256=HOSTILE,
+    )  # fmt: skip
+    postures = dataclasses.replace(
+        one.postures, topic=HOSTILE, profile=HOSTILE, recognised=HOSTILE, why_unmeasured={"neck_twist": HOSTILE},
+        assumed=(HOSTILE,),
+    )  # fmt: skip
+    page = _Page(render([dataclasses.replace(one, postures=postures)], command=HOSTILE))
+    assert page.tags.count("script") == 4
+    assert page.tags.count("title") == 1
+    assert page.text.count(HOSTILE) >= 9
+
+
+def test_figures_cannot_end_their_script(page: _Page) -> None:
+    assert sorted(page.data) == ["r1-angle-figure", "r1-time-figure"]
+    for text in page.data.values():
+        assert "<" not in text
+        assert json.loads(text)["data"]
+
+
+def test_folders_stay_out() -> None:
+    html = render([scored(frames(20), "/home/jane.doe/private/lift.csv")])
+    assert "lift.csv" in html
+    assert "jane" not in html
+
+
+def test_abnormal_end_stands_before_the_verdict() -> None:
+    text = _Page(render([scored(frames(20), ended_abnormally="cut at byte 81920")])).text
+    assert text.index("The recording breaks off") < text.index("Verdict")
+    assert "cut at byte 81920" in text
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_tiny_recordings(count: int) -> None:
+    text = _Page(render([scored(frames(count))])).text
+    assert ("holds no frames" in text) == (count == 0)
+    assert ("only one frame" in text) == (count == 1)
+
+
+def test_nothing_measured() -> None:
+    empty = frames(50).assign(**dict.fromkeys(reba.COLUMNS, np.nan))
+    page = _Page(render([reba.score(empty, activity="none")]))
+    assert "REBA is at most a score between 1 and 11" in page.text
+    assert "No angle was measured" in page.text
+    assert sorted(page.data) == ["r1-time-figure"]
+
+
+@pytest.mark.parametrize("missing", ["neutral", "worst"])
+def test_fills_are_named_and_the_range_stays(missing: Any) -> None:
+    text = _Page(render([reba.score(frames(60), missing=missing)])).text
+    assert "as asked for" in text
+    assert "between" in text
+
+
+def test_gravity_sitting_and_columns_as_factors() -> None:
+    data = frames(60).assign(
+        support=["Sitting", "walking"] * 30, load=np.linspace(0, 12, 60), coupling_left=["poor", "good"] * 30
+    )
+    rules = reba.Rules().replace(upper_arm_reference="gravity", two_sides="left")
+    text = _Page(render([reba.score(data, rules=rules)])).text
+    assert "against the vertical" in text
+    assert "0 to 12" in text or "0.0 to 12.0" in text
+    assert "sitting 50\xa0%" in text.replace(" 50 %", " 50\xa0%")
+    assert "left side" in text
+
+
+def test_time_axes_of_two_recordings_agree() -> None:
+    page = _Page(render([scored(frames(200), "a.csv"), scored(frames(50), "b.csv")]))
+    ranges = [json.loads(page.data[f"r{i}-time-figure"])["layout"]["xaxis"]["range"] for i in (1, 2)]
+    assert ranges[0] == ranges[1]
+    assert "Overview" in page.text
+
+
+def test_no_line_crosses_a_gap() -> None:
+    data = frames(400, without="^$")
+    gap = (data["time"] > 10) & (data["time"] < 15)
+    page = _Page(render([scored(data[~gap].reset_index(drop=True))]))
+    figure = json.loads(page.data["r1-time-figure"])
+    drawn = [trace for trace in figure["data"] if trace["meta"] != "activity"]
+    assert drawn
+    for trace in (*figure["data"], *json.loads(page.data["r1-angle-figure"])["data"]):
+        x = numbers(trace["x"])
+        assert not ((x[:-1] < 10.2) & (x[1:] > 14.8)).any()
+    shaded = [shape for shape in figure["layout"]["shapes"] if shape["yref"] == "paper"]
+    assert [(shape["x0"], shape["x1"]) for shape in shaded] == [(10.0, 15.0)]
+    assert "grey stretches are gaps" in page.text
+
+
+def test_gaps_that_only_the_reader_knows_break_the_line() -> None:
+    one = scored(frames(100, without="^$"), gaps=((4.95, 5.05),))
+    record = recording(one)
+    points = steps(one, record.curves["reba"], record.gaps)
+    assert points.last.sum() == 2
+    assert points.x[points.last][0] == pytest.approx(4.9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.integers(1, 15), min_size=2, max_size=400), st.integers(3, 40))
+def test_decimation_keeps_extremes_and_invents_nothing(values: list[int], buckets: int) -> None:
+    n = len(values)
+    one = reba.score(pd.DataFrame({"time": np.arange(n) * 0.1, "trunk_flexion": np.zeros(n)}), activity="none")
+    score = np.array(values, float)
+    points = steps(one, Curve(score, score, score), [], buckets)
+    assert (np.diff(points.x) > 0).all()
+    assert len(points.x) <= max(6 * buckets, 2 * buckets)
+    assert np.array_equal(points.x, one.time[points.frame])
+    assert score[points.frame].max() == score.max()
+    assert score[points.frame].min() == score.min()
+    assert points.until[-1] == pytest.approx(n * 0.1)
+
+
+def test_lines_and_bands_end_where_their_last_value_ends() -> None:
+    points = Steps(np.array([0.0, 1.0, 2.0, 5.0]), np.array([1.0, 2.0, 3.0, 6.0]), np.array([0, 0, 1, 1], bool),
+                   np.arange(4))  # fmt: skip
+    x, y = line(points, np.array([4.0, 5.0, 6.0, 7.0]), np.array([True, False, True, True]))
+    np.testing.assert_array_equal(x, [0, 1, np.nan, 2, 3, np.nan, 5, 6])
+    np.testing.assert_array_equal(y, [4, 4, np.nan, 6, 6, np.nan, 7, 7])
+    x, y = band(points, np.full(4, 2.0), np.full(4, 8.0), np.array([False, True, True, False]))
+    np.testing.assert_array_equal(x, [1, 2, 2, 3, 3, 2, 2, 1])
+    np.testing.assert_array_equal(y, [8, 8, 8, 8, 2, 2, 2, 2])
+
+
+def test_an_hour_stays_small(tmp_path: Path) -> None:
+    small, hour = tmp_path / "small.html", tmp_path / "hour.html"
+    write_report(small, [scored(frames(20))])
+    write_report(hour, [scored(frames(180_000, 50.0))])
+    assert hour.stat().st_size - small.stat().st_size < 2_500_000
+
+
+def test_shares_of_levels_add_up() -> None:
+    one = scored(frames(), "a.csv")
+    record = recording(one)
+    for name in ("reba", "reba_left", "reba_right"):
+        assert sum(shares_of_levels(record, name).values()) == pytest.approx(record.seconds)
+    shares = one.summary()["action_levels"]
+    for level, seconds in shares_of_levels(record, "reba").items():
+        if level is not None:
+            assert seconds / record.seconds == pytest.approx(shares[str(level)])
+
+
+def test_grade_follows_its_rules() -> None:
+    good = Quality(messages=1000)
+    assert grade(good, 1000, 40.0, 0.0, 0.0, 25.0).letter == "A"
+    assert grade(dataclasses.replace(good, warnings=("x",)), 1000, 40.0, 0.0, 0.0, 25.0).letter == "B"
+    assert grade(dataclasses.replace(good, ended_abnormally="cut"), 1000, 40.0, 0.0, 0.0, 25.0).letter == "C"
+    assert grade(dataclasses.replace(good, skipped=100), 900, 40.0, 10.0, 0.0, 25.0).letter == "D"
+    assert grade(good, 0, 0.0, 0.0, 0.0, float("nan")).letter == "D"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "joint", "axis", "sign"),
+    [
+        ("trunk_flexion", 60, "neck", 0, 1),
+        ("trunk_side_bend", 40, "neck", 2, 1),
+        ("trunk_twist", 40, "shoulder_right", 0, 1),
+        ("neck_flexion", 40, "head", 0, 1),
+        ("neck_twist", 40, "nose", 2, -1),
+        ("upper_arm_flexion_left", 90, "elbow_left", 0, 1),
+        ("upper_arm_abduction_left", 60, "elbow_left", 2, -1),
+        ("upper_arm_abduction_right", 60, "elbow_right", 2, 1),
+        ("shoulder_elevation_left", 20, "shoulder_left", 1, 1),
+        ("lower_arm_flexion_right", 90, "wrist_right", 0, 1),
+        ("wrist_flexion_right", 60, "hand_right", 2, -1),
+        ("wrist_flexion_left", 60, "hand_left", 2, 1),
+        ("knee_flexion_left", 90, "knee_left", 0, 1),
+        ("knee_flexion_left", 90, "ankle_left", 1, 1),
+    ],
+)
+def test_the_figure_moves_the_right_way(name: str, value: float, joint: str, axis: int, sign: int) -> None:
+    angles = np.zeros(len(reba.COLUMNS))
+    still = joints(angles)[joint][axis]
+    angles[reba.COLUMNS.index(name)] = value
+    assert sign * (joints(angles)[joint][axis] - still) > 0.01
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(-170, 170), min_size=22, max_size=22))
+def test_limbs_keep_their_length(angles: list[float]) -> None:
+    still, moved = joints(np.zeros(22)), joints(np.array(angles))
+    for limb, (a, b, _) in LIMBS.items():
+        length = np.linalg.norm(still[a] - still[b])
+        assert np.linalg.norm(moved[a] - moved[b]) == pytest.approx(length), limb
+
+
+def test_unmeasured_limbs_are_dashed() -> None:
+    html = render([scored(frames(60))])
+    assert 'class="limb unmeasured"' in html
+    assert 'class="limb unmeasured"' not in render([scored(frames(60, without="^$"))])
+
+
+def test_dark_text_stands_out_from_every_colour() -> None:
+    def luminance(colour: str) -> float:
+        channels = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+        linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+        return float(linear @ [0.2126, 0.7152, 0.0722])
+
+    for colour in LEVEL_COLOURS[:4]:
+        assert (luminance(colour) + 0.05) / (luminance("#1b2430") + 0.05) > 4.5
+    assert 1.05 / (luminance(LEVEL_COLOURS[4]) + 0.05) > 4.5
+
+
+def test_the_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+    target = tmp_path / "report.html"
+    write_report(target, [scored(frames(20))])
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+    assert target.read_text(encoding="utf-8").rstrip().endswith("</html>")
+    with pytest.raises(RebaError, match="cannot be written"):
+        write_report(tmp_path / "no" / "report.html", [scored(frames(20))])
+    with pytest.raises(RebaError, match="cannot be written"):
+        write_report(target / "inside.html", [scored(frames(20))])
+    with pytest.raises(RebaError, match="at least one"):
+        write_report(target, [])
+
+
+def test_the_same_scores_give_the_same_bytes() -> None:
+    one = scored(frames(60))
+    assert render([one]) == render([one])
+
+
+def test_importing_the_report_loads_no_plots() -> None:
+    code = "import sys, reba.report; print([name for name in ('plotly', 'jinja2') if name in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"

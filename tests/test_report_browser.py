@@ -1,0 +1,141 @@
+"""The report in a real browser: opened as a file, without a network, on a phone and on a desk."""
+
+from __future__ import annotations
+
+import base64
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import reba
+from reba.report import write_report
+from reba.scores import Scores
+
+webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+DRIVER = shutil.which("chromedriver")
+pytestmark = pytest.mark.skipif(not (BROWSER and DRIVER), reason="Chromium and chromedriver are not installed")
+
+FLAGS = (
+    "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+)  # fmt: skip
+
+
+def scored(n: int, seed: int) -> Scores:
+    """Return a recording with a gap and a neck that is lost for a while."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(n) / 25
+    wave = 0.5 - 0.5 * np.cos(2 * np.pi * time / 11)
+    columns = {name: 90 * wave * rng.random() + rng.normal(0, 1, n) for name in reba.COLUMNS if "wrist" not in name}
+    data = pd.DataFrame({"time": time, **columns})
+    data.loc[(time > 4) & (time < 6), "neck_flexion"] = np.nan
+    return reba.score(data[(time < 8) | (time > 10)].reset_index(drop=True), load=7.0)
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(path, [scored(1500, 1), scored(500, 2)], command="reba score a.csv b.csv --load 7")
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    driver.execute_cdp_cmd("Network.enable", {})
+    offline = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
+    driver.execute_cdp_cmd("Network.emulateNetworkConditions", offline)
+    yield driver
+    driver.quit()
+
+
+def show(browser: Any, path: Path, width: int, *, scripts: bool = True) -> None:
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": not scripts})
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    browser.get(path.as_uri())
+    if scripts:
+        drawn = "return document.documentElement.dataset.drawn"
+        WebDriverWait(browser, 30).until(lambda driver: driver.execute_script(drawn))
+
+
+def visible(browser: Any, selector: str) -> int:
+    """Return how many elements of a selector are seen."""
+    code = "return [...document.querySelectorAll(arguments[0])].filter((e) => e.getClientRects().length).length"
+    return int(browser.execute_script(code, selector))
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_drawn_without_errors_and_without_sideways_scrolling(browser: Any, report: Path, width: int) -> None:
+    show(browser, report, width)
+    assert visible(browser, ".drawing .main-svg") >= 4
+    assert visible(browser, ".drawing .scatterlayer path.js-line") > 0
+    assert visible(browser, ".still") == 0
+    wide = browser.execute_script("return document.documentElement.scrollWidth - window.innerWidth")
+    assert wide <= 0
+    entries = browser.execute_script("return performance.getEntriesByType('resource').map((entry) => entry.name)")
+    assert entries == []
+    assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
+
+
+def test_sides_and_angles_can_be_chosen(browser: Any, report: Path) -> None:
+    show(browser, report, 1280)
+    shown = """const drawing = document.querySelector(arguments[0]);
+        return drawing.data.filter((trace) => trace.visible !== false).map((trace) => trace.meta.name || trace.meta)"""
+    assert set(browser.execute_script(shown, ".drawing")) == {"reba", "activity"}
+    browser.execute_script("document.querySelector('input[value=reba_left]').click()")
+    assert set(browser.execute_script(shown, ".drawing")) == {"reba_left", "activity"}
+    choose = """const select = document.querySelector('select'); select.value = '2';
+        select.dispatchEvent(new Event('change')); return select.selectedOptions[0].textContent"""
+    chosen = browser.execute_script(choose)
+    assert browser.execute_script(shown, "figure:has(select) .drawing") == [chosen]
+
+
+def test_no_button_sends_a_plot_away(browser: Any, report: Path) -> None:
+    show(browser, report, 1280)
+    titles = browser.execute_script("return [...document.querySelectorAll('[data-title]')].map((e) => e.dataset.title)")
+    assert titles
+    assert not [title for title in titles if any(word in title.lower() for word in ("cloud", "studio", "share"))]
+
+
+def test_still_plots_and_tables_remain_without_scripts(browser: Any, report: Path) -> None:
+    show(browser, report, 390, scripts=False)
+    try:
+        # Scripts of the page are off, so the driver reads what is laid out from a picture of the DOM.
+        picture = browser.execute_cdp_cmd(
+            "DOMSnapshot.captureSnapshot", {"computedStyles": ["display"], "includeDOMRects": True}
+        )
+        strings = picture["strings"]
+        document = picture["documents"][0]
+        laid_out = {strings[document["nodes"]["nodeName"][index]] for index in document["layout"]["nodeIndex"]}
+        assert {"svg", "TABLE", "path"} <= laid_out
+        assert "SELECT" not in laid_out
+    finally:
+        browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
+
+
+def test_prints_as_pages(browser: Any, report: Path) -> None:
+    show(browser, report, 1280)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    assert visible(browser, ".still svg") == 2
+    assert visible(browser, ".drawing") == 0
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    pdf = base64.b64decode(browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})["data"])
+    assert pdf.startswith(b"%PDF")
+    assert 4 <= pdf.count(b"/Type /Page\n") + pdf.count(b"/Type /Page ") <= 30
