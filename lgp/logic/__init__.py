@@ -1,0 +1,24 @@
+"""The symbolic half of the program: PDDL domains, ground tasks, relaxed heuristics.
+
+PDDL text -> Domain -> ground(domain, objects, initial, goal) -> Task: states are integers, one bit an atom
+"""
+
+from lgp.logic.atom import Atom, parse_atom
+from lgp.logic.domain import Domain, Schema, load_domain, parse_domain
+from lgp.logic.heuristic import RelaxedPlan, relaxed_plan, why_unreachable
+from lgp.logic.task import Action, Task, ground
+
+__all__ = [
+    "Action",
+    "Atom",
+    "Domain",
+    "RelaxedPlan",
+    "Schema",
+    "Task",
+    "ground",
+    "load_domain",
+    "parse_atom",
+    "parse_domain",
+    "relaxed_plan",
+    "why_unreachable",
+]

@@ -1,0 +1,213 @@
+"""PDDL domains (typed STRIPS with negative preconditions), read with the `pddl` package.
+
+A `Domain` is plain data: types, predicates with the types of their arguments, and action schemas whose conditions and
+effects are lists of literals over the action's parameters.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from lgp.errors import LogicError, did_you_mean
+
+SUPPORTED: Final = frozenset({":strips", ":typing", ":negative-preconditions"})
+SHIPPED: Final = Path(__file__).resolve().parents[1] / "domains"
+
+
+class Literal(NamedTuple):
+    """A predicate over parameters (`?e`) or constants, wanted true or false."""
+
+    predicate: str
+    terms: tuple[str, ...]
+    positive: bool
+
+
+@dataclass(frozen=True)
+class Schema:
+    """An action before its parameters are chosen.
+
+    Attributes:
+        name: of the action.
+        parameters: (name with its question mark, allowed types) in order.
+        precondition, effect: literals over the parameters.
+    """
+
+    name: str
+    parameters: tuple[tuple[str, frozenset[str]], ...]
+    precondition: tuple[Literal, ...]
+    effect: tuple[Literal, ...]
+
+
+@dataclass(frozen=True)
+class Domain:
+    """A planning domain.
+
+    Attributes:
+        name: of the domain.
+        supertypes: type -> its direct supertype ("object" at the top).
+        predicates: predicate -> allowed types of each argument.
+        actions: schemas in file order.
+        constants: object -> type, named in the domain itself.
+    """
+
+    name: str
+    supertypes: dict[str, str]
+    predicates: dict[str, tuple[frozenset[str], ...]]
+    actions: tuple[Schema, ...]
+    constants: dict[str, str] = field(default_factory=dict)
+
+    def is_a(self, kind: str, wanted: frozenset[str]) -> bool:
+        """Return whether a type is one of the wanted types or below one of them."""
+        while True:
+            if kind in wanted or "object" in wanted:
+                return True
+            if kind not in self.supertypes:
+                return False
+            kind = self.supertypes[kind]
+
+
+def load_domain(which: str | Path) -> Domain:
+    """Return a shipped domain by its name, or the one in a PDDL file.
+
+    Raises:
+        LogicError: unknown name, unreadable file, or wrong PDDL (with line and column).
+
+    Example:
+        >>> [schema.name for schema in load_domain("screwdriver").actions]
+        ['grasp', 'place']
+    """
+    path = SHIPPED / f"{which}.pddl"
+    if not path.is_file():
+        path = Path(which)
+    if not path.is_file():
+        names = sorted(file.stem for file in SHIPPED.glob("*.pddl"))
+        raise LogicError(
+            f"domain {str(which)!r} is neither shipped ({', '.join(names)}) nor a file{did_you_mean(str(which), names)}"
+        )
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogicError(f"{path}: cannot be read ({error}); give a PDDL text file") from error
+    return parse_domain(text, where=str(path))
+
+
+def parse_domain(text: str, where: str = "domain") -> Domain:
+    """Return the domain that a PDDL text describes.
+
+    Raises:
+        LogicError: the text is not PDDL, or outside typed STRIPS with negative preconditions; says where.
+    """
+    from lark.exceptions import LarkError, UnexpectedInput
+    from pddl.parser.domain import DomainParser
+
+    try:
+        parsed = DomainParser()(text)
+    except UnexpectedInput as error:
+        place = f"line {error.line}, column {error.column}"
+        raise LogicError(f"{where}: {place}: {_unexpected(error)}; check the brackets and keywords there") from error
+    except (LarkError, ValueError, AssertionError, TypeError, KeyError, RecursionError) as error:
+        reason = " ".join(str(getattr(error, "orig_exc", error)).split())
+        raise LogicError(f"{where}: {_blame(text, reason)}{reason}; mend the domain") from error
+    return _checked(_plain(parsed, text, where), text, where)
+
+
+def _unexpected(error: Any) -> str:
+    token = str(getattr(error, "token", "") or getattr(error, "char", ""))
+    return f"unexpected {token!r}" if token.strip() else "the text ends too early"
+
+
+def _plain(parsed: Any, text: str, where: str) -> Domain:
+    """Return the parser's objects as a `Domain`."""
+    needs = {str(requirement) for requirement in parsed.requirements}
+    beyond = sorted(need for need in needs if f":{need.lstrip(':')}" not in SUPPORTED)
+    if beyond:
+        raise LogicError(
+            f"{where}: {_place(text, beyond[0])}requirement {beyond[0]} is not supported; "
+            f"use {', '.join(sorted(SUPPORTED))}"
+        )
+
+    def kinds(term: Any) -> frozenset[str]:
+        return frozenset(map(str, term.type_tags)) or frozenset({"object"})
+
+    actions = []
+    for action in parsed.actions:
+        parameters = tuple((f"?{p.name}", kinds(p)) for p in action.parameters)
+        precondition = _literals(action.precondition, text, where, f"precondition of {action.name}")
+        effect = _literals(action.effect, text, where, f"effect of {action.name}")
+        actions.append(Schema(str(action.name), parameters, precondition, effect))
+    # The parser hands actions out as a set: file order makes searches repeatable.
+    actions.sort(key=lambda schema: (_offset(text, schema.name), schema.name))
+    return Domain(
+        name=str(parsed.name),
+        supertypes={str(kind): str(above or "object") for kind, above in parsed.types.items()},
+        predicates={str(p.name): tuple(kinds(term) for term in p.terms) for p in parsed.predicates},
+        actions=tuple(actions),
+        constants={str(c.name): str(c.type_tag or "object") for c in parsed.constants},
+    )
+
+
+def _literals(formula: Any, text: str, where: str, what: str) -> tuple[Literal, ...]:
+    if formula is None:
+        return ()
+    kind = type(formula).__name__
+    if kind == "And":
+        return tuple(literal for part in formula.operands for literal in _literals(part, text, where, what))
+    positive = kind != "Not"
+    inner = formula if positive else formula.argument
+    if type(inner).__name__ != "Predicate":
+        raise LogicError(
+            f"{where}: {what} holds {kind.lower()!r}; only (and ...) and (not ...) of predicates are known"
+        )
+    terms = tuple(f"?{t.name}" if type(t).__name__ == "Variable" else str(t.name) for t in inner.terms)
+    return (Literal(str(inner.name), terms, positive),)
+
+
+def _checked(domain: Domain, text: str, where: str) -> Domain:
+    """Return the domain if its actions use what it declares."""
+    for schema in domain.actions:
+        types = dict(schema.parameters)
+        for literal in (*schema.precondition, *schema.effect):
+            at = _place(text, literal.predicate)
+            if literal.predicate not in domain.predicates:
+                hint = did_you_mean(literal.predicate, domain.predicates)
+                raise LogicError(
+                    f"{where}: {at}action {schema.name} uses undeclared predicate {literal.predicate!r}{hint}"
+                )
+            wanted = domain.predicates[literal.predicate]
+            if len(wanted) != len(literal.terms):
+                raise LogicError(
+                    f"{where}: {at}action {schema.name} gives {literal.predicate} {len(literal.terms)} arguments; "
+                    f"it takes {len(wanted)}"
+                )
+            for term, allowed in zip(literal.terms, wanted, strict=True):
+                given = types.get(term) or frozenset({domain.constants.get(term, "")})
+                if not all(domain.is_a(kind, allowed) for kind in given):
+                    kinds, expected = " or ".join(sorted(given)), " or ".join(sorted(allowed))
+                    raise LogicError(
+                        f"{where}: {at}action {schema.name}: {term} of {literal.predicate} is {kinds}; "
+                        f"expected {expected}"
+                    )
+    return domain
+
+
+def _offset(text: str, word: str) -> int:
+    found = re.search(rf"(?<![\w-]){re.escape(word)}(?![\w-])", re.sub(r";[^\n]*", lambda m: " " * len(m[0]), text))
+    return found.start() if found else len(text)
+
+
+def _place(text: str, word: str) -> str:
+    """Return "line 3, column 7: " for the first use of a word, or nothing."""
+    offset = _offset(text, word)
+    if offset == len(text):
+        return ""
+    line = text.count("\n", 0, offset) + 1
+    return f"line {line}, column {offset - text.rfind(chr(10), 0, offset)}: "
+
+
+def _blame(text: str, reason: str) -> str:
+    """Return the place of the first word of a message that stands in the text."""
+    words = re.findall(r"'\??([\w-]+)'", reason)
+    return next((place for place in (_place(text, word) for word in words) if place), "")
