@@ -28,7 +28,7 @@ from reba.factors import (
 )
 from reba.posture import ANGLES, COLUMNS, INDEX, SIDES, PostureTable
 from reba.rules import Rules, rules_of
-from reba.scoring import SCORE_COLUMNS, UNKNOWN, Missing, score_array
+from reba.scoring import SCORE_COLUMNS, UNKNOWN, Missing, refuse_infinite, score_array
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -138,6 +138,7 @@ def score(
     table = postures if isinstance(postures, PostureTable) else table_of(postures)
     chosen = rules_of(rules)
     angles = angles_of(table.data)
+    refuse_infinite(angles)
     given: dict[str, Any] = {name: table.data[name].to_numpy() for name in FACTORS if name in table.data}
     given |= expand_sides({name: value for name, value in factors.items() if value is not None})
     used = checked(Factors.of(given), len(table.data))
@@ -183,8 +184,13 @@ def table_of(frame: pd.DataFrame) -> PostureTable:
         else:
             columns[name] = frame[name].to_numpy()
     time = columns["time"]
-    if np.isnan(time).any() or (np.diff(time) <= 0).any():
-        where = int(np.argmax(np.append(np.diff(time) <= 0, True) | np.isnan(time)))
+    bad = ~np.isfinite(time)
+    if bad.any():
+        where = int(np.argmax(bad))
+        raise PostureError(f"time is {time[where]} at frame {where}; expected seconds at every frame")
+    back = np.diff(time) <= 0
+    if back.any():
+        where = int(np.argmax(back))
         raise PostureError(
             f"time does not increase after frame {where} ({time[where]} s); sort the rows and drop duplicates"
         )
@@ -198,6 +204,8 @@ def table_of(frame: pd.DataFrame) -> PostureTable:
 
 
 def _numbers(frame: pd.DataFrame, name: str) -> NDArray[np.float64]:
+    if frame[name].dtype.kind in "mM":
+        raise PostureError(f"column {name} holds dates; expected {'seconds' if name == 'time' else 'degrees'}")
     try:
         return pd.to_numeric(frame[name]).to_numpy(np.float64, na_value=np.nan)
     except (TypeError, ValueError) as error:

@@ -150,17 +150,24 @@ def score_array(
     return ScoreArrays(*out)
 
 
+def refuse_infinite(angles: NDArray[np.float64], start: int = 0) -> None:
+    """Raise `PostureError` where angles (n, 22) are infinite; `start` is the number of their first frame."""
+    infinite = np.isinf(angles)
+    if infinite.any():
+        frame, column = np.argwhere(infinite)[0]
+        raise PostureError(
+            f"{COLUMNS[column]} is infinite at frame {start + frame}; expected degrees, or NaN if not measured"
+        )
+
+
 def _score_block(
     block: NDArray[np.float64], given: FactorPoints, chosen: Rules, missing: Missing, out: Scores8, start: int
 ) -> None:
     # One pass tells whether anything is NaN or infinite: the sum of a block then is not finite.
     with np.errstate(invalid="ignore", over="ignore"):
         complete = bool(np.isfinite(block.sum()))
-    if not complete and np.isinf(block).any():
-        row, frame = np.argwhere(np.isinf(block))[0]
-        raise PostureError(
-            f"{COLUMNS[row]} is infinite at frame {start + frame}; expected degrees, or NaN if not measured"
-        )
+    if not complete:
+        refuse_infinite(block.T, start)
     if chosen.upper_arm_reference == "gravity":
         against_gravity(block)
     if complete:
