@@ -112,7 +112,8 @@ def unit(vectors: Array) -> Array:
 
 
 def angle_between(a: Array, b: Array) -> Array:
-    """Return the (n,) angle [deg] between (n, 3) directions, exact near 0 and 180 too."""
+    """Return the (n,) angle [deg] between (n, 3) directions, exact near 0 and 180 too; NaN for one without length."""
+    a, b = unit(a), unit(b)
     across = np.cross(a, b)
     return np.degrees(np.arctan2(np.sqrt(np.sum(across * across, axis=1)), np.sum(a * b, axis=1)))
 

@@ -124,5 +124,6 @@ def test_directions_are_enough_for_elbow_knee_and_arm() -> None:
 
 def test_helpers_refuse_degenerate_directions_with_nan() -> None:
     assert np.isnan(frame_of(np.array([[0.0, 1.0, 0.0]]), np.array([[0.0, 2.0, 0.0]]))).any()
+    assert np.isnan(angle_between(np.zeros((1, 3)), np.array([[1.0, 0, 0]]))[0])
     assert angle_between(np.array([[1.0, 0, 0]]), np.array([[-1.0, 0, 0]]))[0] == 180.0
     np.testing.assert_allclose(turned(np.eye(3), 0, np.radians([30.0]))[0], rotation("x", 30.0), atol=1e-15)

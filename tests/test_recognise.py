@@ -31,7 +31,7 @@ def _joints(profile: str, pattern: str = "{name}", leave: tuple[str, ...] = (), 
         ("human_gazebo", "{name}", ""),
         ("opensim", "{name}", ""),
         ("opensim_pose2sim", "{name}", ""),
-        ("opensim", "/jointset/hip/{name}/value", "hip"),
+        ("opensim", "/jointset/hip/{name}/value", ""),
     ],
 )
 def test_every_joints_profile_recognises_its_own_names(profile: str, pattern: str, body: str) -> None:
@@ -125,6 +125,12 @@ def test_nothing_recognised_says_what_was_there_and_what_is_nearest() -> None:
 def test_a_named_profile_that_does_not_fit_is_named() -> None:
     with pytest.raises(ProfileError, match="profile opensim does not fit"):
         choose(recording_of(_joints("human_description")), (find_profile("opensim"),), named=True)
+
+
+def test_a_star_in_a_pattern_is_anything_and_no_body() -> None:
+    names = find_profile("opensim").names
+    states = joints_stream({f"/jointset/joint{index}/{name}/value": 0.1 for index, name in enumerate(names)})
+    assert len(bodies(find_profile("opensim"), states)[""]) == len(names)
 
 
 def test_ids_are_taken_from_the_longest_name() -> None:

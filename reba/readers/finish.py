@@ -160,7 +160,7 @@ def _hide(samples: Samples, mapper: Mapper, profile: Profile, match: Match, neut
     for column in profile.sign_from_range:
         _upright_sign(angles, column, mapper)
     for column in empty_columns(angles):
-        reasons.setdefault(column, "its segments are not in the recording")
+        reasons.setdefault(column, "no value in any frame")
     return reasons
 
 

@@ -6,7 +6,7 @@ names writes another one and gives its path (`--profile FILE.toml`).
 
 A TOML file has `name`, `title`, `source`, `kind` and, as far as they apply:
 
-    patterns   how names are written: "{name}", "{name}_{id}", "{id}_{name}"; `{id}` tells bodies apart
+    patterns   how names are written: "{name}", "{name}_{id}", "{id}_{name}"; `{id}` tells bodies apart, `*` is anything
     required   names (or segments, points) without which it is not this source; all others may be missing
     [chains]   joints: segment = ["<sign><axis> <joint>", ...], turned in this order about the segment's own ISB axes
                (x forward, y up, z right); a number instead of a joint is a fixed turn in degrees,

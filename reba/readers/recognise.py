@@ -144,7 +144,7 @@ def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
 def _expression(names: tuple[str, ...], pattern: str) -> re.Pattern[str]:
     longest_first = sorted(names, key=len, reverse=True)
     text = re.escape(pattern).replace(re.escape("{name}"), f"(?P<name>{'|'.join(map(re.escape, longest_first))})")
-    return re.compile(text.replace(re.escape("{id}"), "(?P<id>.+?)"))
+    return re.compile(text.replace(re.escape("{id}"), "(?P<id>.+?)").replace(re.escape("*"), ".+?"))
 
 
 def _match(stream: Stream, profile: Profile, body: str, found: Mapping[str, str]) -> Match:
