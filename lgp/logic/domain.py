@@ -101,6 +101,7 @@ def parse_domain(text: str, where: str = "domain") -> Domain:
         LogicError: the text is not PDDL, or outside typed STRIPS with negative preconditions; says where.
     """
     from lark.exceptions import LarkError, UnexpectedInput
+    from pddl.exceptions import PDDLError
     from pddl.parser.domain import DomainParser
 
     try:
@@ -108,7 +109,7 @@ def parse_domain(text: str, where: str = "domain") -> Domain:
     except UnexpectedInput as error:
         place = f"line {error.line}, column {error.column}"
         raise LogicError(f"{where}: {place}: {_unexpected(error)}; check the brackets and keywords there") from error
-    except (LarkError, ValueError, AssertionError, TypeError, KeyError, RecursionError) as error:
+    except (LarkError, PDDLError, ValueError, AssertionError, TypeError, KeyError, RecursionError) as error:
         reason = " ".join(str(getattr(error, "orig_exc", error)).split())
         raise LogicError(f"{where}: {_blame(text, reason)}{reason}; mend the domain") from error
     return _checked(_plain(parsed, text, where), text, where)
