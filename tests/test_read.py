@@ -27,6 +27,7 @@ from reba.readers.info import inspect
 from reba.readers.neutral import parse_neutral
 from reba.readers.profile import find_profile, profiles
 from reba.readers.recognise import choose
+from reba.readers.root import RootPose
 from reba.readers.stream import Recording, Stream
 
 Array = NDArray[np.float64]
@@ -188,6 +189,28 @@ def test_joint_columns_of_a_csv_by_a_named_profile(tmp_path: Path) -> None:
         read(file, profile="ros4hri")
     with pytest.raises(ProfileError, match="no stream 'nothing'"):
         read(file, topic="nothing")
+
+
+def test_names_of_ones_own_by_a_profile_file(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text(
+        'name = "lab"\ntitle = "t"\nsource = "s"\nkind = "joints"\nunit = "deg"\nrequired = ["back"]\n'
+        '[chains]\nthorax = ["-z back"]\n[columns]\nknee_flexion_left = ["-knee", 5]\n'
+    )
+    rows = [f"{i / 50},{10 + i / 10},{-i / 10}" for i in range(100)]
+    table = read(_csv(tmp_path / "lab.csv", rows, "time,back,knee"), profile=mine)
+    assert table.profile == "lab"
+    assert table.data["trunk_flexion"].iloc[[0, -1]].tolist() == [10.0, 19.9]
+    assert table.data["knee_flexion_left"].iloc[-1] == pytest.approx(14.9)
+    assert table.why_unmeasured["neck_flexion"] == "this source has no such joint"
+
+
+def test_the_pelvis_is_interpolated_but_not_over_gaps() -> None:
+    poses = np.array([quaternion(rotation("z", angle)) for angle in (0.0, 20.0, 30.0)])
+    pose = RootPose(np.array([0.0, 0.1, 9.0]), poses, np.eye(3), np.array([0.0, 1.0, 0.0]), "")
+    read_back = pose.at(np.array([-0.5, -0.1, 0.0, 0.05, 0.1, 4.0, 9.1, 9.3]))
+    angles = np.degrees(np.arctan2(read_back[:, 1, 0], read_back[:, 0, 0]))
+    np.testing.assert_allclose(angles, [np.nan, 0.0, 0.0, 10.0, 20.0, np.nan, 30.0, np.nan], atol=1e-9)
 
 
 def test_unknown_files_are_refused_with_what_is_read(tmp_path: Path) -> None:

@@ -101,6 +101,16 @@ def test_two_streams_with_the_same_names_are_refused() -> None:
     assert choose(recording, profiles(), topic="/filtered").stream.name == "/filtered"
 
 
+def test_one_body_in_two_streams_is_no_choice_to_make() -> None:
+    names = tuple(f"skeleton_{name}" for name in find_profile("xsens_frames").names)
+    streams = [
+        stream_of(name, "frames", names, np.zeros((2, len(names), 7)), parents=("",) * len(names))
+        for name in ("/link_states", "/tf")
+    ]
+    assert choose(recording_of(*streams), profiles()).stream.name == "/link_states"
+    assert choose(recording_of(*streams), profiles(), topic="/tf").stream.name == "/tf"
+
+
 def test_a_tie_of_two_profiles_is_refused() -> None:
     first = find_profile("human_description")
     twin = type(first)(**{**{key: getattr(first, key) for key in first.__dataclass_fields__}, "name": "twin"})

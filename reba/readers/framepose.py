@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.angles import unit
+from reba.angles import cross, unit
 from reba.readers.stream import Block, Stream
 
 Array = NDArray[np.float64]
@@ -66,23 +66,23 @@ class FramePoses:
 def product(a: Array, b: Array) -> Array:
     """Return the (n, 4) product of quaternions qx qy qz qw: first b, then a."""
     av, aw, bv, bw = a[:, :3], a[:, 3:], b[:, :3], b[:, 3:]
-    vector = aw * bv + bw * av + np.cross(av, bv)
+    vector = aw * bv + bw * av + cross(av, bv)
     return np.concatenate([vector, aw * bw - np.sum(av * bv, axis=1, keepdims=True)], axis=1)
 
 
 def rotated(quaternion: Array, vectors: Array) -> Array:
     """Return (n, 3) vectors turned by (n, 4) unit quaternions."""
-    across = 2.0 * np.cross(quaternion[:, :3], vectors)
-    return vectors + quaternion[:, 3:] * across + np.cross(quaternion[:, :3], across)
+    across = 2.0 * cross(quaternion[:, :3], vectors)
+    return vectors + quaternion[:, 3:] * across + cross(quaternion[:, :3], across)
 
 
 def matrices(quaternions: Array) -> Array:
-    """Return (n, 3, 3) rotation matrices of (n, 4) quaternions qx qy qz qw of any length but 0."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+    """Return (n, 3, 3) rotation matrices of (n, 4) unit quaternions qx qy qz qw."""
+    x, y, z, w = np.ascontiguousarray(quaternions.T)
+    result = np.empty((len(quaternions), 3, 3))
+    for index, (i, j, k) in enumerate(((x, y, z), (y, z, x), (z, x, y))):
+        after = (index + 1) % 3
+        result[:, index, index] = 1.0 - 2.0 * (j * j + k * k)
+        result[:, index, after] = 2.0 * (i * j - k * w)
+        result[:, after, index] = 2.0 * (i * j + k * w)
+    return result

@@ -64,7 +64,7 @@ class FrameMapper:
         poses = {segment: self.poses.world(block, frame) for segment, frame in self.names.items()}
         where = {segment: position for segment, (_, position) in poses.items()}
         frames = {
-            segment: np.matmul(matrices(quaternion), self.axes[segment])
+            segment: (matrices(quaternion).reshape(-1, 3) @ self.axes[segment]).reshape(-1, 3, 3)
             for segment, (quaternion, _) in poses.items()
             if segment in self.axes
         }

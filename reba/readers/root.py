@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.angles import unit
 from reba.readers.framepose import FramePoses, matrices
 from reba.readers.orient import Orientation
 from reba.readers.profile import Profile
@@ -47,7 +48,7 @@ class RootPose:
         mixed = (1.0 - share) * self.quaternions[before] + share * self.quaternions[after]
         near = np.minimum(np.abs(time - start), np.abs(time - end)) <= HOLD
         mixed = np.where(near[:, None], mixed, np.nan)
-        return np.matmul(matrices(mixed), self.axes)
+        return np.matmul(matrices(unit(mixed)), self.axes)
 
 
 def read_root(profile: Profile, streams: list[tuple[Stream, str]], axes: Array) -> RootPose | None:
