@@ -158,10 +158,14 @@ def _angle(quantity: Quantity, angles: NDArray[np.float64], knees: NDArray[np.bo
 
 
 def _interval(low: float, high: float) -> str:
-    low, high = round(low, 3), round(high, 3)
+    """Return a class in words; an end just below a printed edge reads "under"."""
+    edge = round(high, 3)
+    under = edge > high
     if low == -np.inf:
-        return f"up to {high:g} deg"
-    return f"within {high:g} deg" if low == -high else f"{low:g} to {high:g} deg"
+        return f"under {edge:g} deg" if under else f"up to {edge:g} deg"
+    if round(low, 3) == -edge:
+        return f"less than {edge:g} deg either way" if under else f"within {edge:g} deg"
+    return f"{low:g} to {'under ' if under else ''}{edge:g} deg"
 
 
 def _range(rows: NDArray[np.float64]) -> str:

@@ -21,6 +21,7 @@ from reba.changes import Change, Choice, Goal, choices, goals
 from reba.errors import PostureError
 from reba.posture import SIDES
 from reba.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
+from reba.worksheet import GROUP_A, GROUP_B
 
 if TYPE_CHECKING:
     from reba.scores import Scores
@@ -134,6 +135,10 @@ class _Combination:
     cost: float
 
 
+Ranked = list[tuple[Points, _Combination]]
+"""Points (F,) under combinations of options."""
+
+
 def _search(available: tuple[Choice, ...], goal: Goal, target: int) -> list[Change] | None:
     """Return the cheapest changes under a goal that keep every frame at or under the target, or None."""
     a = _combinations(available, goal, "a")
@@ -159,9 +164,7 @@ def _search(available: tuple[Choice, ...], goal: Goal, target: int) -> list[Chan
     return [available[choice].change(choice, option) for choice, option in best[1]]
 
 
-def _cheapest_arms(
-    arms: list[list[tuple[Points, _Combination]]], allowed: Points
-) -> tuple[float, tuple[tuple[int, int], ...]] | None:
+def _cheapest_arms(arms: list[Ranked], allowed: Points) -> tuple[float, tuple[tuple[int, int], ...]] | None:
     cost = 0.0
     options: tuple[tuple[int, int], ...] = ()
     for combinations in arms:
@@ -173,23 +176,53 @@ def _cheapest_arms(
     return cost, options
 
 
-def _combinations(available: tuple[Choice, ...], goal: Goal, group: str) -> list[tuple[Points, _Combination]]:
-    """Return the scores of a group (F,) under every useful combination of options, cheapest first, none dominated."""
-    members = _members(available, group)
+def _combinations(available: tuple[Choice, ...], goal: Goal, group: str) -> Ranked:
+    """Return the scores of a group (F,) under every useful combination of options, cheapest first, none dominated.
+
+    Each part is searched by itself first: no table falls along an index, so that a combination which is dominated
+    within its part is dominated within the group.
+    """
+    parts = _parts(available, group)
+    ranked = [_undominated(_part_combinations(available, goal, members)) for members in parts.values()]
+    found = []
+    for picked in itertools.product(*ranked):
+        points = dict(zip(parts, (points for points, _ in picked), strict=True))
+        options = tuple(option for _, combination in picked for option in combination.options)
+        cost = sum(combination.cost for _, combination in picked)
+        found.append((_group_score(points, group), _Combination(options, cost)))
+    return _undominated(found)
+
+
+def _part_combinations(available: tuple[Choice, ...], goal: Goal, members: list[int]) -> Ranked:
     useful = [index for index in members if goal.allows(available[index])]
-    cheapest: dict[bytes, tuple[Points, _Combination]] = {}
+    found = []
     for picked in itertools.product(*(_options(available[index]) for index in useful)):
         chosen = {index: option for index, option in zip(useful, picked, strict=True) if option is not None}
         cost = sum(goal.cost(available[index], option) for index, option in chosen.items())
-        score = group_score(available, members, chosen, group)
-        key = score.tobytes()
-        if key not in cheapest or cost < cheapest[key][1].cost:
-            cheapest[key] = (score, _Combination(tuple(chosen.items()), cost))
-    kept: list[tuple[Points, _Combination]] = []
-    for score, combination in sorted(cheapest.values(), key=lambda item: item[1].cost):
-        if not any(bool((other <= score).all()) for other, _ in kept):
-            kept.append((score, combination))
+        found.append((_part_score(available, members, chosen), _Combination(tuple(chosen.items()), cost)))
+    return found
+
+
+def _undominated(found: Ranked) -> Ranked:
+    """Return the combinations that no other one undercuts in cost and in the points of every frame, cheapest first."""
+    cheapest: dict[bytes, tuple[Points, _Combination]] = {}
+    for points, combination in found:
+        key = points.tobytes()
+        if key not in cheapest or combination.cost < cheapest[key][1].cost:
+            cheapest[key] = (points, combination)
+    kept: Ranked = []
+    for points, combination in sorted(cheapest.values(), key=lambda item: item[1].cost):
+        if not any(bool((other <= points).all()) for other, _ in kept):
+            kept.append((points, combination))
     return kept
+
+
+def _parts(available: tuple[Choice, ...], group: str) -> dict[str, list[int]]:
+    """Return the choices of each part of a group."""
+    parts: dict[str, list[int]] = {}
+    for index in _members(available, group):
+        parts.setdefault(available[index].part, []).append(index)
+    return parts
 
 
 def _members(available: tuple[Choice, ...], group: str) -> list[int]:
@@ -206,26 +239,28 @@ def _options(choice: Choice) -> Iterator[int | None]:
     yield from range(len(choice.options))
 
 
-def group_score(available: tuple[Choice, ...], members: list[int], chosen: dict[int, int], group: str) -> Points:
-    """Return Score A, Score B of a side or the activity points (F,) with some options chosen."""
-    parts: dict[str, Points] = {}
-    shared: dict[tuple[str, str], Points] = {}
+def _part_score(available: tuple[Choice, ...], members: list[int], chosen: dict[int, int]) -> Points:
+    """Return the score of one part (F,) with some options chosen."""
+    shared: dict[str, Points] = {}
+    score = np.zeros_like(available[members[0]].points)
     for index in members:
         choice = available[index]
-        points = choice.points if index not in chosen else choice.options[chosen[index]].points
+        points = choice.options[chosen[index]].points if index in chosen else choice.points
         if choice.shares:
-            key = (choice.part, choice.shares)
-            shared[key] = np.maximum(shared.get(key, np.zeros_like(points)), points)
+            shared[choice.shares] = np.maximum(shared.get(choice.shares, np.zeros_like(points)), points)
         else:
-            parts[choice.part] = parts.get(choice.part, np.zeros_like(points)) + points
-    for (part, _), points in shared.items():
-        parts[part] = parts.get(part, np.zeros_like(points)) + points
+            score = score + points
+    part = available[members[0]].part
+    lowest = 1 if part in GROUP_A + GROUP_B else 0
+    return np.clip(sum(shared.values(), score), lowest, PART_MAXIMA[part])
+
+
+def _group_score(parts: dict[str, Points], group: str) -> Points:
+    """Return Score A, Score B of a side or the activity points (F,) from the scores of its parts."""
     if group == "activity":
         return parts["activity"]
-    body = ("trunk", "neck", "legs") if group == "a" else ("upper_arm", "lower_arm", "wrist")
-    i, j, k = (np.clip(parts[part], 1, PART_MAXIMA[part]) - 1 for part in body)
-    table, extra = (TABLE_A, "load_force") if group == "a" else (TABLE_B, "coupling")
-    score: Points = table[i, j, k].astype(np.int16) + parts[extra]
+    table, body, extra = (TABLE_A, GROUP_A, "load_force") if group == "a" else (TABLE_B, GROUP_B, "coupling")
+    score: Points = table[tuple(parts[part] - 1 for part in body)].astype(np.int16) + parts[extra]
     return score
 
 
@@ -234,7 +269,9 @@ def _total(available: tuple[Choice, ...], chosen: dict[int, int]) -> Points:
     score: dict[str, Points] = {}
     sides = _sides(available)
     for group in ("a", *sides, "activity"):
-        score[group] = group_score(available, _members(available, group), chosen, group)
+        parts = _parts(available, group)
+        points = {part: _part_score(available, members, chosen) for part, members in parts.items()}
+        score[group] = _group_score(points, group)
     score_b = np.maximum.reduce([score[side] for side in sides])
     total: Points = TABLE_C[score["a"] - 1, score_b - 1].astype(np.int16) + score["activity"]
     return total

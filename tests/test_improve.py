@@ -246,3 +246,18 @@ def test_improvements_are_plain_data() -> None:
     found = reba.score(table(angles), activity="none", load=20.0).improve(0.0)[0].to_dict()
     assert found["text"].startswith(found["changes"][0]["what"])
     assert set(found) >= {"goal", "changes", "degrees", "reba_before", "reba_after", "level_before", "level_after"}
+
+
+@pytest.mark.parametrize(("edges", "target"), [("lower", "up to 60 deg"), ("upper", "under 60 deg")])
+def test_ends_that_a_class_does_not_hold_read_under(edges: str, target: str) -> None:
+    angles = _BEST[None].copy()
+    angles[0, INDEX["trunk_flexion"]] = 61.0
+    for name in ("neck_flexion", "neck_twist", *KNEES):
+        angles[0, INDEX[name]] = 80.0
+    scores = reba.score(table(angles), rules=reba.Rules(edges=edges), activity="none")
+    # A(4, 3, 3) = 8 is high; A(3, 3, 3) = 7 is medium.
+    assert scores.improve(0.0)[0].changes[0].target == target
+    knees = _BEST[None].copy()
+    knees[0, INDEX["knee_flexion_left"]] = 31.0
+    found = reba.score(table(knees), load=5.0, activity="none").improve(0.0)
+    assert found[0].changes[0].target == "under 30 deg"
