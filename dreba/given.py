@@ -30,6 +30,11 @@ class Given(NamedTuple):
     activity: Any = 0
     temperature: float | None = None
 
+    @property
+    def nothing(self) -> bool:
+        """Whether neither load nor coupling nor activity is given."""
+        return all(type(value) in (int, float) and value == 0 for value in (self.load, *self.coupling, self.activity))
+
     def rows(self, which: Any) -> Given:
         """Return the same for some poses (a slice or an index array)."""
 

@@ -173,7 +173,7 @@ class QuadraticModel(Surrogate):
         value += poses @ self.linear_
         value *= 0.5
         value += self.constant_
-        if given[:3] != (0.0, (0, 0), 0):
+        if not given.nothing:
             value += self._extra(given)
         return value, gradient
 

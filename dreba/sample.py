@@ -39,6 +39,8 @@ from reba.tables import TABLE_A, TABLE_B, TABLE_C
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+Rng = np.random.Generator | int | tuple[int, ...] | None
+
 FACTOR_NAMES: Final = ("load", "coupling", "activity")
 """Factors that can be drawn."""
 ADJUSTMENTS: Final = (
@@ -59,7 +61,7 @@ def sample(
     classes: Iterable[int] = range(1, 11),
     *,
     domain: str | Domain = "human",
-    rng: np.random.Generator | int | None = None,
+    rng: Rng = None,
     weights: Weights = "bins",
     stratified: bool = False,
     factors: Sequence[str] | Factors | None = None,
@@ -72,7 +74,7 @@ def sample(
         n: number of poses.
         classes: REBA scores to fill; up to 11 without factors, up to 15 with them.
         domain: name, TOML file or record.
-        rng: generator, or a seed; None for a fresh seed, which is recorded.
+        rng: generator, or a seed (a whole number or several); None for a fresh seed, which is recorded.
         weights: "bins", "volume" or "cells".
         stratified: within each class keep the counts of Scores A and B, and within these of the part scores, within
             one of their expectation, instead of drawing them independently.
@@ -294,15 +296,18 @@ def _factors(given: Sequence[str] | Factors | None) -> tuple[Factors, tuple[str,
     return Factors(), tuple(name for name in FACTOR_NAMES if name in given)
 
 
-def _generator(rng: np.random.Generator | int | None) -> tuple[np.random.Generator, dict[str, Any]]:
+def _generator(rng: Rng) -> tuple[np.random.Generator, dict[str, Any]]:
     """Return a generator and what it takes to start it again."""
     if isinstance(rng, np.random.Generator):
         state = rng.bit_generator.state
         return rng, {"seed": None, "generator": {key: _listed(value) for key, value in state.items()}}
-    if rng is not None and (isinstance(rng, bool) or not isinstance(rng, int | np.integer) or rng < 0):
-        raise SampleError(f"rng is {rng!r}; expected a numpy Generator or a seed, a whole number from 0")
-    seed = int(np.random.SeedSequence().generate_state(1)[0]) if rng is None else int(rng)
-    return np.random.default_rng(seed), {"seed": seed}
+    seeds = list(rng) if isinstance(rng, tuple) else [rng]
+    if rng is None:
+        seeds = [int(np.random.SeedSequence().generate_state(1)[0])]
+    if not seeds or any(isinstance(s, bool) or not isinstance(s, int | np.integer) or s < 0 for s in seeds):
+        raise SampleError(f"rng is {rng!r}; expected a numpy Generator or a seed, whole numbers from 0")
+    whole = [int(seed) for seed in seeds if seed is not None]
+    return np.random.default_rng(whole), {"seed": whole if len(whole) > 1 else whole[0]}
 
 
 def _listed(value: Any) -> Any:

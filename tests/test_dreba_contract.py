@@ -1,0 +1,203 @@
+"""The contract every registered kind of surrogate keeps; adding a kind to the registry adds it here."""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+from sklearn.utils.estimator_checks import check_estimator
+
+import dreba
+import reba
+from dreba.files import from_dict, to_dict
+from reba.posture import COLUMNS, INDEX
+
+KINDS = sorted(dreba.KINDS)
+CHECKED = {"quadratic": dreba.QuadraticModel(free=True)}
+"""For scikit-learn's checks: parameters that let a kind take columns without a part table."""
+
+
+@cache
+def poses() -> dreba.Poses:
+    return dreba.sample(1500, rng=11)
+
+
+@cache
+def fitted(kind: str) -> dreba.Surrogate:
+    """The shipped model of a kind, or a quick fit."""
+    if kind in dreba.models():
+        return dreba.load(kind)
+    return dreba.KINDS[kind]().fit(poses().angles, poses().reba)
+
+
+@cache
+def some(n: int) -> np.ndarray:
+    return dreba.sample(max(n, 10), rng=12).angles[:n]
+
+
+def temperatures(model: dreba.Surrogate) -> tuple[float | None, ...]:
+    return (None, *model.temperatures_)
+
+
+def mirrored(angles: np.ndarray) -> np.ndarray:
+    """Left and right exchanged, side bends and twists of the midline negated."""
+    swap = {"left": "right", "right": "left"}
+    other = [INDEX[re.sub("(left|right)$", lambda side: swap[side[0]], column)] for column in COLUMNS]
+    signs = [-1.0 if c.startswith(("trunk", "neck")) and not c.endswith("flexion") else 1.0 for c in COLUMNS]
+    return angles[:, other] * signs
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_gradient_and_hessian_agree_with_finite_differences(kind: str) -> None:
+    model = fitted(kind)
+    extras = {"load": 6.0, "coupling": (1, 2), "activity": 1}
+    step = 1e-4
+    for temperature in temperatures(model):
+        for pose in some(6):
+            moved = np.stack([pose + step * axis for axis in (*np.eye(22), *-np.eye(22))])
+            values = model.value(moved, temperature=temperature, **extras)
+            slope = (values[:22] - values[22:]) / (2 * step)
+            assert model.gradient(pose, temperature=temperature, **extras) == pytest.approx(slope, abs=2e-6)
+            slopes = model.gradient(moved, temperature=temperature, **extras)
+            bend = (slopes[:22] - slopes[22:]) / (2 * step)
+            assert model.hessian(pose, temperature=temperature, **extras) == pytest.approx(bend, abs=2e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_single_poses_batches_and_predict_agree(kind: str) -> None:
+    model = fitted(kind)
+    angles = some(20)
+    values, gradients = model.value_and_gradient(angles)
+    assert values.shape == (20,)
+    assert gradients.shape == (20, 22)
+    assert model.hessian(angles).shape == (20, 22, 22)
+    assert model.predict(angles) == pytest.approx(values, abs=1e-9)
+    assert model.gradient(angles) == pytest.approx(gradients, abs=1e-12)
+    assert isinstance(model.value(angles[3]), float)
+    assert model.value(angles[3]) == pytest.approx(values[3], abs=1e-9)
+    assert model.gradient(angles[3]) == pytest.approx(gradients[3], abs=1e-12)
+    assert model.hessian(angles[3]).shape == (22, 22)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_factors_may_differ_between_poses(kind: str) -> None:
+    model = fitted(kind)
+    drawn = dreba.sample(15, range(1, 16), factors=["load", "coupling", "activity"], rng=3)
+    given = drawn.given
+    together = model.value(drawn.angles, load=given.load, coupling=given.coupling, activity=given.activity)
+    for row in range(15):
+        own = given.rows(row)
+        alone = model.value(drawn.angles[row], load=own.load, coupling=own.coupling, activity=own.activity)
+        assert alone == pytest.approx(together[row], abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_gauss_newton_factor_is_positive_or_refused(kind: str) -> None:
+    model = fitted(kind)
+    if type(model)._gauss_newton is dreba.Surrogate._gauss_newton:
+        with pytest.raises(dreba.ModelError, match="Gauss-Newton"):
+            model.gauss_newton(some(2)[0])
+        return
+    factor = model.gauss_newton(some(2)[0])
+    assert factor.shape[1] == 22
+    if model.convex and not model.temperatures_:
+        assert factor.T @ factor == pytest.approx(model.hessian(some(2)[0]), abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_file_reads_back_equal(kind: str, tmp_path: Path) -> None:
+    model = fitted(kind)
+    path = tmp_path / "model.json"
+    model.save(path)
+    again = dreba.load(path)
+    assert type(again) is type(model)
+    assert again.joints_ == model.joints_
+    assert again.temperatures_ == model.temperatures_
+    for temperature in temperatures(model):
+        assert np.array_equal(
+            again.value(some(20), temperature=temperature), model.value(some(20), temperature=temperature)
+        )
+    assert to_dict(again) == to_dict(model)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damaged_content_is_refused(kind: str) -> None:
+    data = json.loads(json.dumps(to_dict(fitted(kind))))
+    for name in data["parameters"]["learned"]:
+        broken = json.loads(json.dumps(data))
+        del broken["parameters"]["learned"][name]
+        with pytest.raises(dreba.ModelError):
+            from_dict(broken)
+    data["parameters"]["learned"]["surprise_"] = 1.0
+    with pytest.raises(dreba.ModelError):
+        from_dict(data)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_left_and_right_are_alike(kind: str) -> None:
+    model = fitted(kind)
+    if not model.mirror:
+        pytest.skip(f"{kind} does not claim it")
+    angles = some(50)
+    for temperature in temperatures(model):
+        straight = model.value(angles, coupling=(1, 3), temperature=temperature)
+        turned = model.value(mirrored(angles), coupling=(3, 1), temperature=temperature)
+        assert turned == pytest.approx(straight, abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_convex_where_claimed(kind: str) -> None:
+    model = fitted(kind)
+    if not model.convex:
+        pytest.skip(f"{kind} does not claim it")
+    a, b = some(200)[:100], some(200)[100:]
+    share = np.linspace(0.05, 0.95, 100)[:, None]
+    between = model.value(share * a + (1 - share) * b)
+    assert (between <= share[:, 0] * model.value(a) + (1 - share[:, 0]) * model.value(b) + 1e-9).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_monotone_where_claimed(kind: str) -> None:
+    model = fitted(kind)
+    if not model.monotone:
+        pytest.skip(f"{kind} does not claim it")
+    domain = dreba.domain_of("human")
+    sharpest = min(model.temperatures_, default=None)
+    for column in COLUMNS:
+        edges, points = domain.bins_of(column)
+        middles = (np.array(edges[:-1]) + edges[1:]) / 2
+        values = []
+        for middle in middles:
+            angles = some(20).copy()
+            angles[:, INDEX[column]] = middle
+            values.append(model.value(angles, temperature=sharpest))
+        for i, j in pairwise(np.argsort(points, kind="stable")):
+            if points[i] < points[j]:
+                assert (values[i] <= values[j] + 0.05).all(), column
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_bad_input_is_refused_in_one_line(kind: str) -> None:
+    model = fitted(kind)
+    with pytest.raises(dreba.ModelError, match="expected"):
+        model.value(np.zeros((3, 5)))
+    with pytest.raises(dreba.ModelError) as caught:
+        clone(model).fit(np.full((10, 22), np.nan), np.ones(10))
+    assert "\n" not in str(caught.value)
+    with pytest.raises(dreba.ModelError, match="sample_weight"):
+        clone(model).fit(poses().angles, poses().reba, sample_weight=np.ones(3))
+    with pytest.raises(dreba.ModelError, match="support"):
+        clone(model).fit(poses().angles, poses().reba, factors=reba.Factors(support="unilateral"))
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if dreba.KINDS[kind].any_columns])
+@pytest.mark.filterwarnings("ignore")  # the checks warn about what they skip
+def test_scikit_learn_estimator_checks(kind: str) -> None:
+    found = check_estimator(CHECKED.get(kind, dreba.KINDS[kind]()), on_fail=None)
+    assert [(check["check_name"], str(check["exception"])) for check in found if check["status"] == "failed"] == []
