@@ -75,7 +75,7 @@ def grade(quality: Quality, frames: int, seconds: float, missing: float, width: 
     end = quality.ended_abnormally
     slow: Result = "weak" if np.isnan(rate) else _result(-rate, (-RATES[0], -RATES[1]))
     pace = "unknown" if np.isnan(rate) else f"{rate:.4g} Hz"
-    open_range = f"leave a mean REBA range of {width:.1f} points" if width > 0 else "none that matter"
+    open_range = f"leave a mean REBA range of {width:.1f} points" if width > 0 else "leave no range"
     unusable = f"{quality.skipped} of {quality.messages}" if quality.messages else "none reported"
     silent = f"{missing:.1f} s ({100 * gaps:.2g} %) without samples" if missing else "none"
     warned = f"{len(quality.warnings)}" if quality.warnings else "none"

@@ -13,7 +13,7 @@ from reba.report.figures import angle_figure, time_figure
 from reba.report.grade import RULE
 from reba.report.parts import effects, part_shares
 from reba.report.recording import Recording, recording, shares_of_levels
-from reba.report.series import BUCKETS, VIEWS
+from reba.report.series import BUCKETS, DRAW_ALL, VIEWS
 from reba.report.static_plot import time_svg
 from reba.report.verdict import WHY_P90, demanding_time, verdict, worse_side
 from reba.report.words import LEVEL_COLOURS, LIMITS, PART_COLOURS, SOURCES, TEXT_ON
@@ -28,6 +28,9 @@ LEVEL_SCORES: Final = tuple(
     for low, after in zip(ACTION_LEVEL_FROM, (*ACTION_LEVEL_FROM[1:], 16), strict=True)
 )
 """Scores of each action level, in words."""
+
+SAME_AXIS: Final = 0.2
+"""Recordings share the length of their time axes unless the shortest is below this share of the longest."""
 
 
 def page(scores: Sequence[Scores], command: str) -> str:
@@ -44,7 +47,9 @@ def page(scores: Sequence[Scores], command: str) -> str:
     from reba import __version__
 
     records = [recording(one) for one in scores]
-    span = max((_length(record) for record in records), default=1.0)
+    lengths = [_length(record) for record in records]
+    same_axis = min(lengths) >= SAME_AXIS * max(lengths)
+    spans = [max(lengths) if same_axis else length for length in lengths]
     environment = Environment(
         loader=FunctionLoader(_file), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -56,9 +61,11 @@ def page(scores: Sequence[Scores], command: str) -> str:
         ],
     }  # fmt: skip
     return environment.get_template("template.html").render(
-        sections=[_section(number, record, span) for number, record in enumerate(records, 1)],
+        sections=[_section(i + 1, record, span) for i, (record, span) in enumerate(zip(records, spans, strict=True))],
+        same_axis=same_axis,
         command=command,
         buckets=BUCKETS,
+        all_drawn=DRAW_ALL * BUCKETS,
         version=__version__,
         grade_rule=RULE,
         why_p90=WHY_P90,
@@ -94,6 +101,7 @@ def _section(number: int, record: Recording, span: float) -> dict[str, Any]:
     from markupsafe import Markup
 
     intervals = worst(record)
+    driven = effects(record)
     postures = record.scores.postures
     angle_plot = angle_figure(record, span) if record.frames else None
     section: dict[str, Any] = {
@@ -101,7 +109,7 @@ def _section(number: int, record: Recording, span: float) -> dict[str, Any]:
         "name": record.name,
         "record": record,
         "empty": not record.frames,
-        "verdict": verdict(record),
+        "verdict": verdict(record, driven),
         "held": phrases.span(*record.held),
         "demanding": _demanding(record),
         "side": worse_side(record)[0] if record.frames else "",
@@ -110,7 +118,7 @@ def _section(number: int, record: Recording, span: float) -> dict[str, Any]:
         "intervals": [(one, Markup(one.svg)) for one in intervals],
         "minute": worst_minute(record),
         "parts": part_shares(record),
-        "effects": effects(record),
+        "effects": driven,
         "angles": angle_rows(record),
         "unmeasured": unmeasured_rows(record),
         "factors": factor_rows(record),

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 BUCKETS: Final = 2000
 """Columns that a time axis is divided into."""
+DRAW_ALL: Final = 3
+"""Frames per column up to which all of them are drawn."""
 VIEWS: Final[dict[str, str]] = {"reba": "Total", "reba_left": "Left arm", "reba_right": "Right arm"}
 """Totals of the score table that are shown, with their titles."""
 
@@ -106,7 +108,7 @@ def steps(scores: Scores, curve: Curve, without: list[tuple[float, float]], buck
     # A frame whose successor lies behind the same gap start belongs to the stretch that ends there.
     stretch = np.searchsorted(starts, time, side="left")
     frames = np.arange(n)
-    if n > 2 * buckets:
+    if n > DRAW_ALL * buckets:
         span = (time[-1] - time[0]) or 1.0
         bucket = np.minimum((time - time[0]) / span * buckets, buckets - 1).astype(np.int64)
         first = np.flatnonzero(np.append(True, (np.diff(bucket) != 0) | (np.diff(stretch) != 0)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,9 +10,13 @@ import numpy as np
 
 from reba.exposure import HELD_SECONDS
 from reba.posture import SIDES
+from reba.report.parts import Effect
 from reba.report.phrases import action, body_parts, listed, percent, risk, seconds, span
 from reba.report.recording import Recording
 from reba.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF
+
+NOTABLE: Final = 0.1
+"""Effect of a part on the mean REBA from which the verdict names it."""
 
 WHY_P90: Final = (
     "The headline is the 90th percentile of time (p90): REBA is at or below it for nine tenths of the recording. "
@@ -50,8 +55,13 @@ class Verdict:
     tiles: tuple[Tile, ...]
 
 
-def verdict(record: Recording) -> Verdict:
-    """Return the verdict on a recording."""
+def verdict(record: Recording, effects: Sequence[Effect]) -> Verdict:
+    """Return the verdict on a recording.
+
+    Args:
+        record: the recording.
+        effects: what each part adds, largest first.
+    """
     if not record.frames:
         nothing = ("The recording holds no frames, so there is nothing to score.",)
         return Verdict("", (0, 0), "not known", "", "", nothing, (_quality(record),))
@@ -76,7 +86,13 @@ def verdict(record: Recording) -> Verdict:
         _quality(record),
     )
     return Verdict(
-        span(low, high), levels, risk(low, high), " or ".join(actions), reason(record), _sentences(record), tiles
+        span(low, high),
+        levels,
+        risk(low, high),
+        " or ".join(actions),
+        reason(record),
+        _sentences(record, effects),
+        tiles,
     )
 
 
@@ -128,7 +144,7 @@ def _quality(record: Recording) -> Tile:
     return Tile("Data quality", record.grade.letter, record.grade.text)
 
 
-def _sentences(record: Recording) -> tuple[str, ...]:
+def _sentences(record: Recording, effects: Sequence[Effect]) -> tuple[str, ...]:
     ends = record.summary["range"]
     low, high = ends["p90_low"], ends["p90_high"]
     clause = reason(record)
@@ -141,7 +157,9 @@ def _sentences(record: Recording) -> tuple[str, ...]:
     longest = max(range(5), key=lambda level: record.summary["action_levels"][str(level)])
     share = record.summary["action_levels"][str(longest)]
     if share > 0:
-        found.append(f"The longest time, {percent(share)}, is spent at {ACTION_LEVELS[longest][0]} risk.")
+        found.append(
+            f"{percent(share)} of the time is at {ACTION_LEVELS[longest][0]} risk, more than at any other level."
+        )
     open_share = record.summary["action_level_undetermined"]
     if open_share > 0:
         found.append(f"For {percent(open_share)} of the time the action level is not determined.")
@@ -149,6 +167,13 @@ def _sentences(record: Recording) -> tuple[str, ...]:
         taken = "neutral" if record.scores.missing == "neutral" else "at their worst"
         p90 = record.summary["reba"]["p90"]
         found.append(f"With unmeasured angles taken as {taken}, as asked for, p90 is {p90}; the ranges hold without.")
+    if effects and effects[0].drop >= NOTABLE:
+        first = effects[0]
+        found.append(
+            f"Largest driver: {first.title.lower()}. At the lowest score throughout, the mean would fall from "
+            f"{first.mean + first.drop:.1f} to {first.mean:.1f}"
+            + ("." if record.measured else " (unmeasured angles neutral).")
+        )
     if not np.isfinite(record.rate):
         found.append("There is only one frame: durations and percentiles stand for that frame alone.")
     return tuple(found)
