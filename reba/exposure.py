@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.scoring import SCORE_COLUMNS
+from reba.tables import ACTION_LEVELS, LEVEL_OF
 
 if TYPE_CHECKING:
     from reba.scores import Scores
@@ -77,11 +78,15 @@ def distribution(scores: NDArray[Any], weights: NDArray[np.float64]) -> Distribu
     """
     values = np.asarray(scores, np.float64)
     known = ~np.isnan(values)
-    if not known.any():
+    # Scores are few whole numbers: their weights say everything, without sorting the frames.
+    time_at = np.bincount(values[known].astype(np.int64), weights[known])
+    if not time_at.any():
         return Distribution(None, None, None, None)
-    values, weights = values[known], weights[known]
-    median, p90 = (int(np.quantile(values, q, weights=weights, method="inverted_cdf")) for q in (0.5, 0.9))
-    return Distribution(float(np.average(values, weights=weights)), median, p90, int(values.max()))
+    occurring = np.flatnonzero(time_at)
+    share = np.cumsum(time_at[occurring]) / time_at.sum()
+    median, p90 = (int(occurring[np.argmax(share >= q - 1e-9)]) for q in (0.5, 0.9))
+    mean = float(np.arange(len(time_at)) @ time_at / time_at.sum())
+    return Distribution(mean, median, p90, int(occurring[-1]))
 
 
 def column(scores: Scores, name: str) -> NDArray[np.float64]:
@@ -95,8 +100,13 @@ def level_shares(scores: Scores, name: str = "action_level") -> dict[str, float]
     weights = durations(scores.time)
     levels = column(scores, name)
     total = weights.sum() or 1.0
-    shares = {str(level): float(weights[levels == level].sum() / total) for level in range(5)}
-    return {**shares, "undetermined": float(weights[np.isnan(levels)].sum() / total)}
+    return {**_level_times(levels, weights / total), "undetermined": float(weights[np.isnan(levels)].sum() / total)}
+
+
+def _level_times(levels: NDArray[np.float64], weights: NDArray[np.float64]) -> dict[str, float]:
+    known = ~np.isnan(levels)
+    times = np.bincount(levels[known].astype(np.int64), weights[known], minlength=len(ACTION_LEVELS))
+    return {str(level): float(time) for level, time in enumerate(times)}
 
 
 def held(scores: Scores, seconds: float = HELD_SECONDS) -> int | None:
@@ -202,10 +212,6 @@ def summarise(scores: Scores) -> dict[str, Any]:
 
 
 def _side_shares(scores: Scores, side: str, weights: NDArray[np.float64]) -> dict[str, float]:
-    from reba.tables import LEVEL_OF
-
     reba = column(scores, f"reba_{side}")
-    levels = LEVEL_OF[np.nan_to_num(reba).astype(np.int64)]
-    total = weights.sum() or 1.0
-    known = ~np.isnan(reba)
-    return {str(level): float(weights[known & (levels == level)].sum() / total) for level in range(5)}
+    levels = np.where(np.isnan(reba), np.nan, LEVEL_OF[np.nan_to_num(reba).astype(np.int64)])
+    return _level_times(levels, weights / (weights.sum() or 1.0))
