@@ -42,6 +42,8 @@ class Span:
 
     def items(self) -> list[Span]:
         """Return a span for each number of an array."""
+        if self.code == VARINT:
+            return [self]
         size = int(self.code[-1])
         return [Span(self.start + index * size, self.code) for index in range(self.count)]
 
@@ -185,5 +187,7 @@ def take(rows: Rows, found: Sequence[Run], constant: dict[int, float], width: in
         if run.code == VARINT:
             result[:, run.column] = rows.varint(run.start, run.count)
         else:
-            result[:, run.column : run.column + run.count] = rows.numbers(run.start, run.code, run.count)
+            # Any bits may stand there, also those of a signalling NaN.
+            with np.errstate(invalid="ignore"):
+                result[:, run.column : run.column + run.count] = rows.numbers(run.start, run.code, run.count)
     return result

@@ -90,7 +90,8 @@ class Merger:
         values = piece.values.reshape(len(piece.log), len(piece.names), self._width)
         if self._frames:
             # A quaternion of zeros is no rotation.
-            values[~values[..., 3:].any(axis=-1)] = np.nan
+            with np.errstate(invalid="ignore"):
+                values[(values[..., 3:] == 0).all(axis=-1)] = np.nan
         if (columns < 0).any():
             values, columns = values[:, columns >= 0], columns[columns >= 0]
         if static:

@@ -43,6 +43,8 @@ class Pick:
 
     def only(self, wanted: frozenset[str] | None) -> Pick:
         """Return the pick with the wanted names, each once (of several the last)."""
+        if wanted is None and len(set(self.names)) == len(self.names):
+            return self
         width = len(self.values) // max(len(self.names), 1)
         index = {name: at for at, name in enumerate(self.names) if wanted is None or name in wanted}
         if len(index) == len(self.names):
@@ -74,6 +76,11 @@ def number(value: Any) -> Value:
     return float(value) if abs(value) < 1e300 or isinstance(value, float) else math.nan
 
 
+def _numbers(values: list[Any]) -> list[Value]:
+    """Return the numbers of a list; a list of plain numbers, which JSON gives, comes back as it is."""
+    return values if set(map(type, values)) == {float} else [number(value) for value in values]
+
+
 def _stamp(tree: Mapping[str, Any]) -> Stamp | None:
     """Return the time of a message: ROS `header.stamp`, Foxglove `timestamp` or a bare `stamp`."""
     header = tree.get("header")
@@ -86,7 +93,7 @@ def _stamp(tree: Mapping[str, Any]) -> Stamp | None:
 
 
 def _whole(value: Any) -> Value:
-    if isinstance(value, Span):
+    if isinstance(value, Span) and value.scalar and value.code[-2] != "f":
         return value
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 1 << 33:
         raise Undecodable("the time stamp is not in whole seconds and nanoseconds")
@@ -108,21 +115,23 @@ def pick_joints(tree: Any) -> list[Pick]:
     joints = tree if isinstance(tree, list) else _fields(tree).get("joints")
     stamp = _stamp(tree) if isinstance(tree, dict) else None
     if isinstance(joints, list):
-        items = [_fields(joint) for joint in joints]
+        items: list[Any] = joints if set(map(type, joints)) == {dict} else [_fields(joint) for joint in joints]
         names: Any = [item.get("name", "") for item in items]
-        positions: list[Value] = [number(item.get("position")) for item in items]
+        positions = _numbers([item.get("position") for item in items])
     else:
         fields = _fields(tree)
         names, given = fields.get("name"), fields.get("position")
         if isinstance(given, Span):
             positions = list(given.items())
         else:
-            positions = [number(value) for value in given] if isinstance(given, list) else []
+            positions = _numbers(given) if isinstance(given, list) else []
     if not isinstance(names, list) or not names:
         raise Undecodable("it names no joints")
     if len(positions) != len(names):
         raise Undecodable(f"{len(positions)} positions for {len(names)} names")
-    return [Pick(stamp, tuple(_name(name, "a joint name") for name in names), (), tuple(positions))]
+    if set(map(type, names)) != {str}:
+        raise Undecodable("a joint name is no text")
+    return [Pick(stamp, tuple(names), (), tuple(positions))]
 
 
 def pick_transforms(tree: Any) -> list[Pick]:

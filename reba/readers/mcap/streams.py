@@ -92,7 +92,7 @@ def _clock(pieces: Sequence[Piece], stamped: str) -> Clock:
     log = np.concatenate([piece.log for piece in pieces])
     stamps = np.concatenate([piece.stamp for piece in pieces])
     stamps = stamps[np.argsort(log, kind="stable")]
-    back = -np.diff(stamps, prepend=stamps[:1]).min()
+    back = -np.diff(stamps.astype(np.float64), prepend=float(stamps[0])).min()
     moves = len(stamps) == 1 or stamps[-1] > stamps[0]
     if (stamps == NO_STAMP).any() or not moves or back > _JUMP_BACK:
         return Clock("log_time", int(log.min()), int(log.min()))
