@@ -90,6 +90,13 @@ def test_joints_constantly_zero_are_not_measured() -> None:
     assert "waist_b1 constant 0 -> trunk_flexion not measured" in table.recognised
 
 
+def test_known_place_holders_count_even_when_nothing_moves() -> None:
+    values = {f"{name}_b1": 0.3 for name in find_profile("ros4hri").names}
+    table = _read(joints_stream({**values, "waist_b1": 0.0}, n=N, unit="rad"))
+    assert table.why_unmeasured["trunk_flexion"] == "waist_b1 constant 0"
+    assert "neck_flexion" not in table.unmeasured
+
+
 def test_zero_is_believed_in_a_short_or_motionless_recording() -> None:
     names = find_profile("human_description").names
     still = joints_stream({**dict.fromkeys(names, 0.0), "middle_lumbar_Z": np.radians(30.0)}, n=N, unit="rad")

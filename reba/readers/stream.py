@@ -51,7 +51,7 @@ class ReadLog:
         messages: samples or messages seen for the stream (good or not).
         skipped: of these, how many could not be decoded or held no usable value.
         first_skipped: where and why the first one was skipped ("byte 676: string length 12 exceeds the message").
-        ended_abnormally: None, or how the recording ends ("cut inside a chunk at byte 81920 of 81920; 647 messages read").
+        ended_abnormally: None, or how the recording ends ("cut inside a chunk at byte 81920 of 81920").
         time_source: "header.stamp", "log_time", "file", "frame rate" ...
         warnings: other things a user must know, one sentence each.
     """
