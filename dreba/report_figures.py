@@ -1,0 +1,134 @@
+"""Plots of a model's report, as plotly figures: errors, values against true scores, polynomials over step tables."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dreba.cells import true_scores
+from dreba.domain import Bins, Domain
+from dreba.evaluate import PUBLISHED, Evaluation
+from dreba.model import Surrogate
+from dreba.quadratic import QuadraticModel
+from reba.posture import ANGLES, INDEX
+
+Array = NDArray[np.float64]
+
+MODEL: Final = "#403a82"
+TRUE: Final = "#1b2430"
+PAPER: Final = "#c98a1b"
+POINTS: Final = 181
+"""Points of a curve over the range of an angle."""
+COLUMNS: Final = 4
+"""Small plots in a row."""
+
+
+def error_figure(found: Evaluation) -> Any:
+    """Return RMSE per REBA class beside the published one, and the bias."""
+    import plotly.graph_objects as go
+
+    scores = list(found.classes)
+    figure = go.Figure()
+    figure.add_bar(x=scores, y=[e.rmse for e in found.classes.values()], name="RMSE", marker_color=MODEL)
+    figure.add_bar(x=list(PUBLISHED), y=list(PUBLISHED.values()), name="RMSE, Table I", marker_color=PAPER)
+    bias = [e.bias for e in found.classes.values()]
+    figure.add_scatter(x=scores, y=bias, name="bias", mode="lines+markers", line={"color": TRUE, "width": 1.5})
+    figure.update_layout(**_layout(340), xaxis={"title": "true REBA", "dtick": 1}, yaxis_title="error")
+    return figure
+
+
+def value_figure(values: Array, scores: NDArray[np.integer]) -> Any:
+    """Return the distribution of model values (n,) for every true score: box plots of quantiles, diagonal line."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    for score in np.unique(scores):
+        low, q1, median, q3, high = np.quantile(values[scores == score], [0.05, 0.25, 0.5, 0.75, 0.95])
+        figure.add_box(
+            x=[int(score)], lowerfence=[low], q1=[q1], median=[median], q3=[q3], upperfence=[high],
+            marker_color=MODEL, showlegend=False, name=str(int(score)),
+        )  # fmt: skip
+    ends = [int(scores.min()), int(scores.max())]
+    figure.add_scatter(x=ends, y=ends, mode="lines", name="exact", line={"color": TRUE, "dash": "dot"})
+    figure.update_layout(**_layout(380), xaxis={"title": "true REBA", "dtick": 1}, yaxis_title="value of the model")
+    return figure
+
+
+def polynomial_figure(model: QuadraticModel, domain: Domain) -> Any:
+    """Return each polynomial Q_i over the step table it was fitted to, the idea of the paper's Fig. 2."""
+    curves = []
+    for name, column in _angles(domain):
+        if column not in model.joints_:
+            continue
+        bins = domain.bins_of(column)
+        angle = np.linspace(bins.edges[0], bins.edges[-1], POINTS)
+        c0, c1, c2 = model.polynomials_[model.joints_.index(column)]
+        lowest = min(bins.points)
+        curves.append((name, angle, c0 + angle * (c1 + c2 * angle), _steps(bins, lowest)))
+    return _small_plots(curves, "points above the lowest")
+
+
+def sweep_figure(model: Surrogate, domain: Domain, temperature: float | None) -> Any:
+    """Return the model's value and the true score as one angle moves alone, all others at rest."""
+    curves = []
+    rest = np.array([angle.best for angle in ANGLES for _ in angle.columns])
+    for name, column in _angles(domain):
+        bins = domain.bins_of(column)
+        angle = np.linspace(bins.edges[0], bins.edges[-1], POINTS)
+        poses = np.repeat(rest[None], POINTS, axis=0)
+        poses[:, INDEX[column]] = angle
+        values = model.value(poses[:, [INDEX[joint] for joint in model.joints_]], temperature=temperature)
+        curves.append((name, angle, values, (angle, true_scores(domain, poses, None).astype(float))))
+    return _small_plots(curves, "REBA")
+
+
+def weight_figure(model: QuadraticModel, domain: Domain) -> Any:
+    """Return what each angle can add at most: the weight times the range of its polynomial over the limits."""
+    import plotly.graph_objects as go
+
+    names, reach = [], []
+    for name, column in _angles(domain):
+        if column in model.joints_:
+            index = model.joints_.index(column)
+            angle = np.linspace(*domain.limits[column], POINTS)
+            values = model.weights_[index] * np.polyval(model.polynomials_[index][::-1], angle)
+            names.append(name)
+            reach.append(float(np.ptp(values)))
+    figure = go.Figure(go.Bar(x=reach, y=names, orientation="h", marker_color=MODEL))
+    figure.update_layout(**_layout(360), xaxis_title="largest difference over the limits", yaxis_autorange="reversed")
+    return figure
+
+
+def _angles(domain: Domain) -> list[tuple[str, str]]:
+    """Return name and column (the left one of two) of each angle that varies."""
+    return [(a.name.replace("_", " "), a.columns[0]) for a in ANGLES if a.columns[0] in domain.columns]
+
+
+def _steps(bins: Bins, lowest: int) -> tuple[Array, Array]:
+    edges = np.repeat(bins.edges, 2)[1:-1]
+    return edges, np.repeat(np.array(bins.points, float) - lowest, 2)
+
+
+def _small_plots(curves: list[tuple[str, Array, Array, tuple[Array, Array]]], unit: str) -> Any:
+    from plotly.subplots import make_subplots
+
+    rows = -(-len(curves) // COLUMNS)
+    figure = make_subplots(rows=rows, cols=COLUMNS, subplot_titles=[curve[0] for curve in curves])
+    for index, (_, angle, values, steps) in enumerate(curves):
+        place = {"row": index // COLUMNS + 1, "col": index % COLUMNS + 1}
+        figure.add_scatter(x=steps[0], y=steps[1], line={"color": TRUE, "width": 1.5}, name="table", **place)
+        figure.add_scatter(x=angle, y=values, line={"color": MODEL, "width": 2}, name="model", **place)
+    figure.update_layout(**{**_layout(190 * rows + 60), "showlegend": False})
+    figure.update_xaxes(ticksuffix="°")
+    figure.update_yaxes(title_text=unit, col=1)
+    return figure
+
+
+def _layout(height: int) -> dict[str, Any]:
+    return {
+        "height": height, "margin": {"l": 60, "r": 20, "t": 40, "b": 50}, "template": "none",
+        "font": {"family": "system-ui, sans-serif", "size": 13, "color": TRUE},
+        "legend": {"orientation": "h", "y": 1.12},
+    }  # fmt: skip
