@@ -223,18 +223,17 @@ def _group_a(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Sc
     trunk, neck, legs = out[_ROW["trunk"]], out[_ROW["neck"]], out[_ROW["legs"]]
 
     flexion = c[INDEX["trunk_flexion"]]
-    size = np.abs(flexion)
-    np.add(size > chosen.trunk_upright, 1, out=trunk, dtype=np.uint8)
-    trunk += above(size, TRUNK_EDGES[0])
+    np.add(_beyond(flexion, chosen.trunk_upright), 1, out=trunk, dtype=np.uint8)
+    trunk += _beyond(flexion, TRUNK_EDGES[0], above)
     trunk += above(flexion, TRUNK_EDGES[1])
-    twisted = np.abs(c[INDEX["trunk_twist"]]) > chosen.trunk_twist
-    bent = np.abs(c[INDEX["trunk_side_bend"]]) > chosen.trunk_side_bend
+    twisted = _beyond(c[INDEX["trunk_twist"]], chosen.trunk_twist)
+    bent = _beyond(c[INDEX["trunk_side_bend"]], chosen.trunk_side_bend)
     _adjust(trunk, twisted, bent, two, PART_MAXIMA["trunk"])
 
     flexion = c[INDEX["neck_flexion"]]
     np.add(above(flexion, NECK_EDGE) | (flexion < -chosen.neck_upright), 1, out=neck, dtype=np.uint8)
-    twisted = np.abs(c[INDEX["neck_twist"]]) > chosen.neck_twist
-    bent = np.abs(c[INDEX["neck_side_bend"]]) > chosen.neck_side_bend
+    twisted = _beyond(c[INDEX["neck_twist"]], chosen.neck_twist)
+    bent = _beyond(c[INDEX["neck_side_bend"]], chosen.neck_side_bend)
     _adjust(neck, twisted, bent, two, PART_MAXIMA["neck"])
 
     knee = np.maximum(c[INDEX["knee_flexion_left"]], c[INDEX["knee_flexion_right"]])
@@ -255,7 +254,7 @@ def _group_b(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Sc
         return c[first : first + 2]
 
     flexion = angle("upper_arm_flexion")
-    np.add(above(np.abs(flexion), UPPER_ARM_EDGES[0]), 1, out=upper, dtype=np.uint8)
+    np.add(_beyond(flexion, UPPER_ARM_EDGES[0], above), 1, out=upper, dtype=np.uint8)
     upper += above(flexion, UPPER_ARM_EDGES[1])
     upper += above(flexion, UPPER_ARM_EDGES[2])
     upper += angle("upper_arm_abduction") > chosen.abduction
@@ -266,12 +265,18 @@ def _group_b(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Sc
     elbow = angle("lower_arm_flexion")
     np.add((elbow < LOWER_ARM_RANGE[0]) | above(elbow, LOWER_ARM_RANGE[1]), 1, out=lower, dtype=np.uint8)
 
-    np.add(above(np.abs(angle("wrist_flexion")), WRIST_EDGE), 1, out=wrist, dtype=np.uint8)
-    deviated = np.abs(angle("wrist_deviation")) > chosen.wrist_deviation
-    wrist += deviated | (np.abs(angle("wrist_twist")) > chosen.wrist_twist)
+    np.add(_beyond(angle("wrist_flexion"), WRIST_EDGE, above), 1, out=wrist, dtype=np.uint8)
+    deviated = _beyond(angle("wrist_deviation"), chosen.wrist_deviation)
+    wrist += deviated | _beyond(angle("wrist_twist"), chosen.wrist_twist)
 
     _both(out, "coupling")[:] = given.coupling
     np.add(_B.take((upper - 1) * 6 + (lower - 1) * 3 + (wrist - 1)), given.coupling, out=score_b)
+
+
+def _beyond(angle: NDArray[np.float64], limit: float, above: np.ufunc = np.greater) -> NDArray[np.bool_]:
+    """Return where angles lie beyond a limit on either side; cheaper than the absolute value, which is another copy."""
+    either: NDArray[np.bool_] = above(angle, limit) | above(-limit, angle)
+    return either
 
 
 def _adjust(part: Scores8, twisted: NDArray[np.bool_], bent: NDArray[np.bool_], two: bool, highest: int) -> None:
