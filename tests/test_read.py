@@ -90,6 +90,15 @@ def test_joints_constantly_zero_are_not_measured() -> None:
     assert "waist_b1 constant 0 -> trunk_flexion not measured" in table.recognised
 
 
+def test_joints_of_another_convention_are_told() -> None:
+    # The XME mode of the Xsens driver: raw triples under the same names, flexion about z and not -y.
+    values = {f"skeleton_{name}": 0.1 + 0.1 * WAVE for name in find_profile("xsens_joints").names}
+    elbows = {f"skeleton_{side}_elbow_y": np.radians(80.0 + 10.0 * WAVE) for side in ("left", "right")}
+    table = _read(joints_stream({**values, **elbows}, n=N, unit="rad"))
+    expected = "impossible in lower_arm_flexion_left, lower_arm_flexion_right: another convention than xsens_joints?"
+    assert any(expected in text for text in table.quality.warnings)
+
+
 def test_known_place_holders_count_even_when_nothing_moves() -> None:
     values = {f"{name}_b1": 0.3 for name in find_profile("ros4hri").names}
     table = _read(joints_stream({**values, "waist_b1": 0.0}, n=N, unit="rad"))
@@ -118,7 +127,10 @@ def test_negative_knees_are_turned_round() -> None:
     knees = {"knee_angle_l": -10.0 - 80.0 * WAVE, "knee_angle_r": -5.0 - 60.0 * WAVE}
     table = _read(joints_stream({**values, **knees}, n=N, unit="deg"))
     assert table.data["knee_flexion_left"].max() == pytest.approx(90.0)
+    assert table.data["knee_flexion_right"].max() == pytest.approx(65.0)
     assert any("flexion is negative" in text for text in table.assumed)
+    straight = {"knee_angle_l": -2.0 + WAVE, "knee_angle_r": -3.0 + WAVE}
+    assert _read(joints_stream({**values, **straight}, n=N, unit="deg")).data["knee_flexion_left"].min() == -2.0
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from reba.readers.checks import (
 from reba.readers.collect import Samples, collect, in_order
 from reba.readers.formats import file_hash
 from reba.readers.frames import AXES
+from reba.readers.joints import some
 from reba.readers.mapping import Mapper, mapper_for
 from reba.readers.neutral import apply_neutral
 from reba.readers.profile import Profile
@@ -32,6 +33,9 @@ from reba.readers.root import RootPose, read_root
 from reba.readers.stream import ReadLog, Recording
 
 Array = NDArray[np.float64]
+
+BENT = 10.0
+"""[deg] A hinge that bends the other way by more is not hyperextended, its sign is."""
 
 
 def finish(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:
@@ -152,26 +156,30 @@ def _hide(samples: Samples, mapper: Mapper, profile: Profile, match: Match, neut
     if neutral == "none":
         for column in profile.needs_neutral:
             reasons[column] = "it has no zero of its own: give a neutral posture (neutral='first:3s')"
+    _upright_sign(angles, profile.sign_from_range, mapper)
     if match.stream.kind != "joints":
         reasons |= impossible_columns(angles)
+    elif wrong := [column for column in impossible_columns(angles) if column not in reasons]:
+        mapper.warnings.append(f"most frames are impossible in {some(wrong)}: another convention than {profile.name}?")
     reasons |= profile.cannot
     for column in reasons:
         angles[:, INDEX[column]] = np.nan
-    for column in profile.sign_from_range:
-        _upright_sign(angles, column, mapper)
     for column in empty_columns(angles):
         reasons.setdefault(column, "no value in any frame")
     return reasons
 
 
-def _upright_sign(angles: Array, column: str, mapper: Mapper) -> None:
-    """Turn the sign of a hinge round if it bends the wrong way in most of its range."""
-    values = angles[:, INDEX[column]]
-    finite = values[np.isfinite(values)]
-    if len(finite) and abs(finite.min()) > abs(finite.max()) and finite.min() < 0:
-        values *= -1.0
-        span = f"{finite.min():.0f} .. {finite.max():.0f}"
-        mapper.assumed.append(f"{column}: flexion is negative in this source ({span} deg); sign turned round")
+def _upright_sign(angles: Array, columns: tuple[str, ...], mapper: Mapper) -> None:
+    """Turn the sign of hinges round if the largest bend of all of them is negative: a limb bends one way only."""
+    at = [INDEX[column] for column in columns]
+    values = angles[:, at]
+    lowest, highest = (float(pick(values, initial=0.0)) for pick in (np.nanmin, np.nanmax))
+    if at and lowest < -BENT and -lowest > highest:
+        angles[:, at] = -values
+        span = f"{lowest:.0f} .. {highest:.0f}"
+        mapper.assumed.append(
+            f"{', '.join(columns)}: flexion is negative in this source ({span} deg); sign turned round"
+        )
 
 
 def _beyond(angles: Array) -> list[str]:
