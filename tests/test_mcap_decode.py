@@ -19,8 +19,12 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_typestore
 
 from reba.readers.mcap import cdr, open_mcap, protobuf
-from reba.readers.mcap.decode import ColumnDecoder
+from reba.readers.mcap.container import Loaded, Segment
+from reba.readers.mcap.decode import Batch, ColumnDecoder
 from reba.readers.mcap.layout import Span, Undecodable
+from reba.readers.mcap.merge import MOST_SIGNALS
+from reba.readers.mcap.picks import TEXTS, pick_joints
+from reba.readers.mcap.records import Scan
 from reba.readers.mcap.schema import BadSchema, Number, parse
 from reba.readers.stream import Block, ReadLog, Recording
 
@@ -115,6 +119,26 @@ def test_more_layouts_than_are_kept_are_decoded_one_by_one(tmp_path: Path) -> No
     np.testing.assert_array_equal(block.values[:, block.names.index("same")], values[:, 2])
     for at in range(100):
         assert block.values[at, block.names.index(f"a{at:03}")] == values[at, 0]
+
+
+def test_names_that_never_end_are_cut_off(tmp_path: Path) -> None:
+    payloads = [
+        make.joint_state(EPOCH_NS + at * STEP_NS, [f"{at}_{index}" for index in range(50)], np.zeros(50))
+        for at in range(45)
+    ]
+    log = ReadLog()
+    schema = ("ros2msg", make.definition(JOINT_STATE))
+    (stream,) = one_channel(tmp_path / "names.mcap", JOINT_STATE, schema, "cdr", payloads).streams
+    assert all(len(block.names) == MOST_SIGNALS for block in stream.blocks(log))
+    assert "more than" in log.warnings[0]
+
+
+def test_messages_that_all_fail_are_counted(tmp_path: Path) -> None:
+    payloads = [b"\0\3\0\0" + payload[4:] for payload in make.payloads()]
+    schema = ("ros2msg", make.definition(JOINT_STATE))
+    found = one_channel(tmp_path / "all.mcap", JOINT_STATE, schema, "cdr", payloads)
+    assert found.streams == ()
+    assert "not plain CDR" in found.topics[0].why
 
 
 def test_ros1_joint_states(tmp_path: Path) -> None:
@@ -286,11 +310,6 @@ def test_a_damaged_layout_does_not_hide_good_messages() -> None:
     payloads = list(make.payloads()[:10])
     payloads[0] = payloads[0][:24] + b"\xff\xff\xff\x7f" + payloads[0][28:]
     data = b"".join(payloads)
-    from reba.readers.mcap.container import Loaded, Segment
-    from reba.readers.mcap.decode import Batch
-    from reba.readers.mcap.picks import TEXTS, pick_joints
-    from reba.readers.mcap.records import Scan
-
     lengths = np.array([len(payload) for payload in payloads])
     starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     none = Scan(starts, lengths, np.zeros(10, np.uint16), starts, (), 0)

@@ -78,6 +78,7 @@ def _open_files(
         try:
             container = Container(file, check_crc=check_crc, limit_bytes=limit_bytes)
             opened.append((container, [classify(container, known) for known in _channels(container)]))
+            container.release()
         except ReadError as error:
             if strict or len(files) == 1:
                 raise

@@ -125,6 +125,10 @@ class Container:
             self._last = loaded
         return self._last
 
+    def release(self) -> None:
+        """Let go of the segment at hand."""
+        self._last = None
+
     def _bytes(self, segment: Segment) -> bytes:
         packed = self.source.read_at(segment.offset, segment.size)
         head = segment.chunk

@@ -54,8 +54,8 @@ class Batch:
     lengths: NDArray[np.int64]
     times: NDArray[np.int64]
 
-    def select(self, chosen: NDArray[np.bool_]) -> Batch:
-        """Return the messages for which `chosen` (n,) is true."""
+    def __getitem__(self, chosen: NDArray[np.bool_] | slice) -> Batch:
+        """Return the messages for which `chosen` (n,) is true, or those of a slice."""
         return Batch(self.loaded, self.starts[chosen], self.lengths[chosen], self.times[chosen])
 
     def payload(self, index: int) -> bytes:
@@ -81,6 +81,7 @@ class _Plan:
     constant: dict[int, float] = field(default_factory=dict)
     joined: tuple[tuple[str, ...], tuple[str, ...]] | None = None
     error: str = ""
+    alone: bool = False
 
 
 class ColumnDecoder:
@@ -104,7 +105,7 @@ class ColumnDecoder:
         data = np.frombuffer(batch.loaded.data, np.uint8)
         for length in dict.fromkeys(batch.lengths.tolist()):
             same = batch.lengths == length
-            group = batch if same.all() else batch.select(same)
+            group = batch if same.all() else batch[same]
             self._decode_group(group, data, length, pieces, log)
         return pieces
 
@@ -115,27 +116,35 @@ class ColumnDecoder:
         if len(self._plans) >= _MOST_LENGTHS and length not in self._plans:
             self._plans.pop(next(iter(self._plans)))
         plans = self._plans.setdefault(length, [])
-        tried = 0
+        for plan in plans:
+            if not len(batch.starts):
+                return
+            batch = self._use(plan, batch, data, length, pieces, log)
         while len(batch.starts):
-            rows = Rows(data, batch.starts, length)
-            if tried < len(plans):
-                plan = plans[tried]
-                tried += 1
+            plan = self._new_plan(batch.payload(0))
+            if plan.alone or len(plans) >= _MOST_LAYOUTS:
+                # Never compared with the others: one damaged message after the other must not take ever longer.
+                self._use(plan, batch[:1], data, length, pieces, log)
+                batch = batch[1:]
             else:
-                plan = self._new_plan(rows.first())
-                if len(plans) < _MOST_LAYOUTS and not plan.error:
-                    plans.append(plan)
-                    tried = len(plans)
-            fits = plan.layout.matches(rows)
-            if not fits.any():
-                continue
-            if plan.error:
-                index = int(np.argmax(fits))
-                where = batch.loaded.where(int(batch.starts[index]))
-                log.skip(int(fits.sum()), f"message at {where}: {plan.error}")
-            else:
-                pieces.extend(_extract(plan, rows.select(fits), batch.times[fits]))
-            batch = batch.select(~fits)
+                plans.append(plan)
+                batch = self._use(plan, batch, data, length, pieces, log)
+
+    @staticmethod
+    def _use(
+        plan: _Plan, batch: Batch, data: NDArray[np.uint8], length: int, pieces: list[Piece], log: ReadLog
+    ) -> Batch:
+        """Decode the messages that have the layout of the plan, return the others."""
+        rows = Rows(data, batch.starts, length)
+        fits = plan.layout.matches(rows)
+        if not fits.any():
+            return batch
+        if plan.error:
+            where = batch.loaded.where(int(batch.starts[np.argmax(fits)]))
+            log.skip(int(fits.sum()), f"message at {where}: {plan.error}")
+        else:
+            pieces.extend(_extract(plan, rows.select(fits), batch.times[fits]))
+        return batch[~fits]
 
     def _new_plan(self, message: bytes) -> _Plan:
         """Return the plan of the layout of one message; the plan of a damaged one fits this message alone."""
@@ -143,7 +152,7 @@ class ColumnDecoder:
         try:
             walked = self._walk(message)
         except Undecodable as error:
-            return _Plan(Layout(alone, message), error=str(error))
+            return _Plan(Layout(alone, message), error=str(error), alone=True)
         try:
             picks = self._pick(walked.tree)
         except Undecodable as error:

@@ -85,11 +85,6 @@ class Rows:
         """Return the rows for which `chosen` (n,) is true."""
         return self if chosen.all() else Rows(self.data, self.starts[chosen], self.length)
 
-    def first(self) -> bytes:
-        """Return the bytes of the first row."""
-        start = int(self.starts[0])
-        return self.data[start : start + self.length].tobytes()
-
     def numbers(self, start: int, code: str, count: int) -> NDArray[Any]:
         """Return (n, count) numbers of type `code` that begin `start` bytes into each row."""
         kind = np.dtype(code)

@@ -20,6 +20,8 @@ HOLD: Final = 0.5
 """A value is held for this long [s] for rows whose message does not bring the signal."""
 TOGETHER: Final = 0.0004
 """Transforms sent one by one with stamps closer than this [s] belong to one frame (drivers that stamp each one)."""
+MOST_SIGNALS: Final = 2000
+"""Names kept in one stream; no body has more, and names that change with every message would fill the memory."""
 BLOCK_ROWS: Final = 4096
 """Messages gathered before a block is handed out."""
 
@@ -106,7 +108,10 @@ class Merger:
         return list(zip(piece.names, piece.parents or ("",) * len(piece.names), strict=True))
 
     def _column(self, name: str, parent: str) -> int:
-        """Return the column of a name, a new one if needed, -1 for a frame under a second parent."""
+        """Return the column of a name, a new one if needed; -1 for too many, and for a frame under a second parent."""
+        if name not in self._columns and len(self._columns) >= MOST_SIGNALS:
+            self._log.warn(f"there are more than {MOST_SIGNALS} signals; those that come later are left out")
+            return -1
         column = self._columns.setdefault(name, len(self._columns))
         if self._frames:
             if column == len(self._parents):

@@ -12,7 +12,7 @@ from reba.errors import ReadError
 from reba.readers.mcap.container import Container, Segment
 from reba.readers.mcap.decode import NO_STAMP, Decoder, Piece, load_json
 from reba.readers.mcap.layout import Undecodable
-from reba.readers.mcap.merge import Clock, Merger
+from reba.readers.mcap.merge import MOST_SIGNALS, Clock, Merger
 from reba.readers.mcap.topics import Part, batch_of, segments_of
 from reba.readers.stream import Block, Kind, ReadLog, Stream
 
@@ -71,7 +71,7 @@ def peek(parts: Sequence[Part], kind: Kind, log: ReadLog) -> Peek | None:
         for piece in reversed(moving + static)
         for at, name in enumerate(piece.names)
     }
-    names = tuple(dict.fromkeys(name for piece in moving + static for name in piece.names))
+    names = tuple(dict.fromkeys(name for piece in moving + static for name in piece.names))[:MOST_SIGNALS]
     clock = _clock(moving, "time" if kind == "angles" else "header.stamp")
     return Peek(names, tuple(parents[name] for name in names) if kind == "frames" else (), clock)
 
@@ -210,3 +210,4 @@ class StreamReader:
                     log.warn(f"{error}; the rest of this file is left out")
                     break
                 yield container, segment
+            container.release()

@@ -75,7 +75,7 @@ def batch_of(container: Container, segment: Segment, channel: int) -> Batch:
     found = loaded.scan
     batch = Batch(loaded, found.payloads, found.lengths, found.times)
     mine = found.channels == channel
-    return batch if mine.all() else batch.select(mine)
+    return batch if mine.all() else batch[mine]
 
 
 def first_message(container: Container, channel: int) -> bytes | None:
