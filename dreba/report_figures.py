@@ -67,7 +67,7 @@ def polynomial_figure(model: QuadraticModel, domain: Domain) -> Any:
         c0, c1, c2 = model.polynomials_[model.joints_.index(column)]
         lowest = min(bins.points)
         curves.append((name, angle, c0 + angle * (c1 + c2 * angle), _steps(bins, lowest)))
-    return _small_plots(curves, "points above the lowest")
+    return _small_plots(curves, "points")
 
 
 def sweep_figure(model: Surrogate, domain: Domain, temperature: float | None) -> Any:
@@ -97,7 +97,8 @@ def weight_figure(model: QuadraticModel, domain: Domain) -> Any:
             names.append(name)
             reach.append(float(np.ptp(values)))
     figure = go.Figure(go.Bar(x=reach, y=names, orientation="h", marker_color=MODEL))
-    figure.update_layout(**_layout(360), xaxis_title="largest difference over the limits", yaxis_autorange="reversed")
+    figure.update_layout(**_layout(360), xaxis_title="largest difference over the limits")
+    figure.update_yaxes(autorange="reversed", automargin=True)
     return figure
 
 
@@ -118,8 +119,10 @@ def _small_plots(curves: list[tuple[str, Array, Array, tuple[Array, Array]]], un
     figure = make_subplots(rows=rows, cols=COLUMNS, subplot_titles=[curve[0] for curve in curves])
     for index, (_, angle, values, steps) in enumerate(curves):
         place = {"row": index // COLUMNS + 1, "col": index % COLUMNS + 1}
-        figure.add_scatter(x=steps[0], y=steps[1], line={"color": TRUE, "width": 1.5}, name="table", **place)
-        figure.add_scatter(x=angle, y=values, line={"color": MODEL, "width": 2}, name="model", **place)
+        figure.add_scatter(
+            x=steps[0], y=steps[1], mode="lines", line={"color": TRUE, "width": 1.5}, name="table", **place
+        )
+        figure.add_scatter(x=angle, y=values, mode="lines", line={"color": MODEL, "width": 2}, name="model", **place)
     figure.update_layout(**{**_layout(190 * rows + 60), "showlegend": False})
     figure.update_xaxes(ticksuffix="°")
     figure.update_yaxes(title_text=unit, col=1)
