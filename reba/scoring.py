@@ -181,9 +181,9 @@ def _score_block(
             f"{COLUMNS[row]} is not measured at frame {start + frame}; measure it, or choose missing='range'"
         )
     high = np.empty_like(out)
-    np.copyto(block, _BEST[:, None], where=unmeasured)
+    _fill(block, unmeasured, _BEST)
     _evaluate(block, given, chosen, out)
-    np.copyto(block, _WORST[:, None], where=unmeasured)
+    _fill(block, unmeasured, _WORST)
     _evaluate(block, given, chosen, high)
     out[_ROW["reba_low"]] = out[_ROW["reba"]]
     out[_ROW["reba_high"]] = high[_ROW["reba"]]
@@ -192,6 +192,12 @@ def _score_block(
         np.copyto(out[:ends], UNKNOWN, where=out[:ends] != high[:ends])
     elif missing == "worst":
         out[:ends] = high[:ends]
+
+
+def _fill(block: NDArray[np.float64], unmeasured: NDArray[np.bool_], ends: NDArray[np.float64]) -> None:
+    """Put one angle for each column into the unmeasured places of `block` (22, m); most columns have none."""
+    for column in np.flatnonzero(unmeasured.any(axis=1)):
+        np.copyto(block[column], ends[column], where=unmeasured[column])
 
 
 def _evaluate(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Scores8) -> None:
