@@ -55,6 +55,7 @@ class _Page(HTMLParser):
     def __init__(self, html: str) -> None:
         super().__init__()
         self.tags: list[str] = []
+        self.policy = ""
         self.links: list[str] = []
         self.ids: list[str] = []
         self.words: list[str] = []
@@ -65,6 +66,8 @@ class _Page(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         given = dict(attrs)
+        if given.get("http-equiv") == "Content-Security-Policy":
+            self.policy = str(given["content"])
         self.tags.append(tag)
         self.links += [str(given[name]) for name in ("src", "href", "action", "xlink:href") if name in given]
         self.ids += [str(given["id"])] if "id" in given else []
@@ -137,6 +140,7 @@ def test_assumed_and_given_factors_differ(page: _Page) -> None:
 
 
 def test_nothing_is_loaded(page: _Page) -> None:
+    assert "default-src 'none'" in page.policy
     assert all(link.startswith("#") for link in page.links)
     assert not {"link", "iframe", "img", "object", "embed", "base", "form"} & set(page.tags)
 

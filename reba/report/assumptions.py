@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from reba.factors import ASSUMED, COUPLINGS, FACTORS, flag, load_kg
+from reba.factors import ACTIVITIES, ASSUMED, COUPLINGS, FACTORS, flag, load_kg
 from reba.posture import ANGLES, SIDES
 from reba.report.phrases import angle_name, percent, span
 from reba.report.recording import Recording
@@ -40,6 +40,8 @@ def factor_rows(record: Recording) -> list[tuple[str, str, str]]:
 def _origin(record: Recording, name: str) -> str:
     if name in record.scores.activity_causes:
         return "found in the movement"
+    if name in ACTIVITIES and record.frames < 2 and isinstance(getattr(record.scores.factors, name), np.ndarray):
+        return "too short to tell"
     return "assumed" if ASSUMED.get(name) in record.scores.assumed else "given"
 
 

@@ -54,5 +54,9 @@
       }),
     );
   }
+  // Paper has no folds.
+  window.addEventListener("beforeprint", () => {
+    for (const details of document.querySelectorAll("details")) details.open = true;
+  });
   Promise.all(drawings).then(() => document.documentElement.setAttribute("data-drawn", String(drawings.length)));
 })();

@@ -14,7 +14,7 @@ from reba.report.grade import RULE
 from reba.report.parts import effects, part_shares
 from reba.report.recording import Recording, recording, shares_of_levels
 from reba.report.series import BUCKETS, DRAW_ALL, VIEWS
-from reba.report.static_plot import time_svg
+from reba.report.static_plot import time_label, time_svg
 from reba.report.verdict import WHY_P90, demanding_time, verdict, worse_side
 from reba.report.words import LEVEL_COLOURS, LIMITS, PART_COLOURS, SOURCES, TEXT_ON
 from reba.report.worst import worst, worst_minute
@@ -129,10 +129,12 @@ def _section(number: int, record: Recording, span: float) -> dict[str, Any]:
         "grade": record.grade,
         "gaps": record.gaps,
         "time_svg": "",
+        "time_label": "",
         "figures": {},
         "angle_names": [],
     }
     if record.frames:
+        section["time_label"] = time_label(record)
         section["time_svg"] = Markup(time_svg(record, intervals, span))
         section["figures"]["time"] = Markup(time_figure(record, intervals, span))
     if angle_plot is not None:

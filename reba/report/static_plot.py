@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.report.figures import TOP, drawn_gaps, level_bands, time_range
+from reba.report.phrases import span
 from reba.report.recording import Recording
 from reba.report.series import band, line, steps
 from reba.report.worst import Worst
@@ -20,9 +21,9 @@ _BUCKETS: Final = 800
 _BOTTOM: Final = 0.5
 
 
-def time_svg(record: Recording, intervals: list[Worst], span: float) -> str:
-    """Return the SVG; `span` [s] is the length of the time axis."""
-    start, end = time_range(record, span)
+def time_svg(record: Recording, intervals: list[Worst], length: float) -> str:
+    """Return the SVG; `length` [s] is that of the time axis."""
+    start, end = time_range(record, length)
 
     def x(seconds: Array) -> Array:
         return _LEFT + (np.asarray(seconds) - start) / ((end - start) or 1.0) * (_RIGHT - _LEFT)
@@ -61,17 +62,17 @@ def time_svg(record: Recording, intervals: list[Worst], span: float) -> str:
         parts.append(f'<line class="axis" x1="{at:.1f}" y1="{_DOWN:g}" x2="{at:.1f}" y2="{_DOWN + 5:g}"/>')
         parts.append(f'<text class="time" x="{at:.1f}" y="{_DOWN + 18:g}">{tick:g}</text>')
     parts.append(f'<text class="time" x="{(_LEFT + _RIGHT) / 2:g}" y="{_DOWN + 34:g}">time [s]</text>')
-    return (
-        f'<svg class="timeline" viewBox="0 0 900 308" role="img" aria-label="{_label(record)}">{"".join(parts)}</svg>'
-    )
+    opening = f'<svg class="timeline" viewBox="0 0 900 308" role="img" aria-label="{time_label(record)}">'
+    return f"{opening}{''.join(parts)}</svg>"
 
 
-def _label(record: Recording) -> str:
+def time_label(record: Recording) -> str:
+    """Return what the plot over time shows, for people who cannot see it."""
     ends = record.summary["range"]
     return (
-        f"REBA over time from {record.scores.time[0]:.1f} to {record.scores.time[-1]:.1f} s, between "
-        f"{ends['max_low']} at most with unmeasured angles at their best and {ends['max_high']} at their worst; "
-        f"{len(record.gaps)} gaps without samples"
+        f"REBA over time from {record.scores.time[0]:.1f} to {record.scores.time[-1]:.1f} s: "
+        f"median {span(ends['median_low'], ends['median_high'])}, p90 {span(ends['p90_low'], ends['p90_high'])}, "
+        f"highest {span(ends['max_low'], ends['max_high'])}; {len(record.gaps)} gaps without samples"
     )
 
 

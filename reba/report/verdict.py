@@ -125,6 +125,7 @@ def worse_side(record: Recording) -> tuple[str, str]:
         "right": float(record.weights[right > left].sum() / record.seconds),
     }
     note = f"left higher {percent(higher['left'])} of the time, right {percent(higher['right'])}, else equal"
+    note += "" if record.measured else "; unmeasured angles neutral"
     if abs(higher["left"] - higher["right"]) < 0.005:
         return "both alike", note
     return ("left" if higher["left"] > higher["right"] else "right"), note
