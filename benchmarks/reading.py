@@ -140,6 +140,12 @@ def poses_of(message: Any) -> list[Any]:
     ]
 
 
+def unpack(packed: list[Chunk], decompressor: zstandard.ZstdDecompressor) -> None:
+    """Unpack all chunks and do nothing else."""
+    for chunk in packed:
+        decompressor.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
+
+
 def measure(
     path: Path, count: int, peer_count: int, values: Callable[[Any], list[Any]], truth: np.ndarray, repeat: int
 ) -> dict[str, Any]:
@@ -150,19 +156,20 @@ def measure(
         raise SystemExit(f"{path.name}: the peer returns other values than were written")
     packed = chunks(path)
     decompressor = zstandard.ZstdDecompressor()
-    ours = best(lambda: read_ours(path), repeat)
-    unpack = best(
-        lambda: [decompressor.decompress(chunk.data, max_output_size=chunk.uncompressed_size) for chunk in packed],
-        repeat,
-    )
-    peer = best(lambda: read_peer(path, peer_count, values), max(2, repeat // 2))
+    rounds = []
+    for _ in range(repeat):
+        # Taken in turn, so that a busy moment of the machine meets all three.
+        peer = best(lambda: read_peer(path, peer_count, values), 1)
+        ours = best(lambda: read_ours(path), 3)
+        rounds.append((ours, best(lambda: unpack(packed, decompressor), 3), peer))
+    ours, zstd_only, peer = (min(times) for times in zip(*rounds, strict=True))
     return {
         "messages": count,
         "file_bytes": path.stat().st_size,
         "ours_s": ours,
         "ours_messages_per_s": count / ours,
-        "zstd_only_s": unpack,
-        "ours_over_zstd": ours / unpack,
+        "zstd_only_s": zstd_only,
+        "ours_over_zstd": ours / zstd_only,
         "peer_messages": peer_count,
         "peer_s": peer,
         "peer_messages_per_s": peer_count / peer,
