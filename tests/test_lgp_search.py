@@ -1,0 +1,189 @@
+"""The tree search against exhaustive enumeration, on problems whose costs are made up."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lgp.logic import Task, ground, load_domain, parse_atom
+from lgp.search import BoundResult, Budget, SearchResult, Skeleton, Status, search
+
+TABLES = ("left", "center", "right")
+
+
+def task(hands: int = 2, start: tuple[str, ...] = ("free", "on_table")) -> Task:
+    robots = {f"robot.{i}": "robot_hand" for i in range(hands)}
+    objects = {"human": "human_hand", "tool": "thing", **robots, **dict.fromkeys(TABLES, "table")}
+    initial = [f"free({hand})" for hand in ("human", *robots) if "free" in start]
+    initial += ["on_table(tool)"] if "on_table" in start else []
+    goal = [parse_atom("grasped(human, tool)")]
+    return ground(load_domain("screwdriver"), objects, map(parse_atom, initial), goal)
+
+
+class MadeUp:
+    """Costs drawn from a seed: each action costs something, later levels cost more, some are infeasible."""
+
+    levels = ("pose", "sequence", "path")
+
+    def __init__(self, seed: int, infeasible: float = 0.2, direct: bool = False) -> None:
+        self.seed, self.infeasible, self.direct = seed, infeasible, direct
+        self.calls: list[tuple[str, Skeleton]] = []
+
+    def is_lower_bound(self, level: str) -> bool:
+        return True
+
+    def _draw(self, *what: object) -> random.Random:
+        return random.Random(repr((self.seed, *what)))
+
+    def _bad(self, skeleton: Skeleton, level: int) -> int:
+        """How many actions it takes until the sequence is infeasible, 0 if never; later levels find more."""
+        for end in range(1, len(skeleton) + 1):
+            words = [str(action) for action in skeleton[:end]]
+            if not self.direct and len(words) == 1 and "human" in words[0]:
+                return end
+            if any(self._draw("bad", stage, words).random() < self.infeasible / 3 for stage in range(level + 1)):
+                return end
+        return 0
+
+    def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
+        self.calls.append((level, skeleton))
+        stage = self.levels.index(level)
+        end = self._bad(skeleton, stage)
+        if end:
+            return BoundResult(False, math.inf, f"{level}: {skeleton[end - 1]} cannot be reached")
+        steps = [str(action) for action in skeleton]
+        cost = sum(self._draw("cost", steps[: i + 1]).uniform(1, 3) for i in range(len(steps)))
+        return BoundResult(True, cost * (0.5, 0.9, 1.0)[stage], payload=tuple(steps))
+
+
+def exhaustive(problem: Task, bounds: MadeUp, depth: int) -> float:
+    best = math.inf
+
+    def visit(state: int, skeleton: Skeleton, seen: frozenset[int]) -> None:
+        nonlocal best
+        if problem.is_goal(state):
+            best = min(best, bounds.solve("path", skeleton, None).cost)
+            return
+        if len(skeleton) < depth:
+            for action, after in problem.successors(state):
+                if after not in seen:
+                    visit(after, (*skeleton, action), seen | {after})
+
+    visit(problem.initial, (), frozenset({problem.initial}))
+    return best
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 0.2, 0.6]), st.booleans())
+def test_finds_the_optimum_and_proves_it(seed: int, infeasible: float, direct: bool) -> None:
+    problem = task()
+    bounds = MadeUp(seed, infeasible, direct)
+    found = search(problem, bounds, Budget(depth=5))
+    truth = exhaustive(problem, MadeUp(seed, infeasible, direct), 5)
+    assert found.cost == pytest.approx(truth)
+    if math.isfinite(truth):
+        assert found.status is Status.OPTIMAL
+        assert found.bound <= found.cost + 1e-12
+        assert found.gap == 0.0
+        assert problem.is_goal(end_state(problem, found.skeleton))
+    else:
+        assert found.status is Status.INFEASIBLE
+        assert "cannot be reached" in found.reason
+
+
+def end_state(problem: Task, skeleton: Skeleton) -> int:
+    state = problem.initial
+    for action in skeleton:
+        assert action.applies(state)
+        state = action.apply(state)
+    return state
+
+
+def test_solves_far_fewer_paths_than_there_are() -> None:
+    problem, bounds = task(), MadeUp(3, 0.1)
+    found = search(problem, bounds, Budget(depth=5))
+    paths = [skeleton for level, skeleton in bounds.calls if level == "path"]
+    every = MadeUp(3, 0.1)
+    exhaustive(problem, every, 5)
+    assert len(paths) == found.statistics["path"].solved
+    assert len(paths) < len(every.calls) / 4
+    assert found.pruned > 0
+
+
+def test_same_search_twice_is_the_same() -> None:
+    def run() -> SearchResult:
+        return search(task(), MadeUp(11), Budget(depth=5))
+
+    first, second = run(), run()
+    assert [(n.skeleton, n.costs, n.verdict) for n in first.nodes] == [
+        (n.skeleton, n.costs, n.verdict) for n in second.nodes
+    ]
+
+
+def test_conflicts_are_remembered() -> None:
+    problem = task(hands=2)
+    bad = problem.action("place(robot.0, tool, left)")
+
+    class Learning(MadeUp):
+        def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
+            result = super().solve(level, skeleton, warm)
+            if skeleton[-1] == bad:
+                return BoundResult(False, math.inf, "left is out of reach of robot.0", conflict=(bad,))
+            return result
+
+    bounds = Learning(5, 0.0)
+    found = search(problem, bounds, Budget(depth=5))
+    asked = [skeleton for _, skeleton in bounds.calls if bad in skeleton]
+    assert len(asked) == 1
+    assert found.status is Status.OPTIMAL
+    assert any(node.verdict == "pruned" and "out of reach" in node.reason for node in found.nodes)
+
+
+def test_unreachable_and_too_deep() -> None:
+    nothing = search(task(start=("on_table",)), MadeUp(1))
+    assert nothing.status is Status.UNREACHABLE
+    assert "free(human) never holds" in nothing.reason
+    assert nothing.gap == math.inf
+    shallow = search(task(), MadeUp(1, 0.0), Budget(depth=0))
+    assert shallow.status is Status.INFEASIBLE
+    assert "more than 0 actions" in shallow.reason
+
+
+def test_budgets_end_the_search_with_a_gap() -> None:
+    problem = task()
+    free = search(problem, MadeUp(7, 0.0), Budget(depth=5))
+    few = search(problem, MadeUp(7, 0.0), Budget(depth=5, calls={"path": 1}))
+    assert few.statistics["path"].solved == 1
+    assert few.status in (Status.GAP, Status.OPTIMAL)
+    assert few.bound <= free.cost + 1e-12 <= few.cost + 2e-12
+    none = search(problem, MadeUp(7, 0.0), Budget(depth=5, calls={"pose": 0}))
+    assert none.status is Status.EXHAUSTED
+    late = search(problem, MadeUp(7, 0.0), Budget(depth=5, seconds=0.0))
+    assert late.status is Status.EXHAUSTED
+
+
+def test_interrupt_keeps_the_best_plan() -> None:
+    class Interrupted(MadeUp):
+        def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
+            if sum(1 for name, _ in self.calls if name == "path"):
+                raise KeyboardInterrupt
+            return super().solve(level, skeleton, warm)
+
+    found = search(task(), Interrupted(2, 0.0), Budget(depth=5))
+    assert found.status is Status.INTERRUPTED
+    assert found.skeleton
+    assert found.bound <= found.cost
+
+
+def test_levels_without_a_bound_do_not_prune() -> None:
+    class Unrelated(MadeUp):
+        def is_lower_bound(self, level: str) -> bool:
+            return False
+
+    for seed in range(5):
+        found = search(task(), Unrelated(seed, 0.2), Budget(depth=3))
+        assert found.cost == pytest.approx(exhaustive(task(), MadeUp(seed, 0.2), 3))
