@@ -1,0 +1,201 @@
+"""Reach tasks: what a surrogate is for. It is minimised while the hands stay on their points; the exact score judges.
+
+Tasks alternate between one hand at a random point and two hands on the sides of a box 0.34 m wide. They are generated
+from a seed, apart from any poses that a model was fitted to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import reba
+from dreba import figure
+from dreba.graduated import GraduatedModel
+from dreba.model import Surrogate
+from dreba.staged import Effort, Objective, minimise
+from reba.posture import SIDES
+
+Array = NDArray[np.float64]
+Starts = Literal["random", "neutral"]
+
+BOX: Final = 0.34
+"""[m] Distance of the hands on a box."""
+MET: Final = 1e-3
+"""[m] Largest distance of a hand from its point in a solution."""
+INFEASIBLE: Final = 12
+"""Counted as the score of a solution that does not reach."""
+HAND_SPACE: Final = ((0.20, 0.65), (-0.20, 0.50), (0.40, 1.60))
+"""[m] Where single points lie: forward, to the side of the hand, up."""
+BOX_SPACE: Final = ((0.25, 0.60), (-0.20, 0.20), (0.40, 1.50))
+"""[m] Where the middles of boxes lie: forward, left, up."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """Points [m] that hands have to reach: side -> (x, y, z) in the axes of `dreba.figure`."""
+
+    targets: Mapping[str, tuple[float, float, float]]
+
+    def constraint(self, dofs: Array) -> tuple[Array, Array]:
+        """Return the distances (m,) [m] of the hands from their points and their Jacobian (m, 22) [m/deg]."""
+        residuals, jacobians = [], []
+        for side, target in self.targets.items():
+            position, jacobian = figure.hand(dofs, side)
+            residuals.append(position - np.array(target))
+            jacobians.append(jacobian)
+        return np.concatenate(residuals), np.concatenate(jacobians)
+
+
+def tasks(n: int, seed: int = 0) -> tuple[Task, ...]:
+    """Return n tasks: one hand (sides in turn) and two hands alternate.
+
+    Example:
+        >>> [sorted(task.targets) for task in tasks(4)]
+        [['left'], ['left', 'right'], ['right'], ['left', 'right']]
+    """
+    rng = np.random.default_rng(seed)
+    found = []
+    for number in range(n):
+        if number % 2 == 0:
+            side = SIDES[number // 2 % 2]
+            x, y, z = (float(rng.uniform(*ends)) for ends in HAND_SPACE)
+            found.append(Task({side: (x, y if side == "left" else -y, z)}))
+        else:
+            x, y, z = (float(rng.uniform(*ends)) for ends in BOX_SPACE)
+            found.append(Task({"left": (x, y + BOX / 2, z), "right": (x, y - BOX / 2, z)}))
+    return tuple(found)
+
+
+def starts(kind: Starts, n: int, seed: int = 0) -> Array:
+    """Return (n, 22) degrees to start from: uniform in the limits, or within 5 deg of standing upright."""
+    rng = np.random.default_rng([seed, 1])
+    low, high = figure.limits()
+    if kind == "random":
+        return rng.uniform(low, high, (n, len(low)))
+    return np.clip(figure.neutral() + rng.uniform(-5.0, 5.0, (n, len(low))), low, high)
+
+
+def true_score(dofs: Array) -> int:
+    """Return the exact REBA score of degrees of freedom (22,)."""
+    return int(reba.score_array(figure.posture(dofs)[None]).reba[0])
+
+
+def on_figure(objective: Objective) -> Objective:
+    """Return an objective of the angles as one of the figure's degrees of freedom."""
+
+    def evaluate(dofs: Array) -> tuple[float, Array]:
+        value, gradient = objective(figure.posture(dofs))
+        return value, figure.pull_back(gradient)
+
+    return evaluate
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way to solve a task: objectives of the angles in stages, and how.
+
+    Attributes:
+        name: shown in tables.
+        objectives: of the 22 angles.
+        released: stages without the constraint, see `staged.minimise`.
+        effort: of the stages.
+        judged: whether the exact score picks the best of the stage ends.
+    """
+
+    name: str
+    objectives: Sequence[Objective]
+    released: int = 0
+    effort: Effort | Sequence[Effort] = field(default_factory=Effort)
+    judged: bool = False
+
+
+def method_of(model: Surrogate, temperature: float | None = None, name: str = "") -> Method:
+    """Return a model as a method: the stages of a graduated model, or one stage for any other.
+
+    Args:
+        model: fitted on all 22 columns.
+        temperature: [deg] for a model with temperatures; None for its own (and for all stages of a graduated one).
+        name: shown in tables, "" for the kind.
+    """
+    if isinstance(model, GraduatedModel) and temperature is None:
+        objectives = [stage.objective() for stage in model.stages_]
+        return Method(name or model.kind, objectives, **GRADUATED)
+
+    def objective(angles: Array) -> tuple[float, Array]:
+        value, gradient = model.value_and_gradient(angles, temperature=temperature)
+        return float(value), gradient
+
+    return Method(name or model.kind, [objective])
+
+
+GRADUATED: Final[dict[str, Any]] = {"released": 0, "judged": True}
+"""How the stages of a graduated model are solved."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a method reached on tasks x starts.
+
+    Attributes:
+        scores: (tasks, starts) exact scores, `INFEASIBLE` where the task was not reached.
+        infeasible: share of runs that did not reach.
+        evaluations: mean number of objective evaluations per run.
+        constraint_evaluations: mean number of evaluations of the figure per run.
+        seconds: mean wall time per run.
+    """
+
+    scores: NDArray[np.int64]
+    infeasible: float
+    evaluations: float
+    constraint_evaluations: float
+    seconds: float
+
+    @property
+    def mean(self) -> float:
+        """Mean exact score."""
+        return float(self.scores.mean())
+
+    def share_best(self, best: NDArray[np.int64]) -> float:
+        """Return the share of runs that equal the best known score of their task (tasks,)."""
+        return float((self.scores == best[:, None]).mean())
+
+    def share_best_of_starts(self, best: NDArray[np.int64]) -> float:
+        """Return the share of tasks whose best start equals the best known score (tasks,)."""
+        return float((self.scores.min(axis=1) == best).mean())
+
+
+def run(method: Method, given: Sequence[Task], beginnings: Array) -> Outcome:
+    """Solve every task from every start.
+
+    Args:
+        method: how.
+        given: the tasks.
+        beginnings: (tasks, starts, 22) degrees.
+    """
+    from time import perf_counter
+
+    low, high = figure.limits()
+    objectives = [on_figure(objective) for objective in method.objectives]
+    scores = np.empty(beginnings.shape[:2], np.int64)
+    effort = []
+    began = perf_counter()
+    for row, task in enumerate(given):
+        for column, start in enumerate(beginnings[row]):
+            found = minimise(
+                objectives, start, low, high, task.constraint, released=method.released, effort=method.effort,
+                score=true_score if method.judged else None, tolerance=MET,
+            )  # fmt: skip
+            scores[row, column] = true_score(found.x) if found.residual <= MET else INFEASIBLE
+            effort.append((found.evaluations, found.constraint_evaluations, found.residual > MET))
+    means = np.mean(effort, axis=0)
+    return Outcome(scores, float(means[2]), float(means[0]), float(means[1]), (perf_counter() - began) / len(effort))
+
+
+def best_known(outcomes: Sequence[Outcome]) -> NDArray[np.int64]:
+    """Return (tasks,) the best score that any method reached from any start."""
+    return np.min([outcome.scores.min(axis=1) for outcome in outcomes], axis=0)
