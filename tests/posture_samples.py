@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import reference_reba as reference
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import reba
+from reba.posture import INDEX
+from reba.scoring import SCORE_COLUMNS
+
+MEASURED = reba.PRESETS["measured"]
+KNOWN = SCORE_COLUMNS[: SCORE_COLUMNS.index("reba_low")]
+"""Columns of the score table but the range."""
 
 CLASS_ANGLES: dict[str, tuple[float, ...]] = {
     "trunk_flexion": (0.0, 12.0, -12.0, 40.0, -40.0, 75.0),
@@ -60,3 +68,41 @@ def random_factors(rng: np.random.Generator, n: int) -> dict[str, NDArray[np.gen
 def frame_factors(factors: dict[str, NDArray[np.generic]], frame: int) -> dict[str, object]:
     """Return the factors of one frame as plain Python values."""
     return {name: values[frame].item() for name, values in factors.items()}
+
+
+rule_sets = st.builds(
+    reba.Rules,
+    **dict.fromkeys(("trunk_upright", "neck_upright"), st.sampled_from([0.0, 5.0, 10.0])),
+    **dict.fromkeys(
+        ("trunk_twist", "trunk_side_bend", "neck_twist", "neck_side_bend", "wrist_deviation", "wrist_twist"),
+        st.sampled_from([0.0, 10.0, 30.0]),
+    ),
+    **dict.fromkeys(("abduction", "shoulder_elevation"), st.sampled_from([0.0, 10.0, 45.0])),
+    edges=st.sampled_from(["lower", "upper"]),
+    twist_and_bend=st.sampled_from(["one", "two"]),
+    two_sides=st.sampled_from(["worse", "left", "right"]),
+    walking_legs=st.sampled_from([1, 2]),
+    seated_knees=st.booleans(),
+    coupling_without_load=st.booleans(),
+)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def posture(**angles: float) -> np.ndarray:
+    """Return one neutral posture (elbows at 80 deg) with some angles set; names without a side set both."""
+    row = np.zeros((1, len(reba.COLUMNS)))
+    for name, value in {"lower_arm_flexion": 80.0, **angles}.items():
+        for column in reba.COLUMNS:
+            if column in (name, f"{name}_left", f"{name}_right"):
+                row[0, INDEX[column]] = value
+    return row
+
+
+def one(row: np.ndarray, rules: reba.Rules = MEASURED, **factors: object) -> dict[str, int]:
+    """Return the scores of one posture by column."""
+    arrays = reba.score_array(row, factors, rules)
+    return {name: int(arrays[name][0]) for name in SCORE_COLUMNS}
+
+
+def restated(row: np.ndarray, rules: reba.Rules, **factors: object) -> dict[str, int]:
+    return reference.score(dict(zip(reba.COLUMNS, row.tolist(), strict=True)), rules, **factors)

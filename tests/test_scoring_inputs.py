@@ -1,0 +1,90 @@
+"""What the vectorised core takes and refuses: lengths, layouts, kinds of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import posture_samples as samples
+import pytest
+from posture_samples import MEASURED, one, posture
+
+import reba
+from reba.scoring import CHUNK, SCORE_COLUMNS
+
+
+@pytest.mark.parametrize("n", [0, 1, 8191, 8192, 8193, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK + 3])
+def test_chunk_borders(n: int) -> None:
+    rng = np.random.default_rng(n)
+    few, factors = samples.random_angles(rng, 50), samples.random_factors(rng, 50)
+    few[rng.random(few.shape) < 0.02] = np.nan
+    expected = reba.score_array(few, factors)
+    places = np.arange(n) % 50
+    arrays = reba.score_array(few[places], {name: values[places] for name, values in factors.items()})
+    for name in SCORE_COLUMNS:
+        assert arrays[name].shape == (n,)
+        assert arrays[name].dtype == np.uint8
+        np.testing.assert_array_equal(arrays[name], expected[name][places], err_msg=name)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        np.asfortranarray,
+        lambda a: a.tolist(),
+        lambda a: np.repeat(a, 2, axis=0)[::2],
+        lambda a: a.astype(object),
+        lambda a: a.astype(">f8"),
+    ],
+)
+def test_layouts(change: Callable[[np.ndarray], object]) -> None:
+    angles = samples.random_angles(np.random.default_rng(1), 64)
+    before = angles.copy()
+    np.testing.assert_array_equal(reba.score_array(change(angles)).reba, reba.score_array(before).reba)
+    np.testing.assert_array_equal(angles, before)
+
+
+def test_narrow_floats_and_integers() -> None:
+    angles = np.round(samples.random_angles(np.random.default_rng(2), 64))
+    for kind in (np.float32, np.int16):
+        np.testing.assert_array_equal(reba.score_array(angles.astype(kind)).reba, reba.score_array(angles).reba)
+
+
+def test_input_is_never_changed() -> None:
+    for rules in (MEASURED, MEASURED.replace(upper_arm_reference="gravity")):
+        angles = samples.random_angles(np.random.default_rng(3), 10)
+        angles[0, :5] = np.nan
+        before = angles.copy()
+        reba.score_array(angles, None, rules)
+        np.testing.assert_array_equal(angles, before)
+
+
+@pytest.mark.parametrize(
+    ("angles", "message"),
+    [
+        (np.zeros(22), r"shape \(22,\); expected \(n, 22\)"),
+        (np.zeros((3, 21)), r"shape \(3, 21\); expected \(n, 22\)"),
+        (np.zeros((2, 3, 22)), "expected"),
+        ([["flexed"] * 22], "no number"),
+        ([[0.0] * 22, [0.0] * 21], "no number"),
+        (None, "expected"),
+        (posture(trunk_twist=np.inf), "trunk_twist is infinite at frame 0"),
+        (posture(trunk_twist=np.inf, neck_twist=-np.inf), "infinite"),
+    ],
+)
+def test_bad_angles_are_refused(angles: object, message: str) -> None:
+    with pytest.raises(reba.PostureError, match=message):
+        reba.score_array(angles)
+
+
+def test_huge_angles_are_only_large() -> None:
+    assert one(posture(trunk_flexion=1.7e308, trunk_twist=1.7e308))["trunk"] == 5
+
+
+def test_unknown_choices_are_refused() -> None:
+    with pytest.raises(reba.PostureError, match="missing is 'guess'"):
+        reba.score_array(posture(), missing="guess")
+    with pytest.raises(reba.RulesError, match="rules 'strict' are unknown"):
+        reba.score_array(posture(), rules="strict")
+    with pytest.raises(KeyError):
+        reba.score_array(posture())["knees"]
