@@ -1,0 +1,222 @@
+"""Poses: balanced, exactly distributed, reproducible, and refused where they cannot be had."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import chi2, ks_2samp
+
+import dreba
+import reba
+from dreba.domain import DOMAINS
+from reba.posture import COLUMNS, INDEX
+
+ALL_FACTORS = ["load", "coupling", "activity"]
+NARROW = dataclasses.replace(
+    dreba.domain_of("human"),
+    limits={c: ((-8.0, 24.0) if "lower_arm" not in c else (50.0, 110.0)) for c in COLUMNS},
+)
+"""Limits so near to upright that low classes are frequent among uniform draws."""
+
+
+@pytest.mark.parametrize("domain", DOMAINS)
+@pytest.mark.parametrize("weights", ["bins", "volume", "cells"])
+def test_classes_are_even_and_limits_kept(domain: str, weights: str) -> None:
+    poses = dreba.sample(1003, rng=5, domain=domain, weights=weights)
+    assert set(poses.counts) == set(range(1, 11))
+    assert max(poses.counts.values()) - min(poses.counts.values()) == 1
+    space = dreba.domain_of(domain)
+    assert (poses.angles >= space.low).all()
+    assert (poses.angles <= space.high).all()
+
+
+@pytest.mark.parametrize("domain", ["human", "human_description"])
+def test_scores_are_exact(domain: str) -> None:
+    poses = dreba.sample(1500, range(1, 16), rng=5, domain=domain, factors=ALL_FACTORS)
+    exact = reba.score_array(poses.angles, poses.factors, dreba.domain_of(domain).rules).reba
+    assert np.array_equal(poses.reba, exact)
+    assert set(poses.counts.values()) == {100}
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.sets(st.integers(1, 10), min_size=1), st.integers(0, 2**40), st.booleans())
+def test_any_classes_any_seed(classes: set[int], seed: int, stratified: bool) -> None:
+    poses = dreba.sample(40, sorted(classes), rng=seed, stratified=stratified)
+    assert set(poses.counts) == classes
+    again = dreba.sample(40, sorted(classes), rng=seed, stratified=stratified)
+    assert np.array_equal(poses.angles, again.angles)
+
+
+@pytest.mark.parametrize(("domain", "classes"), [(NARROW, (1, 2, 3, 4)), ("human", (7, 8, 9, 10))])
+def test_volume_weights_equal_rejection(domain: dreba.Domain | str, classes: tuple[int, ...]) -> None:
+    """Within a class, poses are distributed as uniform draws that were kept because they had it."""
+    space = dreba.domain_of(domain)
+    rng = np.random.default_rng(8)
+    uniform = space.low + (space.high - space.low) * rng.random((150_000, 22))
+    scores = reba.score_array(uniform, None, space.rules).reba
+    drawn = dreba.sample(20_000, classes, domain=space, rng=9, weights="volume")
+    chances = []
+    for score in classes:
+        kept = uniform[scores == score][:5000]
+        assert len(kept) > 400
+        own = drawn.angles[drawn.reba == score]
+        chances += [ks_2samp(kept[:, i], own[:, i]).pvalue for i in range(22)]
+        # Angles of one part depend on each other only through the class: products would show a wrong joint draw.
+        for a, b in (("trunk_flexion", "neck_flexion"), ("upper_arm_flexion_left", "upper_arm_flexion_right")):
+            pair = [np.abs(part[:, INDEX[a]]) * np.abs(part[:, INDEX[b]]) for part in (kept, own)]
+            chances.append(ks_2samp(*pair).pvalue)
+    # Bonferroni: with the right distribution the smallest of about 100 chances is below 1e-5 once in a thousand seeds.
+    assert min(chances) > 1e-5
+
+
+def test_bins_of_the_authors_equal_their_rejection_sampler() -> None:
+    """Domain "paper": a bin per joint drawn uniformly, an angle inside it, kept if it has the class."""
+    space = dreba.domain_of("paper")
+    rng = np.random.default_rng(3)
+    angles = np.zeros((120_000, 22))
+    for column in space.columns:
+        edges, points = space.bins_of(column)
+        bins = rng.integers(len(points), size=len(angles))
+        low, high = np.array(edges)[bins], np.array(edges)[bins + 1]
+        angles[:, INDEX[column]] = low + (high - low) * rng.random(len(angles))
+    scores = dreba.cells.true_scores(space, angles, None)
+    drawn = dreba.sample(8000, (7, 9), domain="paper", rng=4)
+    chances = [
+        ks_2samp(angles[scores == score][:4000, INDEX[c]], drawn.angles[drawn.reba == score][:, INDEX[c]]).pvalue
+        for score in (7, 9)
+        for c in space.columns
+    ]
+    assert min(chances) > 1e-5
+
+
+def test_cells_are_equally_likely_when_asked() -> None:
+    poses = dreba.sample(20_000, [2], rng=1, weights="cells")
+    scores = reba.score_array(poses.angles)
+    parts = (
+        "trunk",
+        "neck",
+        "legs",
+        *(f"{p}_{s}" for p in ("upper_arm", "lower_arm", "wrist") for s in ("left", "right")),
+    )
+    _, counts = np.unique(np.stack([scores[p] for p in parts], axis=1), axis=0, return_counts=True)
+    statistic = ((counts - counts.mean()) ** 2 / counts.mean()).sum()
+    assert statistic < chi2.ppf(0.99999, len(counts) - 1)
+
+
+def test_stratified_fills_scores_to_within_one_pose() -> None:
+    def counts(stratified: bool) -> np.ndarray:
+        poses = dreba.sample(3000, [8], rng=2, weights="cells", stratified=stratified)
+        scores = reba.score_array(poses.angles)
+        return np.bincount(scores.score_a.astype(int) * 10 + scores.score_b_left, minlength=100)
+
+    large = counts(True) * 1.0
+    expected = dreba.sample(300_000, [8], rng=2, weights="cells", stratified=True)
+    scores = reba.score_array(expected.angles)
+    target = np.bincount(scores.score_a.astype(int) * 10 + scores.score_b_left, minlength=100) / 100
+    # One pose for each of up to nine scores of the right arm that a pair of Score A and left Score B goes with.
+    assert np.abs(large - target).max() <= 2.0
+    assert np.abs(counts(False) - target).max() > 5.0
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_one_arm_leaves_the_other_at_rest(side: str) -> None:
+    other = "right" if side == "left" else "left"
+    poses = dreba.sample(500, rng=1, arms=side)
+    scores = reba.score_array(poses.angles)
+    assert (scores[f"score_b_{other}"] == 1).all()
+    assert np.array_equal(scores.reba, scores[f"reba_{side}"])
+
+
+def test_without_adjustments_twists_are_zero_and_high_classes_gone() -> None:
+    poses = dreba.sample(400, range(1, 9), rng=1, adjustments=False)
+    assert not poses.angles[:, [INDEX["trunk_twist"], INDEX["wrist_twist_left"]]].any()
+    with pytest.raises(dreba.SampleError, match=r"class 11 cannot be reached .* reachable: 1, 2"):
+        dreba.sample(400, [11], rng=1, adjustments=False)
+
+
+def test_shared_factors_count() -> None:
+    factors = reba.Factors(load=12.0, support="unilateral", arm_supported_left=True)
+    poses = dreba.sample(500, range(4, 9), rng=1, factors=factors)
+    assert np.array_equal(poses.reba, reba.score_array(poses.angles, factors).reba)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"classes": [12]}, "class 12 cannot be reached in domain 'human' with no factors drawn; reachable: 1, 2"),
+        ({"classes": [16]}, "no REBA score"),
+        ({"classes": [3, 3]}, "once"),
+        ({"classes": []}, "at least one"),
+        ({"n": 5}, "one pose for each of 10"),
+        ({"domain": "humann"}, "did you mean 'human'"),
+        ({"weights": "even"}, "bins, volume, cells"),
+        ({"factors": ["shock"]}, "load, coupling, activity"),
+        ({"factors": reba.Factors(load=np.ones(3))}, "array"),
+        ({"arms": "middle"}, "both, left or right"),
+        ({"rng": -1}, "seed"),
+    ],
+)
+def test_bad_requests_are_one_clear_line(wrong: dict, words: str) -> None:
+    with pytest.raises(reba.RebaError) as caught:
+        dreba.sample(**{"n": 100, **wrong})
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_parquet_round_trip_and_posture_table(tmp_path: Path) -> None:
+    poses = dreba.sample(150, range(1, 16), rng=6, factors=ALL_FACTORS)
+    poses.save(tmp_path / "poses.parquet")
+    again = dreba.Poses.load(tmp_path / "poses.parquet")
+    assert np.array_equal(again.angles, poses.angles)
+    assert np.array_equal(again.reba, poses.reba)
+    assert again.provenance == poses.provenance
+    assert again.provenance["seed"] == 6
+    assert np.array_equal(again.given.load, poses.given.load)
+    table = reba.read(tmp_path / "poses.parquet")
+    assert np.array_equal(reba.score(table, activity="none").angles, poses.angles)
+    (tmp_path / "other.parquet").write_bytes(b"PAR1 nothing")
+    with pytest.raises(dreba.SampleError, match="cannot be read"):
+        dreba.Poses.load(tmp_path / "other.parquet")
+
+
+def test_generator_is_recorded_so_that_poses_can_be_drawn_again() -> None:
+    rng = np.random.default_rng(77)
+    rng.random(5)
+    poses = dreba.sample(50, rng=rng)
+    state = poses.provenance["generator"]
+    again = np.random.default_rng(0)
+    again.bit_generator.state = state
+    assert np.array_equal(dreba.sample(50, rng=again).angles, poses.angles)
+
+
+def test_split_keeps_classes_and_weights_balance() -> None:
+    poses = dreba.sample(1000, rng=1)
+    train, held = poses.split(0.2, np.random.default_rng(0))
+    assert set(held.counts.values()) == {20}
+    assert set(train.counts.values()) == {80}
+    uneven = poses.rows(np.flatnonzero((poses.reba != 3) | (np.arange(1000) % 2 == 0)))
+    weights = uneven.balancing_weights()
+    totals = [weights[uneven.reba == score].sum() for score in uneven.counts]
+    assert totals == pytest.approx([len(uneven) / 10] * 10)
+
+
+def test_recordings_become_poses(tmp_path: Path) -> None:
+    import pandas as pd
+
+    angles = dreba.sample(30, rng=1).angles
+    data = pd.DataFrame(angles, columns=list(COLUMNS))
+    data.insert(0, "time", np.arange(30) * 0.1)
+    data.loc[4, "neck_twist"] = np.nan
+    data.to_csv(tmp_path / "shift.csv", index=False)
+    poses = dreba.read_poses(tmp_path / "shift.csv")
+    assert len(poses) == 29
+    assert poses.provenance["left_out"] == 1
+    assert np.array_equal(poses.reba, np.delete(reba.score_array(angles).reba, 4))
+    data.drop(columns="wrist_twist_left").to_csv(tmp_path / "part.csv", index=False)
+    with pytest.raises(dreba.SampleError, match="wrist_twist_left"):
+        dreba.read_poses(tmp_path / "part.csv")
