@@ -179,7 +179,7 @@ def test_figures_cannot_end_their_script(page: _Page) -> None:
 
 
 def test_folders_stay_out() -> None:
-    html = render([scored(frames(20), "/home/jane.doe/private/lift.csv")])
+    html = render([scored(frames(20), "/data/jane.doe/private/lift.csv")])
     assert "lift.csv" in html
     assert "jane" not in html
 
