@@ -5,29 +5,35 @@ Poses evenly filled over the REBA classes, models that are fitted to them in sec
 
 from __future__ import annotations
 
+from dreba.convex import ConvexModel
 from dreba.domain import Bins, Domain, domain_of
 from dreba.errors import DomainError, ModelError, RadiansWarning, SampleError
 from dreba.evaluate import PUBLISHED, Evaluation, evaluate, fit_to
 from dreba.files import load, models
+from dreba.graduated import GraduatedModel
 from dreba.model import KINDS, About, Surrogate
 from dreba.payload import delta_payload
 from dreba.poses import Poses, read_poses
 from dreba.quadratic import QuadraticModel
 from dreba.sample import sample
+from dreba.soft import SoftModel
 
 __all__ = [
     "KINDS",
     "PUBLISHED",
     "About",
     "Bins",
+    "ConvexModel",
     "Domain",
     "DomainError",
     "Evaluation",
+    "GraduatedModel",
     "ModelError",
     "Poses",
     "QuadraticModel",
     "RadiansWarning",
     "SampleError",
+    "SoftModel",
     "Surrogate",
     "delta_payload",
     "domain_of",
