@@ -1,0 +1,52 @@
+"""The same function for other toolchains: C99 without dependencies, and a CasADi function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from dreba.errors import ModelError
+from dreba.export_c import c_source
+from dreba.export_casadi import casadi_json
+from dreba.model import Surrogate
+from reba.errors import did_you_mean
+
+TARGETS: Final[dict[str, tuple[str, Callable[..., str]]]] = {
+    "c": (".c", c_source),
+    "casadi": (".casadi", casadi_json),
+}
+"""Targets by name: suffix of the file, and the function that gives its text."""
+
+
+def export(
+    model: Surrogate, target: str, path: str | Path, *, temperature: float | None = None, name: str = "dreba"
+) -> Path:
+    """Write a model as a function of another toolchain.
+
+    Args:
+        model: a fitted quadratic, soft or graduated model.
+        target: "c" or "casadi".
+        path: file to write; the target's suffix is added if it has none.
+        temperature: [deg] of a model with temperatures, None for its default.
+        name: of the function.
+
+    Raises:
+        ModelError: an unknown target, a kind that cannot be exported, a bad name, or the file cannot be written.
+    """
+    if target not in TARGETS:
+        raise ModelError(f"target {target!r} is unknown{did_you_mean(target, TARGETS)}; known: {', '.join(TARGETS)}")
+    if not (name.isidentifier() and name.isascii()):
+        raise ModelError(f"name is {name!r}; expected letters, digits and underscores, such as 'dreba'")
+    suffix, text = TARGETS[target]
+    out = Path(path)
+    if not out.suffix:
+        out = out.with_suffix(suffix)
+    content = text(model, temperature=temperature, name=name)
+    part = out.with_name(out.name + ".part")
+    try:
+        part.write_text(content, encoding="utf-8")
+        part.replace(out)
+    except OSError as error:
+        raise ModelError(f"{out}: cannot be written ({error.strerror or error})") from error
+    return out

@@ -1,0 +1,87 @@
+"""CasADi function of a fitted model, as an object for symbolic work and as text that CasADi reads back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dreba import soft_tables
+from dreba.errors import ModelError
+from dreba.graduated import GraduatedModel
+from dreba.model import Surrogate
+from dreba.quadratic import QuadraticModel
+from dreba.soft import SoftModel
+from dreba.soft_steps import GROUPS, PAIRED, ROWS, SINGLE
+from reba.posture import COLUMNS, INDEX
+from reba.rules import LOAD_EDGES
+
+
+def casadi_function(model: Surrogate, *, temperature: float | None = None, name: str = "dreba") -> Any:
+    """Return a `casadi.Function` (angles, load, coupling, activity) -> (value, gradient).
+
+    Raises:
+        ModelError: CasADi is not installed, or the kind cannot be exported.
+    """
+    try:
+        import casadi
+    except ImportError as error:
+        raise ModelError("CasADi is not installed; run: pip install casadi") from error
+    angles = casadi.SX.sym("angles", len(model.joints_))
+    load, coupling, activity = casadi.SX.sym("load"), casadi.SX.sym("coupling", 2), casadi.SX.sym("activity")
+    points = (load >= LOAD_EDGES[0]) + (load > LOAD_EDGES[1])
+    soft = model.soft_ if isinstance(model, GraduatedModel) else model
+    if isinstance(model, QuadraticModel):
+        payload = points if model.payload == "tree" else load / float(model.omega_load)
+        value = model.constant_ + payload + model.coupling_weight_ * casadi.fmax(coupling[0], coupling[1])
+        value += casadi.dot(angles, casadi.DM(model.linear_) + casadi.DM(model.twice_curvature_) * angles / 2.0)
+    elif isinstance(soft, SoftModel) and soft.joints_ == COLUMNS:
+        value = _soft(casadi, soft.tables(temperature), angles, (points, coupling[0], coupling[1]))
+    else:
+        raise ModelError(f"kind {model.kind!r} cannot be exported to CasADi; export quadratic, soft or graduated")
+    value += activity
+    names = ["angles", "load", "coupling", "activity"], ["value", "gradient"]
+    return casadi.Function(name, [angles, load, coupling, activity], [value, casadi.gradient(value, angles)], *names)
+
+
+def casadi_json(model: Surrogate, *, temperature: float | None = None, name: str = "dreba") -> str:
+    """Return the function as text for `casadi.Function.deserialize`."""
+    return str(casadi_function(model, temperature=temperature, name=name).serialize())
+
+
+def _soft(casadi: Any, tables: soft_tables.SoftTables, angles: Any, added: tuple[Any, Any, Any]) -> Any:
+    knee = INDEX["knee_flexion_left"]
+    worse = _smooth_max(casadi, angles[knee], angles[knee + 1], soft_tables.KNEE_WIDTH * tables.temperature)
+    seen = casadi.vertcat(angles, worse)
+    groups = [casadi.SX(0)] * len(GROUPS)
+    for step, column, sense, group in zip(*ROWS, strict=True):
+        argument = (sense * seen[int(column)] - tables.thresholds[step]) / (2.0 * tables.temperature)
+        groups[group] += tables.heights[step] / 2.0 * (1.0 + casadi.tanh(argument))
+    parts: list[Any] = [None] * 9
+    for k, (place, shared) in enumerate(zip(PAIRED, tables.overlap[[0, 1, 2, 2]], strict=True)):
+        one, other = groups[4 + k], groups[8 + k]
+        parts[place] = groups[k] + one + other - shared * one * other
+    for k, place in enumerate(SINGLE):
+        parts[place] = groups[12 + k]
+    scores = [
+        _interpolate(casadi, table, parts[number::3]) + extra
+        for number, (table, extra) in enumerate(
+            zip((tables.table_a, tables.table_b, tables.table_b), added, strict=True)
+        )
+    ]
+    score_b = _smooth_max(casadi, scores[1], scores[2], soft_tables.SIDE_WIDTH * tables.temperature)
+    return _interpolate(casadi, tables.table_c, [scores[0] - 1.0, score_b - 1.0])
+
+
+def _interpolate(casadi: Any, table: np.ndarray[Any, np.dtype[np.float64]], scores: list[Any]) -> Any:
+    """Return the multilinear interpolation of a table at scores from 0, held at its ends: a sum of hats."""
+    held = casadi.fmin(casadi.fmax(scores[0], 0.0), float(len(table) - 1))
+    out = casadi.SX(0)
+    for number, below in enumerate(table):
+        hat = casadi.fmax(0.0, 1.0 - casadi.fabs(held - number))
+        out += hat * (float(below) if below.ndim == 0 else _interpolate(casadi, below, scores[1:]))
+    return out
+
+
+def _smooth_max(casadi: Any, left: Any, right: Any, width: float) -> Any:
+    return 0.5 * (left + right + casadi.sqrt((left - right) ** 2 + width**2) - width)
