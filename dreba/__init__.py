@@ -12,6 +12,7 @@ from dreba.evaluate import PUBLISHED, Evaluation, evaluate, fit_to
 from dreba.files import load, models
 from dreba.graduated import GraduatedModel
 from dreba.model import KINDS, About, Surrogate
+from dreba.net import NetModel
 from dreba.payload import delta_payload
 from dreba.poses import Poses, read_poses
 from dreba.quadratic import QuadraticModel
@@ -29,6 +30,7 @@ __all__ = [
     "Evaluation",
     "GraduatedModel",
     "ModelError",
+    "NetModel",
     "Poses",
     "QuadraticModel",
     "RadiansWarning",
