@@ -1,0 +1,1 @@
+"""The world of a plan: one human, robots, tables and objects, and everything a planner asks of their geometry."""

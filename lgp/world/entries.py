@@ -1,0 +1,97 @@
+"""Reading one table of a scene file strictly: every key is asked for by name, anything left over is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from lgp.errors import SceneError, did_you_mean
+
+
+class Entries:
+    """One table of a TOML file.
+
+    Args:
+        where: how messages call the table ("screwdriver: tables.left").
+        values: the table.
+
+    >>> Entries("scene: human", {"stature": 1.7}).number("stature", low=1.0)
+    1.7
+    """
+
+    def __init__(self, where: str, values: Any) -> None:
+        if not isinstance(values, Mapping):
+            raise SceneError(f"{where} is {values!r}, expected a table of keys")
+        self.where, self.values = where, values
+        self.asked: set[str] = set()
+
+    def has(self, key: str) -> bool:
+        """Return whether a key is given."""
+        self.asked.add(key)
+        return key in self.values
+
+    def number(self, key: str, default: float | None = None, low: float = -math.inf, high: float = math.inf) -> float:
+        """Return a finite number from low to high."""
+        return self._number(key, self._value(key, default), low, high)
+
+    def vector(self, key: str, n: int, default: tuple[float, ...] | None = None, low: float = -math.inf) -> Any:
+        """Return n numbers as a tuple."""
+        value = self._value(key, default)
+        if not isinstance(value, (list, tuple)) or len(value) != n:
+            raise SceneError(f"{self.where}: {key} is {value!r}, expected {n} numbers")
+        return tuple(self._number(key, part, low, math.inf) for part in value)
+
+    def text(self, key: str, default: str | None = None, choices: Iterable[str] = ()) -> str:
+        """Return a string, one of the choices if there are any."""
+        value = self._value(key, default)
+        known = list(choices)
+        if not isinstance(value, str) or (known and value not in known):
+            hint = did_you_mean(value, known) if isinstance(value, str) else ""
+            expected = f"one of {', '.join(known)}" if known else "a text"
+            raise SceneError(f"{self.where}: {key} is {value!r}, expected {expected}{hint}")
+        return value
+
+    def texts(self, key: str, default: tuple[str, ...] | None = None) -> tuple[str, ...]:
+        """Return a list of strings as a tuple."""
+        value = self._value(key, default)
+        if not isinstance(value, (list, tuple)) or not all(isinstance(part, str) for part in value):
+            raise SceneError(f"{self.where}: {key} is {value!r}, expected a list of texts")
+        return tuple(value)
+
+    def table(self, key: str) -> Entries:
+        """Return a table inside this one; an absent one is empty."""
+        self.asked.add(key)
+        return Entries(f"{self.where}{'' if self.where.endswith(': ') else '.'}{key}", self.values.get(key, {}))
+
+    def tables(self, key: str) -> dict[str, Entries]:
+        """Return the named tables inside the table of a key."""
+        inner = self.table(key)
+        return {name: inner.table(name) for name in inner.values}
+
+    def numbers(self, key: str) -> dict[str, float]:
+        """Return a table of numbers by name; an absent one is empty."""
+        inner = self.table(key)
+        return {name: inner.number(name) for name in inner.values}
+
+    def done(self) -> None:
+        """Refuse keys that nobody asked for."""
+        for key in self.values:
+            if key not in self.asked:
+                hint = did_you_mean(key, self.asked) or f"; known are {', '.join(sorted(self.asked))}"
+                raise SceneError(f"{self.where}: unknown key {key!r}{hint}")
+
+    def _value(self, key: str, default: Any) -> Any:
+        self.asked.add(key)
+        value = self.values.get(key, default)
+        if value is None:
+            raise SceneError(f"{self.where}: {key} is missing; give it a value")
+        return value
+
+    def _number(self, key: str, value: Any, low: float, high: float) -> float:
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise SceneError(f"{self.where}: {key} is {value!r}, expected a finite number")
+        if not low <= value <= high:
+            bounds = f"at least {low:g}" if math.isinf(high) else f"{low:g} to {high:g}"
+            raise SceneError(f"{self.where}: {key} is {value:g}, expected {bounds}")
+        return float(value)

@@ -1,0 +1,190 @@
+"""What can hold an object - a table at a known place, a table anywhere on its top, a hand - and the pose it gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.world.model import Kinematics
+from lgp.world.rotations import exponential, left_jacobian, logarithm, skew
+from lgp.world.scene import Hand, Table, Thing
+
+Array = NDArray[np.float64]
+
+FROM_ABOVE = np.diag([1.0, -1.0, -1.0])
+"""An object in a hand whose variables are 0: the hand's z points down onto it."""
+
+FREEDOM: dict[str, tuple[int, ...]] = {"free": (0, 1, 2), "axis": (2,), "fixed": ()}
+"""Parts of the rotation vector in the hand that are variables."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Poses of an object in n slices.
+
+    Attributes:
+        rotation: (n, 3, 3).
+        position: (n, 3).
+        by_q: (n, 6, nq), linear then angular, world axes.
+        by_variables: (n, 6, m) by the m variables of what holds it.
+        variables: where these are in z.
+    """
+
+    rotation: Array
+    position: Array
+    by_q: Array
+    by_variables: Array
+    variables: slice
+
+    @property
+    def jacobian(self) -> Array:
+        """The Jacobian by the configuration, as that of a frame."""
+        return self.by_q
+
+    def spread(self, size: int) -> Spread:
+        """Return the same with one Jacobian (n, 6, nq + size) by the configuration and all variables."""
+        n, rows, nq = self.by_q.shape
+        jacobian = np.zeros((n, rows, nq + size))
+        jacobian[:, :, :nq] = self.by_q
+        jacobian[:, :, nq + self.variables.start : nq + self.variables.stop] = self.by_variables
+        return Spread(self.rotation, self.position, jacobian)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A pose whose Jacobian is by the configuration and all variables of a sequence."""
+
+    rotation: Array
+    position: Array
+    jacobian: Array
+
+
+@dataclass(frozen=True)
+class Holder:
+    """What holds an object over a stretch of phases.
+
+    Attributes:
+        by: full name of the hand or table.
+        names: of its variables.
+        lower, upper: their bounds [m, rad].
+        variables: where they are in z.
+        pose: (kinematics of n slices, (m,) variables) -> Pose.
+        fit: (kinematics, (3, 3) rotation, (3,) position, slice) -> (m,) variables nearest to that pose.
+    """
+
+    by: str
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    variables: slice
+    pose: Callable[[Kinematics, Array], Pose]
+    fit: Callable[[Kinematics, Array, Array, int], Array]
+
+    @property
+    def size(self) -> int:
+        """Number of variables."""
+        return len(self.names)
+
+
+def resting(table: Table, thing: Thing, x: float, y: float, yaw: float) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and position (3,) of an object that lies on a table at x, y [m], yaw [rad] of its top."""
+    top = _about_z(np.radians(table.yaw))
+    centre = np.array([*table.position, table.height])
+    return top @ _about_z(yaw), centre + top @ np.array([x, y, thing.size[2] / 2.0])
+
+
+def fixed_on(table: Table, thing: Thing) -> Holder:
+    """Return the table an object lies on at first; nothing is variable."""
+    x, y, yaw = thing.at
+    rotation, position = resting(table, thing, x, y, np.radians(yaw))
+
+    def pose(kinematics: Kinematics, _: Array) -> Pose:
+        n, nq = len(kinematics), kinematics.world.nq
+        return Pose(
+            np.broadcast_to(rotation, (n, 3, 3)),
+            np.broadcast_to(position, (n, 3)),
+            np.zeros((n, 6, nq)),
+            np.zeros((n, 6, 0)),
+            slice(0, 0),
+        )
+
+    def fit(*_: object) -> Array:
+        return np.zeros(0)
+
+    return Holder(table.full, (), np.zeros(0), np.zeros(0), slice(0, 0), pose, fit)
+
+
+def placed(table: Table, thing: Thing, start: int) -> Holder:
+    """Return a table that an object is put on: x, y anywhere on the top, any yaw."""
+    margin = min(thing.size[:2]) / 2.0
+    reach = np.maximum(np.array(table.size) / 2.0 - margin, 0.0)
+    lower, upper = np.array([*-reach, -np.pi]), np.array([*reach, np.pi])
+    variables = slice(start, start + 3)
+    top = _about_z(np.radians(table.yaw))
+
+    def pose(kinematics: Kinematics, z: Array) -> Pose:
+        n, nq = len(kinematics), kinematics.world.nq
+        rotation, position = resting(table, thing, *z)
+        by_variables = np.zeros((n, 6, 3))
+        by_variables[:, :3, :2] = top[:, :2]
+        by_variables[:, 5, 2] = 1.0
+        return Pose(
+            np.broadcast_to(rotation, (n, 3, 3)),
+            np.broadcast_to(position, (n, 3)),
+            np.zeros((n, 6, nq)),
+            by_variables,
+            variables,
+        )
+
+    def fit(kinematics: Kinematics, rotation: Array, position: Array, _: int) -> Array:
+        x, y, _ = top.T @ (position - np.array([*table.position, table.height]))
+        forward = top.T @ rotation[:, 0]
+        return np.clip([x, y, np.arctan2(forward[1], forward[0])], lower, upper)
+
+    return Holder(table.full, ("x", "y", "yaw"), lower, upper, variables, pose, fit)
+
+
+def held(hand: Hand, thing: Thing, start: int) -> Holder:
+    """Return a hand that holds an object: turned as its freedom allows, slid along the longest side of the object.
+
+    The point that grasps is on that side's middle line, at most `thing.slide` from the middle.
+    """
+    turns = FREEDOM[hand.freedom]
+    slides = thing.slide > 0.0
+    side = np.eye(3)[int(np.argmax(thing.size))]
+    names = tuple(f"turn_{'xyz'[part]}" for part in turns) + (("slide",) if slides else ())
+    upper = np.array([np.pi] * len(turns) + [thing.slide] * slides)
+    variables = slice(start, start + len(names))
+
+    def pose(kinematics: Kinematics, z: Array) -> Pose:
+        place = kinematics.place(hand.full)
+        vector = np.zeros(3)
+        vector[list(turns)] = z[: len(turns)]
+        rotation = place.rotation @ (exponential(vector) @ FROM_ABOVE)
+        shift = z[-1] if slides else 0.0
+        arm = -shift * (rotation @ side)
+        by_q = place.jacobian.copy()
+        by_q[:, :3] -= skew(arm) @ place.jacobian[:, 3:]
+        by_variables = np.zeros((len(kinematics), 6, len(names)))
+        by_turn = (place.rotation @ left_jacobian(vector))[:, :, list(turns)]
+        by_variables[:, 3:, : len(turns)] = by_turn
+        by_variables[:, :3, : len(turns)] = -skew(arm) @ by_turn
+        if slides:
+            by_variables[:, :3, -1] = -(rotation @ side)
+        return Pose(rotation, place.position + arm, by_q, by_variables, variables)
+
+    def fit(kinematics: Kinematics, rotation: Array, position: Array, at: int) -> Array:
+        place = kinematics.place(hand.full)
+        vector = logarithm(place.rotation[at].T @ rotation @ FROM_ABOVE)
+        shift = [float((place.position[at] - position) @ rotation @ side)] if slides else []
+        return np.clip([*vector[list(turns)], *shift], -upper, upper)
+
+    return Holder(hand.full, names, -upper, upper, variables, pose, fit)
+
+
+def _about_z(angle: float) -> Array:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])

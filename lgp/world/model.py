@@ -1,0 +1,222 @@
+"""One kinematic model of everybody: the human and all robots side by side, evaluated for many configurations at once.
+
+A configuration q (n,) holds one number per moving joint [rad, m]; objects and tables are no joints. Batches are
+(slices, n). Jacobians have the linear part of the motion in rows 0-2 and the angular in 3-5, in world axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from lgp.errors import WorldError, did_you_mean
+from lgp.world import human
+from lgp.world.robot import locked_model, robot_model
+from lgp.world.scene import Agent, Human, Robot, Scene
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Rotations (n, 3, 3) and positions (n, 3) of a frame over n slices, and its Jacobian (n, 6, columns)."""
+
+    rotation: Array
+    position: Array
+    jacobian: Array
+
+    def axis(self, number: int) -> Array:
+        """Return axis 0, 1 or 2 as (n, 3)."""
+        return self.rotation[:, :, number]
+
+
+class Kinematics:
+    """Placements of some frames for a batch of configurations; Jacobians are made when asked for.
+
+    Attributes:
+        rotation: (n, F, 3, 3).
+        position: (n, F, 3).
+        spatial: (n, 6, nq) motion of each joint as felt at the world's origin.
+    """
+
+    def __init__(self, world: World, names: Sequence[str], rotation: Array, position: Array, spatial: Array) -> None:
+        self.world, self.index = world, {name: number for number, name in enumerate(names)}
+        self.rotation, self.position, self.spatial = rotation, position, spatial
+        self._places: dict[str, Place] = {}
+
+    def __len__(self) -> int:
+        return len(self.rotation)
+
+    def place(self, name: str) -> Place:
+        """Return a frame with its Jacobian (n, 6, nq)."""
+        if name not in self._places:
+            at = self.index[name]
+            position = self.position[:, at]
+            jacobian = self.point(name, position)
+            self._places[name] = Place(self.rotation[:, at], position, jacobian)
+        return self._places[name]
+
+    def point(self, name: str, points: Array) -> Array:
+        """Return the Jacobian (n, 6, nq) of (n, 3) points that move with a frame."""
+        jacobian = self.spatial * self.world.support(name)
+        jacobian[:, :3] += np.cross(jacobian[:, 3:], points[:, :, None], axis=1)
+        return jacobian
+
+
+class World:
+    """Everybody's kinematics, and the scene they are in.
+
+    Attributes:
+        scene: tables and objects (of which only these may change with `with_scene`).
+        joints: `agent.joint` for each column of q.
+        lower, upper: limits [rad, m], (nq,).
+        start: first configuration (nq,).
+        first: first value of every joint [rad, m], those that are held included.
+        planted: feet that stay where they are: frame -> ((3, 3) rotation, (3,) position).
+
+    Example:
+        >>> from lgp.world.scene_file import load_scene
+        >>> world = World(load_scene("screwdriver"))                     # doctest: +SKIP
+        >>> world.at(world.start[None], ["baxter.left"]).place("baxter.left").jacobian.shape    # doctest: +SKIP
+        (1, 6, 55)
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.model = pin.Model()
+        first: dict[str, float] = dict.fromkeys((f"human.{name}" for name in human.joint_names()), 0.0)
+        for agent in scene.agents:
+            self.model = pin.appendModel(self.model, *_placed(agent))
+            first |= _first(agent)
+        self.joints = tuple(self.model.names)[1:]
+        self.column = {name: self.model.joints[number + 1].idx_q for number, name in enumerate(self.joints)}
+        self.lower, self.upper = self.model.lowerPositionLimit.copy(), self.model.upperPositionLimit.copy()
+        self.start = np.clip([first.get(name, 0.0) for name in self.joints], self.lower, self.upper)
+        self.first = first
+        self._data = self.model.createData()
+        self._support: dict[str, Array] = {}
+        self._add_hands()
+        self.planted = self._planted()
+
+    @property
+    def nq(self) -> int:
+        """Number of joints."""
+        return int(self.model.nq)
+
+    def with_scene(self, scene: Scene) -> World:
+        """Return this world with other tables and objects; the agents must be the same.
+
+        Raises:
+            WorldError: the scene has other agents.
+        """
+        if scene.agents != self.scene.agents:
+            raise WorldError("another scene may change tables and objects only; build a new World for other agents")
+        other = object.__new__(World)
+        other.__dict__ = {**self.__dict__, "scene": scene}
+        return other
+
+    def columns(self, agent: str) -> NDArray[np.intp]:
+        """Return the columns of q that belong to an agent."""
+        found = [column for name, column in self.column.items() if name.startswith(f"{agent}.")]
+        if not found and agent not in {one.name for one in self.scene.agents}:
+            raise WorldError(f"no agent {agent!r}{did_you_mean(agent, [one.name for one in self.scene.agents])}")
+        return np.array(found, dtype=np.intp)
+
+    def frame(self, name: str) -> int:
+        """Return the number of a frame of the model.
+
+        Raises:
+            WorldError: there is no such frame.
+        """
+        if not self.model.existFrame(name):
+            known = [frame.name for frame in self.model.frames]
+            raise WorldError(f"no frame {name!r} in the scene{did_you_mean(name, known)}")
+        return int(self.model.getFrameId(name))
+
+    def support(self, name: str) -> Array:
+        """Return (nq,) 1 where a joint moves a frame, else 0."""
+        if name not in self._support:
+            mask = np.zeros(self.nq)
+            for joint in list(self.model.supports[self.model.frames[self.frame(name)].parentJoint])[1:]:
+                mask[self.model.joints[joint].idx_q] = 1.0
+            self._support[name] = mask
+        return self._support[name]
+
+    def at(self, q: Array, names: Iterable[str]) -> Kinematics:
+        """Return the placements of frames for (n, nq) configurations.
+
+        Raises:
+            WorldError: q has another number of columns, or a frame is unknown.
+        """
+        q = np.ascontiguousarray(q, dtype=float)
+        if q.ndim != 2 or q.shape[1] != self.nq:
+            raise WorldError(f"configurations have shape {q.shape}, expected (slices, {self.nq})")
+        wanted = list(dict.fromkeys(names))
+        numbers = [self.frame(name) for name in wanted]
+        rotation, position = np.empty((len(q), len(wanted), 3, 3)), np.empty((len(q), len(wanted), 3))
+        spatial = np.empty((len(q), 6, self.nq))
+        model, data = self.model, self._data
+        jacobians, placement = pin.computeJointJacobians, pin.updateFramePlacement
+        for row, configuration in enumerate(q):
+            spatial[row] = jacobians(model, data, configuration)
+            for at, number in enumerate(numbers):
+                found = placement(model, data, number)
+                rotation[row, at], position[row, at] = found.rotation, found.translation
+        return Kinematics(self, wanted, rotation, position, spatial)
+
+    def _add_hands(self) -> None:
+        """Add a frame under the full name of each end-effector that has none yet."""
+        for full, hand in self.scene.hands.items():
+            if self.model.existFrame(full):
+                continue
+            base = self.model.frames[self.frame(f"{hand.agent}.{hand.frame}")]
+            offset = base.placement * pin.SE3(np.eye(3), np.array([0.0, 0.0, hand.reach]))
+            self.model.addFrame(pin.Frame(full, base.parentJoint, offset, pin.FrameType.OP_FRAME))
+        self._data = self.model.createData()
+
+    def _planted(self) -> Mapping[str, tuple[Array, Array]]:
+        if self.scene.human is None or self.scene.human.legs != "planted":
+            return {}
+        names = [f"human.{side}_sole" for side in human.SIDES]
+        standing = self.start.copy()
+        standing[self.columns("human")] = 0.0
+        found = self.at(standing[None], names)
+        return {name: (found.rotation[0, at], found.position[0, at]) for name, at in found.index.items()}
+
+
+def _placed(agent: Agent) -> tuple[pin.Model, int, pin.SE3]:
+    """Return an agent's model under its own names, the frame it stands in (the world), and its place."""
+    if isinstance(agent, Human):
+        model = human.human_model(agent.stature, agent.sex)
+        first = {name: _degrees(name, value) for name, value in human.rest(agent.stature, agent.sex).items()}
+        whole = Human(**{**vars(agent), "joints": first | dict(agent.joints)})
+        legs = tuple(f"{side}_{joint}" for side in human.SIDES for joint in human.LEGS)
+        model = locked_model(model, whole, agent.locked + (() if agent.legs == "planted" else legs))
+    elif isinstance(agent, Robot):
+        model = robot_model(agent)
+    else:
+        raise WorldError(f"{agent.name} is neither a human nor a robot")
+    for number in range(1, model.njoints):
+        model.names[number] = f"{agent.name}.{model.names[number]}"
+    for number in range(1, model.nframes):
+        model.frames[number].name = f"{agent.name}.{model.frames[number].name}"
+    yaw = np.radians(agent.yaw)
+    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    return model, 0, pin.SE3(turn, np.array(agent.position))
+
+
+def _degrees(name: str, value: float) -> float:
+    return value if name in ("pelvis_x", "pelvis_y", "pelvis_z") else float(np.degrees(value))
+
+
+def _first(agent: Agent) -> dict[str, float]:
+    """Return joint -> first value [rad, m] by full name."""
+    values = human.rest(agent.stature, agent.sex) if isinstance(agent, Human) else {}
+    for name, value in agent.joints.items():
+        slide = name in ("pelvis_x", "pelvis_y", "pelvis_z")
+        values[name] = value if slide else float(np.radians(value))
+    return {f"{agent.name}.{name}": value for name, value in values.items()}

@@ -1,0 +1,231 @@
+"""Scene files: TOML to a frozen `Scene`; every key is checked, an unknown one is refused."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from lgp.errors import SceneError, did_you_mean
+from lgp.world.entries import Entries
+from lgp.world.scene import Choice, Hand, Human, Robot, Scene, Table, Thing
+
+SHIPPED = Path(__file__).parents[1] / "scenes"
+ROBOTS = Path(__file__).parent / "data" / "robots.toml"
+FREEDOMS = ("free", "axis", "fixed")
+LEGS = ("planted", "solved", "locked")
+
+
+@cache
+def known_robots() -> dict[str, Any]:
+    """Return the table of robots that a scene may call by name (read once)."""
+    return tomllib.loads(ROBOTS.read_text(encoding="utf-8"))
+
+
+def shipped_scenes() -> tuple[str, ...]:
+    """Return the names of the scenes that come with the package."""
+    return tuple(sorted(file.stem for file in SHIPPED.glob("*.toml")))
+
+
+def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> Scene:
+    """Return a shipped scene by its name, or the one in a TOML file.
+
+    Args:
+        which: name or path.
+        changes: dotted key of the file -> value that stands in for it, such as `{"human.stature": 1.6}`.
+
+    Raises:
+        SceneError: unknown name, unreadable file, unknown key, wrong value or unknown table, hand or joint.
+
+    >>> load_scene("screwdriver").goal
+    ('grasped(human.right_hand, screwdriver)',)
+    """
+    path = SHIPPED / f"{which}.toml"
+    if not path.is_file():
+        path = Path(which)
+    if not path.is_file():
+        names = shipped_scenes()
+        hint = did_you_mean(str(which), names)
+        raise SceneError(f"scene {str(which)!r} is neither shipped ({', '.join(names)}) nor a file{hint}")
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"{path}: cannot be read ({error}); give a TOML text file") from error
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"{path}: not TOML: {error}; mend the line") from error
+    return read_scene(values, path.stem, changes)
+
+
+def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[str, Any] | None = None) -> Scene:
+    """Return the scene that a table of values describes.
+
+    Raises:
+        SceneError: as `load_scene`.
+    """
+    entries = Entries(f"{name}: ", _changed(values, changes or {}, name))
+    tables = {f"table.{key}": _table(key, entry) for key, entry in entries.tables("tables").items()}
+    scene = Scene(
+        name=name,
+        title=entries.text("title", ""),
+        domain=entries.text("domain"),
+        initial=entries.texts("initial"),
+        goal=entries.texts("goal"),
+        phase_seconds=entries.number("phase_seconds", 2.0, low=0.05),
+        slices=int(entries.number("slices", 10, low=2, high=1000)),
+        human=_human(entries.table("human")) if entries.has("human") else None,
+        robots={key: _robot(key, entry) for key, entry in entries.tables("robots").items()},
+        tables=tables,
+        things={key: _thing(key, entry, tables) for key, entry in entries.tables("objects").items()},
+        choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
+    )
+    entries.done()
+    _check_names(scene)
+    return scene
+
+
+def _changed(values: Mapping[str, Any], changes: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Return a copy with dotted keys replaced; only keys that the file holds can be."""
+    result = copy.deepcopy(dict(values))
+    for dotted, value in changes.items():
+        *parents, last = dotted.split(".")
+        inner: Any = result
+        for key in parents:
+            inner = inner.get(key) if isinstance(inner, dict) else None
+        if not isinstance(inner, dict) or last not in inner:
+            raise SceneError(f"{name}: no key {dotted!r} to change; name one that the scene file holds")
+        inner[last] = value
+    return result
+
+
+def _list(entries: Entries, key: str) -> list[Any]:
+    entries.asked.add(key)
+    value = entries.values.get(key, [])
+    if not isinstance(value, list):
+        raise SceneError(f"{entries.where}{key} is {value!r}, expected a list of tables ([[{key}]])")
+    return value
+
+
+def _choice(number: int, value: Any, name: str) -> Choice:
+    entries = Entries(f"{name}: choices[{number}]", value)
+    choice = Choice(entries.texts("keys"), entries.text("reason"))
+    entries.done()
+    return choice
+
+
+def _human(entries: Entries) -> Human:
+    from lgp.world.human import STATURE, table
+
+    x, y = entries.vector("position", 2, (0.0, 0.0))
+    hands = [f"{side}_hand" for side in ("left", "right")]
+    chosen = entries.texts("hands", ("right_hand",))
+    for hand in chosen:
+        if hand not in hands:
+            raise SceneError(f"{entries.where}: no hand {hand!r}, expected {' or '.join(hands)}")
+    tilt = entries.number("tilt", 180.0, 0.0, 180.0)
+    freedom = entries.text("freedom", "free", FREEDOMS)
+    human = Human(
+        name="human",
+        position=(x, y, 0.0),
+        yaw=entries.number("yaw", 0.0),
+        hands=tuple(Hand("human", hand, hand, 0.0, "human_hand", tilt, freedom) for hand in chosen),
+        locked=entries.texts("locked", ()),
+        joints=entries.numbers("joints"),
+        stature=entries.number("stature", 1.75, *STATURE),
+        sex=entries.text("sex", "male", table()["de_leva"]),
+        legs=entries.text("legs", "solved", LEGS),
+    )
+    entries.done()
+    return human
+
+
+def _robot(name: str, entries: Entries) -> Robot:
+    if name in ("human", "table"):
+        raise SceneError(f"{entries.where}: a robot cannot be called {name!r}; give it another name")
+    model = entries.text("model")
+    known = known_robots().get(model, {})
+    position = entries.values.get("position")
+    if isinstance(position, list) and len(position) == 2 and "height" in known:
+        place = (*entries.vector("position", 2), float(known["height"]))
+    else:
+        place = entries.vector("position", 3)
+    hands = entries.tables("hands")
+    if not hands:
+        defaults = known.get("hands", {})
+        hands = {hand: Entries(f"{entries.where}.hands.{hand}", {}) for hand in defaults}
+    robot = Robot(
+        name=name,
+        position=place,
+        yaw=entries.number("yaw", 0.0),
+        hands=tuple(_hand(name, hand, entry, known.get("hands", {}).get(hand, {})) for hand, entry in hands.items()),
+        locked=entries.texts("locked", tuple(known.get("locked", ()))),
+        joints=dict(known.get("joints", {})) | entries.numbers("joints"),
+        model=model,
+    )
+    entries.done()
+    return robot
+
+
+def _hand(agent: str, name: str, entries: Entries, known: Mapping[str, Any]) -> Hand:
+    hand = Hand(
+        agent=agent,
+        name=name,
+        frame=entries.text("frame", known.get("frame")),
+        reach=entries.number("reach", known.get("reach", 0.0)),
+        kind=entries.text("kind", "robot_hand"),
+        tilt=entries.number("tilt", 90.0, 0.0, 180.0),
+        freedom=entries.text("freedom", "free", FREEDOMS),
+    )
+    entries.done()
+    return hand
+
+
+def _table(name: str, entries: Entries) -> Table:
+    if isinstance(entries.values.get("height"), list):
+        low, high = entries.vector("height", 2, low=0.01)
+        if high < low:
+            raise SceneError(f"{entries.where}: height is [{low:g}, {high:g}], expected the lower one first")
+    else:
+        low = high = entries.number("height", low=0.01, high=3.0)
+    table = Table(
+        name=name,
+        position=entries.vector("position", 2),
+        yaw=entries.number("yaw", 0.0),
+        size=entries.vector("size", 2, low=0.01),
+        height=(low + high) / 2.0,
+        heights=(low, high),
+        thickness=entries.number("thickness", 0.03, low=0.001),
+    )
+    entries.done()
+    return table
+
+
+def _thing(name: str, entries: Entries, tables: Mapping[str, Table]) -> Thing:
+    thing = Thing(
+        name=name,
+        size=entries.vector("size", 3, low=0.001),
+        mass=entries.number("mass", low=0.0),
+        on=entries.text("on", choices=tables),
+        at=entries.vector("at", 3, (0.0, 0.0, 0.0)),
+        slide=entries.number("slide", 0.0, low=0.0),
+    )
+    entries.done()
+    table = tables[thing.on]
+    if any(abs(at) > size / 2 for at, size in zip(thing.at[:2], table.size, strict=True)):
+        raise SceneError(f"{entries.where}: at {thing.at[:2]} is off {thing.on}, whose top is {table.size}")
+    return thing
+
+
+def _check_names(scene: Scene) -> None:
+    """Refuse atoms about something that is not there."""
+    known = scene.objects
+    if not scene.agents:
+        raise SceneError(f"{scene.name}: nobody is there; give a human or a robot")
+    for text in (*scene.initial, *scene.goal):
+        _, _, inside = text.partition("(")
+        for word in (part.strip() for part in inside.rstrip(") ").split(",")):
+            if word and word not in known:
+                hint = did_you_mean(word, known) or f"; known are {', '.join(known)}"
+                raise SceneError(f"{scene.name}: {text!r} speaks of unknown {word!r}{hint}")

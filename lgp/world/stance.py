@@ -1,0 +1,132 @@
+"""Legs of a standing person: the joint angles that keep both feet where they are, for any pose of the pelvis.
+
+`legs` gives all joints, `knees` what an optimiser needs of them: knee angles and how far a leg is from straight.
+Closed form: the distance of hip and ankle gives the knee, the direction of the hip seen from the foot the ankle, and
+what is left of the rotation the hip.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.world.human import ISB, LEGS, lengths
+from reba.posture import SIDES
+
+Array = NDArray[np.float64]
+
+
+def legs(pelvis: Array, stature: float, sex: str) -> tuple[dict[str, Array], Array]:
+    """Return the leg joints that keep the soles where they stand when every joint is 0.
+
+    Args:
+        pelvis: (n, 5) pelvis_x, pelvis_y, pelvis_z [m], pelvis_yaw, pelvis_tilt [rad].
+        stature: [m].
+        sex: "male" or "female".
+
+    Returns:
+        Joint name -> (n,) angle [rad], and (n, 2) by how much [m] the left and right hip are farther from the ankle
+        than the leg is long; where that is positive the knee is straight and the sole leaves its place.
+
+    >>> angles, beyond = legs(np.zeros((1, 5)), 1.75, "male")
+    >>> bool(abs(angles["left_knee_Z"][0]) < 1e-6 and beyond.max() < 1e-9)
+    True
+    """
+    measures = lengths(stature, sex)
+    thigh, shank = measures["thigh"], measures["shank"]
+    body = _rotation(pelvis[:, 3], pelvis[:, 4]) @ ISB
+    centre = pelvis[:, :3] + np.array([0.0, 0.0, measures["ankle_height"] + shank + thigh])
+    found: dict[str, Array] = {}
+    beyond = np.empty((len(pelvis), 2))
+    for number, side in enumerate(SIDES):
+        out = measures["half_hips"] * (1.0 if side == "right" else -1.0)
+        hip = centre + body @ np.array([0.0, 0.0, out])
+        ankle = np.array([0.0, -out, measures["ankle_height"]])
+        seen = (hip - ankle) @ ISB
+        distance = np.linalg.norm(seen, axis=1)
+        beyond[:, number] = distance - (thigh + shank)
+        cosine = (distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
+        knee = np.arccos(np.clip(cosine, -1.0, 1.0))
+        angles = _leg(ISB.T @ body, seen, knee, thigh, shank)
+        # The left side is the right one in a mirror: turns about x and y change sign.
+        for name, angle in zip(LEGS, angles, strict=True):
+            mirrored = side == "left" and not name.endswith("Z")
+            found[f"{side}_{name}"] = -angle if mirrored else angle
+    return found, beyond
+
+
+STRAIGHTEST = np.radians(3.0)
+"""[rad] Knees stay bent by this much: at a straight knee the angle has no derivative by the height of the pelvis."""
+
+
+def knees(pelvis: Array, stature: float, sex: str) -> tuple[Array, Array, Array, Array]:
+    """Return the knees of a person whose soles stay, with derivatives by the five joints of the pelvis.
+
+    Args:
+        pelvis: (n, 5) as for `legs`.
+
+    Returns:
+        Flexion (n, 2) [rad] left and right, at least `STRAIGHTEST`, and its Jacobian (n, 2, 5); by how much [m] hip and
+        ankle are farther apart than a leg of the straightest knee reaches (n, 2), to be kept <= 0, and its Jacobian.
+    """
+    measures = lengths(stature, sex)
+    thigh, shank = measures["thigh"], measures["shank"]
+    out = measures["half_hips"] * np.array([-1.0, 1.0])
+    sine, cosine = np.sin(pelvis[:, 3, None]), np.cos(pelvis[:, 3, None])
+    # Hip from ankle; the hip line lies along the axis of the tilt, so only the yaw moves it.
+    away = np.empty((len(pelvis), 2, 3))
+    away[:, :, 0] = pelvis[:, 0, None] + out * sine
+    away[:, :, 1] = pelvis[:, 1, None] - out * cosine + out
+    away[:, :, 2] = pelvis[:, 2, None] + shank + thigh
+    by_pelvis = np.zeros((len(pelvis), 2, 5))
+    by_pelvis[:, :, :3] = away
+    by_pelvis[:, :, 3] = away[:, :, 0] * out * cosine + away[:, :, 1] * out * sine
+    distance = np.linalg.norm(away, axis=2)
+    by_pelvis /= distance[:, :, None]
+    bend = np.clip((distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank), -1.0, np.cos(STRAIGHTEST))
+    knee = np.arccos(bend)
+    slope = -distance / (thigh * shank * np.maximum(np.sin(knee), np.sin(STRAIGHTEST)))
+    longest = np.sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * np.cos(STRAIGHTEST))
+    return knee, slope[:, :, None] * by_pelvis, distance - longest, by_pelvis
+
+
+def _leg(body: Array, seen: Array, knee: Array, thigh: float, shank: float) -> tuple[Array, ...]:
+    """Return hip Z, X, Y, knee, ankle Z, X of a right leg.
+
+    Args:
+        body: (n, 3, 3) pelvis in the axes of the foot.
+        seen: (n, 3) hip from the ankle in the axes of the foot.
+        knee: (n,) flexion.
+    """
+    ankle_x = np.arctan2(-seen[:, 2], seen[:, 1])
+    upright = np.hypot(seen[:, 1], seen[:, 2])
+    # In the shank the hip lies at (-thigh sin knee, shank + thigh cos knee): the ankle turns it to where it is seen.
+    ankle_z = np.arctan2(seen[:, 0], upright) - np.arctan2(thigh * np.sin(knee), -shank - thigh * np.cos(knee)) + np.pi
+    ankle_z = np.remainder(ankle_z + np.pi, 2.0 * np.pi) - np.pi
+    return (*_hip(body, knee, ankle_z, ankle_x), knee, ankle_z, ankle_x)
+
+
+def _hip(body: Array, knee: Array, ankle_z: Array, ankle_x: Array) -> tuple[Array, Array, Array]:
+    """Return hip Z, X, Y from pelvis -> foot = Z X Y (knee, ankle Z) (ankle X)."""
+    below = _about(2, ankle_z - knee) @ _about(0, ankle_x)
+    hip = np.swapaxes(below @ body, 1, 2)
+    # Z(a) X(-b) Y(c): the second column is (-sin a cos b, cos a cos b, -sin b), the third row gives c.
+    flexion = np.arctan2(-hip[:, 0, 1], hip[:, 1, 1])
+    abduction = np.arcsin(np.clip(-hip[:, 2, 1], -1.0, 1.0))
+    turn = np.arctan2(-hip[:, 2, 0], hip[:, 2, 2])
+    return flexion, abduction, turn
+
+
+def _rotation(yaw: Array, tilt: Array) -> Array:
+    return _about(2, yaw) @ _about(1, tilt)
+
+
+def _about(axis: int, angle: Array) -> Array:
+    """Return (n, 3, 3) rotations about axis 0, 1 or 2."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    out = np.zeros((len(angle), 3, 3))
+    out[:, axis, axis] = 1.0
+    out[:, i, i] = out[:, j, j] = np.cos(angle)
+    out[:, j, i] = np.sin(angle)
+    out[:, i, j] = -out[:, j, i]
+    return out
