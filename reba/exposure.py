@@ -111,27 +111,15 @@ def _level_times(levels: NDArray[np.float64], weights: NDArray[np.float64]) -> d
 
 def held(scores: Scores, seconds: float = HELD_SECONDS) -> int | None:
     """Return the highest score that is held for `seconds` without a break (of the low end of the range)."""
-    low = column(scores, "reba_low")
-    for score in sorted(set(low.tolist()), reverse=True):
-        if any(interval.end - interval.start >= seconds - 1e-9 for interval in stretches(scores, int(score))):
-            return int(score)
-    return None
+    timeline = _Timeline(scores)
+    return next((score for score in timeline.scores if timeline.runs(score, seconds)[0].size), None)
 
 
 def stretches(scores: Scores, at_least: int) -> list[Interval]:
     """Return every stretch in which the low end of REBA is at least a score; gaps end a stretch."""
-    time, low = scores.time, column(scores, "reba_low")
-    weights = durations(time)
-    above = low >= at_least
-    broken = np.append(np.diff(time) > weights[:-1] + 1e-9, True) if len(time) else np.zeros(0, bool)
-    starts = np.flatnonzero(above & np.concatenate([[True], ~above[:-1] | broken[:-1]]))
-    ends = np.flatnonzero(above & np.concatenate([~above[1:] | broken[:-1], [True]]))
-    found = []
-    for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
-        worst = first + np.flatnonzero(low[first : last + 1] == low[first : last + 1].max())
-        middle = int(worst[np.argmin(np.abs(worst - (first + last) / 2))])
-        found.append(Interval(float(time[first]), float(time[last] + weights[last]), at_least, middle))
-    return found
+    timeline = _Timeline(scores)
+    first, last = timeline.runs(at_least)
+    return [timeline.interval(a, b, at_least) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
 
 
 def worst_intervals(scores: Scores, count: int = WORST_INTERVALS) -> list[Interval]:
@@ -139,16 +127,48 @@ def worst_intervals(scores: Scores, count: int = WORST_INTERVALS) -> list[Interv
 
     Stretches held for at least a second come first; shorter ones fill up only where there are not enough.
     """
-    chosen: list[Interval] = []
-    low = column(scores, "reba_low")
+    timeline = _Timeline(scores)
+    chosen: list[tuple[int, int, int]] = []
     for least in (HELD_SECONDS, 0.0):
-        for score in sorted(set(low[low > 1].tolist()), reverse=True):
-            found = [s for s in stretches(scores, int(score)) if s.end - s.start >= least - 1e-9]
-            for interval in sorted(found, key=lambda s: (s.start - s.end, s.start)):
-                apart = all(interval.end <= c.start or interval.start >= c.end for c in chosen)
-                if apart and len(chosen) < count:
-                    chosen.append(interval)
-    return sorted(chosen, key=lambda s: (-s.reba, s.start - s.end, s.start))
+        for score in (score for score in timeline.scores if score > 1):
+            first, last = timeline.runs(score, least)
+            order = np.lexsort((first, timeline.start[first] - timeline.end[last]))
+            for place in order.tolist():
+                if len(chosen) == count:
+                    break
+                a, b = int(first[place]), int(last[place])
+                if all(b < c or a > d for c, d, _ in chosen):
+                    chosen.append((a, b, score))
+    found = [timeline.interval(a, b, score) for a, b, score in chosen]
+    return sorted(found, key=lambda s: (-s.reba, s.start - s.end, s.start))
+
+
+class _Timeline:
+    """The low end of REBA over time, cut at gaps: start and end [s] of every frame, and where a gap follows."""
+
+    def __init__(self, scores: Scores) -> None:
+        self.low = scores.data["reba_low"].to_numpy(np.int16)
+        self.scores = np.flatnonzero(np.bincount(self.low, minlength=1))[::-1].tolist()
+        self.start = scores.time
+        weights = durations(self.start)
+        self.end = self.start + weights
+        self.broken = np.append(np.diff(self.start) > weights[:-1] + 1e-9, True)[: len(self.low)]
+
+    def runs(self, at_least: int, seconds: float = 0.0) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return first and last frame of every run at or above a score that lasts for `seconds`."""
+        above = self.low >= at_least
+        parted = ~above[:-1] | ~above[1:] | self.broken[:-1]
+        first = np.flatnonzero(above & np.concatenate([[True], parted])[: len(above)])
+        last = np.flatnonzero(above & np.concatenate([parted, [True]])[-len(above) :])
+        long = self.end[last] - self.start[first] >= seconds - 1e-9
+        return first[long], last[long]
+
+    def interval(self, first: int, last: int, reba: int) -> Interval:
+        """Return a run as an interval, with the frame that stands for it."""
+        low = self.low[first : last + 1]
+        worst = first + np.flatnonzero(low == low.max())
+        middle = int(worst[np.argmin(np.abs(worst - (first + last) / 2))])
+        return Interval(float(self.start[first]), float(self.end[last]), reba, middle)
 
 
 def summarise(scores: Scores) -> dict[str, Any]:
