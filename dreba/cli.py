@@ -13,8 +13,8 @@ import reba
 from dreba.cells import WEIGHTS
 from dreba.domain import DOMAINS, domain_of
 from dreba.errors import ModelError, SampleError
+from dreba.evaluate import PUBLISHED, fit_to
 from dreba.evaluate import evaluate as evaluate_model
-from dreba.evaluate import fit_to
 from dreba.files import load, models
 from dreba.model import KINDS, Surrogate
 from dreba.poses import Poses, read_poses
@@ -209,26 +209,51 @@ def _model(kind: str, options: tuple[str, ...], domain: str | None) -> Surrogate
 @click.argument("names", nargs=-1, metavar="MODEL...")
 @poses_option
 @drawing_options
+@click.option(
+    "--tasks", default=10, type=click.IntRange(min=0), show_default=True, help="Reach tasks to optimise; 0 for none."
+)
 @json_option
-def compare(names: tuple[str, ...], poses_file: str | None, as_json: bool, **given: Any) -> None:
-    """Put models side by side with the published Table I, on the same poses. Without MODEL, all shipped ones."""
-    from dreba.timing import time_per_pose
+def compare(names: tuple[str, ...], poses_file: str | None, tasks: int, as_json: bool, **given: Any) -> None:
+    """Models beside the published Table I: error, time, and the true REBA that optimising them leads to.
+
+    All are given the same poses, which no fit has seen, and the same reach tasks. Without MODEL, all shipped models.
+    """
+    from dreba.comparison import compare as compare_models
+    from dreba.comparison import enable
 
     loaded = {name: load(name) for name in names or models()}
     poses = read_poses(poses_file) if poses_file is not None else _draw(given, (given["seed"], EVALUATION))
-    rows = []
-    for name, model in loaded.items():
-        rows.append(
-            {"model": name, **evaluate_model(model, poses).to_dict(), "seconds_per_pose": time_per_pose(model, poses)}
-        )
+    rows = compare_models(loaded, poses)
+    reached = enable(loaded, tasks, seed=given["seed"]) if tasks else []
     if as_json:
-        from dreba.evaluate import PUBLISHED
-
-        print_json({"published": {str(score): rmse for score, rmse in PUBLISHED.items()}, "models": rows})
+        published = {str(score): rmse for score, rmse in PUBLISHED.items()}
+        print_json({"published": published, "models": rows, "enabler": reached})
         return
-    from dreba.terminal import show_comparison
+    from dreba.terminal import show_comparison, show_enabler
 
     show_comparison(console(), rows)
+    if reached:
+        show_enabler(console(), reached)
+
+
+@cli.command(epilog="Example: dreba export soft --to c --temperature 2 -o reba_soft.c")
+@click.argument("model", metavar="MODEL")
+@click.option("--to", "target", required=True, metavar="TARGET", help="c, casadi.")
+@click.option("--temperature", type=float, default=None, metavar="DEG", help="For kinds that have one.")
+@click.option("--name", default="dreba", show_default=True, help="Name of the function.")
+@click.option(
+    "-o", "--output", default=None, metavar="FILE", help="File to write; the name of the function if left out."
+)
+@json_option
+def export(model: str, target: str, temperature: float | None, name: str, output: str | None, as_json: bool) -> None:
+    """Write a model as a C99 function without dependencies, or as a CasADi function."""
+    from dreba.export import export as export_model
+
+    written = export_model(load(model), target, output or name, temperature=temperature, name=name)
+    if as_json:
+        print_json({"model": model, "to": target, "output": str(written)})
+    else:
+        click.echo(f"written: {written}")
 
 
 def main() -> None:

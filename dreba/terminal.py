@@ -53,5 +53,24 @@ def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]]) -> None
     console.print(table)
 
 
+def show_enabler(console: Console, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print what optimising each model leads to.
+
+    Args:
+        rows: of `dreba.comparison.enable`.
+    """
+    title = "true REBA reached when the model is minimised on reach tasks (infeasible counts 12)"
+    table = Table(title=title, title_justify="left", header_style="bold")
+    for heading in ("model", "start"):
+        table.add_column(heading)
+    for heading in ("mean REBA", "= best known", "best of starts", "infeasible", "evaluations", "ms"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        shares = (f"{row[key]:.0%}" for key in ("share_best", "share_best_of_starts", "infeasible"))
+        figures = (f"{row['evaluations']:.0f}", f"{1e3 * row['seconds']:.0f}")
+        table.add_row(row["model"], row["start"], f"{row['mean_reba']:.2f}", *shares, *figures)
+    console.print(table)
+
+
 def _published(score: int) -> str:
     return f"{PUBLISHED[score]:.2f}" if score in PUBLISHED else "-"

@@ -1,0 +1,166 @@
+"""The `dreba` command as a user runs it: output, JSON, exit codes, one-line errors."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import dreba
+from dreba.cli import cli, main
+from reba.posture import COLUMNS
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    def call(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["dreba", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        captured = capsys.readouterr()
+        return int(stop.value.code or 0), captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    poses = dreba.sample(500, rng=1)
+    path = tmp_path / "model.json"
+    dreba.QuadraticModel().fit(poses.angles, poses.reba).save(path)
+    return path
+
+
+@pytest.mark.parametrize("command", sorted(cli.commands))
+def test_every_command_has_help_with_an_example(run: Run, command: str) -> None:
+    code, out, _ = run(command, "--help")
+    assert code == 0
+    assert f"Example: dreba {command}" in " ".join(out.split())
+
+
+def test_sample_fit_evaluate(run: Run, tmp_path: Path) -> None:
+    poses, made, report = tmp_path / "poses.parquet", tmp_path / "model.json", tmp_path / "model.html"
+    code, out, err = run("sample", "-n", 1200, "--classes", "1:8", "--seed", 3, "-o", poses, "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["classes"] == {str(score): 150 for score in range(1, 9)}
+    code, out, err = run("fit", "--poses", poses, "-o", made, "--report", report, "--option", "free=true")
+    assert code == 0
+    assert "RMSE of Table I" in out
+    assert str(made) in err
+    assert report.stat().st_size > 1_000_000
+    assert dreba.load(made).free is True
+    code, out, err = run("evaluate", made, "--poses", poses, "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert found["kind"] == "quadratic"
+    assert found["classes"]["1"].keys() == {"n", "rmse", "bias"}
+    assert found["classes"]["1"]["n"] == 150
+    assert found["overall"]["n"] == 1200
+    assert {"rmse", "spearman", "rounded_accuracy"} <= found["overall"].keys()
+
+
+def test_fit_draws_poses_and_keeps_others_for_the_error(run: Run, tmp_path: Path) -> None:
+    made = tmp_path / "model.json"
+    code, out, _ = run("fit", "--domain", "paper", "-n", 1000, "--seed", 5, "-o", made, "--json")
+    assert code == 0
+    assert json.loads(out)["overall"]["n"] == 1000
+    about = dreba.load(made).about_
+    assert about.domain["name"] == "paper"
+    assert about.provenance["train"]["seed"] == 5
+    assert about.provenance["held_out"]["seed"] == [5, 1]
+    assert about.provenance["command"].startswith("dreba fit --domain paper")
+    code, out, _ = run("evaluate", made, "--json")
+    assert code == 0
+
+
+def test_fit_on_a_recording_weighs_classes_evenly(run: Run, tmp_path: Path) -> None:
+    poses = dreba.sample(2000, [1, 2, 9], rng=1)
+    uneven = poses.rows(np.flatnonzero((poses.reba != 1) | (np.arange(2000) % 10 == 0)))
+    data = pd.DataFrame(uneven.angles, columns=list(COLUMNS))
+    data.insert(0, "time", np.arange(len(data)) * 0.1)
+    data.to_csv(tmp_path / "shift.csv", index=False)
+    code, out, _ = run("fit", "--poses", tmp_path / "shift.csv", "-o", tmp_path / "m.json", "--json")
+    assert code == 0
+    errors = json.loads(out)["classes"]
+    plain = dreba.QuadraticModel().fit(uneven.angles, uneven.reba)
+    assert errors["1"]["bias"] < dreba.evaluate(plain, uneven).classes[1].bias - 0.1
+
+
+def test_compare_and_export(run: Run, model: Path, tmp_path: Path) -> None:
+    code, out, err = run("compare", model, "-n", 500, "--tasks", 0, "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert found["published"]["8"] == 2.18
+    assert found["models"][0]["seconds_per_pose"].keys() == {"single", "batch"}
+    code, out, _ = run("compare", model, "-n", 500, "--tasks", 1)
+    assert code == 0
+    assert "published, Table I" in out
+    assert "best known" in out
+    code, _, _ = run("export", model, "--to", "c", "-o", tmp_path / "reba.c")
+    assert code == 0
+    assert "double" in (tmp_path / "reba.c").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["sample", "-n", 100, "--classes", "12:13", "-o", "x.parquet"], "class 12 cannot be reached"),
+        (["sample", "--classes", "low", "-o", "x.parquet"], "FIRST:LAST"),
+        (["sample", "-o", "x.csv"], ".parquet"),
+        (["sample", "--domain", "humn", "-o", "x.parquet"], "did you mean 'human'"),
+        (["sample", "--factors", "lode", "-o", "x.parquet"], "load, coupling, activity"),
+        (["fit", "--kind", "quadratc", "-o", "x.json"], "did you mean 'quadratic'"),
+        (["fit", "--option", "fre=true", "-o", "x.json"], "did you mean 'free'"),
+        (["fit", "--option", "payload=cubic", "-n", "100", "-o", "x.json"], "tree, linear"),
+        (["fit", "--poses", "nothere.parquet", "-o", "x.json"], "nothere.parquet"),
+        (["fit"], "Missing option"),
+        (["evaluate", "nothere.json"], "cannot be read as a model"),
+        (["export", "quadratic", "--to", "rust"], "rust"),
+        (["compare", "quadratic", "nothere"], "nothere"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[object], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run(*words)
+    assert code == 2
+    assert out == ""
+    assert said in err
+    assert err.startswith("dreba: ")
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_too_few_poses_and_a_newer_model_are_refused(run: Run, model: Path, tmp_path: Path) -> None:
+    dreba.sample(50, rng=1).save(tmp_path / "few.parquet")
+    code, _, err = run("fit", "--poses", tmp_path / "few.parquet", "-o", tmp_path / "x.json")
+    assert code == 2
+    assert "50 poses are too few" in err
+    data = json.loads(model.read_text())
+    model.write_text(json.dumps({**data, "version": 99}))
+    code, _, err = run("evaluate", model)
+    assert code == 2
+    assert "version 99" in err
+
+
+@pytest.mark.filterwarnings("default::dreba.RadiansWarning")
+def test_radians_are_warned_about_in_one_line(run: Run, tmp_path: Path) -> None:
+    poses = dreba.sample(500, rng=1)
+    small = dreba.Poses(np.radians(poses.angles), poses.reba, None, poses.provenance)
+    small.save(tmp_path / "radians.parquet")
+    code, _, err = run("fit", "--poses", tmp_path / "radians.parquet", "-o", tmp_path / "m.json", "--json")
+    assert code == 0
+    assert "dreba: warning: every angle lies within +-3.2" in err
+
+
+def test_no_command_leaves_part_files(run: Run, model: Path, tmp_path: Path) -> None:
+    run("evaluate", model, "-n", 500, "--report", tmp_path / "report.html")
+    assert {path.name for path in tmp_path.iterdir()} == {"model.json", "report.html"}
