@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -16,36 +17,54 @@ if TYPE_CHECKING:
     from reba.improve import Improvement
     from reba.worksheet import Worksheet
 
+WIDE = 120
+"""Characters from which the names of recordings fit beside their figures."""
 LEVEL_STYLES = ("green", "green", "yellow", "dark_orange", "red")
 
 
 def show_outcomes(console: Console, outcomes: Sequence[Outcome]) -> None:
     """Print one line a recording, then what every reader of the numbers must know."""
-    table = Table(title="REBA", title_justify="left", header_style="bold")
-    for name in ("recording", "time [s]", "mean", "median", "p90", "held 1 s", "max"):
-        table.add_column(name, justify="left" if name == "recording" else "right", overflow="fold")
-    for level, (risk, _) in enumerate(ACTION_LEVELS):
-        table.add_column(risk, justify="right", style=LEVEL_STYLES[level])
     scored = [outcome.summary for outcome in outcomes if outcome.summary is not None]
-    open_share = any(summary["action_level_undetermined"] > 0 for summary in scored)
-    if open_share:
-        table.add_column("open", justify="right")
-    for summary in scored:
-        shares = [_percent(share) for share in summary["action_levels"].values()]
-        shares += [_percent(summary["action_level_undetermined"])] if open_share else []
-        figures = [_span(summary, key) for key in ("mean", "median", "p90")]
-        low = summary["held"]["reba"]
-        held = "-" if low is None else str(low) if _known(summary) else f"{low}+"
-        table.add_row(
-            Text(summary["input"]), f"{summary['seconds']:.1f}", *figures, held, _span(summary, "max"), *shares
-        )
     if scored:
-        console.print(table)
+        # The figures need 80 characters: in a narrow terminal names stand above the table, numbered if they are many.
+        if len(scored) == 1:
+            console.print(_outcome_table(f"REBA of {scored[0]['input']}", scored, []))
+        elif console.width < WIDE:
+            for number, summary in enumerate(scored, 1):
+                console.print(Text(f"{number}: {summary['input']}"))
+            console.print(_outcome_table("REBA", scored, [str(number + 1) for number in range(len(scored))]))
+        else:
+            console.print(_outcome_table("REBA", scored, [summary["input"] for summary in scored]))
     for line in _notes(scored):
         console.print(Text(line))
     for outcome in outcomes:
         if outcome.error is not None:
             console.print(Text(f"failed: {outcome.error}", style="red"))
+
+
+def _outcome_table(title: Text, scored: Sequence[dict[str, Any]]) -> Table:
+    table = Table(
+        title=title, title_justify="left", header_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False
+    )
+    if labels:
+        table.add_column("recording" if len(labels[0]) > 3 else "", overflow="fold")
+    for name in ("time\n[s]", "mean", "med-\nian", "p90", "held\n1 s", "max"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for level, (risk, _) in enumerate(ACTION_LEVELS):
+        heading = risk.replace(" ", "\n").replace("negligible", "negli-\ngible").replace("medium", "me-\ndium")
+        table.add_column(heading, justify="right", style=LEVEL_STYLES[level], no_wrap=True)
+    open_share = any(summary["action_level_undetermined"] > 0 for summary in scored)
+    if open_share:
+        table.add_column("open", justify="right", no_wrap=True)
+    for number, summary in enumerate(scored):
+        name = [Text(labels[number])] if labels else []
+        shares = [_percent(share) for share in summary["action_levels"].values()]
+        shares += [_percent(summary["action_level_undetermined"])] if open_share else []
+        figures = [_span(summary, key) for key in ("mean", "median", "p90")]
+        low = summary["held"]["reba"]
+        held = "-" if low is None else str(low) if _known(summary) else f"{low}+"
+        table.add_row(*name, f"{summary['seconds']:.1f}", *figures, held, _span(summary, "max"), *shares)
+    return table
 
 
 def _known(summary: dict[str, Any]) -> bool:
@@ -62,7 +81,7 @@ def _span(summary: dict[str, Any], key: str) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{share * 100:.0f} %" if share >= 0.005 or share == 0 else "<1 %"
+    return f"{share * 100:.0f}%" if share >= 0.005 or share == 0 else "<1%"
 
 
 def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:

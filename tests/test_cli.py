@@ -41,12 +41,18 @@ def test_every_command_has_help_with_an_example(run: Run, command: str) -> None:
     assert f"Example: reba {command}" in " ".join(out.split())
 
 
-def test_score_prints_a_table(run: Run) -> None:
+@pytest.mark.parametrize("width", [80, 160])
+def test_score_prints_a_table(run: Run, monkeypatch: pytest.MonkeyPatch, width: int) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
     code, out, err = run("score", ASSEMBLY)
     assert code == 0
-    assert "very high" in out
-    assert "not measured: wrist_flexion, wrist_deviation, wrist_twist" in out
-    assert "assumed: no shock" in out
+    lines = out.splitlines()
+    assert all(len(line) <= width for line in lines)
+    assert "\u2026" not in out
+    assert "med-" in out
+    words = " ".join(out.split())
+    assert "not measured: wrist_flexion, wrist_deviation, wrist_twist" in words
+    assert "assumed: no shock" in words
     assert err == ""
 
 
