@@ -35,6 +35,7 @@ HELD_SHARE: Final = 0.2
 def drawing_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say which poses are drawn."""
     for option in (
+        click.option("--adjustments/--no-adjustments", default=True, help="Twists, side bends, abduction and so on."),
         click.option("--arms", default="both", type=click.Choice(["both", "left", "right"]), help="Arms that move."),
         click.option("--factors", default="", metavar="LIST", help=f"Drawn as well: {','.join(FACTOR_NAMES)}."),
         click.option("--stratified", is_flag=True, help="Fill part scores evenly to within one pose."),
@@ -153,6 +154,7 @@ def _draw(given: dict[str, Any], rng: Any) -> Poses:
         weights=given["weights"],
         stratified=given["stratified"],
         factors=names or None,
+        adjustments=given["adjustments"],
         arms=given["arms"],
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dreba.errors import ModelError
-from dreba.model import About, Surrogate
+from dreba.model import About, Surrogate, warn_if_radians
 from dreba.poses import Poses
 
 Array = NDArray[np.float64]
@@ -77,10 +77,15 @@ def evaluate(model: Surrogate, poses: Poses, temperature: float | None = None) -
 
     Raises:
         ModelError: there is no pose, or the model works on a column that is not in the posture table.
+
+    Warns:
+        RadiansWarning: all angles are so small that they look like radians.
     """
     given = poses.given
+    angles = angles_for(model, poses)
+    warn_if_radians(angles, model.joints_)
     values = model.value(
-        angles_for(model, poses),
+        angles,
         load=given.load,
         coupling=given.coupling,
         activity=given.activity,

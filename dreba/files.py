@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from dreba.domain import Domain
 from dreba.errors import ModelError
 from dreba.model import KINDS, About, Surrogate
 from reba.errors import did_you_mean
@@ -105,6 +106,8 @@ def _build(data: dict[str, Any]) -> Surrogate:
     model._restore(learned)
     if json.loads(json.dumps(model._payload(), default=_plain)) != data["payload"]:
         raise ModelError("'payload' does not agree with the parameters; the file is damaged")
+    if not all(isinstance(rmse, int | float) for rmse in data["rmse"].values()):
+        raise ModelError("'rmse' holds something that is no number; the file is damaged")
     model.about_ = About(data["domain"], data["rmse"], data["provenance"])
     return model
 
@@ -163,6 +166,8 @@ def _no_constant(name: str) -> float:
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, Domain):  # what was learned does not need it; `about_` keeps it whole
+        return value.name
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, np.generic):

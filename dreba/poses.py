@@ -26,7 +26,7 @@ class Poses:
 
     Attributes:
         angles: (n, 22) degrees in the order of `reba.COLUMNS`.
-        reba: (n,) true scores.
+        reba: (n,) true scores: exact REBA, or from the bins of a domain that has its own.
         factors: load, coupling and activity per pose, or None.
         provenance: domain, distribution, seed, counts: enough to draw the same poses again.
     """

@@ -141,3 +141,21 @@ def test_report_holds_its_figures(model: dreba.QuadraticModel) -> None:
     assert "https://" not in html.split("<script>")[0]
     free = dreba.QuadraticModel(free=True).fit(poses.angles, poses.reba)
     assert 'id="polynomials"' not in render(free, poses)
+
+
+def test_a_domain_record_is_saved_by_its_name(tmp_path: Path) -> None:
+    domain = dreba.domain_of("human").hold(trunk_twist=0.0)
+    poses = dreba.sample(500, range(1, 9), domain=domain, rng=1)
+    found = dreba.QuadraticModel(domain=domain)
+    dreba.fit_to(found, poses, poses)
+    found.save(tmp_path / "model.json")
+    again = dreba.load(tmp_path / "model.json")
+    assert again.get_params()["domain"] == "human"
+    assert again.about_.domain["limits"]["trunk_twist"] == [0.0, 0.0]
+    assert np.array_equal(again.predict(poses.angles), found.predict(poses.angles))
+
+
+def test_radians_are_warned_about(model: dreba.QuadraticModel) -> None:
+    poses = dreba.sample(50, rng=3)
+    with pytest.warns(dreba.RadiansWarning, match="degrees"):
+        dreba.evaluate(model, dreba.Poses(np.radians(poses.angles), poses.reba))
