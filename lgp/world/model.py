@@ -51,6 +51,10 @@ class Kinematics:
     def __len__(self) -> int:
         return len(self.rotation)
 
+    def rows(self, which: slice | NDArray[np.intp]) -> Kinematics:
+        """Return the same for some of the slices."""
+        return Kinematics(self.world, list(self.index), self.rotation[which], self.position[which], self.spatial[which])
+
     def place(self, name: str) -> Place:
         """Return a frame with its Jacobian (n, 6, nq)."""
         if name not in self._places:

@@ -1,0 +1,186 @@
+"""Signed distances between bodies and their Jacobians, only where they come near each other.
+
+A filter on spheres around the bodies, for all slices at once, leaves the (slice, pair) rows that matter; coal then gives
+distance, nearest points and normal of each. The distance changes with the relative speed of the two points along the
+normal, which is its exact derivative for smooth contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import coal
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.world.bodies import Body, bodies_of
+from lgp.world.model import Kinematics, World
+from lgp.world.switches import Modes
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Signed distances of m rows.
+
+    Attributes:
+        slices, pairs: (m,) which slice and which pair.
+        value: (m,) [m], negative inside each other.
+        by_q: (m, nq).
+        by_variables: (m, nz) by the variables of the sequence.
+    """
+
+    slices: Rows
+    pairs: Rows
+    value: Array
+    by_q: Array
+    by_variables: Array
+
+
+class Collisions:
+    """The pairs of bodies of a world that must not touch.
+
+    Attributes:
+        bodies: every body.
+        pairs: (first, second) numbers of bodies.
+        frames: frames whose placements are needed.
+
+    Example:
+        >>> collisions = Collisions(world, modes)                                        # doctest: +SKIP
+        >>> kinematics = world.at(q, collisions.frames)                                  # doctest: +SKIP
+        >>> rows = collisions.near(kinematics, phases, z, within=0.1)                    # doctest: +SKIP
+        >>> collisions.distances(kinematics, phases, z, *rows).value                     # doctest: +SKIP
+    """
+
+    def __init__(self, world: World, modes: Modes | None = None) -> None:
+        self.world, self.modes = world, modes or Modes(world, ())
+        self.bodies = bodies_of(world)
+        self.pairs = tuple(
+            (first, second)
+            for first, second in combinations(range(len(self.bodies)), 2)
+            if _may_meet(self.bodies[first], self.bodies[second])
+        )
+        moving = [body.frame for body in self.bodies if body.frame]
+        self.frames = tuple(dict.fromkeys([*moving, *self.modes.frames]))
+        self._sides = np.array(self.pairs, dtype=np.intp).reshape(-1, 2)
+        self._radii = np.array([body.radius for body in self.bodies])
+        self._request = coal.DistanceRequest()
+        self._request.enable_signed_distance = True
+
+    def name(self, pair: int) -> str:
+        """Return how messages call a pair."""
+        return " and ".join(self.bodies[side].name for side in self.pairs[pair])
+
+    def near(self, kinematics: Kinematics, phases: Sequence[int], z: Array, within: float) -> tuple[Rows, Rows]:
+        """Return slices (m,) and pairs (m,) whose bounding spheres are nearer than `within` [m].
+
+        Args:
+            kinematics: of n slices, holding `frames`.
+            phases: (n,) phase of each slice.
+            z: (nz,) variables of the sequence.
+        """
+        _, centres = self._poses(kinematics, np.asarray(phases), z)
+        first, second = self._sides.T
+        apart = (
+            np.linalg.norm(centres[:, first] - centres[:, second], axis=2) - self._radii[first] - self._radii[second]
+        )
+        slices, pairs = np.nonzero((apart < within) & self._allowed(np.asarray(phases)))
+        return slices, pairs
+
+    def distances(
+        self, kinematics: Kinematics, phases: Sequence[int], z: Array, slices: Rows, pairs: Rows
+    ) -> Distances:
+        """Return the signed distances of given rows, see `near`."""
+        phase = np.asarray(phases)
+        rotations, centres = self._poses(kinematics, phase, z)
+        m = len(slices)
+        value, points, normals = np.empty(m), np.empty((2, m, 3)), np.empty((m, 3))
+        result, placed = coal.DistanceResult(), {}
+        for row, (at, pair) in enumerate(zip(slices.tolist(), pairs.tolist(), strict=True)):
+            sides = self.pairs[pair]
+            for side in sides:
+                if (at, side) not in placed:
+                    placed[at, side] = coal.Transform3s(rotations[at, side], centres[at, side])
+            result.clear()
+            first, second = (self.bodies[side].shape for side in sides)
+            value[row] = coal.distance(first, placed[at, sides[0]], second, placed[at, sides[1]], self._request, result)
+            points[0, row], points[1, row] = result.getNearestPoint1(), result.getNearestPoint2()
+            normals[row] = result.normal
+        by_q, by_variables = np.zeros((m, self.world.nq)), np.zeros((m, self.modes.size))
+        for number, sense in ((0, -1.0), (1, 1.0)):
+            which = self._sides[pairs, number]
+            for side in np.unique(which):
+                rows = np.flatnonzero(which == side)
+                moved, varied = self._speeds(side, kinematics, phase, z, slices[rows], points[number, rows])
+                by_q[rows] += sense * np.einsum("ni,nij->nj", normals[rows], moved)
+                by_variables[rows] += sense * np.einsum("ni,nij->nj", normals[rows], varied)
+        return Distances(slices, pairs, value, by_q, by_variables)
+
+    def _poses(self, kinematics: Kinematics, phases: Rows, z: Array) -> tuple[Array, Array]:
+        """Return rotations (n, B, 3, 3) and centres (n, B, 3) of all bodies."""
+        n = len(kinematics)
+        rotations, centres = np.empty((n, len(self.bodies), 3, 3)), np.empty((n, len(self.bodies), 3))
+        for number, body in enumerate(self.bodies):
+            if body.kind == "object":
+                for phase in np.unique(phases):
+                    rows = np.flatnonzero(phases == phase)
+                    pose = self.modes.pose(body.owner, int(phase), kinematics.rows(rows), z)
+                    rotations[rows, number], centres[rows, number] = pose.rotation, pose.position
+            elif body.frame:
+                at = kinematics.index[body.frame]
+                rotations[:, number] = kinematics.rotation[:, at] @ body.rotation
+                centres[:, number] = kinematics.position[:, at] + kinematics.rotation[:, at] @ body.position
+            else:
+                rotations[:, number], centres[:, number] = body.rotation, body.position
+        return rotations, centres
+
+    def _allowed(self, phases: Rows) -> NDArray[np.bool_]:
+        """Return (n, pairs) False where an object meets what holds it in this phase, the one before or the next."""
+        allowed = np.ones((len(phases), len(self.pairs)), dtype=bool)
+        last = len(self.modes.switches)
+        for number, (first, second) in enumerate(self.pairs):
+            thing, other = self.bodies[second], self.bodies[first]
+            if thing.kind != "object":
+                continue
+            for phase in np.unique(phases):
+                around = range(max(int(phase) - 1, 0), min(int(phase) + 1, last) + 1)
+                holders = {self.modes.holder(thing.owner, near).by for near in around}
+                touching = other.name in holders or any(holder.startswith(f"{other.owner}.") for holder in holders)
+                if touching and other.kind != "object":
+                    allowed[phases == phase, number] = False
+        return allowed
+
+    def _speeds(
+        self, side: int, kinematics: Kinematics, phases: Rows, z: Array, slices: Rows, points: Array
+    ) -> tuple[Array, Array]:
+        """Return the Jacobians (m, 3, nq) and (m, 3, nz) of (m, 3) points on a body in given slices."""
+        body, nz = self.bodies[side], self.modes.size
+        by_q, by_variables = np.zeros((len(slices), 3, self.world.nq)), np.zeros((len(slices), 3, nz))
+        if body.kind == "object":
+            for phase in np.unique(phases[slices]):
+                rows = np.flatnonzero(phases[slices] == phase)
+                pose = self.modes.pose(body.owner, int(phase), kinematics.rows(slices[rows]), z).spread(nz)
+                arm = (points[rows] - pose.position)[:, :, None]
+                moved = pose.jacobian[:, :3] + np.cross(pose.jacobian[:, 3:], arm, axis=1)
+                by_q[rows], by_variables[rows] = moved[:, :, : self.world.nq], moved[:, :, self.world.nq :]
+        elif body.frame:
+            by_q[:] = kinematics.rows(slices).point(body.frame, points)[:, :3]
+        return by_q, by_variables
+
+
+def _may_meet(first: Body, second: Body) -> bool:
+    """Return whether two bodies can touch at all and are not neighbours."""
+    kinds = {first.kind, second.kind}
+    if "link" not in kinds:
+        # What stands still touches only objects, and those are carried past tables and bodies.
+        return "object" in kinds
+    if first.owner != second.owner:
+        return True
+    # Of one agent: limbs of a robot against each other and its body; a human's own limbs keep their limits instead.
+    if first.owner == "human" or first.branch == second.branch:
+        return False
+    return all(body.kind == "base" or body.depth > 2 for body in (first, second))
