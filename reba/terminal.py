@@ -42,9 +42,14 @@ def show_outcomes(console: Console, outcomes: Sequence[Outcome]) -> None:
             console.print(Text(f"failed: {outcome.error}", style="red"))
 
 
-def _outcome_table(title: Text, scored: Sequence[dict[str, Any]]) -> Table:
+def _outcome_table(title: str, scored: Sequence[dict[str, Any]], labels: Sequence[str]) -> Table:
     table = Table(
-        title=title, title_justify="left", header_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False
+        title=Text(title),
+        title_justify="left",
+        header_style="bold",
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
     )
     if labels:
         table.add_column("recording" if len(labels[0]) > 3 else "", overflow="fold")
@@ -57,13 +62,13 @@ def _outcome_table(title: Text, scored: Sequence[dict[str, Any]]) -> Table:
     if open_share:
         table.add_column("open", justify="right", no_wrap=True)
     for number, summary in enumerate(scored):
-        name = [Text(labels[number])] if labels else []
+        label = [Text(labels[number])] if labels else []
         shares = [_percent(share) for share in summary["action_levels"].values()]
         shares += [_percent(summary["action_level_undetermined"])] if open_share else []
         figures = [_span(summary, key) for key in ("mean", "median", "p90")]
         low = summary["held"]["reba"]
         held = "-" if low is None else str(low) if _known(summary) else f"{low}+"
-        table.add_row(*name, f"{summary['seconds']:.1f}", *figures, held, _span(summary, "max"), *shares)
+        table.add_row(*label, f"{summary['seconds']:.1f}", *figures, held, _span(summary, "max"), *shares)
     return table
 
 
