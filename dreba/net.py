@@ -64,7 +64,9 @@ class NetModel(Surrogate):
         self.middle_ = inputs.mean(axis=0)
         spread = inputs.std(axis=0)
         self.spread_ = np.where(spread > 1e-9, spread, 1.0)
-        net = MLPRegressor(self.layers, max_iter=self.epochs, random_state=self.seed, n_iter_no_change=self.epochs)
+        net = MLPRegressor(
+            hidden_layer_sizes=self.layers, max_iter=self.epochs, random_state=self.seed, n_iter_no_change=self.epochs
+        )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)  # it stops after `epochs` on purpose
             net.fit((inputs - self.middle_) / self.spread_, scores - given.activity, weights)

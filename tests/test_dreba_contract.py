@@ -22,6 +22,9 @@ KINDS = sorted(dreba.KINDS)
 CHECKED = {"quadratic": dreba.QuadraticModel(free=True)}
 """For scikit-learn's checks: parameters that let a kind take columns without a part table."""
 
+QUICK = {"net": {"epochs": 3}}
+"""Parameters that make a kind without a shipped model quick to fit; how good it is does not matter here."""
+
 
 @cache
 def poses() -> dreba.Poses:
@@ -33,7 +36,7 @@ def fitted(kind: str) -> dreba.Surrogate:
     """The shipped model of a kind, or a quick fit."""
     if kind in dreba.models():
         return dreba.load(kind)
-    return dreba.KINDS[kind]().fit(poses().angles, poses().reba)
+    return dreba.KINDS[kind](**QUICK.get(kind, {})).fit(poses().angles, poses().reba)
 
 
 @cache
