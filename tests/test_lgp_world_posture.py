@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lgp_worlds import HUMAN_ONLY, anywhere, differences, human_world
+from lgp_worlds import anywhere, differences, human_world
 from scipy.spatial.transform import Rotation
 
 from lgp.errors import WorldError
 from lgp.world.human import ISB, joint_names
 from lgp.world.model import World
 from lgp.world.posture import PostureMap
-from lgp.world.scene_file import read_scene
 from lgp.world.stance import legs
 from reba.posture import COLUMNS, INDEX
 from reba.readers.finish import finish
@@ -101,4 +100,3 @@ def test_a_world_without_a_human_has_no_posture() -> None:
     nobody.__dict__ = {**world.__dict__, "scene": type(world.scene)(**{**vars(world.scene), "human": None})}
     with pytest.raises(WorldError, match="no human"):
         PostureMap(nobody)
-    assert read_scene(HUMAN_ONLY).human is not None

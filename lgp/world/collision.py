@@ -1,8 +1,8 @@
 """Signed distances between bodies and their Jacobians, only where they come near each other.
 
-A filter on spheres around the bodies, for all slices at once, leaves the (slice, pair) rows that matter; coal then gives
-distance, nearest points and normal of each. The distance changes with the relative speed of the two points along the
-normal, which is its exact derivative for smooth contact.
+A filter on spheres around the bodies, for all slices at once, leaves the (slice, pair) rows that matter; coal then
+gives distance, nearest points and normal of each. The distance changes with the relative speed of the two points along
+the normal, which is its exact derivative for smooth contact.
 """
 
 from __future__ import annotations
@@ -149,8 +149,8 @@ class Collisions:
             for phase in np.unique(phases):
                 around = range(max(int(phase) - 1, 0), min(int(phase) + 1, last) + 1)
                 holders = {self.modes.holder(thing.owner, near).by for near in around}
-                touching = other.name in holders or any(holder.startswith(f"{other.owner}.") for holder in holders)
-                if touching and other.kind != "object":
+                # A table is a holder itself; a link touches what any hand of its agent holds.
+                if other.name in holders or other.owner in {holder.partition(".")[0] for holder in holders} - {"table"}:
                     allowed[phases == phase, number] = False
         return allowed
 

@@ -1,0 +1,120 @@
+"""Scene files: what they may say, and one clear line for what they may not."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from lgp_worlds import HUMAN_ONLY
+
+from lgp.errors import SceneError
+from lgp.logic.domain import load_domain
+from lgp.world.scene_file import load_scene, read_scene, shipped_scenes
+
+
+def _with(path: str, value: Any) -> dict[str, Any]:
+    values = copy.deepcopy(HUMAN_ONLY)
+    *parents, last = path.split(".")
+    inner: Any = values
+    for key in parents:
+        inner = inner.setdefault(key, {})
+    inner[last] = value
+    return values
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_shipped_scenes_speak_of_what_their_domain_knows(name: str) -> None:
+    scene = load_scene(name)
+    domain = load_domain(scene.domain)
+    assert set(scene.objects.values()) <= set(domain.supertypes) | {"object"}
+    for atom in (*scene.initial, *scene.goal):
+        assert atom.partition("(")[0] in domain.predicates
+
+
+def test_the_screwdriver_scene_gives_a_reason_for_each_free_choice() -> None:
+    scene = load_scene("screwdriver")
+    told = {key for choice in scene.choices for key in choice.keys}
+    assert {"robots.baxter.position", "tables.start.position", "tables.left.position", "phase_seconds"} <= told
+    assert all(len(choice.reason) > 20 for choice in scene.choices)
+    # Every key that is told can be changed, as a study of their influence needs.
+    for key in told:
+        held = {"position": [0.5, 0.5], "size": [0.2, 0.2]}.get(key.rpartition(".")[2], 1.0)
+        assert load_scene("screwdriver", {key: held}) != scene
+
+
+def test_heights_are_drawn_from_their_ranges_alone() -> None:
+    scene = load_scene("screwdriver")
+    drawn = np.array(
+        [
+            [table.height for table in scene.draw_heights(np.random.default_rng(seed)).tables.values()]
+            for seed in range(200)
+        ]
+    )
+    assert list(scene.tables) == ["table.left", "table.center", "table.right", "table.start"]
+    assert drawn[:, :3].min() >= 0.6
+    assert drawn[:, :3].max() <= 1.6
+    assert np.ptp(drawn[:, :3]) > 0.9
+    assert np.all(drawn[:, 3] == 0.9)
+    again = scene.draw_heights(np.random.default_rng(7))
+    assert again == scene.draw_heights(np.random.default_rng(7))
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "text"),
+    [
+        ("human.statur", 1.7, "human: unknown key 'statur'; did you mean 'stature'"),
+        ("humans", {}, "unknown key 'humans'; did you mean 'human'"),
+        ("human.stature", "tall", "stature is 'tall', expected a finite number"),
+        ("human.stature", float("nan"), "stature is nan, expected a finite number"),
+        ("human.stature", 0.5, "stature is 0.5, expected 1.4 to 2.1"),
+        ("human.sex", "mal", "sex is 'mal', expected one of male, female; did you mean 'male'"),
+        ("human.hands", ["third_hand"], "no hand 'third_hand'"),
+        ("human.legs", "none", "legs is 'none', expected one of planted, solved, locked"),
+        ("tables.near.size", [1.0], r"tables.near: size is \[1.0\], expected 2 numbers"),
+        ("tables.near.height", [1.6, 0.6], "expected the lower one first"),
+        ("objects.box.on", "table.nar", "on is 'table.nar', expected one of table.near; did you mean 'table.near'"),
+        ("objects.box.mass", -1, "mass is -1, expected at least 0"),
+        ("objects.box.at", [0.5, 0.0, 0.0], "off table.near"),
+        ("initial", ["on_table(bx)"], "unknown 'bx'"),
+        ("goal", "grasped", "goal is 'grasped', expected a list of texts"),
+        ("domain", None, "domain is missing"),
+        ("robots.table", {"model": "panda", "position": [0, 0, 0]}, "cannot be called 'table'"),
+        ("robots.arm", {"position": [0, 0, 0]}, "robots.arm: model is missing"),
+        ("human", 3, "human is 3, expected a table"),
+    ],
+)
+def test_wrong_entries_are_refused_in_one_line(path: str, value: Any, text: str) -> None:
+    with pytest.raises(SceneError, match=text) as caught:
+        read_scene(_with(path, value))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_scene_needs_somebody() -> None:
+    values = {"domain": "screwdriver", "initial": [], "goal": []}
+    with pytest.raises(SceneError, match="nobody is there"):
+        read_scene(values)
+
+
+def test_unknown_and_broken_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="did you mean 'screwdriver'"):
+        load_scene("screwdrivr")
+    broken = tmp_path / "broken.toml"
+    broken.write_text("a = [1,")
+    with pytest.raises(SceneError, match="not TOML"):
+        load_scene(broken)
+    broken.write_bytes(b"\xff\xfe")
+    with pytest.raises(SceneError, match="cannot be read"):
+        load_scene(broken)
+
+
+def test_changes_touch_only_keys_of_the_file() -> None:
+    assert load_scene("screwdriver", {"human.stature": 1.6}).human.stature == 1.6
+    with pytest.raises(SceneError, match=r"no key 'human\.weight' to change"):
+        load_scene("screwdriver", {"human.weight": 70})
+    with pytest.raises(SceneError, match="no table 'middle'"):
+        load_scene("screwdriver").with_heights({"middle": 1.0})
+    with pytest.raises(SceneError, match=r"height of table\.left is 9 m"):
+        load_scene("screwdriver").with_heights({"left": 9.0})
