@@ -33,7 +33,9 @@ class Given(NamedTuple):
     @property
     def nothing(self) -> bool:
         """Whether neither load nor coupling nor activity is given."""
-        return all(type(value) in (int, float) and value == 0 for value in (self.load, *self.coupling, self.activity))
+        return self is NOTHING or all(
+            type(value) in (int, float) and value == 0 for value in (self.load, *self.coupling, self.activity)
+        )
 
     def rows(self, which: Any) -> Given:
         """Return the same for some poses (a slice or an index array)."""

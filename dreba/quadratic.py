@@ -169,7 +169,7 @@ class QuadraticModel(Surrogate):
         # The value is constant + sum_i q_i (slope_i + linear_i) / 2, so one product serves both (equation 2).
         gradient = poses * self.twice_curvature_
         gradient += self.linear_
-        value = np.einsum("ij,ij->i", poses, gradient)
+        value = np.vecdot(poses, gradient)
         value += poses @ self.linear_
         value *= 0.5
         value += self.constant_
