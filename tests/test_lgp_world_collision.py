@@ -62,7 +62,7 @@ def test_derivatives_by_differences_objects_and_variables_included() -> None:
     q = np.clip(world.start + 0.25 * rng.standard_normal((8, world.nq)), world.lower, world.upper)
     phases, z = np.repeat(np.arange(4), 2), 0.6 * rng.uniform(modes.lower, modes.upper)
     kinematics = world.at(q, collisions.frames)
-    rows = collisions.near(kinematics, phases, z, within=0.05)
+    rows = collisions.near(kinematics, phases, z, within=0.3)
     found = collisions.distances(kinematics, phases, z, *rows)
     assert len(found.value) > 50
     assert (found.value < 0).any()
@@ -106,7 +106,7 @@ def test_the_resting_postures_are_clear_of_tables_of_any_height() -> None:
         lifted = world.with_scene(world.scene.with_heights(heights))
         collisions = Collisions(lifted)
         kinematics = lifted.at(lifted.start[None], collisions.frames)
-        rows = collisions.near(kinematics, [0], np.zeros(0), within=0.1)
+        rows = collisions.near(kinematics, [0], np.zeros(0), within=0.3)
         assert collisions.distances(kinematics, [0], np.zeros(0), *rows).value.min() > 0.03
 
 

@@ -40,6 +40,7 @@ class Body:
         rotation: (3, 3) in the frame, or in the world.
         position: (3,) of its centre in the frame, or in the world.
         radius: of a sphere around it [m].
+        half, rim: it is every point within `rim` [m] of a box of half sides (3,) [m]; a capsule's box is a segment.
         shape: coal geometry, capsules along z.
     """
 
@@ -52,6 +53,8 @@ class Body:
     rotation: Array
     position: Array
     radius: float
+    half: Array
+    rim: float
     shape: Any = field(repr=False, compare=False)
 
 
@@ -72,7 +75,8 @@ def bodies_of(world: World) -> tuple[Body, ...]:
 
 def _box(name: str, owner: str, kind: str, rotation: Array, position: Array, size: tuple[float, float, float]) -> Body:
     radius = float(np.linalg.norm(size)) / 2.0
-    return Body(name, owner, kind, "", name, 0, rotation, position, radius, coal.Box(*size))
+    half = np.array(size) / 2.0
+    return Body(name, owner, kind, "", name, 0, rotation, position, radius, half, 0.0, coal.Box(*size))
 
 
 def _capsule(
@@ -95,6 +99,8 @@ def _capsule(
         rotation,
         (start + end) / 2.0,
         length / 2.0 + radius,
+        np.array([0.0, 0.0, length / 2.0]),
+        radius,
         coal.Capsule(radius, length),
     )
 

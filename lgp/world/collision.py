@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from lgp.world.bodies import Body, bodies_of
 from lgp.world.model import Kinematics, World
+from lgp.world.rotations import cross
 from lgp.world.switches import Modes
 
 Array = NDArray[np.float64]
@@ -68,6 +69,8 @@ class Collisions:
         self.frames = tuple(dict.fromkeys([*moving, *self.modes.frames]))
         self._sides = np.array(self.pairs, dtype=np.intp).reshape(-1, 2)
         self._radii = np.array([body.radius for body in self.bodies])
+        self._halves = np.array([body.half for body in self.bodies])
+        self._rims = np.array([body.rim for body in self.bodies])
         self._request = coal.DistanceRequest()
         self._request.enable_signed_distance = True
 
@@ -76,20 +79,28 @@ class Collisions:
         return " and ".join(self.bodies[side].name for side in self.pairs[pair])
 
     def near(self, kinematics: Kinematics, phases: Sequence[int], z: Array, within: float) -> tuple[Rows, Rows]:
-        """Return slices (m,) and pairs (m,) whose bounding spheres are nearer than `within` [m].
+        """Return slices (m,) and pairs (m,) that may be nearer than `within` [m]; no nearer one is left out.
 
         Args:
             kinematics: of n slices, holding `frames`.
             phases: (n,) phase of each slice.
             z: (nz,) variables of the sequence.
         """
-        _, centres = self._poses(kinematics, np.asarray(phases), z)
+        rotations, centres = self._poses(kinematics, np.asarray(phases), z)
         first, second = self._sides.T
         apart = (
             np.linalg.norm(centres[:, first] - centres[:, second], axis=2) - self._radii[first] - self._radii[second]
         )
         slices, pairs = np.nonzero((apart < within) & self._allowed(np.asarray(phases)))
-        return slices, pairs
+        close = np.ones(len(slices), dtype=bool)
+        # Of what is left, the sphere of each body against the other's core (a segment or a box, plus its rim).
+        for one, other in ((0, 1), (1, 0)):
+            sphere, core = self._sides[pairs, one], self._sides[pairs, other]
+            away = centres[slices, sphere] - centres[slices, core]
+            inside = np.abs(np.einsum("mji,mj->mi", rotations[slices, core], away)) - self._halves[core]
+            gap = np.linalg.norm(np.maximum(inside, 0.0), axis=1) - self._rims[core] - self._radii[sphere]
+            close &= gap < within
+        return slices[close], pairs[close]
 
     def distances(
         self, kinematics: Kinematics, phases: Sequence[int], z: Array, slices: Rows, pairs: Rows
@@ -164,8 +175,7 @@ class Collisions:
             for phase in np.unique(phases[slices]):
                 rows = np.flatnonzero(phases[slices] == phase)
                 pose = self.modes.pose(body.owner, int(phase), kinematics.rows(slices[rows]), z).spread(nz)
-                arm = (points[rows] - pose.position)[:, :, None]
-                moved = pose.jacobian[:, :3] + np.cross(pose.jacobian[:, 3:], arm, axis=1)
+                moved = pose.jacobian[:, :3] + cross(pose.jacobian[:, 3:], points[rows] - pose.position)
                 by_q[rows], by_variables[rows] = moved[:, :, : self.world.nq], moved[:, :, self.world.nq :]
         elif body.frame:
             by_q[:] = kinematics.rows(slices).point(body.frame, points)[:, :3]

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lgp.world.rotations import inverse_right_jacobian, logarithm
+from lgp.world.rotations import cross, inverse_right_jacobian, logarithm
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def position(place: Placement, target: Array | float = 0.0) -> Feature:
 def axis(place: Placement, number: int) -> Feature:
     """Return axis 0, 1 or 2 of a frame as a direction in the world, (n, 3)."""
     direction = place.rotation[:, :, number]
-    return Feature(direction, np.cross(place.jacobian[:, 3:], direction[:, :, None], axis=1))
+    return Feature(direction, cross(place.jacobian[:, 3:], direction))
 
 
 def along(place: Placement, number: int, direction: Array) -> Feature:
@@ -98,14 +98,14 @@ def position_curvature(jacobian: Array, weights: Array) -> Array:
         jacobian: (n, 6, columns), columns in the order of the chain (as pinocchio numbers joints).
         weights: (n, 3).
     """
-    turned = np.cross(weights[:, :, None], jacobian[:, 3:], axis=1)
+    turned = -cross(jacobian[:, 3:], weights)
     return _symmetric(np.swapaxes(turned, 1, 2) @ jacobian[:, :3])
 
 
 def axis_curvature(jacobian: Array, direction: Array, weights: Array) -> Array:
     """Return sum_i weights_i d2 direction_i (n, columns, columns) of an (n, 3) direction that moves with a frame."""
-    moved = np.cross(jacobian[:, 3:], direction[:, :, None], axis=1)
-    turned = np.cross(weights[:, :, None], jacobian[:, 3:], axis=1)
+    moved = cross(jacobian[:, 3:], direction)
+    turned = -cross(jacobian[:, 3:], weights)
     return _symmetric(np.swapaxes(turned, 1, 2) @ moved)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from lgp.errors import WorldError, did_you_mean
 from lgp.world import human
 from lgp.world.robot import locked_model, robot_model
+from lgp.world.rotations import cross
 from lgp.world.scene import Agent, Human, Robot, Scene
 
 Array = NDArray[np.float64]
@@ -67,7 +68,7 @@ class Kinematics:
     def point(self, name: str, points: Array) -> Array:
         """Return the Jacobian (n, 6, nq) of (n, 3) points that move with a frame."""
         jacobian = self.spatial * self.world.support(name)
-        jacobian[:, :3] += np.cross(jacobian[:, 3:], points[:, :, None], axis=1)
+        jacobian[:, :3] += cross(jacobian[:, 3:], points)
         return jacobian
 
 
