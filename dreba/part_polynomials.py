@@ -24,7 +24,7 @@ def fit_polynomial(bins: Bins, convex: bool = True) -> Array:
 
     Example:
         >>> fit_polynomial(Bins((-30.0, -10.0, 10.0, 30.0), (1, 0, 1))).round(4).tolist()
-        [0.2222, 0.0, 0.0015]
+        [0.2963, 0.0, 0.0012]
     """
     edges = np.array(bins.edges) / _SCALE
     points = np.array(bins.points, np.float64)
