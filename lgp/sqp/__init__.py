@@ -1,0 +1,35 @@
+"""Sequential quadratic programming on sparse problems of fixed pattern: sees matrices, never a robot.
+
+A `Problem` gives bounds, values and convex quadratic models; `solve` or a kept `Solver` minimises it; QPs go through
+one seam (`QPBackend`) to `ActiveSet` (the default), `Piqp`, or any solver that qpsolvers knows (`QpSolvers`).
+"""
+
+from lgp.sqp.active_set import ActiveSet
+from lgp.sqp.backend_piqp import Piqp
+from lgp.sqp.backend_qpsolvers import QpSolvers
+from lgp.sqp.options import Options
+from lgp.sqp.problem import FunctionProblem, Model, Problem, ProblemError
+from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus
+from lgp.sqp.result import Iteration, Result, Status, Violation
+from lgp.sqp.solver import Solver, solve
+
+__all__ = [
+    "QP",
+    "ActiveSet",
+    "FunctionProblem",
+    "Iteration",
+    "Model",
+    "Options",
+    "Piqp",
+    "Problem",
+    "ProblemError",
+    "QPBackend",
+    "QPResult",
+    "QPStatus",
+    "QpSolvers",
+    "Result",
+    "Solver",
+    "Status",
+    "Violation",
+    "solve",
+]

@@ -1,0 +1,195 @@
+"""A warm-started active-set method that exchanges whole blocks of rows and bounds at once.
+
+Each round solves the equality-constrained QP of the current active set on the fixed-pattern `KKT`, then adds every
+violated row and bound and drops every one whose multiplier has the wrong sign (the primal-dual active set of
+Hintermueller, Ito & Kunisch 2002). That ends in a few rounds where the set is nearly known, and may cycle otherwise.
+Exchanges that do not reduce the number of errors are therefore counted (Judice & Pires 1994): after a few of them one
+row at a time is exchanged, and after `rounds` factorisations the QP goes to an interior point back end, whose answer is
+polished on its active set so that the next QP starts warm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.sqp.backend_piqp import Piqp
+from lgp.sqp.kkt import KKT
+from lgp.sqp.problem import Vector
+from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus, cost_scale
+
+PRIMAL_TOLERANCE = 1e-9
+DUAL_TOLERANCE = 1e-9
+KEPT = 1e-7
+"""Share of the largest multiplier below which a row of a foreign solution counts as inactive."""
+
+
+@dataclass
+class _Active:
+    """A working set: inequality rows (m_i,) and side of each unknown (n,): -1 at its lower bound, +1 upper, 0 free."""
+
+    rows: NDArray[np.bool_]
+    side: NDArray[np.int8]
+
+
+@dataclass
+class _Point:
+    """Solution of one working set, and which rows and sides contradict it."""
+
+    x: Vector
+    y: Vector
+    z: Vector
+    z_box: Vector
+    rows_wrong: NDArray[np.bool_]
+    side_next: NDArray[np.int8]
+    side_wrong: NDArray[np.bool_]
+    error: float
+
+    @property
+    def errors(self) -> int:
+        return int(np.count_nonzero(self.rows_wrong)) + int(np.count_nonzero(self.side_wrong))
+
+
+class ActiveSet:
+    """Warm-started QPs of one pattern; the fastest back end where consecutive QPs share most of their active set.
+
+    Args:
+        fallback: takes over QPs on which the active set cycles, and infeasible or unbounded ones; PIQP by default.
+        rounds: factorisations before that.
+        patience: block exchanges without progress before single ones.
+    """
+
+    name = "active_set"
+
+    def __init__(self, fallback: QPBackend | None = None, rounds: int = 16, patience: int = 4) -> None:
+        self.fallback = Piqp() if fallback is None else fallback
+        self.rounds = rounds
+        self.patience = patience
+        self._kkt: KKT | None = None
+
+    def solve(self, qp: QP, warm: QPResult | None = None) -> QPResult:
+        """Solve; `warm` gives the first active set by its nonzero multipliers."""
+        if self._kkt is None or not self._kkt.fits(qp):
+            self._kkt = KKT(qp)
+        scale = cost_scale(qp)
+        self._kkt.load(qp, scale)
+        active, guess = _start(qp, warm, scale)
+        best, tries = np.inf, self.patience
+        for count in range(1, self.rounds + 1):
+            point = self._try(qp, scale, active, guess)
+            if point is None:
+                break
+            if point.errors == 0:
+                return _result(point, scale, count, self.name)
+            if point.errors < best:
+                best, tries = point.errors, self.patience
+            else:
+                tries -= 1
+            _exchange(active, point, single=tries < 0)
+            guess = np.concatenate([point.x, point.y, point.z])
+        return self._fall_back(qp, scale, count)
+
+    def _try(self, qp: QP, scale: float, active: _Active, guess: Vector) -> _Point | None:
+        """Solve one working set; None where its system is singular or its rows contradict each other."""
+        kkt = self._kkt
+        if kkt is None:
+            return None
+        n, m_e, _ = kkt.sizes
+        free = active.side == 0
+        held = np.where(active.side < 0, qp.lb, qp.ub)
+        held[free] = 0.0
+        right = np.concatenate([-scale * (qp.q + qp.hessian_dot(held)), qp.b - qp.A @ held, qp.h - qp.G @ held])
+        right[:n][~free] = held[~free]
+        right[n + m_e :][~active.rows] = 0.0
+        guess = guess.copy()
+        guess[:n][~free] = held[~free]
+        guess[n + m_e :][~active.rows] = 0.0
+        tolerance = 1e-11 * (1.0 + float(np.abs(right).max(initial=0.0)))
+        try:
+            kkt.refactor(free, active.rows)
+        except RuntimeError:
+            return None
+        found, error = kkt.solve(right, guess, tolerance)
+        if not error <= 1e4 * tolerance:
+            return None
+        return _judge(qp, scale, active, found, error)
+
+    def _fall_back(self, qp: QP, scale: float, count: int) -> QPResult:
+        """Solve by the fallback, then on the active set of its answer."""
+        found = self.fallback.solve(qp)
+        found = replace(found, iterations=found.iterations + count, solver=f"{self.name}+{found.solver}")
+        if found.status is not QPStatus.SOLVED:
+            return found
+        side = np.zeros(qp.q.size, dtype=np.int8)
+        side[-found.z_box * scale > found.x - qp.lb] = -1
+        side[found.z_box * scale > qp.ub - found.x] = 1
+        rows = found.z * scale > qp.h - qp.G @ found.x
+        guess = np.concatenate([found.x, scale * found.y, scale * found.z])
+        point = self._try(qp, scale, _Active(rows, side), guess)
+        if point is not None and point.errors == 0:
+            return _result(point, scale, found.iterations, found.solver)
+        return replace(found, z=np.where(rows, found.z, 0.0), z_box=np.where(side != 0, found.z_box, 0.0))
+
+
+def _start(qp: QP, warm: QPResult | None, scale: float) -> tuple[_Active, Vector]:
+    """Return the first working set and the first guess of unknowns and multipliers (n + m_e + m_i,)."""
+    side = np.zeros(qp.q.size, dtype=np.int8)
+    rows = np.zeros(qp.h.size, dtype=bool)
+    guess = np.zeros(qp.q.size + qp.b.size + qp.h.size)
+    if warm is not None:
+        size = np.abs(warm.z_box).max(initial=0.0)
+        side[(warm.z_box < -KEPT * size) & np.isfinite(qp.lb)] = -1
+        side[(warm.z_box > KEPT * size) & np.isfinite(qp.ub)] = 1
+        rows |= warm.z > KEPT * warm.z.max(initial=0.0)
+        guess = np.concatenate([warm.x, scale * warm.y, scale * warm.z])
+    side[qp.lb == qp.ub] = -1
+    return _Active(rows, side), guess
+
+
+def _judge(qp: QP, scale: float, active: _Active, found: Vector, error: float) -> _Point:
+    """Find the rows and bounds that contradict the solution of a working set."""
+    n, m_e = qp.q.size, qp.b.size
+    x, y, z = found[:n], found[n : n + m_e], found[n + m_e :]
+    slope = scale * (qp.hessian_dot(x) + qp.q)
+    if m_e:
+        slope += qp.A.T @ y
+    if z.size:
+        slope += qp.G.T @ z
+    wrong_sign = DUAL_TOLERANCE * scale * max(1.0, float(np.abs(qp.q).max(initial=0.0)))
+    below = (active.side == 0) & (x < qp.lb - PRIMAL_TOLERANCE * (1.0 + np.abs(x)))
+    above = (active.side == 0) & (x > qp.ub + PRIMAL_TOLERANCE * (1.0 + np.abs(x)))
+    z_box = np.where(active.side == 0, 0.0, -slope)
+    released = (z_box * active.side < -wrong_sign) & (qp.lb < qp.ub)
+    side_next = np.where(released, 0, active.side).astype(np.int8)
+    side_next[below], side_next[above] = -1, 1
+    violated = qp.G @ x > qp.h + PRIMAL_TOLERANCE * (1.0 + np.abs(qp.h))
+    rows_wrong = np.where(active.rows, z < -wrong_sign, violated)
+    return _Point(x, y, z, z_box, rows_wrong, side_next, side_next != active.side, error)
+
+
+def _exchange(active: _Active, point: _Point, single: bool) -> None:
+    """Correct every contradicting row and bound, or only the last one (Murty's rule, which cannot cycle)."""
+    if single:
+        last = np.flatnonzero(point.rows_wrong)[-1:]
+        if last.size:
+            active.rows[last] ^= True
+        else:
+            last = np.flatnonzero(point.side_wrong)[-1:]
+            active.side[last] = point.side_next[last]
+        return
+    active.rows ^= point.rows_wrong
+    active.side = point.side_next
+
+
+def _result(point: _Point, scale: float, iterations: int, solver: str) -> QPResult:
+    return QPResult(
+        status=QPStatus.SOLVED,
+        x=point.x,
+        y=point.y / scale,
+        z=np.maximum(point.z, 0.0) / scale,
+        z_box=point.z_box / scale,
+        iterations=iterations,
+        solver=solver,
+    )

@@ -1,0 +1,159 @@
+"""What the solver sees of a problem: bounds, values, and a convex quadratic model with fixed sparsity patterns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from reba.errors import RebaError
+
+Vector = NDArray[np.float64]
+Values = tuple[float, Vector, Vector]
+
+
+class ProblemError(RebaError):
+    """A problem handed to the solver contradicts itself: shapes, bounds, patterns or values that are not numbers."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """Cost and constraints around a point x: f + g'p + p'Hp/2, c + Jp, d + Kp.
+
+    The three matrices keep one sparsity pattern (indptr, indices) for the life of a problem, so the solver analyses
+    them once. The solver never writes to a model and needs it until the next one, so `linearise` may fill the same
+    arrays again; `evaluate` must leave them alone.
+    """
+
+    hessian: sp.csc_matrix
+    """(n, n) positive semidefinite, either full symmetric or its upper triangle."""
+    gradient: Vector
+    """(n,) gradient of the cost."""
+    eq_jac: sp.csr_matrix
+    """(m_e, n) Jacobian of the equalities."""
+    eq: Vector
+    """(m_e,) equalities, zero when met."""
+    in_jac: sp.csr_matrix
+    """(m_i, n) Jacobian of the inequalities."""
+    ineq: Vector
+    """(m_i,) inequalities, not above zero when met."""
+
+
+class Problem(Protocol):
+    """Minimise a cost under equalities c(x) = 0, inequalities d(x) <= 0 and bounds lower <= x <= upper."""
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+
+    @property
+    def lower(self) -> Vector:
+        """(n,) lower bounds, -inf where free."""
+
+    @property
+    def upper(self) -> Vector:
+        """(n,) upper bounds, +inf where free."""
+
+    def evaluate(self, x: Vector) -> Values:
+        """Return cost, equalities (m_e,) and inequalities (m_i,) at x (n,)."""
+
+    def linearise(self, x: Vector, y_eq: Vector, y_in: Vector) -> Model:
+        """Return the model at x; the multipliers y_eq (m_e,) and y_in (m_i,) >= 0 weigh the constraint curvature."""
+
+
+class FunctionProblem:
+    """A small dense problem from callables; for examples, tests and a first try.
+
+    Args:
+        cost: x (n,) -> float.
+        gradient: x -> (n,).
+        lower, upper: bounds (n,); None for none.
+        equality, equality_jacobian: x -> (m_e,), x -> (m_e, n); None for no equality.
+        inequality, inequality_jacobian: x -> (m_i,) <= 0, x -> (m_i, n); None for no inequality.
+        hessian: (x, y_eq, y_in) -> (n, n) of the Lagrangian; None takes central differences of its gradient.
+            It is made convex here by reflecting negative eigenvalues.
+
+    >>> import numpy as np
+    >>> bowl = FunctionProblem(2, cost=lambda x: x @ x, gradient=lambda x: 2 * x)
+    >>> bowl.evaluate(np.ones(2))[0]
+    2.0
+    """
+
+    def __init__(
+        self,
+        n: int,
+        *,
+        cost: Callable[[Vector], float],
+        gradient: Callable[[Vector], Vector],
+        lower: Vector | None = None,
+        upper: Vector | None = None,
+        equality: Callable[[Vector], Vector] | None = None,
+        equality_jacobian: Callable[[Vector], NDArray[np.float64]] | None = None,
+        inequality: Callable[[Vector], Vector] | None = None,
+        inequality_jacobian: Callable[[Vector], NDArray[np.float64]] | None = None,
+        hessian: Callable[[Vector, Vector, Vector], NDArray[np.float64]] | None = None,
+    ) -> None:
+        self.n = n
+        self.lower = np.full(n, -np.inf) if lower is None else np.asarray(lower, dtype=float)
+        self.upper = np.full(n, np.inf) if upper is None else np.asarray(upper, dtype=float)
+        self._cost, self._gradient, self._hessian = cost, gradient, hessian
+        self._equality, self._equality_jacobian = equality, equality_jacobian
+        self._inequality, self._inequality_jacobian = inequality, inequality_jacobian
+
+    def evaluate(self, x: Vector) -> Values:
+        """Return cost, equalities and inequalities at x (n,)."""
+        return float(self._cost(x)), _vector(self._equality, x), _vector(self._inequality, x)
+
+    def linearise(self, x: Vector, y_eq: Vector, y_in: Vector) -> Model:
+        """Return the model at x with a positive semidefinite Hessian; every entry belongs to the pattern."""
+        eq_jac, in_jac = self._jacobian(self._equality_jacobian, x), self._jacobian(self._inequality_jacobian, x)
+        hessian = self._differences(x, y_eq, y_in) if self._hessian is None else self._hessian(x, y_eq, y_in)
+        return Model(
+            hessian=sp.csc_matrix(_dense(_convex(np.asarray(hessian, dtype=float)))),
+            gradient=np.asarray(self._gradient(x), dtype=float),
+            eq_jac=sp.csr_matrix(_dense(eq_jac)),
+            eq=_vector(self._equality, x),
+            in_jac=sp.csr_matrix(_dense(in_jac)),
+            ineq=_vector(self._inequality, x),
+        )
+
+    def _jacobian(self, function: Callable[[Vector], NDArray[np.float64]] | None, x: Vector) -> NDArray[np.float64]:
+        if function is None:
+            return np.zeros((0, self.n))
+        return np.asarray(function(x), dtype=float).reshape(-1, self.n)
+
+    def _slope(self, x: Vector, y_eq: Vector, y_in: Vector) -> Vector:
+        """Return the gradient (n,) of the Lagrangian."""
+        total = np.array(self._gradient(x), dtype=float)
+        total += self._jacobian(self._equality_jacobian, x).T @ y_eq
+        return total + self._jacobian(self._inequality_jacobian, x).T @ y_in
+
+    def _differences(self, x: Vector, y_eq: Vector, y_in: Vector) -> NDArray[np.float64]:
+        steps = np.eye(self.n) * (6e-6 * np.maximum(1.0, np.abs(x)))  # cube root of the rounding error
+        columns = [
+            (self._slope(x + step, y_eq, y_in) - self._slope(x - step, y_eq, y_in)) / (2.0 * step.sum())
+            for step in steps
+        ]
+        return 0.5 * (np.array(columns) + np.array(columns).T)
+
+
+def _vector(function: Callable[[Vector], Vector] | None, x: Vector) -> Vector:
+    return np.zeros(0) if function is None else np.atleast_1d(np.asarray(function(x), dtype=float))
+
+
+def _convex(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Reflect negative eigenvalues: a step then still knows how strongly the function bends."""
+    values, vectors = np.linalg.eigh(matrix)
+    if values.size == 0 or values[0] >= 0.0:
+        return matrix
+    return (vectors * np.abs(values)) @ vectors.T
+
+
+def _dense(matrix: NDArray[np.float64]) -> sp.coo_matrix:
+    """Return every entry, zeros included: the pattern must not depend on the values."""
+    rows, columns = np.indices(matrix.shape)
+    return sp.coo_matrix((matrix.ravel(), (rows.ravel(), columns.ravel())), shape=matrix.shape)

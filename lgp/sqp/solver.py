@@ -1,0 +1,310 @@
+"""Sequential quadratic programming: convex QP steps, an l1 merit function, elastic mode, warm starts.
+
+Each iteration asks the problem for its convex model, solves one QP for a step and new multipliers (`step`), and
+backtracks on the merit function (`merit`). It ends on residuals recomputed from the problem, never on what a back end
+reports. The same input gives the same iterations.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lgp.sqp.merit import Accepted, Promise, promise, search, violation_max, violation_sum
+from lgp.sqp.options import Options
+from lgp.sqp.patterns import check_vector
+from lgp.sqp.problem import Model, Problem, ProblemError, Values, Vector
+from lgp.sqp.qp import QPBackend, QPResult, QPStatus
+from lgp.sqp.result import Iteration, Result, Status
+from lgp.sqp.state import Residuals, infeasible_stationary, residuals, worst_rows
+from lgp.sqp.step import Step, StepMaker
+
+BOTTOM = 1e12
+"""A cost this far below its start, relative to it, counts as falling without end."""
+PENALTY_RAISES = 3
+"""Times a stagnating violation raises the penalty before the problem counts as infeasible."""
+STATIONARY = 1e-3
+"""Relative slope of the squared violation below which a point that violates rows counts as stationary."""
+SHORT = 0.05
+"""Accepted share of a step below which the model was poor and the next one is damped."""
+RETRIES = 8
+"""Dampings tried at one point when no length of the step is accepted."""
+
+
+class Solver:
+    """Solves problems one after another, keeping pattern analyses and the last active set between them.
+
+    Args:
+        options: tolerances and budgets.
+        backend: QP back end; `ActiveSet` by default.
+
+    >>> import numpy as np
+    >>> from lgp.sqp.problem import FunctionProblem
+    >>> bowl = FunctionProblem(2, cost=lambda x: x @ x, gradient=lambda x: 2 * x, lower=np.ones(2))
+    >>> Solver().solve(bowl, np.full(2, 5.0)).x
+    array([1., 1.])
+    """
+
+    def __init__(self, options: Options | None = None, backend: QPBackend | None = None) -> None:
+        self.options = Options() if options is None else options
+        self.steps = StepMaker(backend)
+
+    def solve(self, problem: Problem, x0: Vector, warm: Result | None = None) -> Result:
+        """Minimise from x0 (n,), clipped into the bounds.
+
+        Args:
+            problem: bounds, values and models.
+            x0: start.
+            warm: an earlier result of a problem with the same rows; its multipliers and active set are used.
+
+        Raises:
+            ProblemError: shapes or bounds that contradict each other, or a start that is not finite.
+        """
+        return _Run(self, problem, _start(problem, x0)).run(warm)
+
+
+def solve(
+    problem: Problem,
+    x0: Vector,
+    *,
+    options: Options | None = None,
+    backend: QPBackend | None = None,
+    warm: Result | None = None,
+) -> Result:
+    """Minimise a problem once; `Solver` keeps its analyses for several."""
+    return Solver(options, backend).solve(problem, x0, warm)
+
+
+@dataclass
+class _Move:
+    """How one iteration went on: an accepted point, or the status that ends the solve."""
+
+    accepted: Accepted | None
+    step: Step | None
+    status: Status | None = None
+
+
+class _Run:
+    """One solve: the point, its multipliers, and what the merit function has learnt."""
+
+    def __init__(self, solver: Solver, problem: Problem, x: Vector) -> None:
+        self.options, self.steps, self.problem, self.x = solver.options, solver.steps, problem, x
+        self.penalty, self.damping = solver.options.penalty, 0.0
+        self.log: list[Iteration] = []
+        self.seconds = {"evaluate": 0.0, "linearise": 0.0, "qp": 0.0, "total": 0.0}
+        self.least, self.stagnant, self.raises = np.inf, 0, 0
+        self.warm: QPResult | None = None
+
+    def run(self, warm: Result | None) -> Result:
+        """Iterate until a status is reached."""
+        begin = time.perf_counter()
+        values = self._evaluate(self.x)
+        self._sizes(values, warm)
+        first = values[0]
+        while True:
+            self.seconds["total"] = time.perf_counter() - begin
+            if not (np.isfinite(values[0]) and np.isfinite(values[1]).all() and np.isfinite(values[2]).all()):
+                return self._broken(values)
+            model = self._linearise()
+            now = residuals(self.problem, model, self.x, self.y_eq, self.y_in)
+            status = self._status(now, model, values[0], first)
+            if status is None:
+                move = self._move(model, values)
+                now = residuals(self.problem, model, self.x, self.y_eq, self.y_in)
+                status = move.status
+            if status is not None or move.accepted is None or move.step is None:
+                self.seconds["total"] = time.perf_counter() - begin
+                return self._result(status or Status.STALLED, values, now)
+            self._record(now, values[0], move.step, move.accepted)
+            self._take(move.step, move.accepted)
+            values = move.accepted.values
+
+    def _status(self, now: Residuals, model: Model, cost: float, first: float) -> Status | None:
+        """Return the status that ends the solve before another step, if any."""
+        options = self.options
+        if now.violation <= options.violation and now.kkt <= options.kkt:
+            return Status.OPTIMAL
+        if cost < -BOTTOM * max(1.0, abs(first)):
+            return Status.UNBOUNDED
+        if now.violation > options.violation:
+            if self._gives_up(now.violation, model):
+                return Status.INFEASIBLE
+        else:
+            self.least, self.stagnant, self.raises = np.inf, 0, 0
+        if len(self.log) >= options.iterations:
+            return Status.ITERATIONS
+        return Status.TIME if self.seconds["total"] > options.seconds else None
+
+    def _gives_up(self, violation: float, model: Model) -> bool:
+        """Whether the violation has stopped falling, near a stationary point of it or at any price.
+
+        A merit function with a low penalty may trade violation for cost for a while, so the penalty is raised first.
+        """
+        self.stagnant = 0 if violation < 0.9 * self.least else self.stagnant + 1
+        self.least = min(self.least, violation)
+        if self.stagnant >= self.options.patience:
+            if self.raises == PENALTY_RAISES:
+                return True
+            self.stagnant, self.raises = 0, self.raises + 1
+            self.penalty *= 10.0
+        return self.stagnant >= 2 and infeasible_stationary(self.problem, model, self.x) < STATIONARY
+
+    def _move(self, model: Model, values: Values) -> _Move:
+        """Find a step that the merit function accepts, damping it more after each failure."""
+        for _ in range(RETRIES):
+            step = self._qp(model)
+            if step is None:
+                return _Move(None, None, Status.STALLED)
+            violation = violation_max(values[1], values[2])
+            if step.hopeless and violation > self.options.violation:
+                return _Move(None, step, Status.INFEASIBLE)
+            promised = promise(model, step.step, step.curvature)
+            finished = self._finished(model, step, promised, violation, values[0])
+            if finished is not None:
+                return _Move(None, step, finished)
+            self.penalty = promised.penalty(self.penalty)
+            accepted = self._search(model, values, step, promised)
+            if accepted is not None:
+                return _Move(accepted, step)
+            self.damping = self.steps.more(self.damping)
+        stuck = violation > self.options.violation and infeasible_stationary(self.problem, model, self.x) < STATIONARY
+        return _Move(None, step, Status.INFEASIBLE if stuck else Status.STALLED)
+
+    def _finished(self, model: Model, step: Step, promised: Promise, violation: float, cost: float) -> Status | None:
+        """Return OPTIMAL if the multipliers of the QP close the conditions here, ACCEPTABLE if it promises nothing."""
+        if violation > self.options.violation:
+            return None
+        now = residuals(self.problem, model, self.x, step.found.y, step.found.z)
+        if now.kkt <= self.options.kkt:
+            self.y_eq, self.y_in = step.found.y, step.found.z
+            return Status.OPTIMAL
+        if step.damping == 0.0 and promised.decrease(self.penalty) <= self.options.decrease * max(1.0, abs(cost)):
+            self.y_eq, self.y_in = step.found.y, step.found.z
+            return Status.ACCEPTABLE
+        return None
+
+    def _search(self, model: Model, values: Values, step: Step, promised: Promise) -> Accepted | None:
+        descent = promised.descent(self.penalty)
+        if not descent < 0.0:
+            return None
+
+        def correct(failed: Values) -> Vector | None:
+            if step.elastic or violation_sum(failed[1], failed[2]) <= self.options.violation:
+                return None
+            return self._timed_correction(step, failed, model)
+
+        size = float(np.abs(step.step).max(initial=0.0))
+        return search(
+            self._evaluate,
+            self.x,
+            step.step,
+            values[0] + self.penalty * violation_sum(values[1], values[2]),
+            descent,
+            self.penalty,
+            longest=min(1.0, self.options.longest_step / size) if size > 0.0 else 1.0,
+            correct=correct,
+        )
+
+    def _take(self, step: Step, accepted: Accepted) -> None:
+        """Move to the accepted point with the multipliers of the QP; a step cut short calls for more damping."""
+        self.x = np.clip(accepted.x, self.problem.lower, self.problem.upper)
+        self.y_eq, self.y_in = step.found.y, step.found.z
+        self.damping = 0.1 * step.damping if accepted.length == 1.0 else step.damping
+        if accepted.length < SHORT:
+            self.damping = self.steps.more(step.damping)
+        if self.damping < 1e-3 * self.steps.more(0.0):
+            self.damping = 0.0
+        if not step.elastic:
+            self.warm = replace(step.found, x=np.zeros_like(self.x))
+
+    def _qp(self, model: Model) -> Step | None:
+        begin = time.perf_counter()
+        step = self.steps.make(self.problem, model, self.x, self.damping, self.warm)
+        self.seconds["qp"] += time.perf_counter() - begin
+        return step
+
+    def _timed_correction(self, step: Step, failed: Values, model: Model) -> Vector | None:
+        begin = time.perf_counter()
+        corrected = self.steps.correct(step, failed, model)
+        self.seconds["qp"] += time.perf_counter() - begin
+        return corrected
+
+    def _evaluate(self, x: Vector) -> Values:
+        begin = time.perf_counter()
+        values = self.problem.evaluate(np.clip(x, self.problem.lower, self.problem.upper))
+        self.seconds["evaluate"] += time.perf_counter() - begin
+        return values
+
+    def _linearise(self) -> Model:
+        begin = time.perf_counter()
+        model = self.problem.linearise(self.x, self.y_eq, self.y_in)
+        self.seconds["linearise"] += time.perf_counter() - begin
+        return model
+
+    def _sizes(self, values: Values, warm: Result | None) -> None:
+        """Set the first multipliers: zero, or those of an earlier result with as many rows."""
+        m_e, m_i = values[1].size, values[2].size
+        self.y_eq, self.y_in = np.zeros(m_e), np.zeros(m_i)
+        if warm is None:
+            return
+        for name, given, size in (("y_eq", warm.y_eq, m_e), ("y_in", warm.y_in, m_i), ("x", warm.x, self.x.size)):
+            check_vector(f"warm start {name}", given, size)
+        self.y_eq, self.y_in = warm.y_eq, warm.y_in
+        self.warm = QPResult(QPStatus.SOLVED, np.zeros(self.x.size), warm.y_eq, warm.y_in, warm.y_box, 0, "warm start")
+
+    def _record(self, now: Residuals, cost: float, step: Step, accepted: Accepted) -> None:
+        self.log.append(
+            Iteration(
+                cost=cost,
+                equality=now.equality,
+                inequality=now.inequality,
+                kkt=now.kkt,
+                step=float(np.abs(accepted.x - self.x).max(initial=0.0)),
+                length=accepted.length,
+                penalty=self.penalty,
+                damping=step.damping,
+                qp_solver=step.found.solver,
+                qp_iterations=step.found.iterations,
+                corrected=accepted.corrected,
+            )
+        )
+
+    def _result(self, status: Status, values: Values, now: Residuals) -> Result:
+        self.log.append(Iteration(values[0], now.equality, now.inequality, now.kkt))
+        return Result(
+            status=status,
+            x=self.x,
+            cost=values[0],
+            y_eq=self.y_eq,
+            y_in=self.y_in,
+            y_box=now.y_box,
+            kkt=now.kkt,
+            equality=now.equality,
+            inequality=now.inequality,
+            worst=worst_rows(values[1], values[2], self.options.violation),
+            iterations=tuple(self.log),
+            seconds=dict(self.seconds),
+        )
+
+    def _broken(self, values: Values) -> Result:
+        nowhere = Residuals(np.inf, np.inf, np.inf, np.zeros_like(self.x))
+        return self._result(Status.BROKEN, (values[0], np.zeros(0), np.zeros(0)), nowhere)
+
+
+def _start(problem: Problem, x0: Vector) -> Vector:
+    """Check bounds and start; return the start within the bounds."""
+    check_vector("lower", problem.lower, problem.n)
+    check_vector("upper", problem.upper, problem.n)
+    crossed = np.flatnonzero(problem.lower > problem.upper)
+    if crossed.size:
+        i = int(crossed[0])
+        raise ProblemError(
+            f"bounds of unknown {i}: lower {problem.lower[i]} above upper {problem.upper[i]}; exchange or widen them"
+        )
+    x = np.array(x0, dtype=float)
+    check_vector("x0", x, problem.n)
+    if not np.isfinite(x).all():
+        raise ProblemError(f"x0: entry {int(np.flatnonzero(~np.isfinite(x))[0])} is infinite; give a finite start")
+    return np.clip(x, problem.lower, problem.upper)

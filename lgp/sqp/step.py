@@ -1,0 +1,108 @@
+"""From a model to a step: the QP, damped where its cost falls without end, elastic where its rows contradict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lgp.sqp.active_set import ActiveSet
+from lgp.sqp.elastic import Elastic
+from lgp.sqp.merit import violation_sum
+from lgp.sqp.patterns import UpperTriangle
+from lgp.sqp.problem import Model, Problem, Values, Vector
+from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus
+
+FIRST_DAMPING = 1e-4
+"""First damping, relative to the largest diagonal entry of the Hessian."""
+PRICES = 5
+"""Elastic prices tried, each ten times the last, before the rows count as contradicting each other."""
+HOPEFUL = 0.9
+"""An elastic step is taken once it leaves at most this share of the linearised violation."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step (n,) with the QP it solves."""
+
+    step: Vector
+    curvature: float
+    """p'Hp of the problem's Hessian, without damping."""
+    found: QPResult
+    qp: QP
+    damping: float
+    elastic: bool
+    hopeless: bool
+    """Whether even the highest elastic price leaves the violation where it is."""
+
+
+class StepMaker:
+    """Turns models of one pattern into steps; keeps the back ends and their analyses between calls."""
+
+    def __init__(self, backend: QPBackend | None = None, elastic: Elastic | None = None) -> None:
+        self.backend = ActiveSet() if backend is None else backend
+        self.elastic = Elastic() if elastic is None else elastic
+        self._upper: UpperTriangle | None = None
+
+    def make(self, problem: Problem, model: Model, x: Vector, damping: float, warm: QPResult | None) -> Step | None:
+        """Return a step from x, with more damping than given where the QP is unbounded; None where nothing solves."""
+        for _ in range(12):
+            qp = self._qp(problem, model, x, damping)
+            found = self.backend.solve(qp, warm)
+            if found.status is QPStatus.SOLVED:
+                return self._step(qp, found, damping, elastic=False, hopeless=False)
+            if found.status is QPStatus.INFEASIBLE:
+                return self._stretch(qp, model, damping)
+            damping = self.more(damping)
+        return self._stretch(qp, model, damping)
+
+    def more(self, damping: float) -> float:
+        """Return the next higher damping."""
+        if self._upper is None:
+            return FIRST_DAMPING
+        largest = float(np.abs(self._upper.matrix.data[self._upper.diagonal]).max(initial=0.0))
+        return max(10.0 * damping, FIRST_DAMPING * (largest if largest > 0.0 else 1.0))
+
+    def correct(self, step: Step, values: Values, model: Model) -> Vector | None:
+        """Return the second-order correction of a full step whose values are given; None where the QP fails."""
+        rows = model.eq_jac @ step.step - values[1]
+        limits = model.in_jac @ step.step - values[2]
+        found = self.backend.solve(replace(step.qp, b=rows, h=limits), step.found)
+        if found.status is not QPStatus.SOLVED:
+            return None
+        return np.clip(found.x, step.qp.lb, step.qp.ub)
+
+    def _qp(self, problem: Problem, model: Model, x: Vector, damping: float) -> QP:
+        if self._upper is None or not self._upper.fits(model.hessian):
+            self._upper = UpperTriangle(model.hessian)
+        return QP(
+            P=self._upper.update(model.hessian, damping),
+            q=model.gradient,
+            A=model.eq_jac,
+            b=-model.eq,
+            G=model.in_jac,
+            h=-model.ineq,
+            lb=problem.lower - x,
+            ub=problem.upper - x,
+        )
+
+    def _stretch(self, qp: QP, model: Model, damping: float) -> Step | None:
+        """Return an elastic step, at a price that makes it reduce the linearised violation if anything does."""
+        before = violation_sum(model.eq, model.ineq)
+        price = 10.0 * max(1.0, float(np.abs(model.gradient).max(initial=0.0)))
+        best: Step | None = None
+        for _ in range(PRICES):
+            found = self.elastic.solve(qp, price)
+            price *= 10.0
+            if found.status is not QPStatus.SOLVED:
+                continue
+            after = violation_sum(model.eq + model.eq_jac @ found.x, model.ineq + model.in_jac @ found.x)
+            best = self._step(qp, found, damping, elastic=True, hopeless=after > (1.0 - 1e-4) * before)
+            if after <= HOPEFUL * before:
+                break
+        return best
+
+    def _step(self, qp: QP, found: QPResult, damping: float, *, elastic: bool, hopeless: bool) -> Step:
+        step = np.clip(found.x, qp.lb, qp.ub)
+        curvature = float(step @ qp.hessian_dot(step)) - damping * float(step @ step)
+        return Step(step, curvature, found, qp, damping, elastic, hopeless)

@@ -1,0 +1,197 @@
+"""The solver on published problems, and on those that have no solution."""
+
+import numpy as np
+import pytest
+from hock_schittkowski import CASES
+
+from lgp.sqp import ActiveSet, FunctionProblem, Options, Piqp, ProblemError, QpSolvers, Solver, Status, solve
+
+
+def slope_by_differences(problem, x):
+    """Central differences of cost and rows (1 + m_e + m_i, n)."""
+    columns = []
+    for step in np.eye(problem.n) * 1e-6:
+        high, low = (np.concatenate([[v[0]], v[1], v[2]]) for v in map(problem.evaluate, (x + step, x - step)))
+        columns.append((high - low) / 2e-6)
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"hs{case.number}")
+def test_the_derivatives_of_the_cases_match_differences(case):
+    x = np.array(case.start) + 0.1
+    m_e, m_i = (values.size for values in case.problem.evaluate(x)[1:])
+    model = case.problem.linearise(x, np.zeros(m_e), np.zeros(m_i))
+    given = np.vstack([model.gradient[None], model.eq_jac.toarray(), model.in_jac.toarray()])
+    found = slope_by_differences(case.problem, x)
+    # Differences of cubes around 10 carry 1e-7 of rounding.
+    np.testing.assert_allclose(given, found, atol=1e-6 * max(1.0, np.abs(found).max()))
+
+
+@pytest.mark.parametrize("backend", [ActiveSet, Piqp, QpSolvers])
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"hs{case.number}")
+def test_the_published_optimum_is_found(case, backend):
+    result = solve(case.problem, np.array(case.start, dtype=float), backend=backend())
+    assert result.status is Status.OPTIMAL, result.message
+    # A violation of 1e-6 lets the cost fall by as much times the multipliers, which stay below 10 here.
+    assert result.cost == pytest.approx(case.optimum, rel=1e-5, abs=1e-5)
+    assert result.violation <= 1e-6
+    assert result.kkt <= 1e-6
+    assert (result.y_in >= 0).all()
+    assert len(result.iterations) <= 40
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"hs{case.number}")
+def test_residuals_of_the_result_are_those_of_the_problem(case):
+    result = solve(case.problem, np.array(case.start, dtype=float))
+    cost, eq, ineq = case.problem.evaluate(result.x)
+    assert cost == result.cost
+    assert result.equality == np.abs(eq).max(initial=0.0)
+    assert result.inequality == ineq.max(initial=0.0).clip(0.0)
+    assert (case.problem.lower <= result.x).all()
+    assert (result.x <= case.problem.upper).all()
+    model = case.problem.linearise(result.x, result.y_eq, result.y_in)
+    slope = model.gradient + model.eq_jac.T @ result.y_eq + model.in_jac.T @ result.y_in + result.y_box
+    assert np.abs(slope).max() <= 1e-6 * max(1.0, np.abs(model.gradient).max(), np.abs(result.y_eq).max(initial=0)) * 10
+
+
+def two_circles(distance):
+    """Two discs of radius 1 whose centres are apart; a common point exists up to 2."""
+    return FunctionProblem(
+        2,
+        cost=lambda x: x[1],
+        gradient=lambda x: np.array([0.0, 1.0]),
+        inequality=lambda x: np.array([x @ x - 1, (x[0] - distance) ** 2 + x[1] ** 2 - 1]),
+        inequality_jacobian=lambda x: 2 * np.array([x, [x[0] - distance, x[1]]]),
+    )
+
+
+def test_discs_that_touch_not_are_infeasible_and_both_are_named():
+    result = solve(two_circles(4.0), np.array([0.3, 0.4]))
+    assert result.status is Status.INFEASIBLE
+    assert not result
+    assert {(row.block, row.index) for row in result.worst} == {("inequality", 0), ("inequality", 1)}
+    # The least violation is half way between them: 2^2 - 1.
+    assert result.violation == pytest.approx(3.0, abs=0.3)
+    assert "inequality[" in result.message
+    assert len(result.iterations) <= 40
+
+
+def test_discs_that_overlap_are_feasible():
+    result = solve(two_circles(1.5), np.array([0.3, 0.4]))
+    assert result.status is Status.OPTIMAL
+    assert result.cost == pytest.approx(-np.sqrt(1 - 0.75**2), abs=1e-5)
+
+
+@pytest.mark.parametrize("backend", [ActiveSet, Piqp])
+def test_rows_that_contradict_each_other_are_infeasible(backend):
+    problem = FunctionProblem(
+        2,
+        cost=lambda x: x @ x,
+        gradient=lambda x: 2 * x,
+        equality=lambda x: np.array([x[0] + x[1] - 1, x[0] + x[1] - 2]),
+        equality_jacobian=lambda x: np.ones((2, 2)),
+    )
+    result = solve(problem, np.zeros(2), backend=backend())
+    assert result.status is Status.INFEASIBLE
+    assert [row.block for row in result.worst] == ["equality", "equality"] or len(result.worst) == 1
+    assert len(result.iterations) <= 5
+
+
+@pytest.mark.parametrize("backend", [ActiveSet, Piqp])
+def test_rows_that_repeat_each_other_do_no_harm(backend):
+    problem = FunctionProblem(
+        3,
+        cost=lambda x: x @ x,
+        gradient=lambda x: 2 * x,
+        equality=lambda x: np.array([x.sum() - 3, 2 * x.sum() - 6, x.sum() - 3]),
+        equality_jacobian=lambda x: np.array([[1.0] * 3, [2.0] * 3, [1.0] * 3]),
+        inequality=lambda x: np.array([1 - x[0], 1 - x[0]]),
+        inequality_jacobian=lambda x: np.array([[-1.0, 0, 0], [-1.0, 0, 0]]),
+    )
+    result = solve(problem, np.array([5.0, -1.0, 0.0]), backend=backend())
+    assert result
+    np.testing.assert_allclose(result.x, 1.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("slope", [lambda x: -1.0, lambda x: -2 * x])
+def test_a_cost_without_floor_is_unbounded(slope):
+    cost = {True: lambda x: -float(x[0]), False: lambda x: -float(x @ x)}[slope(1.0) == -1.0]
+    problem = FunctionProblem(1, cost=cost, gradient=lambda x: np.atleast_1d(slope(x)), lower=np.zeros(1))
+    assert solve(problem, np.ones(1)).status is Status.UNBOUNDED
+
+
+def test_a_degenerate_optimum_without_multipliers_ends_near_it():
+    # HS13: the constraint qualification fails at (1, 0), so no multipliers exist there.
+    problem = FunctionProblem(
+        2,
+        cost=lambda x: (x[0] - 2) ** 2 + x[1] ** 2,
+        gradient=lambda x: np.array([2 * (x[0] - 2), 2 * x[1]]),
+        lower=np.zeros(2),
+        inequality=lambda x: np.array([x[1] - (1 - x[0]) ** 3]),
+        inequality_jacobian=lambda x: np.array([[3 * (1 - x[0]) ** 2, 1.0]]),
+    )
+    result = solve(problem, np.array([-2.0, -2.0]))
+    assert result.cost == pytest.approx(1.0, abs=0.1)
+    assert result.violation <= 1e-5
+
+
+def test_a_warm_start_at_the_solution_takes_no_step():
+    case = next(case for case in CASES if case.number == 71)
+    solver = Solver()
+    cold = solver.solve(case.problem, np.array(case.start, dtype=float))
+    warm = solver.solve(case.problem, cold.x, warm=cold)
+    assert warm.status is Status.OPTIMAL
+    assert len(warm.iterations) == 1
+    assert len(cold.iterations) > 4
+
+
+def test_two_runs_are_the_same():
+    case = next(case for case in CASES if case.number == 78)
+    first, second = (solve(case.problem, np.array(case.start, dtype=float)) for _ in range(2))
+    assert first.x.tobytes() == second.x.tobytes()
+    assert first.iterations == second.iterations
+
+
+def test_budgets_end_a_solve_with_what_it_has():
+    case = next(case for case in CASES if case.number == 1)
+    start = np.array(case.start, dtype=float)
+    few = solve(case.problem, start, options=Options(iterations=3))
+    assert few.status is Status.ITERATIONS
+    assert len(few.iterations) == 4
+    assert few.cost < case.problem.evaluate(start)[0]
+    assert solve(case.problem, start, options=Options(seconds=1e-9)).status is Status.TIME
+
+
+def test_steps_keep_to_their_longest():
+    case = next(case for case in CASES if case.number == 12)
+    result = solve(case.problem, np.array(case.start, dtype=float), options=Options(longest_step=0.25))
+    assert result
+    assert max(line.step for line in result.iterations) <= 0.25 + 1e-12
+
+
+def test_values_that_are_not_numbers_end_the_solve():
+    problem = FunctionProblem(1, cost=lambda x: np.nan, gradient=lambda x: np.zeros(1))
+    assert solve(problem, np.zeros(1)).status is Status.BROKEN
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"lower": np.ones(2), "upper": np.zeros(2)}, "bounds of unknown 0: lower 1.0 above upper 0.0"),
+        ({"lower": np.zeros(3)}, r"lower: shape \(3,\) given, \(2,\) expected"),
+    ],
+)
+def test_bounds_that_contradict_themselves_are_refused(arguments, words):
+    problem = FunctionProblem(2, cost=lambda x: 0.0, gradient=lambda x: 0 * x, **arguments)
+    with pytest.raises(ProblemError, match=words):
+        solve(problem, np.zeros(2))
+
+
+def test_a_start_or_option_that_cannot_be_used_is_refused():
+    problem = FunctionProblem(2, cost=lambda x: x @ x, gradient=lambda x: 2 * x)
+    with pytest.raises(ProblemError, match=r"x0: shape \(1,\)"):
+        solve(problem, np.zeros(1))
+    with pytest.raises(ProblemError, match="x0: entry 1 is not a number"):
+        solve(problem, np.array([0.0, np.nan]))
+    with pytest.raises(ProblemError, match="option kkt: 0 given"):
+        Options(kkt=0)
