@@ -14,6 +14,9 @@ SUFFICIENT = 1e-4
 SPARED = 0.1
 """Share of the promised decrease in violation that the penalty leaves to the merit function."""
 
+NOTICED = 1e-10
+"""Relative gain in violation below which rounding, not the step, would set the penalty."""
+
 
 def violation_sum(equality: Vector, inequality: Vector) -> float:
     """Return sum |c| + sum max(d, 0), what the merit function prices."""
@@ -41,7 +44,7 @@ class Promise:
     def penalty(self, penalty: float) -> float:
         """Return the penalty raised, where needed, so that the step descends on the merit function (N&W eq. 18.36)."""
         gain = self.before - self.after
-        if gain <= 1e-12 * max(1.0, self.before):
+        if gain <= NOTICED * max(1.0, self.before):
             return penalty
         needed = (self.slope + 0.5 * max(self.curvature, 0.0)) / ((1.0 - SPARED) * gain)
         return penalty if penalty >= needed else 1.5 * needed

@@ -91,6 +91,7 @@ class _Run:
 
     def __init__(self, solver: Solver, problem: Problem, x: Vector) -> None:
         self.options, self.steps, self.problem, self.x = solver.options, solver.steps, problem, x
+        self.steps.restart()
         self.penalty, self.damping = solver.options.penalty, 0.0
         self.log: list[Iteration] = []
         self.seconds = {"evaluate": 0.0, "linearise": 0.0, "qp": 0.0, "total": 0.0}
@@ -140,12 +141,13 @@ class _Run:
     def _gives_up(self, violation: float, model: Model) -> bool:
         """Whether the violation has stopped falling, near a stationary point of it or at any price.
 
-        A merit function with a low penalty may trade violation for cost for a while, so the penalty is raised first.
+        A merit function with a low penalty may trade violation for cost for a while, so the penalty is raised first;
+        not where the rows contradict each other, because elastic steps have raised their price by then.
         """
         self.stagnant = 0 if violation < 0.9 * self.least else self.stagnant + 1
         self.least = min(self.least, violation)
         if self.stagnant >= self.options.patience:
-            if self.raises == PENALTY_RAISES:
+            if self.steps.contradicted or self.raises == PENALTY_RAISES:
                 return True
             self.stagnant, self.raises = 0, self.raises + 1
             self.penalty *= 10.0

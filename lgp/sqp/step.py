@@ -20,6 +20,9 @@ PRICES = 5
 HOPEFUL = 0.9
 """An elastic step is taken once it leaves at most this share of the linearised violation."""
 
+CLOSED = 1e-3
+"""An elastic step that leaves at most this share shows that the rows no longer contradict each other."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -43,9 +46,23 @@ class StepMaker:
         self.backend = ActiveSet() if backend is None else backend
         self.elastic = Elastic() if elastic is None else elastic
         self._upper: UpperTriangle | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the elastic price and that rows contradicted each other; called at the start of a solve."""
+        self._price = 0.0
+        self._stretched = False
 
     def make(self, problem: Problem, model: Model, x: Vector, damping: float, warm: QPResult | None) -> Step | None:
-        """Return a step from x, with more damping than given where the QP is unbounded; None where nothing solves."""
+        """Return a step from x, with more damping than given where the QP is unbounded; None where nothing solves.
+
+        After a step whose rows contradicted each other the elastic QP comes first: it finds the same step where they
+        no longer do, and a verdict that they still do costs as much as a step.
+        """
+        if self._stretched:
+            step = self._stretch(self._qp(problem, model, x, damping), model, damping)
+            if step is not None:
+                return step
         for _ in range(12):
             qp = self._qp(problem, model, x, damping)
             found = self.backend.solve(qp, warm)
@@ -55,6 +72,11 @@ class StepMaker:
                 return self._stretch(qp, model, damping)
             damping = self.more(damping)
         return self._stretch(qp, model, damping)
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the rows of the last model contradicted each other."""
+        return self._stretched
 
     def more(self, damping: float) -> float:
         """Return the next higher damping."""
@@ -89,14 +111,15 @@ class StepMaker:
     def _stretch(self, qp: QP, model: Model, damping: float) -> Step | None:
         """Return an elastic step, at a price that makes it reduce the linearised violation if anything does."""
         before = violation_sum(model.eq, model.ineq)
-        price = 10.0 * max(1.0, float(np.abs(model.gradient).max(initial=0.0)))
+        price = max(self._price, 10.0 * max(1.0, float(np.abs(model.gradient).max(initial=0.0))))
         best: Step | None = None
         for _ in range(PRICES):
             found = self.elastic.solve(qp, price)
-            price *= 10.0
+            self._price, price = price, 10.0 * price
             if found.status is not QPStatus.SOLVED:
                 continue
             after = violation_sum(model.eq + model.eq_jac @ found.x, model.ineq + model.in_jac @ found.x)
+            self._stretched = after > CLOSED * before
             best = self._step(qp, found, damping, elastic=True, hopeless=after > (1.0 - 1e-4) * before)
             if after <= HOPEFUL * before:
                 break
