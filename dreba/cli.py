@@ -212,7 +212,7 @@ def _model(kind: str, options: tuple[str, ...], domain: str | None) -> Surrogate
 @poses_option
 @drawing_options
 @click.option(
-    "--tasks", default=6, type=click.IntRange(min=0), show_default=True, help="Reach tasks to optimise; 0 for none."
+    "--tasks", default=10, type=click.IntRange(min=0), show_default=True, help="Reach tasks to optimise; 0 for none."
 )
 @json_option
 def compare(names: tuple[str, ...], poses_file: str | None, tasks: int, as_json: bool, **given: Any) -> None:

@@ -23,7 +23,7 @@ def compare(models: Mapping[str, Surrogate], poses: Poses) -> list[dict[str, Any
     ]
 
 
-def enable(models: Mapping[str, Surrogate], tasks: int, repeats: int = 2, seed: int = 0) -> list[dict[str, Any]]:
+def enable(models: Mapping[str, Surrogate], tasks: int, repeats: int = 3, seed: int = 0) -> list[dict[str, Any]]:
     """Return what each model leads to when it is minimised under reach constraints, one row a model and kind of start.
 
     Args:
