@@ -74,6 +74,7 @@ class ConvexModel(Surrogate):
         self.weights_ = found[:-4].reshape(-1, self.knots)[profile].reshape(len(self.joints_), -1)
         self.points_ = found[-4:-2]
         self.constant_ = float(found[-2] - found[-1])
+        self._fold()
 
     def _normal_equations(
         self, poses: Array, scores: Array, weights: Array, given: Given, profile: NDArray[np.intp]
@@ -117,15 +118,23 @@ class ConvexModel(Surrogate):
             raise ModelError(f"knots_ or weights_ do not fit {len(self.joints_)} joints; the file is damaged")
         if (self.weights_ < 0).any():
             raise ModelError("weights_ holds a negative weight; the file is damaged")
+        self._fold()
 
     def _value_gradient(self, poses: Array, given: Given) -> tuple[Array, Array]:
-        past = self._arguments(poses)
+        value = np.full(len(poses), self.constant_)
+        gradient = np.empty(poses.shape)
+        for start in range(0, len(poses), CHUNK):
+            rows = slice(start, start + CHUNK)
+            past = self._past(poses[rows])
+            inside = np.clip(past, 0.0, 1.0)
+            gradient[rows] = (self._by_column @ inside).T
+            np.maximum(past, 0.0, out=past)
+            inside *= -0.5 * inside
+            inside += past * np.minimum(past, 1.0)
+            value[rows] += self._weight @ inside
         load, coupling = _points(given, len(poses))
-        extra = self.points_[0] * load + self.points_[1] * coupling + given.activity
-        value = np.einsum("ndk,dk->n", _hinge(past), self.weights_) + self.constant_ + extra
-        half = self.knots_.shape[1] // 2
-        slopes = np.clip(past, 0.0, 1.0) * self.weights_ / self.width
-        return value, slopes[:, :, :half].sum(axis=2) - slopes[:, :, half:].sum(axis=2)
+        value += self.points_[0] * load + self.points_[1] * coupling + given.activity
+        return value, gradient
 
     def _hessian(self, poses: Array, given: Given) -> Array:
         out = np.zeros((len(poses), len(self.joints_), len(self.joints_)))
@@ -137,8 +146,27 @@ class ConvexModel(Surrogate):
         return np.sqrt(self._hessian(poses, given))
 
     def _bends(self, poses: Array) -> Array:
-        past = self._arguments(poses)
-        return np.asarray((((past > 0.0) & (past < 1.0)) * self.weights_).sum(axis=2) / self.width**2)
+        past = self._past(poses)
+        return np.asarray(((abs(self._by_column) / self.width) @ ((past > 0.0) & (past < 1.0))).T)
+
+    def _fold(self) -> None:
+        """Keep the hinges that weigh something, as rows for evaluation."""
+        d, directions = len(self.joints_), np.repeat([1.0, -1.0], self.knots)
+        joint, hinge = np.nonzero(self.weights_)
+        sense = directions[hinge]
+        best = np.array([_BEST[name] for name in self.joints_])[joint]
+        self._joint, self._scale = joint, (sense / self.width)[:, None]
+        self._offset = ((sense * best + self.knots_[joint, hinge]) / self.width)[:, None]
+        self._weight = self.weights_[joint, hinge]
+        self._by_column = np.zeros((d, len(joint)))
+        self._by_column[joint, np.arange(len(joint))] = self._weight * self._scale[:, 0]
+
+    def _past(self, poses: Array) -> Array:
+        """Return (r, n): how far the angle of each kept hinge is past its knot, in widths."""
+        past = poses.T.take(self._joint, axis=0)
+        past *= self._scale
+        past -= self._offset
+        return past
 
     def _payload(self) -> dict[str, Any]:
         return {"form": "classes", "load": float(self.points_[0]), "coupling": float(self.points_[1]), "activity": 1.0}

@@ -170,10 +170,13 @@ double $name(const double angles[$d], double load, const double coupling[2], dou
     double step[$rows], group[17] = {0.0}, part[9], score[3], slope[3][3], knee_left, side_left;
     const double knee = smooth_max(angles[$knee], angles[$knee + 1], $knee_width, &knee_left);
 
-    for (int r = 0; r < $rows; ++r) {
-        step[r] = tanh(scale[r] * (column[r] == 22 ? knee : angles[column[r]]) - offset[r]);
-        group[group_of[r]] += height[r] * (1.0 + step[r]);
-    }
+    double seen[$d + 1];
+    for (int k = 0; k < $d; ++k) seen[k] = angles[k];
+    seen[$d] = knee;
+    /* exp is faster than tanh; the bounds keep it from overflowing. */
+    for (int r = 0; r < $rows; ++r) step[r] = fmax(fmin(2.0 * (offset[r] - scale[r] * seen[column[r]]), 700.0), -700.0);
+    for (int r = 0; r < $rows; ++r) step[r] = 2.0 / (1.0 + exp(step[r])) - 1.0;
+    for (int r = 0; r < $rows; ++r) group[group_of[r]] += height[r] * (1.0 + step[r]);
     for (int k = 0; k < 4; ++k)
         part[paired[k]] = group[k] + group[4 + k] + group[8 + k] - overlap[k] * group[4 + k] * group[8 + k];
     for (int k = 0; k < 5; ++k) part[single[k]] = group[12 + k];

@@ -57,7 +57,7 @@ class GraduatedModel(Surrogate):
     """Stages of one cost. Evaluated as one model it is its soft tables.
 
     Args:
-        first: kind of the first stage, "quadratic" or "convex".
+        first: kind of the first stage, "convex" or "quadratic".
         ladder: [deg] temperatures of the soft stages, falling.
         temperature: [deg] the one used where an evaluation names none.
         updates, seed: of the fit of the soft tables, see `SoftModel`.
@@ -74,7 +74,7 @@ class GraduatedModel(Surrogate):
 
     def __init__(
         self,
-        first: Literal["quadratic", "convex"] = "quadratic",
+        first: Literal["quadratic", "convex"] = "convex",
         ladder: tuple[float, ...] = LADDER,
         temperature: float = 2.0,
         updates: int = 4000,

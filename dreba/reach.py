@@ -7,8 +7,8 @@ from a seed, apart from any poses that a model was fitted to.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,10 @@ def on_figure(objective: Objective) -> Objective:
     return evaluate
 
 
+ALONE: Final = Effort(iterations=100, tolerance=1e-4)
+"""How hard a single stage is tried."""
+
+
 @dataclass(frozen=True)
 class Method:
     """A way to solve a task: objectives of the angles in stages, and how.
@@ -102,39 +106,36 @@ class Method:
     Attributes:
         name: shown in tables.
         objectives: of the 22 angles.
-        released: stages without the constraint, see `staged.minimise`.
+        free_start: whether the first objective is minimised without the task first, see `staged.minimise`.
         effort: of the stages.
         judged: whether the exact score picks the best of the stage ends.
     """
 
     name: str
     objectives: Sequence[Objective]
-    released: int = 0
-    effort: Effort | Sequence[Effort] = field(default_factory=Effort)
+    free_start: bool = False
+    effort: Effort = ALONE
     judged: bool = False
 
 
-def method_of(model: Surrogate, temperature: float | None = None, name: str = "") -> Method:
+def method_of(model: Surrogate, temperature: float | None = None, name: str = "", free_start: bool = True) -> Method:
     """Return a model as a method: the stages of a graduated model, or one stage for any other.
 
     Args:
         model: fitted on all 22 columns.
         temperature: [deg] for a model with temperatures; None for its own (and for all stages of a graduated one).
         name: shown in tables, "" for the kind.
+        free_start: of a graduated model.
     """
     if isinstance(model, GraduatedModel) and temperature is None:
         objectives = [stage.objective() for stage in model.stages_]
-        return Method(name or model.kind, objectives, **GRADUATED)
+        return Method(name or model.kind, objectives, free_start=free_start, effort=Effort(), judged=True)
 
     def objective(angles: Array) -> tuple[float, Array]:
         value, gradient = model.value_and_gradient(angles, temperature=temperature)
         return float(value), gradient
 
     return Method(name or model.kind, [objective])
-
-
-GRADUATED: Final[dict[str, Any]] = {"released": 0, "judged": True}
-"""How the stages of a graduated model are solved."""
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,7 @@ def run(method: Method, given: Sequence[Task], beginnings: Array) -> Outcome:
     for row, task in enumerate(given):
         for column, start in enumerate(beginnings[row]):
             found = minimise(
-                objectives, start, low, high, task.constraint, released=method.released, effort=method.effort,
+                objectives, start, low, high, task.constraint, free_start=method.free_start, effort=method.effort,
                 score=true_score if method.judged else None, tolerance=MET,
             )  # fmt: skip
             scores[row, column] = true_score(found.x) if found.residual <= MET else INFEASIBLE

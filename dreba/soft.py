@@ -104,6 +104,7 @@ class SoftModel(Surrogate):
     def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
         self._check_parameters()
         angles, (added, activity) = self._whole(poses), self._added(given, len(poses))
+        added = np.zeros((3, 1)) if added is None else added
         rng = np.random.default_rng(self.seed)
         found: dict[float, SoftTables] = {}
         # From sharp to blunt: the sharp tables start nearest to the exact ones, each next one starts from the last.
@@ -164,8 +165,10 @@ class SoftModel(Surrogate):
     def _places(self) -> list[int]:
         return [COLUMNS.index(joint) for joint in self.joints_]
 
-    def _added(self, given: Given, n: int) -> tuple[Array, Any]:
-        """Return (3, 1) or (3, n) points on Score A and both Scores B, and those on the total."""
+    def _added(self, given: Given, n: int) -> tuple[Array | None, Any]:
+        """Return (3, 1) or (3, n) points on Score A and both Scores B, None for none, and those on the total."""
+        if not any(isinstance(value, np.ndarray) or value for value in (given.load, *given.coupling)):
+            return None, given.activity
         load = load_kg(given.load, n)
         points = (load >= LOAD_EDGES[0]).astype(float) + (load > LOAD_EDGES[1])
         try:

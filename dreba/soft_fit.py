@@ -72,7 +72,7 @@ def learn(
     for update, batch in enumerate(_batches(len(scores), updates, rng)):
         run = tables.forward(columns[:, batch], added[:, batch])
         error = run.value - target[batch]
-        weight = shares[batch] * level.weights(batch, error)
+        weight = shares[batch] * level.weights(batch, error, shares[batch])
         slope = by_parameters(tables, run, error * weight / len(batch))
         rate = 0.5 * (1.0 + np.cos(np.pi * update / updates))
         changed = {}
@@ -107,16 +107,16 @@ class _Level:
         self.weight = np.ones(len(self.classes))
         self.square, self.count = np.zeros(len(self.classes)), np.zeros(len(self.classes))
 
-    def weights(self, batch: NDArray[np.intp], error: Array) -> Array:
+    def weights(self, batch: NDArray[np.intp], error: Array, share: Array) -> Array:
         """Return the weights of some poses and note their errors."""
         number = self.number[batch]
-        self.square += np.bincount(number, error**2, minlength=len(self.classes))
-        self.count += np.bincount(number, minlength=len(self.classes))
+        self.square += np.bincount(number, share * error**2, minlength=len(self.classes))
+        self.count += np.bincount(number, share, minlength=len(self.classes))
         return self.weight[number]
 
     def update(self) -> None:
         """Take over the errors noted since the last update."""
-        rmse = np.sqrt(self.square / np.maximum(self.count, 1.0)) + 1e-9
+        rmse = np.sqrt(self.square / np.maximum(self.count, 1e-9)) + 1e-9
         self.weight *= (rmse / np.sqrt(np.mean(rmse**2))) ** LEVELLING
         self.weight /= self.weight.mean()
         self.square[:], self.count[:] = 0.0, 0.0

@@ -20,14 +20,16 @@ Constraint = Callable[[Array], tuple[Array, Array]]
 
 SCALE: Final = 30.0
 """[deg] One unit of the scaled variables."""
+ONTO: Final = 50
+"""Steps at most to get onto the constraint."""
 
 
 @dataclass(frozen=True)
 class Effort:
     """How hard a stage is tried: iterations of SLSQP, and its tolerance on value and constraint."""
 
-    iterations: int = 100
-    tolerance: float = 1e-4
+    iterations: int = 30
+    tolerance: float = 1e-3
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class Minimum:
         residual: largest constraint residual there.
         evaluations: of an objective with its gradient, over all stages.
         constraint_evaluations: of the constraint with its Jacobian.
-        stages: (k, d) where each stage ended.
+        stages: (k, d) where each stage ended, the free start included.
     """
 
     x: Array
@@ -56,8 +58,8 @@ def minimise(
     high: Array,
     constraint: Constraint,
     *,
-    released: int = 0,
-    effort: Effort | Sequence[Effort] = Effort(),
+    free_start: bool = False,
+    effort: Effort = Effort(),
     score: Callable[[Array], float] | None = None,
     tolerance: float = 1e-3,
 ) -> Minimum:
@@ -68,34 +70,52 @@ def minimise(
         start: (d,) degrees.
         low, high: (d,) limits [deg].
         constraint: what has to be 0.
-        released: how many of the first stages ignore the constraint: from a bad start they lead to the middle of
-            where the convex stage is low before the task pulls.
-        effort: of every stage, or one for each.
+        free_start: minimise the first objective once without the constraint before the stages. For a convex one this
+            costs a few evaluations and leads from any start to its minimum, from where the task then pulls: under the
+            constraint itself a bad start ends in a twisted local minimum, or never reaches.
+        effort: of every stage.
         score: the true score of a pose; the best stage end by it that meets the constraint is then the result.
         tolerance: largest residual that meets the constraint.
     """
     from scipy.optimize import minimize
 
     counted = _Counted(constraint)
-    efforts = [effort] * len(objectives) if isinstance(effort, Effort) else list(effort)
     x = np.clip(start, low, high) / SCALE
     bounds = np.stack([low, high], axis=1) / SCALE
     ends, evaluations = [], 0
-    for number, (objective, how) in enumerate(zip(objectives, efforts, strict=True)):
-        kept = [] if number < released else [{"type": "eq", "fun": counted.residuals, "jac": counted.jacobian}]
+    kept = [{"type": "eq", "fun": counted.residuals, "jac": counted.jacobian}]
+    plan = [(objective, kept) for objective in objectives]
+    if free_start:
+        plan.insert(0, (objectives[0], []))
+    for objective, constraints in plan:
         found = minimize(
-            _scaled(objective), x, jac=True, method="SLSQP", bounds=bounds, constraints=kept,
-            options={"maxiter": how.iterations, "ftol": how.tolerance},
+            _scaled(objective), x, jac=True, method="SLSQP", bounds=bounds, constraints=constraints,
+            options={"maxiter": effort.iterations, "ftol": effort.tolerance},
         )  # fmt: skip
         evaluations += int(found.nfev)
         if np.isfinite(found.x).all():
             x = np.clip(found.x, bounds[:, 0], bounds[:, 1])
-        ends.append(x * SCALE)
+        onto = _onto(counted, x, bounds, tolerance)
+        ends.append((onto if constraints else x) * SCALE)
+        x = onto
     best = ends[-1]
     if score is not None:
         met = [end for end in ends if counted.largest(end) <= tolerance]
         best = min(reversed(met), key=score, default=best)
     return Minimum(best, counted.largest(best), evaluations, counted.calls, np.array(ends))
+
+
+def _onto(counted: _Counted, x: Array, bounds: Array, tolerance: float) -> Array:
+    """Return the point moved onto the constraint by bounded least squares, if that succeeds.
+
+    It repairs stages that ran out of iterations, and brings the end of a free start to where the next one begins.
+    """
+    from scipy.optimize import least_squares
+
+    if counted.largest(x * SCALE) <= tolerance:
+        return x
+    found = least_squares(counted.residuals, x, counted.jacobian, bounds=bounds.T, max_nfev=ONTO, xtol=1e-6)
+    return found.x if counted.largest(found.x * SCALE) <= tolerance else x
 
 
 class _Counted:

@@ -1,0 +1,121 @@
+"""Exported functions agree with the Python value and gradient."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import shutil
+import subprocess
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dreba
+from dreba.export import export
+from dreba.export_casadi import casadi_function
+from dreba.soft import SoftModel
+
+EXTRAS = [{}, {"load": 6.0, "coupling": (1, 3), "activity": 2}, {"load": 12.0, "coupling": (2, 0)}]
+COMPILER = shutil.which("gcc") or shutil.which("cc")
+Function = Callable[..., tuple[float, np.ndarray]]
+
+
+@cache
+def model(name: str) -> dreba.Surrogate:
+    poses = dreba.sample(3000, rng=51)
+    kinds = {
+        "quadratic": dreba.QuadraticModel(),
+        "linear load": dreba.QuadraticModel(payload="linear", free=True),
+        "soft": SoftModel(ladder=(8.0, 1.0), temperature=1.0, updates=60),
+        "graduated": dreba.GraduatedModel(ladder=(8.0,), temperature=8.0, updates=20),
+    }
+    return kinds[name].fit(poses.angles, poses.reba)
+
+
+def compiled(source: Path) -> Function:
+    library = source.with_suffix(".so")
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O2", "-shared", "-fPIC"]
+    subprocess.run([str(COMPILER), *flags, "-o", str(library), str(source), "-lm"], check=True)
+    function = ctypes.CDLL(str(library)).dreba
+    array = np.ctypeslib.ndpointer(np.float64, flags="C")
+    function.argtypes = [array, ctypes.c_double, array, ctypes.c_double, array]
+    function.restype = ctypes.c_double
+
+    def evaluate(
+        pose: np.ndarray, load: float = 0.0, coupling: tuple[int, int] = (0, 0), activity: float = 0.0
+    ) -> tuple[float, np.ndarray]:
+        gradient = np.empty(len(pose))
+        return function(np.ascontiguousarray(pose), load, np.array(coupling, float), activity, gradient), gradient
+
+    return evaluate
+
+
+def symbolic(name: str, temperature: float | None) -> Function:
+    function = casadi_function(model(name), temperature=temperature)
+
+    def evaluate(
+        pose: np.ndarray, load: float = 0.0, coupling: tuple[int, int] = (0, 0), activity: float = 0.0
+    ) -> tuple[float, np.ndarray]:
+        value, gradient = function(pose, load, list(coupling), activity)
+        return float(value), np.array(gradient).ravel()
+
+    return evaluate
+
+
+def check(evaluate: Function, name: str, temperature: float | None) -> None:
+    poses = np.vstack([dreba.sample(30, rng=52).angles, np.zeros((1, 22)), np.full((1, 22), 170.0)])
+    for pose in poses:
+        for extras in EXTRAS:
+            value, gradient = evaluate(pose, **extras)
+            expected, slope = model(name).value_and_gradient(pose, temperature=temperature, **extras)
+            assert value == pytest.approx(expected, abs=1e-10)
+            assert gradient == pytest.approx(slope, abs=1e-10)
+
+
+CASES = [("quadratic", None), ("linear load", None), ("soft", 8.0), ("soft", None), ("graduated", None)]
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
+@pytest.mark.parametrize(("name", "temperature"), CASES)
+def test_c_function_agrees(name: str, temperature: float | None, tmp_path: Path) -> None:
+    source = export(model(name), "c", tmp_path / "cost", temperature=temperature)
+    assert source.suffix == ".c"
+    check(compiled(source), name, temperature)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("casadi") is None, reason="CasADi is not installed")
+@pytest.mark.parametrize(("name", "temperature"), CASES)
+def test_casadi_function_agrees(name: str, temperature: float | None) -> None:
+    check(symbolic(name, temperature), name, temperature)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("casadi") is None, reason="CasADi is not installed")
+def test_casadi_file_reads_back(tmp_path: Path) -> None:
+    import casadi
+
+    written = export(model("soft"), "casadi", tmp_path / "cost.casadi", name="posture_cost")
+    function = casadi.Function.deserialize(written.read_text())
+    assert function.name() == "posture_cost"
+    pose = np.full(22, 12.0)
+    assert float(function(pose, 0.0, [0, 0], 0.0)[0]) == pytest.approx(model("soft").value(pose), abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("target", "name", "words"),
+    [("cc", "dreba", "target 'cc' is unknown"), ("c", "1st", "expected letters"), ("c", "", "expected letters")],
+)
+def test_wrong_requests_are_refused(target: str, name: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(dreba.ModelError, match=words):
+        export(model("quadratic"), target, tmp_path / "cost", name=name)
+
+
+def test_kinds_without_an_export_and_bad_paths_are_refused(tmp_path: Path) -> None:
+    poses = dreba.sample(500, rng=53)
+    convex = dreba.ConvexModel().fit(poses.angles, poses.reba)
+    with pytest.raises(dreba.ModelError, match="cannot be exported"):
+        export(convex, "c", tmp_path / "cost")
+    with pytest.raises(dreba.ModelError, match="cannot be written"):
+        export(model("quadratic"), "c", tmp_path / "missing" / "cost.c")

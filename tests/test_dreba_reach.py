@@ -1,0 +1,139 @@
+"""The figure, the tasks, the staged minimiser and the graduated model that they judge."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import dreba
+import reba
+from dreba import figure, reach
+from dreba.graduated import GraduatedModel
+from dreba.soft import SoftModel
+from dreba.staged import Effort, minimise
+
+
+@cache
+def graduated() -> GraduatedModel:
+    poses = dreba.sample(10_000, rng=41)
+    first = dreba.QuadraticModel().fit(poses.angles, poses.reba)
+    return GraduatedModel.of(first, SoftModel(ladder=(8.0, 2.0), updates=300).fit(poses.angles, poses.reba))
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_hand_jacobian_agrees_with_finite_differences(side: str) -> None:
+    rng = np.random.default_rng(1)
+    low, high = figure.limits()
+    for dofs in rng.uniform(low, high, (5, 22)):
+        step = 1e-4 * np.eye(22)
+        slope = np.stack(
+            [(figure.hand(dofs + e, side)[0] - figure.hand(dofs - e, side)[0]) / 2e-4 for e in step], axis=1
+        )
+        assert figure.hand(dofs, side)[1] == pytest.approx(slope, abs=1e-9)
+
+
+def test_hands_mirror_each_other() -> None:
+    rng = np.random.default_rng(2)
+    low, high = figure.limits()
+    dofs = rng.uniform(low, high)
+    mirrored = dofs.copy()
+    for place, name in enumerate(figure.DOFS):
+        if name.startswith(("trunk", "neck")) and not name.endswith("flexion"):
+            mirrored[place] = -dofs[place]
+        if name.endswith("_left"):
+            other = figure.DOFS.index(name.replace("_left", "_right"))
+            mirrored[place], mirrored[other] = dofs[other], dofs[place]
+    left, right = figure.hand(dofs, "left")[0], figure.hand(mirrored, "right")[0]
+    assert right == pytest.approx(left * [1.0, -1.0, 1.0], abs=1e-12)
+
+
+def test_known_postures_of_the_figure() -> None:
+    straight = np.zeros(22)
+    assert figure.hand(straight, "left")[0] == pytest.approx([0.0, 0.129 * 1.75, (0.818 - 0.387) * 1.75], abs=1e-9)
+    forward = straight.copy()
+    forward[figure.DOFS.index("upper_arm_flexion_left")] = 90.0
+    assert figure.hand(forward, "left")[0] == pytest.approx([0.387 * 1.75, 0.129 * 1.75, 0.818 * 1.75], abs=1e-9)
+    squat = straight.copy()
+    squat[[figure.DOFS.index(f"knee_flexion_{side}") for side in ("left", "right")]] = 90.0
+    assert figure.hand(squat, "left")[0][2] < figure.hand(straight, "left")[0][2] - 0.2
+    assert reba.score_array(figure.posture(figure.neutral())[None]).reba[0] == 1
+
+
+def test_tasks_and_starts_repeat_with_their_seed() -> None:
+    assert reach.tasks(6, 3) == reach.tasks(6, 3)
+    assert reach.tasks(6, 3) != reach.tasks(6, 4)
+    box = reach.tasks(2, 3)[1].targets
+    assert box["left"][1] - box["right"][1] == pytest.approx(reach.BOX)
+    low, high = figure.limits()
+    for kind in ("random", "neutral"):
+        found = reach.starts(kind, 10, 1)
+        assert ((found >= low) & (found <= high)).all()
+        assert np.array_equal(found, reach.starts(kind, 10, 1))
+
+
+def test_graduated_solves_tasks_better_than_a_sharp_cost_alone() -> None:
+    given = reach.tasks(4, 5)
+    starts = reach.starts("random", 4, 5).reshape(4, 1, 22)
+    staged = reach.run(reach.method_of(graduated()), given, starts)
+    sharp = reach.run(reach.method_of(graduated(), temperature=2.0), given, starts)
+    assert staged.infeasible == 0.0
+    assert staged.mean < sharp.mean
+    best = reach.best_known([staged, sharp])
+    assert staged.share_best(best) <= staged.share_best_of_starts(best) <= 1.0
+    assert staged.evaluations > sharp.evaluations / 10
+
+
+def test_minimise_meets_constraint_and_limits_and_counts() -> None:
+    def bowl(x: np.ndarray) -> tuple[float, np.ndarray]:
+        return float(x @ x) / 100.0, x / 50.0
+
+    def line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.array([x.sum() - 30.0]), np.ones((1, 3))
+
+    low, high = np.full(3, -5.0), np.array([5.0, 90.0, 90.0])
+    found = minimise([bowl, bowl], np.full(3, 80.0), low, high, line, effort=Effort(50, 1e-8), free_start=True)
+    assert found.x == pytest.approx([5.0, 12.5, 12.5], abs=1e-3)
+    assert found.residual < 1e-6
+    assert len(found.stages) == 3
+    assert found.stages[0] == pytest.approx(np.zeros(3), abs=1e-3)
+    assert found.evaluations >= found.constraint_evaluations > 0
+
+
+def test_minimise_takes_the_best_stage_that_meets_the_constraint() -> None:
+    def towards(target: float):  # type: ignore[no-untyped-def]
+        return lambda x: (float((x[0] - target) ** 2), np.array([2 * (x[0] - target), 0.0]))
+
+    def second(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return x[1:], np.array([[0.0, 1.0]])
+
+    limit = np.full(2, 90.0)
+    found = minimise(
+        [towards(10.0), towards(40.0)], np.zeros(2), -limit, limit, second, effort=Effort(50, 1e-9),
+        score=lambda x: abs(x[0] - 10.0),
+    )  # fmt: skip
+    assert found.x[0] == pytest.approx(10.0, abs=1e-2)
+
+
+def test_stages_of_the_graduated_model() -> None:
+    model = graduated()
+    assert [stage.name for stage in model.stages_] == ["quadratic", "soft 8 deg", "soft 2 deg"]
+    pose = dreba.sample(10, rng=42).angles[0]
+    for stage in model.stages_:
+        value, slope = stage.objective(load=6.0)(pose)
+        assert value == pytest.approx(stage.model.value(pose, load=6.0, temperature=stage.temperature))
+        assert slope.shape == (22,)
+    with pytest.raises(dreba.ModelError, match="quadratic or convex"):
+        GraduatedModel.of(model.soft_, model.soft_)
+    with pytest.raises(dreba.ModelError, match="first is"):
+        GraduatedModel(first="net").fit(np.full((5, 22), 30.0), np.ones(5))  # type: ignore[arg-type]
+
+
+def test_convex_hinges_are_near_their_known_error() -> None:
+    poses, held_out = dreba.sample(10_000, rng=43), dreba.sample(5000, rng=44)
+    model = dreba.ConvexModel().fit(poses.angles, poses.reba)
+    assert dreba.evaluate(model, held_out).rmse < 1.4
+    assert (model.weights_ >= 0.0).all()
+    with pytest.raises(dreba.ModelError, match="knots"):
+        dreba.ConvexModel(knots=0).fit(poses.angles, poses.reba)
