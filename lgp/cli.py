@@ -1,9 +1,123 @@
-"""The `lgp` command: a placeholder until the package has something to run."""
+"""The `lgp` command."""
 
-import sys
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+import reba
+from lgp.errors import LgpError
+from lgp.plan import DEPTH
+from lgp.plan import plan as make_plan
+from lgp.world.scene_file import load_scene, shipped_scenes
+from reba.shell import GROUP, console, json_option, print_json, run
+
+
+@click.group(context_settings=GROUP)
+@click.version_option(reba.__version__, prog_name="lgp")
+def cli() -> None:
+    """Plan who does what and how everybody moves, with ergonomics.
+
+    \b
+    Start with:  lgp plan screwdriver        a shipped scene, or the path of your own
+    """
+
+
+@cli.command(epilog="Example: lgp plan screwdriver -o plan/ --tree tree.svg")
+@click.argument("scene")
+@click.option("--cost", metavar="MODEL.json|NAME", help="dREBA model of the ergonomic cost; `quadratic` by default.")
+@click.option("--no-ergonomics", is_flag=True, help="Plan by accelerations alone.")
+@click.option("--sequence", metavar="FILE", help="Plan the motion of these actions, one a line, instead of searching.")
+@click.option("--depth", default=DEPTH, type=click.IntRange(1, 20), show_default=True, help="Longest sequence.")
+@click.option("--seconds", type=click.FloatRange(0, min_open=True), help="Stop the search after this time.")
+@click.option("--height", "heights", multiple=True, metavar="TABLE=M", help="Height of a table [m]; may be repeated.")
+@click.option("-o", "--output", metavar="DIR", help="Write plan.json, path.parquet and postures.parquet there.")
+@click.option("--tree", metavar="FILE.svg", help="Draw the searched tree.")
+@json_option
+def plan(
+    scene: str,
+    cost: str | None,
+    no_ergonomics: bool,
+    sequence: str | None,
+    depth: int,
+    seconds: float | None,
+    heights: tuple[str, ...],
+    output: str | None,
+    tree: str | None,
+    as_json: bool,
+) -> None:
+    """Plan a SCENE: the name of a shipped one, or a TOML file."""
+    if cost is not None and no_ergonomics:
+        raise LgpError("--cost and --no-ergonomics were both given; choose one of them")
+    if tree is not None and sequence is not None:
+        raise LgpError("--tree was given with --sequence, which searches no tree; leave one of them out")
+    loaded = load_scene(scene).with_heights(dict(_height(text) for text in heights))
+    lines = None if sequence is None else _read(sequence)
+    found = make_plan(
+        loaded,
+        None if no_ergonomics else cost or "quadratic",
+        sequence=lines,
+        depth=depth,
+        seconds=float("inf") if seconds is None else seconds,
+    )
+    if output is not None:
+        found.save(output)
+    if tree is not None:
+        _draw(tree, found)
+    summary: dict[str, Any] = {**found.summary(), "output": output}
+    if as_json:
+        print_json(summary)
+    elif found.feasible:
+        from lgp.terminal import show_plan
+
+        show_plan(console(), summary)
+    if not found.feasible:
+        raise LgpError(f"{loaded.name}: no plan: {found.reason}")
+
+
+@cli.command()
+@json_option
+def scenes(as_json: bool) -> None:
+    """List the shipped scenes."""
+    found = {name: load_scene(name).title for name in shipped_scenes()}
+    if as_json:
+        print_json(found)
+        return
+    for name, title in found.items():
+        click.echo(f"{name}: {title}")
+
+
+def _height(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError as error:
+        raise LgpError(f"--height {text!r}: expected TABLE=METRES, as in left=0.9") from error
+
+
+def _read(file: str) -> list[str]:
+    try:
+        return Path(file).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise LgpError(f"{file}: cannot be read ({error}); give a text file with one action a line") from error
+
+
+def _draw(file: str, found: Any) -> None:
+    from lgp.tree import draw
+
+    best = next((node.skeleton for node in found.tree if _labels(node) == found.actions), ())
+    try:
+        Path(file).write_text(draw(found.tree, best), encoding="utf-8")
+    except OSError as error:
+        raise LgpError(f"{file}: cannot be written ({error.strerror or error}); give another file") from error
+
+
+def _labels(node: Any) -> tuple[str, ...]:
+    return tuple(action.at(step + 1) for step, action in enumerate(node.skeleton))
 
 
 def main() -> None:
-    """Say that nothing is here yet and exit with 2, as any command that cannot do what was asked."""
-    sys.stderr.write("lgp: this package holds no commands yet; `reba --help` lists what works today\n")
-    raise SystemExit(2)
+    """Run the command line; exit codes are in `reba.shell`."""
+    run(cli, "lgp")

@@ -1,0 +1,4 @@
+"""From actions to paths: features and constraints of a sequence, the path problem, and its relaxations.
+
+actions -> `Phases` (switches, loads, slices) -> `PathProblem` over some kept slices -> `PathBounds` for the search
+"""

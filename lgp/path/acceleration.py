@@ -1,0 +1,75 @@
+"""The sum of squared accelerations: a constant quadratic, and its exact restriction to some slices.
+
+For one joint the cost of a path d (T,), counted from its start, is d'Ad: everybody rests before the first slice and
+stops after the last one. Slices that nothing else acts on are eliminated exactly: d'Ad is minimised over them in closed
+form, which leaves a smaller quadratic on the kept slices that never exceeds the cost of any path through them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Slices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """A quadratic on kept slices.
+
+    Attributes:
+        cost: (P, P), d'Cd is the least cost of a path through d (P,).
+        expand: (T, P) maps d to that path.
+    """
+
+    cost: Array
+    expand: Array
+
+
+def quadratic(slices: int, tau: float, stop: bool) -> Array:
+    """Return A (T, T) with d'Ad = sum of tau * acceleration^2 [rad^2 / s^3] over a path d that starts from rest.
+
+    Args:
+        slices: T.
+        tau: time between slices [s].
+        stop: whether the path ends at rest: then stopping after the last slice counts as well.
+
+    >>> quadratic(1, 1.0, stop=False).tolist()
+    [[1.0]]
+    """
+    differences = np.eye(slices + stop, slices) - 2.0 * np.eye(slices + stop, slices, -1)
+    differences += np.eye(slices + stop, slices, -2)
+    if stop:
+        # The slice after the last is a copy of the last: its second difference is d[T-2] - d[T-1].
+        differences[slices, slices - 1] += 1.0
+    return differences.T @ differences / tau**3
+
+
+def condense(matrix: Array, kept: Slices, joined: Sequence[tuple[int, int]] = ()) -> Condensed:
+    """Return the quadratic on kept slices that is left when all others are at their best.
+
+    Args:
+        matrix: A (T, T).
+        kept: (P,) slices, rising.
+        joined: pairs of slices (a, b) that are equal; b is not kept.
+    """
+    total = len(matrix)
+    spread = np.eye(total)
+    for first, second in joined:
+        spread[second] = spread[first]
+    dropped = {second for _, second in joined}
+    free = np.setdiff1d(np.arange(total), [*kept, *dropped])
+    merged = spread.T @ matrix @ spread
+    expand = spread[:, kept].copy()
+    cost = merged[np.ix_(kept, kept)].copy()
+    if len(free):
+        across = merged[np.ix_(free, kept)]
+        follow = np.linalg.solve(merged[np.ix_(free, free)], across)
+        cost -= across.T @ follow
+        expand -= spread[:, free] @ follow
+        cost = 0.5 * (cost + cost.T)
+    return Condensed(cost, expand)

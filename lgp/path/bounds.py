@@ -1,0 +1,198 @@
+"""The levels of the tree search: pose, sequence and path problems of one sequence, each a relaxation of the next.
+
+pose: the last configuration of a prefix, held to the last switch only. sequence: the configurations at all switches,
+held to all of them. path: every slice. All three are the same `PathProblem` on fewer slices, so their costs are on one
+scale and none exceeds the next - as far as each is solved: problems are not convex, and solutions are local.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.logic import Action
+from lgp.path.ergonomics import Ergonomics
+from lgp.path.feasible import CLOSE, nearest
+from lgp.path.phases import Phases
+from lgp.path.problem import Costs, PathProblem, Weights
+from lgp.path.verdict import reason
+from lgp.search import BoundResult, Skeleton
+from lgp.sqp import Options, Result, solve
+from lgp.world.model import World
+
+Array = NDArray[np.float64]
+
+OPTIONS = Options(violation=1e-6, kkt=1e-5, decrease=1e-7, iterations=60)
+"""Violations of a micrometre; costs to seven digits."""
+TRIES = 3
+"""Starts before a pose or a sequence counts as infeasible: the first one, then random ones from a fixed seed."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a level hands on.
+
+    Attributes:
+        keys: (k, nq) configurations at the switches so far.
+        variables: (nz,) of grasps and placements; empty at the level "pose".
+        path: (T, nq), at the level "path" only.
+        costs: terms of the cost.
+        result: of the solver.
+    """
+
+    keys: Array
+    variables: Array
+    path: Array | None
+    costs: Costs
+    result: Result
+
+
+class PathBounds:
+    """The levels of a scene, as `lgp.search.search` asks for them.
+
+    Args:
+        world: the kinematics.
+        ergonomics: the ergonomic cost, None to leave it out.
+        weights: of the terms.
+        start: (nq,) first configuration, of the world by default.
+        slices: per phase, of the scene by default.
+        options: of the solver.
+    """
+
+    levels = ("pose", "sequence", "path")
+
+    def __init__(
+        self,
+        world: World,
+        ergonomics: Ergonomics | None = None,
+        weights: Weights | None = None,
+        start: Array | None = None,
+        slices: int | None = None,
+        options: Options = OPTIONS,
+    ) -> None:
+        self.world, self.ergonomics, self.options = world, ergonomics, options
+        self.weights = Weights() if weights is None else weights
+        self.start = world.start if start is None else np.asarray(start, dtype=float)
+        self.slices = slices
+
+    def is_lower_bound(self, level: str) -> bool:
+        """Return True: dropping slices, switches and the stop at the end only ever lowers the cost."""
+        return level in self.levels
+
+    def phases(self, skeleton: Skeleton) -> Phases:
+        """Return a sequence laid out in time."""
+        return Phases.of(self.world.scene, skeleton, self.slices)
+
+    def problem(self, level: str, phases: Phases, stage: int = -1) -> PathProblem:
+        """Return the problem of a level.
+
+        Args:
+            level: "pose", "sequence" or "path".
+            phases: the sequence.
+            stage: of the ergonomic cost.
+        """
+        last = phases.count - 1
+        return PathProblem(
+            self.world,
+            phases,
+            kept={"pose": phases.keys[-1:], "sequence": phases.keys, "path": None}[level],
+            enforced=[last] if level == "pose" else None,
+            stop=level != "pose",
+            ergonomics=self.ergonomics,
+            weights=self.weights,
+            start=self.start,
+            stage=stage,
+        )
+
+    def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
+        """Solve one level for a sequence."""
+        begin = time.perf_counter()
+        phases = self.phases(skeleton)
+        earlier = warm.payload if warm is not None and isinstance(warm.payload, Solution) else None
+        by_level = {"pose": self._pose, "sequence": self._sequence, "path": self._path}
+        solution, why = by_level[level](phases, earlier)
+        seconds = time.perf_counter() - begin
+        if solution is None:
+            conflict = _conflict(skeleton) if level == "pose" else ()
+            return BoundResult(False, math.inf, why, conflict, seconds)
+        return BoundResult(True, solution.costs.total, seconds=seconds, payload=solution)
+
+    def _pose(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
+        problem = self.problem("pose", phases)
+        before = np.zeros((0, self.world.nq)) if earlier is None else earlier.keys
+        first = self.start if earlier is None else before[-1]
+        best: tuple[float, str] = (math.inf, "")
+        for candidate in self._starts(first[None]):
+            x, left = nearest(problem, problem.join(candidate, self._guess(problem, candidate)))
+            if left < best[0]:
+                best = left, reason(problem, x)
+            if left > 10.0 * CLOSE:
+                continue
+            result = solve(problem, x, options=self.options)
+            if result.violation <= self.options.violation:
+                keys = np.concatenate([before, problem.split(result.x)[0]])
+                return Solution(keys, np.zeros(0), None, problem.costs(result.x), result), ""
+            best = min(best, (result.violation, reason(problem, result.x)))
+        return None, best[1]
+
+    def _sequence(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
+        problem = self.problem("sequence", phases)
+        first = np.tile(self.start, (phases.count, 1))
+        if earlier is not None and len(earlier.keys) == phases.count:
+            first = earlier.keys
+        best: tuple[float, str] = (math.inf, "")
+        for candidate in self._starts(first):
+            result = solve(problem, problem.join(candidate, problem.modes.guess(candidate)), options=self.options)
+            if result.violation <= self.options.violation:
+                keys, variables = problem.split(result.x)
+                return Solution(keys, variables, None, problem.costs(result.x), result), ""
+            best = min(best, (result.violation, reason(problem, result.x)))
+        return None, f"sequence: {best[1]}"
+
+    def _path(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
+        if earlier is None or not len(earlier.variables):
+            earlier, why = self._sequence(phases, earlier)
+            if earlier is None:
+                return None, why
+        sequence = self.problem("sequence", phases)
+        path = sequence.path(sequence.join(earlier.keys, earlier.variables))
+        variables = earlier.variables
+        stages = 1 if self.ergonomics is None else len(self.ergonomics.stages)
+        result: Result | None = None
+        for stage in range(stages):
+            problem = self.problem("path", phases, stage)
+            # Scores get sharper from stage to stage; the multipliers of the last one start the next.
+            result = solve(problem, problem.join(path, variables), options=self.options, warm=result)
+            path, variables = problem.split(result.x)
+        if result is None or result.violation > self.options.violation:
+            return None, f"path: {reason(problem, problem.join(path, variables))}"
+        return Solution(path[phases.keys], variables, path, problem.costs(result.x), result), ""
+
+    def _starts(self, first: Array) -> list[Array]:
+        """Return the first keys (k, nq), then random ones around the start."""
+        rng = np.random.default_rng(0)
+        lower, upper = self.world.lower, self.world.upper
+        others = [first + 0.5 * (rng.uniform(lower, upper, first.shape) - first) for _ in range(TRIES - 1)]
+        return [first, *others]
+
+    def _guess(self, problem: PathProblem, candidate: Array) -> Array:
+        return problem.modes.guess(np.tile(candidate, (problem.phases.count, 1)))
+
+
+def _conflict(skeleton: tuple[Action, ...]) -> Skeleton:
+    """Return the consecutive actions whose geometry alone makes the last pose infeasible, () if all before matter.
+
+    Whether a hand can put an object on a table depends on nothing before; whether it can take the object from a table
+    depends on the table only.
+    """
+    last = skeleton[-1]
+    if last.name == "place":
+        return (last,)
+    before = skeleton[-2] if len(skeleton) > 1 else None
+    if before is not None and before.name == "place" and before.arguments[1] == last.arguments[1]:
+        return (before, last)
+    return ()

@@ -1,0 +1,31 @@
+"""The nearest configuration that meets the constraints of a problem: a first point for the solver, or a quick no."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.path.problem import PathProblem
+from lgp.world.solve import least_squares
+
+Array = NDArray[np.float64]
+
+CLOSE = 1e-4
+"""[m, rad] Violation that counts as met; the solver removes the rest."""
+STEPS = 40
+"""Steps of the search: those that succeed take 5 to 15."""
+
+
+def nearest(problem: PathProblem, start: Array) -> tuple[Array, float]:
+    """Return x (n,) near a start that violates the constraints least, and the largest violation left [m, rad]."""
+
+    def residuals(x: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+        values = problem.rows.evaluate(*problem.split(x[0]), derivatives=True)
+        equal, limits = problem.rows.jacobians(values)
+        broken = values.inequality > 0.0
+        slopes = np.where(broken[:, None], limits.toarray(), 0.0)
+        value = np.concatenate([values.equality, np.where(broken, values.inequality, 0.0)])
+        return value[None], np.concatenate([equal.toarray(), slopes])[None]
+
+    x, left = least_squares(residuals, start[None], problem.lower, problem.upper, CLOSE, STEPS)
+    return x[0], float(left[0])

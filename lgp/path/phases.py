@@ -1,0 +1,125 @@
+"""Actions -> phases: which object is attached to what in which slices, and where in the path the switches are.
+
+Action k ends phase k: its switch happens in the last slice of that phase, `key(k)`. Slices count from 0; before the
+first one everybody rests in the start configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.errors import LgpError
+from lgp.logic import Action
+from lgp.world.scene import Scene
+from lgp.world.switches import Switch
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Phases:
+    """A sequence of actions laid out in time.
+
+    Attributes:
+        scene: who and what is there.
+        actions: as the plan names them.
+        switches: the same as geometry, one per phase.
+        slices: per phase.
+        seconds: per phase.
+
+    Example:
+        >>> from lgp.world.scene_file import load_scene
+        >>> from lgp.path.phases import Phases
+        >>> phases = Phases.of(load_scene("screwdriver"), [])
+        >>> phases.total
+        0
+    """
+
+    scene: Scene
+    actions: tuple[Action, ...]
+    switches: tuple[Switch, ...]
+    slices: int
+    seconds: float
+
+    @staticmethod
+    def of(scene: Scene, actions: Sequence[Action], slices: int | None = None) -> Phases:
+        """Return the phases of a sequence.
+
+        Args:
+            scene: the scene; its phase duration and, unless given, its slices per phase are used.
+            actions: ground actions.
+            slices: per phase, at least 2.
+
+        Raises:
+            LgpError: an action has no geometry, or there are too few slices.
+        """
+        chosen = scene.slices if slices is None else slices
+        if chosen < 2:
+            raise LgpError(f"{chosen} slices per phase given, expected 2 or more")
+        return Phases(
+            scene, tuple(actions), tuple(switch_of(action) for action in actions), chosen, scene.phase_seconds
+        )
+
+    @property
+    def count(self) -> int:
+        """Number of phases."""
+        return len(self.switches)
+
+    @property
+    def total(self) -> int:
+        """Number of slices."""
+        return self.count * self.slices
+
+    @property
+    def tau(self) -> float:
+        """Time between slices [s]."""
+        return self.seconds / self.slices
+
+    @property
+    def keys(self) -> NDArray[np.intp]:
+        """Slices in which the switches happen (K,)."""
+        return (np.arange(self.count) + 1) * self.slices - 1
+
+    def times(self) -> Array:
+        """Return the time of each slice [s], (T,)."""
+        return np.asarray((np.arange(self.total) + 1) * self.tau, dtype=np.float64)
+
+    def loads(self) -> Array:
+        """Return the mass that the human holds in each slice [kg], (T,)."""
+        held: dict[str, str] = {}
+        masses = np.zeros(self.count)
+        for number, switch in enumerate(self.switches):
+            masses[number] = sum(self.scene.things[thing].mass for thing, hand in held.items() if self._human(hand))
+            if switch.kind == "grasp":
+                held[switch.thing] = switch.hand
+            else:
+                held.pop(switch.thing, None)
+        return np.repeat(masses, self.slices)
+
+    def label(self, number: int) -> str:
+        """Return an action as the paper prints it, counted from 1."""
+        return self.actions[number].at(number + 1)
+
+    def _human(self, hand: str) -> bool:
+        return self.scene.hands[hand].agent == "human"
+
+
+GEOMETRY = {"grasp": ("hand", "thing"), "place": ("hand", "thing", "table")}
+"""Arguments of the actions that have geometry."""
+
+
+def switch_of(action: Action) -> Switch:
+    """Return the kinematic switch that an action implies.
+
+    Raises:
+        LgpError: no geometry is known for its name or number of arguments.
+    """
+    roles = GEOMETRY.get(action.name)
+    if roles is None or len(roles) != len(action.arguments):
+        known = "; ".join(f"{name}({', '.join(roles)})" for name, roles in GEOMETRY.items())
+        raise LgpError(f"action {action} has no geometry; known are {known}")
+    return Switch(action.name, **dict(zip(roles, action.arguments, strict=True)))

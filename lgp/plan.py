@@ -1,0 +1,233 @@
+"""The one place that joins logic, search and paths: a scene in, a plan out.
+
+scene -> task -> search over sequences, each bounded by pose, sequence and path problems -> Plan
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.errors import LgpError, LogicError
+from lgp.logic import Action, Task, ground, load_domain, parse_atom
+from lgp.plan_record import Plan
+from lgp.search import BoundResult, Budget, SearchResult, Skeleton, Status, search
+from lgp.world.scene import Scene
+from lgp.world.scene_file import load_scene
+
+if TYPE_CHECKING:
+    from dreba.model import Surrogate
+    from lgp.path.bounds import PathBounds, Solution
+    from lgp.path.problem import Weights
+    from lgp.world.model import World
+
+Array = NDArray[np.float64]
+
+DEPTH = 4
+"""Longest sequence by default."""
+
+
+def plan(
+    scene: Scene | str | Path,
+    cost: Surrogate | str | Path | None = "quadratic",
+    *,
+    sequence: Iterable[str] | None = None,
+    depth: int = DEPTH,
+    seconds: float = float("inf"),
+    start: Array | None = None,
+    slices: int | None = None,
+    weights: Weights | None = None,
+    world: World | None = None,
+) -> Plan:
+    """Return the best sequence of actions and the motion of everybody.
+
+    Args:
+        scene: a scene, the name of one that is shipped, or a TOML file.
+        cost: a dREBA surrogate, its file or the name of a shipped one; None plans without ergonomics.
+        sequence: actions to plan for instead of searching, as the paper prints them: `grasp(1, baxter.right, box)`, or
+            without the step.
+        depth: longest sequence.
+        seconds: wall-clock time for the search; the best plan so far is returned.
+        start: (nq,) first configuration [rad, m], in the order of `Plan.joints`; the scene's by default.
+        slices: per phase, the scene's by default.
+        weights: of the terms of the cost.
+        world: kinematics of this scene's agents, to save building them again.
+
+    Returns:
+        A plan; `feasible` says whether there is one, `reason` why not.
+
+    Raises:
+        LgpError: the scene, model, sequence or start cannot be used.
+
+    Example:
+        >>> import lgp
+        >>> found = lgp.plan(lgp.load_scene("screwdriver"), cost=None)      # doctest: +SKIP
+        >>> found.actions                                                   # doctest: +SKIP
+        ('grasp(1, baxter.right, screwdriver)', ...)
+    """
+    from lgp.path.bounds import PathBounds
+
+    chosen = scene if isinstance(scene, Scene) else load_scene(scene)
+    task = task_of(chosen)
+    wanted = None if sequence is None else parse_sequence(task, sequence)
+    there = _world(chosen, world)
+    first = _start(there, start)
+    bounds = PathBounds(there, _ergonomics(there, cost), weights, first, slices)
+    found = search(task, bounds, Budget(depth=depth, seconds=seconds)) if wanted is None else follow(bounds, wanted)
+    return _record(chosen, bounds, found)
+
+
+def task_of(scene: Scene) -> Task:
+    """Return the symbolic task of a scene.
+
+    Raises:
+        LogicError: the domain, the initial state or the goal cannot be used.
+    """
+    return ground(load_domain(scene.domain), scene.objects, map(parse_atom, scene.initial), map(parse_atom, scene.goal))
+
+
+def parse_sequence(task: Task, lines: Iterable[str]) -> Skeleton:
+    """Return the actions that lines of text name; blank lines and lines that start with # are skipped.
+
+    Raises:
+        LogicError: an action is unknown or cannot be done when its turn comes, or the goal does not hold at the end.
+    """
+    state = task.initial
+    actions: list[Action] = []
+    for line in lines:
+        text = line.strip()
+        if not text or text.startswith("#"):
+            continue
+        action = task.action(re.sub(r"\(\s*\d+\s*,", "(", text, count=1))
+        if not action.applies(state):
+            missing = [str(atom) for bit, atom in enumerate(task.atoms) if action.needs & ~state & (1 << bit)]
+            what = f"{', '.join(missing)} does not hold" if missing else "something holds that must not"
+            raise LogicError(f"sequence: {action.at(len(actions) + 1)} cannot be done: {what}; correct the sequence")
+        state = action.apply(state)
+        actions.append(action)
+    if not task.is_goal(state):
+        raise LogicError(
+            f"sequence: the goal does not hold after its {len(actions)} actions; add those that are missing"
+        )
+    return tuple(actions)
+
+
+def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
+    """Solve all levels of one sequence, as the search would on its way down."""
+    import time
+
+    from lgp.search import LevelStatistics
+
+    begin = time.perf_counter()
+    solved = {level: LevelStatistics() for level in bounds.levels}
+    steps: list[tuple[str, Skeleton]] = [("pose", skeleton[: end + 1]) for end in range(len(skeleton))]
+    result: BoundResult | None = None
+    for level, actions in (*steps, ("sequence", skeleton), ("path", skeleton)):
+        result = bounds.solve(level, actions, result)
+        old = solved[level]
+        failed = old.infeasible + (not result.feasible)
+        solved[level] = LevelStatistics(old.solved + 1, failed, old.seconds + result.seconds)
+        if not result.feasible:
+            break
+    good = result is not None and result.feasible
+    return SearchResult(
+        status=Status.OPTIMAL if good else Status.INFEASIBLE,
+        skeleton=skeleton if good else (),
+        cost=result.cost if result is not None else float("inf"),
+        payload=result.payload if result is not None else None,
+        bound=result.cost if result is not None else float("inf"),
+        nodes=(),
+        statistics=solved,
+        expanded=0,
+        pruned=0,
+        seconds=time.perf_counter() - begin,
+        reason="" if result is None else result.reason,
+    )
+
+
+def _world(scene: Scene, world: World | None) -> World:
+    if world is not None:
+        return world.with_scene(scene)
+    from lgp.world.model import World as Model
+
+    return Model(scene)
+
+
+def _start(world: World, start: Array | None) -> Array:
+    if start is None:
+        return world.start
+    first = np.asarray(start, dtype=float)
+    if first.shape != (world.nq,) or not np.isfinite(first).all():
+        raise LgpError(f"start has shape {first.shape}, expected ({world.nq},) finite numbers, one per joint")
+    return np.clip(first, world.lower, world.upper)
+
+
+def _ergonomics(world: World, cost: Surrogate | str | Path | None) -> Any:
+    if cost is None or world.scene.human is None:
+        return None
+    import dreba
+    from lgp.path.ergonomics import Ergonomics
+
+    return Ergonomics(world, dreba.load(cost) if isinstance(cost, (str, Path)) else cost)
+
+
+def _record(scene: Scene, bounds: PathBounds, found: SearchResult) -> Plan:
+    """Return the plan of a search, its residuals recomputed from the path."""
+    levels = {f"{level}s": numbers.solved for level, numbers in found.statistics.items()}
+    counts: dict[str, Any] = {"expanded": found.expanded, "pruned": found.pruned, **levels, "seconds": found.seconds}
+    counts |= {
+        "bound": found.bound,
+        "gap": found.gap,
+        "levels": {
+            level: {"solved": n.solved, "infeasible": n.infeasible, "seconds": n.seconds}
+            for level, n in found.statistics.items()
+        },
+    }
+    common: dict[str, Any] = {
+        "scene": scene.name,
+        "status": found.status.name.lower(),
+        "reason": found.reason,
+        "joints": bounds.world.joints,
+        "start": bounds.start,
+        "search": counts,
+        "tree": found.nodes,
+    }
+    if not found.skeleton:
+        return Plan(feasible=False, **common)
+    solution: Solution = found.payload
+    return Plan(feasible=True, **common, **_motion(bounds, found.skeleton, solution))
+
+
+def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) -> dict[str, Any]:
+    phases = bounds.phases(tuple(skeleton))
+    problem = bounds.problem("path", phases)
+    path = solution.keys if solution.path is None else solution.path
+    x = problem.join(path, solution.variables)
+    costs = problem.costs(x)
+    posture = np.zeros((0, 0))
+    if bounds.world.scene.human is not None:
+        from lgp.world.posture import PostureMap
+
+        posture = PostureMap(bounds.world).angles(path)
+    return {
+        "actions": tuple(phases.label(number) for number in range(phases.count)),
+        "time": phases.times(),
+        "phase": np.repeat(np.arange(phases.count), phases.slices),
+        "path": path,
+        "variables": dict(zip(problem.modes.names, solution.variables.tolist(), strict=True)),
+        "posture": posture,
+        "carried": phases.loads(),
+        "costs": {"total": costs.total, "acceleration": costs.acceleration, "ergonomics": costs.ergonomics},
+        "residuals": problem.rows.residuals(*problem.split(x)),
+        "solver": {
+            "status": solution.result.status.name.lower(),
+            "kkt": solution.result.kkt,
+            "iterations": len(solution.result.iterations) - 1,
+            "seconds": solution.result.seconds["total"],
+        },
+    }

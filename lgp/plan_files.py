@@ -1,0 +1,103 @@
+"""Files of a plan: `plan.json` for numbers and names, Parquet tables for the motion and the postures."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from lgp.errors import LgpError
+from lgp.plan_record import Plan
+from reba.posture import COLUMNS
+
+FORMAT: Final = "lgp-plan"
+VERSION: Final = 1
+"""Rises when a reader of the former version would misread a plan."""
+PLAIN: Final = ("scene", "feasible", "status", "reason", "costs", "residuals", "solver", "search", "variables")
+"""Fields that JSON holds as they are."""
+
+
+def save(plan: Plan, folder: Path) -> None:
+    """Write a plan into a folder, which is made if it is not there; see `Plan.save`."""
+    import pandas as pd
+
+    data: dict[str, Any] = {"format": FORMAT, "version": VERSION}
+    data |= {name: getattr(plan, name) for name in PLAIN}
+    data |= {"actions": list(plan.actions), "joints": list(plan.joints), "start": plan.start.tolist()}
+    data["reba"] = plan.summary()["reba"]
+    times = {"time": plan.time, "phase": plan.phase}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "plan.json").write_text(json.dumps(_plain(data), indent=1) + "\n", encoding="utf-8")
+        if plan.feasible:
+            columns = dict(zip(plan.joints, plan.path.T, strict=True))
+            pd.DataFrame(times | columns).to_parquet(folder / "path.parquet", index=False)
+        if len(plan.posture):
+            angles = dict(zip(COLUMNS, plan.posture.T, strict=True))
+            postures = pd.DataFrame({"time": plan.time, **angles, "load": plan.carried})
+            postures.to_parquet(folder / "postures.parquet", index=False)
+    except OSError as error:
+        raise LgpError(f"{folder}: cannot be written ({error.strerror or error}); give another folder") from error
+
+
+def load(folder: Path) -> Plan:
+    """Return the plan that `save` wrote into a folder."""
+    data = _read(folder)
+    fields: dict[str, Any] = {name: data[name] for name in PLAIN}
+    fields["search"] = {
+        name: math.inf if value is None and name in ("bound", "gap") else value
+        for name, value in data["search"].items()
+    }
+    fields |= {"actions": tuple(data["actions"]), "joints": tuple(data["joints"]), "start": np.array(data["start"])}
+    if data["feasible"]:
+        fields |= _tables(folder, fields["joints"])
+    return Plan(**fields)
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    file = folder / "plan.json"
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise LgpError(f"{file}: cannot be read as a plan ({error}); give a folder that `lgp plan -o` wrote") from error
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise LgpError(f'{file}: not a plan: its "format" is not "{FORMAT}"')
+    if not isinstance(data.get("version"), int) or data["version"] > VERSION:
+        raise LgpError(f"{file}: version {data.get('version')}, this package reads up to {VERSION}; update it")
+    missing = [name for name in (*PLAIN, "actions", "joints", "start") if name not in data]
+    if missing:
+        raise LgpError(f"{file}: {missing[0]!r} is missing; the file is damaged")
+    return data
+
+
+def _tables(folder: Path, joints: tuple[str, ...]) -> dict[str, Any]:
+    import pandas as pd
+
+    try:
+        path = pd.read_parquet(folder / "path.parquet")
+        postures = folder / "postures.parquet"
+        posture = pd.read_parquet(postures) if postures.is_file() else None
+    except (OSError, ValueError) as error:
+        raise LgpError(f"{folder}: its motion cannot be read ({error}); plan again") from error
+    if list(path.columns) != ["time", "phase", *joints]:
+        raise LgpError(f"{folder}: path.parquet does not hold the joints of plan.json; plan again")
+    fields = {"time": path["time"].to_numpy(), "phase": path["phase"].to_numpy(), "path": path[list(joints)].to_numpy()}
+    if posture is not None:
+        fields |= {"posture": posture[list(COLUMNS)].to_numpy(), "carried": posture["load"].to_numpy()}
+    else:
+        fields["carried"] = np.zeros(len(path))
+    return fields
+
+
+def _plain(value: Any) -> Any:
+    """Return plain data that JSON can hold; infinite numbers become null."""
+    if isinstance(value, dict):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

@@ -1,0 +1,33 @@
+"""What the `lgp` commands print for people: tables in the terminal, nothing computed here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+
+def show_plan(console: Console, summary: dict[str, Any]) -> None:
+    """Print a plan: its actions with the REBA score of each phase, costs, residuals, and what the search did."""
+    table = Table(title=f"Plan for {summary['scene']}", title_justify="left", header_style="bold")
+    table.add_column("action")
+    table.add_column("mean REBA", justify="right")
+    scores = summary["reba"]["per_phase"] or [None] * len(summary["actions"])
+    for action, score in zip(summary["actions"], scores, strict=True):
+        table.add_row(Text(action), "-" if score is None else f"{score:.1f}")
+    console.print(table)
+    cost, residuals, found = summary["cost"], summary["residuals"], summary["search"]
+    console.print(
+        f"cost {cost['total']:.3f}: acceleration {cost['acceleration']:.3f}, ergonomics {cost['ergonomics']:.3f}; "
+        f"constraints hold within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"
+    )
+    if summary["reba"]["mean"] is not None:
+        console.print(f"REBA: mean {summary['reba']['mean']:.2f}, max {summary['reba']['max']}")
+    gap = found["gap"]
+    best = "nothing within the depth costs less" if not gap else f"at most {gap:.1%} from the best within the depth"
+    console.print(
+        f"search: {found['poses']} poses, {found['sequences']} sequences, {found['paths']} paths in "
+        f"{found['seconds']:.1f} s; {best}"
+    )

@@ -1,0 +1,110 @@
+"""The searched tree as a drawing (Fig. 4 of the paper): one box a sequence, with its costs or why it was cut off."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from html import escape
+from typing import Final
+
+from lgp.search import Node
+
+BOX: Final = (300, 64)
+"""Width and height of a box."""
+GAP: Final = (60, 18)
+"""Space between boxes: across levels, along one."""
+STYLES: Final[dict[str, tuple[str, str]]] = {
+    "best": ("#e7f4ea", "#1b7837"),
+    "": ("#ffffff", "#666666"),
+    "infeasible": ("#fbe9e7", "#b2182b"),
+    "pruned": ("#f0f0f0", "#999999"),
+    "over budget": ("#fff8e1", "#b8860b"),
+}
+"""Verdict -> fill and line."""
+LINE: Final = 52
+"""Characters of the small print that fit into a box."""
+
+
+def draw(nodes: Sequence[Node], best: Sequence[object] = ()) -> str:
+    """Return the tree as SVG text.
+
+    Args:
+        nodes: of a search, parents before children.
+        best: actions of the plan; the way to it is drawn thick.
+
+    >>> draw([Node(0, -1, None, (), 0, False)]).startswith("<svg")
+    True
+    """
+    places = _places(nodes)
+    height = max((y for _, y in places.values()), default=0) + BOX[1] + GAP[1]
+    width = max((x for x, _ in places.values()), default=0) + BOX[0] + GAP[1]
+    on_way = {node.number for node in nodes if best and node.skeleton == tuple(best)[: len(node.skeleton)]}
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
+        f'font-family="sans-serif" role="img"><title>Searched sequences of actions</title>'
+    ]
+    for node in nodes:
+        if node.parent in places:
+            parts.append(_edge(places[node.parent], places[node.number], node.number in on_way, node.verdict))
+    parts += [_box(node, places[node.number], node.number in on_way) for node in nodes]
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def _places(nodes: Sequence[Node]) -> dict[int, tuple[float, float]]:
+    """Return the corner of each box: depth to the right, leaves one below the other, parents amid their children."""
+    children: dict[int, list[int]] = {}
+    for node in nodes:
+        children.setdefault(node.parent, []).append(node.number)
+    rows: dict[int, float] = {}
+    leaves = 0
+    # Depth first by hand: trees may be deeper than the stack.
+    stack = [(number, False) for number in reversed(children.get(-1, []))]
+    while stack:
+        number, seen = stack.pop()
+        below = children.get(number, [])
+        if not below:
+            rows[number], leaves = float(leaves), leaves + 1
+        elif seen:
+            rows[number] = sum(rows[child] for child in below) / len(below)
+        else:
+            stack += [(number, True), *((child, False) for child in reversed(below))]
+    return {
+        node.number: (
+            GAP[1] + len(node.skeleton) * (BOX[0] + GAP[0]),
+            GAP[1] + rows[node.number] * (BOX[1] + GAP[1]),
+        )
+        for node in nodes
+    }
+
+
+def _edge(parent: tuple[float, float], child: tuple[float, float], thick: bool, verdict: str) -> str:
+    x, y = parent[0] + BOX[0], parent[1] + BOX[1] / 2
+    end = child[1] + BOX[1] / 2
+    middle = (x + child[0]) / 2
+    _, line = STYLES["best" if thick else verdict]
+    dashes = ' stroke-dasharray="5 4"' if verdict in ("infeasible", "pruned") else ""
+    return (
+        f'<path d="M {x:g} {y:g} C {middle:g} {y:g} {middle:g} {end:g} {child[0]:g} {end:g}" fill="none" '
+        f'stroke="{line}" stroke-width="{3 if thick else 1.2}"{dashes}/>'
+    )
+
+
+def _box(node: Node, at: tuple[float, float], thick: bool) -> str:
+    fill, line = STYLES["best" if thick else node.verdict]
+    title = str(node.action.at(len(node.skeleton))) if node.action is not None else "start"
+    costs = "  ".join(f"{level} {cost:.3g}" for level, cost in node.costs.items())
+    small = textwrap.wrap(node.reason, LINE) or ([costs] if costs else [])
+    if len(small) > 2:
+        small = [small[0], small[1][: LINE - 3] + "..."]
+    texts = [
+        f'<text x="{at[0] + 8:g}" y="{at[1] + 20:g}" font-size="12.5" font-weight="bold">{escape(title)}</text>',
+        *(
+            f'<text x="{at[0] + 8:g}" y="{at[1] + 37 + 14 * row:g}" font-size="10.5" fill="#333">{escape(text)}</text>'
+            for row, text in enumerate(small)
+        ),
+    ]
+    whole = escape(" - ".join(part for part in (title, node.verdict, node.reason, costs) if part))
+    return (
+        f'<g><title>{whole}</title><rect x="{at[0]:g}" y="{at[1]:g}" width="{BOX[0]}" height="{BOX[1]}" rx="6" '
+        f'fill="{fill}" stroke="{line}" stroke-width="{2.5 if thick else 1.2}"/>{"".join(texts)}</g>'
+    )

@@ -1,0 +1,240 @@
+"""Path problems: their derivatives, their exact restriction to some slices, and what the bounds promise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lgp_worlds import needs_robots
+
+import dreba
+from lgp.errors import LgpError
+from lgp.logic import Action, Task
+from lgp.path.acceleration import condense, quadratic
+from lgp.path.bounds import PathBounds, Solution
+from lgp.path.ergonomics import Ergonomics
+from lgp.path.phases import Phases, switch_of
+from lgp.path.problem import PathProblem
+from lgp.plan import task_of
+from lgp.search import BoundResult
+from lgp.world.model import World
+from lgp.world.scene_file import load_scene
+
+pytestmark = needs_robots
+
+SLICES = 4
+GRASP, TAKE = "grasp(baxter.right, screwdriver)", "grasp(human.right_hand, screwdriver)"
+
+
+def place(table: str) -> str:
+    return f"place(baxter.right, screwdriver, table.{table})"
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return World(load_scene("screwdriver").with_heights({"left": 1.0, "center": 0.9, "right": 1.1}))
+
+
+@pytest.fixture(scope="module")
+def planted() -> World:
+    return World(load_scene("screwdriver", {"human.legs": "planted"}))
+
+
+@pytest.fixture(scope="module")
+def task(world: World) -> Task:
+    return task_of(world.scene)
+
+
+@pytest.fixture(scope="module")
+def ergonomics(world: World) -> Ergonomics:
+    return Ergonomics(world, dreba.load("quadratic"))
+
+
+def actions(task: Task, *texts: str) -> tuple[Action, ...]:
+    return tuple(task.action(text) for text in texts)
+
+
+def phases(world: World, task: Task, slices: int = SLICES) -> Phases:
+    return Phases.of(world.scene, actions(task, GRASP, place("left"), TAKE), slices)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(3, 12), st.booleans(), st.integers(0, 1000))
+def test_acceleration_is_the_sum_of_squared_second_differences(slices: int, stop: bool, seed: int) -> None:
+    path = np.random.default_rng(seed).normal(size=slices)
+    whole = np.concatenate([[0.0, 0.0], path, [path[-1]] * stop])
+    assert path @ quadratic(slices, 0.2, stop) @ path == pytest.approx(0.2 * np.sum((np.diff(whole, 2) / 0.04) ** 2))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(6, 14), st.integers(0, 1000))
+def test_condensing_is_the_minimum_over_what_is_left_out(slices: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    matrix = quadratic(slices, 0.2, stop=True)
+    kept = np.array([2, slices - 1])
+    condensed = condense(matrix, kept, [(2, 3)])
+    values = rng.normal(size=2)
+    best = condensed.expand @ values
+    assert best[kept] == pytest.approx(values)
+    assert best[3] == pytest.approx(best[2])
+    assert best @ matrix @ best == pytest.approx(values @ condensed.cost @ values)
+    away = rng.normal(size=slices)
+    away[[2, 3, slices - 1]] = 0.0
+    assert (best + away) @ matrix @ (best + away) >= best @ matrix @ best - 1e-9
+
+
+def differences(function: object, x: np.ndarray, step: float = 1e-6) -> np.ndarray:
+    columns = []
+    for number in range(len(x)):
+        moved = np.zeros_like(x)
+        moved[number] = step
+        columns.append((function(x + moved) - function(x - moved)) / (2 * step))  # type: ignore[operator]
+    return np.array(columns).T
+
+
+def somewhere(problem: PathProblem, seed: int = 0) -> np.ndarray:
+    """A point near the start with bent knees, the variables of grasps away from 0."""
+    rng = np.random.default_rng(seed)
+    q = problem.start + rng.normal(scale=0.1, size=(len(problem.kept), problem.world.nq))
+    q[:, problem.world.column["human.pelvis_z"]] = -0.2
+    return problem.join(q, 0.3 * rng.normal(size=problem.modes.size))
+
+
+@pytest.mark.parametrize("legs", ["solved", "planted"])
+def test_rows_have_the_derivatives_they_say(world: World, planted: World, task: Task, legs: str) -> None:
+    there = world if legs == "solved" else planted
+    # Two slices a phase: the switches are in slices 1, 3 and 5.
+    kept, switches = ([1, 2, 3], [0, 1]) if legs == "solved" else ([3, 4, 5], [1, 2])
+    problem = PathProblem(there, phases(there, task, 2), kept=np.array(kept), enforced=switches)
+    assert {row.kind for row in problem.rows.eq_rows} == {"jump", "rest"} | ({"sole"} if legs == "planted" else set())
+    assert {row.kind for row in problem.rows.in_rows} == {"tilt"} | ({"leg"} if legs == "solved" else set())
+    x = somewhere(problem)
+    found = problem.linearise(x, np.zeros(len(problem.rows.eq_rows)), np.zeros(len(problem.rows.in_rows)))
+    assert found.eq_jac.toarray() == pytest.approx(differences(lambda at: problem.evaluate(at)[1], x), abs=1e-6)
+    assert found.in_jac.toarray() == pytest.approx(differences(lambda at: problem.evaluate(at)[2], x), abs=1e-6)
+    assert found.eq == pytest.approx(problem.evaluate(x)[1])
+    assert found.ineq == pytest.approx(problem.evaluate(x)[2])
+
+
+def test_costs_have_the_gradient_they_say(world: World, task: Task, ergonomics: Ergonomics) -> None:
+    for cost in (None, ergonomics):
+        problem = PathProblem(world, phases(world, task), kept=np.array([7, 11]), enforced=[2], ergonomics=cost)
+        x = somewhere(problem)
+        rows = np.zeros(len(problem.rows.eq_rows)), np.zeros(len(problem.rows.in_rows))
+        found = problem.linearise(x, *rows)
+        slope = differences(lambda at: np.array([problem.evaluate(at)[0]]), x, 1e-5)[0]  # noqa: B023
+        assert found.gradient == pytest.approx(slope, abs=1e-4 * np.abs(slope).max())
+        full = found.hessian.toarray()
+        full = full + full.T - np.diag(np.diag(full))
+        assert np.linalg.eigvalsh(full).min() > -1e-8
+        pattern = found.hessian.indices.copy()
+        again = problem.linearise(somewhere(problem, 1), np.ones(len(rows[0])), rows[1])
+        assert np.array_equal(again.hessian.indices, pattern)
+
+
+def test_curvature_is_the_convex_part_of_the_second_derivative(world: World, task: Task) -> None:
+    """Where the object does not jump, the model holds the positive part of the curvature of the switch."""
+    problem = PathProblem(world, phases(world, task), kept=np.array([3]), enforced=[0], stop=False)
+    from lgp.path.feasible import nearest
+
+    x, left = nearest(problem, problem.join(world.start[None], np.zeros(problem.modes.size)))
+    assert left < 1e-3
+    y = np.array([0.3, -0.7, 0.4, 0.2, -0.1, 0.5])
+    rows = np.zeros(len(problem.rows.in_rows))
+    limb = problem.rows.limb(0)
+    with_y = problem.linearise(x, y, rows).hessian.toarray()[np.ix_(limb, limb)]
+    without = problem.linearise(x, 0.0 * y, rows).hessian.toarray()[np.ix_(limb, limb)]
+    upper = with_y - without
+    given_ = upper + upper.T - np.diag(np.diag(upper))
+
+    def slope(at: np.ndarray) -> np.ndarray:
+        return np.asarray(problem.linearise(at, 0.0 * y, rows).eq_jac.toarray().T @ y)
+
+    true = differences(slope, x)[np.ix_(limb, limb)]
+    values, vectors = np.linalg.eigh(0.5 * (true + true.T))
+    assert given_ == pytest.approx((vectors * np.maximum(values, 0.0)) @ vectors.T, abs=2e-3)
+
+
+def solved(bounds: PathBounds, skeleton: tuple[Action, ...]) -> dict[str, BoundResult]:
+    found: dict[str, BoundResult] = {}
+    warm: BoundResult | None = None
+    for end in range(len(skeleton)):
+        warm = bounds.solve("pose", skeleton[: end + 1], warm)
+        assert warm.feasible, warm.reason
+        found[f"pose {end}"] = warm
+    for level in ("sequence", "path"):
+        warm = bounds.solve(level, skeleton, warm)
+        assert warm.feasible, warm.reason
+        found[level] = warm
+    return found
+
+
+@pytest.mark.parametrize("ergonomic", [False, True])
+def test_no_level_costs_more_than_the_next(world: World, task: Task, ergonomics: Ergonomics, ergonomic: bool) -> None:
+    rng = np.random.default_rng(5)
+    for table in ("left", "center"):
+        there = world.with_scene(world.scene.with_heights({table: float(rng.uniform(0.8, 1.2))}))
+        bounds = PathBounds(there, ergonomics if ergonomic else None, slices=SLICES)
+        found = solved(bounds, actions(task, GRASP, place(table), TAKE))
+        poses = [result.cost for level, result in found.items() if level.startswith("pose")]
+        assert 0.0 < max(poses) <= found["sequence"].cost
+        assert found["sequence"].cost <= found["path"].cost * (1.0 + 1e-6)
+        if not ergonomic:
+            # Without posture costs only limits between switches part the two.
+            assert found["sequence"].cost > 0.9 * found["path"].cost
+
+
+def test_nothing_jumps_and_limbs_rest_at_switches(world: World, task: Task) -> None:
+    bounds = PathBounds(world, slices=SLICES)
+    skeleton = actions(task, GRASP, place("center"), TAKE)
+    solution = solved(bounds, skeleton)["path"].payload
+    assert isinstance(solution, Solution)
+    problem = bounds.problem("path", bounds.phases(skeleton))
+    path, keys = solution.path, problem.phases.keys
+    assert path is not None
+    assert np.all(path >= world.lower - 1e-9)
+    assert np.all(path <= world.upper + 1e-9)
+    for number, key in enumerate(keys):
+        kinematics = world.at(path[key : key + 1], problem.modes.frames)
+        before = problem.modes.pose("screwdriver", number, kinematics, solution.variables)
+        after = problem.modes.pose("screwdriver", number + 1, kinematics, solution.variables)
+        assert after.position[0] == pytest.approx(before.position[0], abs=1e-6)
+        assert np.linalg.norm(pin.log3(before.rotation[0].T @ after.rotation[0])) < 1e-6
+        if key + 1 < len(path):
+            limb = problem.rows.limb(number)
+            assert path[key + 1, limb] == pytest.approx(path[key, limb], abs=1e-6)
+    lying = problem.modes.pose("screwdriver", 2, world.at(path[keys[1:2]], problem.modes.frames), solution.variables)
+    table = world.scene.tables["table.center"]
+    assert lying.position[0, 2] == pytest.approx(table.height + 0.015)
+    assert np.all(np.abs(lying.position[0, :2] - table.position) <= 0.5 * np.array(table.size))
+    assert lying.rotation[0, 2, 2] == pytest.approx(1.0)
+
+
+def test_an_unreachable_object_is_refused_with_the_distance(world: World, task: Task) -> None:
+    found = PathBounds(world, slices=SLICES).solve("pose", actions(task, TAKE), None)
+    assert not found.feasible
+    assert "phase 1, grasp(1, human.right_hand, screwdriver): human.right_hand stays 0." in found.reason
+    assert "screwdriver on table.start" in found.reason
+
+
+def test_loads_count_while_the_human_holds_something(world: World, task: Task) -> None:
+    put = "place(human.right_hand, screwdriver, table.left)"
+    loads = Phases.of(world.scene, actions(task, TAKE, put, GRASP), 2).loads()
+    assert loads.tolist() == [0.0, 0.0, 0.3, 0.3, 0.0, 0.0]
+
+
+def test_scores_count_from_zero(world: World, ergonomics: Ergonomics) -> None:
+    rng = np.random.default_rng(0)
+    q = rng.uniform(world.lower, world.upper, (500, world.nq))
+    assert ergonomics.floor >= 0.0
+    assert ergonomics.value(q, np.zeros(len(q))).min() >= ergonomics.floor - 1e-9
+
+
+def test_actions_without_geometry_are_refused(task: Task) -> None:
+    odd = Action("sing", ("human.right_hand",), 0, 0, 0, 0)
+    with pytest.raises(LgpError, match="no geometry"):
+        switch_of(odd)
+    with pytest.raises(LgpError, match="slices per phase"):
+        Phases.of(load_scene("screwdriver"), [], slices=1)

@@ -1,0 +1,174 @@
+"""Plans from scene to files: search, record, command line, drawing, and what is said when there is none."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+from lgp_worlds import HUMAN_ONLY, needs_robots, screwdriver_world
+
+import lgp
+import reba
+from lgp.cli import cli
+from lgp.plan import parse_sequence, task_of
+from lgp.tree import draw
+from lgp.world.scene_file import read_scene
+
+HEIGHTS = {"left": 1.0, "center": 0.9, "right": 1.1}
+SEQUENCE = """# the paper's example
+grasp(1, baxter.right, screwdriver)
+place(2, baxter.right, screwdriver, table.center)
+
+grasp(human.right_hand, screwdriver)
+"""
+
+
+def human_scene(**changes: object) -> lgp.Scene:
+    """A human alone with a box in reach."""
+    scene = {**HUMAN_ONLY, "initial": ["on_table(box)", "free(human.right_hand)", "free(human.left_hand)"]}
+    return read_scene(scene | changes)
+
+
+@pytest.fixture(scope="module")
+def planned() -> lgp.Plan:
+    return lgp.plan(human_scene(), slices=5)
+
+
+def test_a_human_takes_a_box(planned: lgp.Plan) -> None:
+    assert planned.feasible
+    assert planned.status == "optimal"
+    assert planned.actions == ("grasp(1, human.right_hand, box)",)
+    assert planned.path.shape == (5, len(planned.joints))
+    assert planned.time.tolist() == pytest.approx([0.4, 0.8, 1.2, 1.6, 2.0])
+    assert planned.costs["total"] == pytest.approx(planned.costs["acceleration"] + planned.costs["ergonomics"])
+    assert planned.costs["ergonomics"] > 0.0
+    assert max(planned.residuals.values()) <= 1e-6
+    scores = planned.reba()
+    assert scores is not None
+    expected = reba.score_array(planned.posture).reba
+    assert np.array_equal(scores.reba, expected)
+    with pytest.raises(AttributeError):
+        planned.status = "other"  # type: ignore[misc]
+
+
+def test_a_plan_survives_its_files(planned: lgp.Plan, tmp_path: Path) -> None:
+    planned.save(tmp_path / "plan")
+    again = lgp.Plan.load(tmp_path / "plan")
+    assert again.summary() == planned.summary()
+    assert np.array_equal(again.path, planned.path)
+    assert np.array_equal(again.posture, planned.posture)
+    assert again.variables == planned.variables
+    table = reba.read(tmp_path / "plan" / "postures.parquet")
+    assert table.data["trunk_flexion"].to_numpy() == pytest.approx(planned.posture[:, 0])
+    text = (tmp_path / "plan" / "plan.json").read_text()
+    for damage, message in (
+        (text.replace('"lgp-plan"', '"other"'), "not a plan"),
+        (text.replace('"version": 1', '"version": 99'), "version 99"),
+        (text.replace('"costs"', '"prices"'), "'costs' is missing"),
+        ("{", "cannot be read"),
+    ):
+        (tmp_path / "plan" / "plan.json").write_text(damage)
+        with pytest.raises(lgp.LgpError, match=message):
+            lgp.Plan.load(tmp_path / "plan")
+
+
+def test_ergonomics_lowers_what_it_weighs() -> None:
+    scene = human_scene()
+    without, with_ = lgp.plan(scene, cost=None, slices=5), lgp.plan(scene, slices=5)
+    assert without.costs["ergonomics"] == 0.0
+    assert without.costs["acceleration"] < with_.costs["acceleration"]
+
+
+def test_out_of_reach_says_what_fails() -> None:
+    far = {"near": {**HUMAN_ONLY["tables"]["near"], "position": [1.9, 0.1]}}  # type: ignore[index]
+    found = lgp.plan(human_scene(tables=far), cost=None, slices=5)
+    assert not found.feasible
+    assert found.status == "infeasible"
+    assert "phase 1, grasp(1, human.right_hand, box): human.right_hand stays" in found.reason
+    assert "box on table.near" in found.reason
+    assert found.reba() is None
+
+
+def test_a_goal_that_nothing_reaches_names_the_precondition() -> None:
+    found = lgp.plan(human_scene(initial=["on_table(box)"]), cost=None)
+    assert found.status == "unreachable"
+    assert "free(human.right_hand)" in found.reason
+
+
+@needs_robots
+def test_plan_of_the_screwdriver_from_the_command_line(tmp_path: Path) -> None:
+    heights = [word for name, height in HEIGHTS.items() for word in ("--height", f"{name}={height}")]
+    tree = tmp_path / "tree.svg"
+    arguments = ["plan", "screwdriver", *heights, "--json", "-o", str(tmp_path / "plan"), "--tree", str(tree)]
+    done = CliRunner().invoke(cli, arguments, catch_exceptions=False)
+    result = json.loads(done.stdout)
+    assert result["feasible"] is True
+    assert result["actions"][0] == "grasp(1, baxter.right, screwdriver)"
+    assert result["actions"][-1] == "grasp(3, human.right_hand, screwdriver)"
+    assert set(result["cost"]) == {"total", "acceleration", "ergonomics"}
+    assert len(result["reba"]["per_phase"]) == 3
+    assert max(result["residuals"].values()) <= 1e-6
+    assert {"expanded", "poses", "sequences", "paths", "seconds"} <= set(result["search"])
+    assert result["output"] == str(tmp_path / "plan")
+    drawn = ElementTree.parse(tree).getroot()
+    words = " ".join(drawn.itertext())
+    assert "place(2, baxter.right, screwdriver, table.center)" in words
+    assert "human.right_hand stays" in words
+    assert list(pd.read_parquet(tmp_path / "plan" / "path.parquet").columns[:2]) == ["time", "phase"]
+
+
+@needs_robots
+def test_a_given_sequence_is_followed() -> None:
+    scene = lgp.load_scene("screwdriver").with_heights(HEIGHTS)
+    found = lgp.plan(scene, cost=None, sequence=SEQUENCE.splitlines(), slices=4, world=screwdriver_world())
+    assert found.actions[1] == "place(2, baxter.right, screwdriver, table.center)"
+    assert found.search["paths"] == 1
+    bad = ["grasp(1, baxter.left, screwdriver)", *SEQUENCE.splitlines()[2:]]
+    with pytest.raises(lgp.LogicError, match="cannot be done: grasped"):
+        lgp.plan(scene, cost=None, sequence=bad, world=screwdriver_world())
+
+
+def test_sequences_are_checked() -> None:
+    task = task_of(human_scene())
+    assert [str(action) for action in parse_sequence(task, ["grasp(1, human.right_hand, box)"])] == [
+        "grasp(human.right_hand, box)"
+    ]
+    with pytest.raises(lgp.LogicError, match="goal does not hold"):
+        parse_sequence(task, ["grasp(1, human.left_hand, box)"])
+    with pytest.raises(lgp.LogicError, match="does not exist"):
+        parse_sequence(task, ["grasp(1, human.right_hand, bix)"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["plan", "screwdriwer"], "screwdriver"),
+        (["plan", "screwdriver", "--cost", "nothing.json"], "cannot be read"),
+        (["plan", "screwdriver", "--cost", "quadratic", "--no-ergonomics"], "choose one"),
+        (["plan", "screwdriver", "--height", "left"], "TABLE=METRES"),
+        (["plan", "screwdriver", "--height", "top=1"], "no table"),
+        (["plan", "screwdriver", "--sequence", "nothing.txt"], "cannot be read"),
+        (["plan", "screwdriver", "--sequence", "x", "--tree", "y.svg"], "searches no tree"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], message: str) -> None:
+    done = CliRunner().invoke(cli, arguments)
+    assert isinstance(done.exception, reba.RebaError)
+    assert message in str(done.exception)
+    assert "\n" not in str(done.exception)
+
+
+def test_bad_starts_are_refused() -> None:
+    with pytest.raises(lgp.LgpError, match="start has shape"):
+        lgp.plan(human_scene(), cost=None, start=np.zeros(3))
+
+
+def test_drawing_holds_every_node_once(planned: lgp.Plan) -> None:
+    root = ElementTree.fromstring(draw(planned.tree, planned.tree[1].skeleton))
+    boxes = root.findall(".//{http://www.w3.org/2000/svg}rect")
+    assert len(boxes) == len(planned.tree)
