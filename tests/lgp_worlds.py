@@ -55,7 +55,7 @@ def anywhere(world: World, n: int, seed: int = 0) -> Array:
     q = np.random.default_rng(seed).uniform(world.lower, world.upper, (n, world.nq))
     if "human.pelvis_z" in world.column:
         at = world.column["human.pelvis_z"]
-        q[:, at] = np.minimum(q[:, at], -0.12)
+        q[:, at] = np.minimum(q[:, at], -0.09)
     return q
 
 

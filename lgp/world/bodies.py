@@ -22,6 +22,9 @@ SHORTEST = 0.03
 FINGERS = 0.10
 """[m] The last capsule of a robot's arm ends this far before the grasping point."""
 
+SHOULDER = 2
+"""Joints of an arm whose links stay beside the body of their robot."""
+
 RADIUS = 0.06
 """[m] Of the links of a robot that is not in the table of robots."""
 
@@ -36,7 +39,7 @@ class Body:
         kind: "link", "base", "table" or "object".
         frame: frame it moves with ("" for one that stands still).
         branch: limb it belongs to (bodies of one limb never meet).
-        depth: number of moving joints before it in its agent's chain.
+        reaches: whether it may meet other limbs of its own agent.
         rotation: (3, 3) in the frame, or in the world.
         position: (3,) of its centre in the frame, or in the world.
         radius: of a sphere around it [m].
@@ -49,7 +52,7 @@ class Body:
     kind: str
     frame: str
     branch: str
-    depth: int
+    reaches: bool
     rotation: Array
     position: Array
     radius: float
@@ -76,11 +79,11 @@ def bodies_of(world: World) -> tuple[Body, ...]:
 def _box(name: str, owner: str, kind: str, rotation: Array, position: Array, size: tuple[float, float, float]) -> Body:
     radius = float(np.linalg.norm(size)) / 2.0
     half = np.array(size) / 2.0
-    return Body(name, owner, kind, "", name, 0, rotation, position, radius, half, 0.0, coal.Box(*size))
+    return Body(name, owner, kind, "", name, False, rotation, position, radius, half, 0.0, coal.Box(*size))
 
 
 def _capsule(
-    name: str, owner: str, kind: str, frame: str, branch: str, depth: int, ends: tuple[Array, Array], radius: float
+    name: str, owner: str, kind: str, frame: str, branch: str, reaches: bool, ends: tuple[Array, Array], radius: float
 ) -> Body:
     start, end = ends
     length = float(np.linalg.norm(end - start))
@@ -95,7 +98,7 @@ def _capsule(
         kind,
         frame,
         branch,
-        depth,
+        reaches,
         rotation,
         (start + end) / 2.0,
         length / 2.0 + radius,
@@ -110,14 +113,12 @@ def _human(world: World) -> list[Body]:
     if person is None:
         return []
     found = []
-    for name, joint, end, radius in human.capsules(person.stature, person.sex):
-        leg = name.endswith(("thigh", "shank"))
+    for name, joint, end, radius, limb, reaches in human.capsules(person.stature, person.sex):
         # Solved legs have no joints, so nothing here knows where they are; the trunk stands for them.
-        if leg and person.legs != "planted":
+        if limb.endswith("leg") and person.legs != "planted":
             continue
         frame = f"human.{joint}"
-        depth = int(world.support(frame).sum())
-        found.append(_capsule(f"human.{name}", "human", "link", frame, "human", depth, (np.zeros(3), end), radius))
+        found.append(_capsule(f"human.{name}", "human", "link", frame, limb, reaches, (np.zeros(3), end), radius))
     return found
 
 
@@ -130,13 +131,15 @@ def _robot(world: World, robot: Robot) -> list[Body]:
     for number, body in enumerate(known.get("bodies", [])):
         ends = tuple(np.array(robot.position) + base @ np.array(body[end], dtype=float) for end in ("from", "to"))
         name = f"{robot.name}.body_{number}"
-        found.append(_capsule(name, robot.name, "base", "", name, 0, (ends[0], ends[1]), body["radius"]))
+        found.append(_capsule(name, robot.name, "base", "", name, False, (ends[0], ends[1]), body["radius"]))
     for joint, end in _links(world, robot):
         if np.linalg.norm(end) > SHORTEST:
             name = world.model.names[joint]
             chain = list(world.model.supports[joint])[1:]
             branch = world.model.names[chain[0]]
-            found.append(_capsule(name, robot.name, "link", name, branch, len(chain), (np.zeros(3), end), radius))
+            # The first joints turn inside the shoulder, next to the body.
+            reaches = len(chain) > SHOULDER
+            found.append(_capsule(name, robot.name, "link", name, branch, reaches, (np.zeros(3), end), radius))
     return found
 
 

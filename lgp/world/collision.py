@@ -190,7 +190,4 @@ def _may_meet(first: Body, second: Body) -> bool:
         return "object" in kinds
     if first.owner != second.owner:
         return True
-    # Of one agent: limbs of a robot against each other and its body; a human's own limbs keep their limits instead.
-    if first.owner == "human" or first.branch == second.branch:
-        return False
-    return all(body.kind == "base" or body.depth > 2 for body in (first, second))
+    return first.branch != second.branch and (first.reaches or second.reaches)

@@ -10,7 +10,7 @@ import tomllib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -188,15 +188,28 @@ def frames(stature: float, sex: str) -> list[tuple[str, str, Array, Array]]:
     ]
 
 
-def capsules(stature: float, sex: str) -> list[tuple[str, str, Array, float]]:
-    """Return the bodies for collisions: name, joint, (3,) other end in the frame of that joint, radius [m]."""
+class Capsule(NamedTuple):
+    """A body for collisions: from a joint to `end` (3,) [m] in its frame; `reaches`: it may meet the other limbs."""
+
+    name: str
+    after: str
+    end: Array
+    radius: float
+    limb: str
+    reaches: bool
+
+
+def capsules(stature: float, sex: str) -> list[Capsule]:
+    """Return the bodies for collisions."""
     measures = lengths(stature, sex)
     return [
-        (
+        Capsule(
             _sided(name, side),
             _sided(entry["after"], side),
             _place(entry, measures, side, "to"),
             entry["radius"] * stature / 1.75,
+            _sided(entry["limb"], side),
+            entry.get("reaches", False),
         )
         for name, entry in table()["capsules"].items()
         for side in (SIDES if "{side}" in name else ("right",))
