@@ -1,6 +1,6 @@
 """What a surrogate is for: the true REBA reached when it is minimised on reach tasks.
 
-Usage: python benchmarks/enabler.py [--tasks 40] [--seed 100] [--json FILE]
+Usage: python benchmarks/enabler.py [--tasks 40] [--seed 100] [--space bench|wide] [--json FILE]
 
 Every method solves the same generated tasks (one hand at a point, two hands on a box) from the same random and neutral
 starts with the same SLSQP; the exact score judges the result. A task that is not reached counts as 12. "Best known" is
@@ -45,11 +45,12 @@ def methods() -> list[reach.Method]:
     ]
 
 
-def table(kind: reach.Starts, given: Sequence[reach.Task], seed: int) -> list[dict[str, object]]:
+def table(
+    kind: reach.Starts, chosen: Sequence[reach.Method], given: Sequence[reach.Task], seed: int
+) -> list[dict[str, object]]:
     """Return one row per method."""
     count = STARTS[kind]
     beginnings = reach.starts(kind, len(given) * count, seed).reshape(len(given), count, -1)
-    chosen = methods()
     outcomes = [reach.run(method, given, beginnings) for method in chosen]
     best = reach.best_known(outcomes)
     print(f"\n{kind} starts: {len(given)} tasks x {count}, best known mean {best.mean():.2f}")
@@ -76,11 +77,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tasks", type=int, default=40)
     parser.add_argument("--seed", type=int, default=100)
+    parser.add_argument("--space", choices=sorted(reach.SPACES), default="bench")
     parser.add_argument("--json", type=Path, default=None)
     options = parser.parse_args()
     print(stamp())
-    given = reach.tasks(options.tasks, options.seed)
-    rows = [row for kind in ("random", "neutral") for row in table(kind, given, options.seed)]  # type: ignore[arg-type]
+    given = reach.tasks(options.tasks, options.seed, options.space)
+    chosen = methods()
+    kinds: tuple[reach.Starts, ...] = ("random", "neutral")
+    rows = [row for kind in kinds for row in table(kind, chosen, given, options.seed)]
     if options.json:
         options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n", encoding="utf-8")
 

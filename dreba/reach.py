@@ -29,10 +29,14 @@ MET: Final = 1e-3
 """[m] Largest distance of a hand from its point in a solution."""
 INFEASIBLE: Final = 12
 """Counted as the score of a solution that does not reach."""
-HAND_SPACE: Final = ((0.20, 0.65), (-0.20, 0.50), (0.40, 1.60))
-"""[m] Where single points lie: forward, to the side of the hand, up."""
-BOX_SPACE: Final = ((0.25, 0.60), (-0.20, 0.20), (0.40, 1.50))
-"""[m] Where the middles of boxes lie: forward, left, up."""
+
+Space = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+SPACES: Final[dict[str, tuple[Space, Space]]] = {
+    "bench": (((0.20, 0.65), (-0.20, 0.50), (0.40, 1.60)), ((0.25, 0.60), (-0.20, 0.20), (0.40, 1.50))),
+    "wide": (((0.00, 0.80), (-0.30, 0.70), (0.10, 1.90)), ((0.20, 0.75), (-0.35, 0.35), (0.10, 1.80))),
+}
+"""[m] Where points and middles of boxes lie: forward, to the side of the hand (of a box: left), up. "wide" holds
+points near the floor, overhead and far ahead."""
 
 
 @dataclass(frozen=True)
@@ -51,22 +55,23 @@ class Task:
         return np.concatenate(residuals), np.concatenate(jacobians)
 
 
-def tasks(n: int, seed: int = 0) -> tuple[Task, ...]:
-    """Return n tasks: one hand (sides in turn) and two hands alternate.
+def tasks(n: int, seed: int = 0, space: Literal["bench", "wide"] = "bench") -> tuple[Task, ...]:
+    """Return n tasks in one of `SPACES`: one hand (sides in turn) and two hands alternate.
 
     Example:
         >>> [sorted(task.targets) for task in tasks(4)]
         [['left'], ['left', 'right'], ['right'], ['left', 'right']]
     """
     rng = np.random.default_rng(seed)
+    of_hand, of_box = SPACES[space]
     found = []
     for number in range(n):
         if number % 2 == 0:
             side = SIDES[number // 2 % 2]
-            x, y, z = (float(rng.uniform(*ends)) for ends in HAND_SPACE)
+            x, y, z = (float(rng.uniform(*ends)) for ends in of_hand)
             found.append(Task({side: (x, y if side == "left" else -y, z)}))
         else:
-            x, y, z = (float(rng.uniform(*ends)) for ends in BOX_SPACE)
+            x, y, z = (float(rng.uniform(*ends)) for ends in of_box)
             found.append(Task({"left": (x, y + BOX / 2, z), "right": (x, y - BOX / 2, z)}))
     return tuple(found)
 

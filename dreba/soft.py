@@ -167,7 +167,7 @@ class SoftModel(Surrogate):
 
     def _added(self, given: Given, n: int) -> tuple[Array | None, Any]:
         """Return (3, 1) or (3, n) points on Score A and both Scores B, None for none, and those on the total."""
-        if not any(isinstance(value, np.ndarray) or value for value in (given.load, *given.coupling)):
+        if given.nothing:
             return None, given.activity
         load = load_kg(given.load, n)
         points = (load >= LOAD_EDGES[0]).astype(float) + (load > LOAD_EDGES[1])
