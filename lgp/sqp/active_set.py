@@ -22,6 +22,8 @@ from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus, cost_scale
 
 PRIMAL_TOLERANCE = 1e-9
 DUAL_TOLERANCE = 1e-9
+SINGLES = 8
+"""Errors beyond which exchanging one at a time would take longer than an interior point method."""
 KEPT = 1e-7
 """Share of the largest multiplier below which a row of a foreign solution counts as inactive."""
 
@@ -87,6 +89,8 @@ class ActiveSet:
                 best, tries = point.errors, self.patience
             else:
                 tries -= 1
+                if tries < 0 and best > SINGLES:
+                    break
             _exchange(active, point, single=tries < 0)
             guess = np.concatenate([point.x, point.y, point.z])
         return self._fall_back(qp, scale, count)
@@ -157,7 +161,8 @@ def _judge(qp: QP, scale: float, active: _Active, found: Vector, error: float) -
         slope += qp.A.T @ y
     if z.size:
         slope += qp.G.T @ z
-    wrong_sign = DUAL_TOLERANCE * scale * max(1.0, float(np.abs(qp.q).max(initial=0.0)))
+    # A sign within the error of the linear system says nothing; trusting it would exchange rows for ever.
+    wrong_sign = max(DUAL_TOLERANCE * scale * max(1.0, float(np.abs(qp.q).max(initial=0.0))), 10.0 * error)
     below = (active.side == 0) & (x < qp.lb - PRIMAL_TOLERANCE * (1.0 + np.abs(x)))
     above = (active.side == 0) & (x > qp.ub + PRIMAL_TOLERANCE * (1.0 + np.abs(x)))
     z_box = np.where(active.side == 0, 0.0, -slope)

@@ -51,22 +51,23 @@ class StepMaker:
     def restart(self) -> None:
         """Forget the elastic price and that rows contradicted each other; called at the start of a solve."""
         self._price = 0.0
-        self._stretched = False
+        self._contradicted = 0
 
     def make(self, problem: Problem, model: Model, x: Vector, damping: float, warm: QPResult | None) -> Step | None:
         """Return a step from x, with more damping than given where the QP is unbounded; None where nothing solves.
 
-        After a step whose rows contradicted each other the elastic QP comes first: it finds the same step where they
-        no longer do, and a verdict that they still do costs as much as a step.
+        After two steps whose rows contradicted each other the elastic QP comes first: it finds the same step where
+        they no longer do, and a verdict that they still do costs as much as a step.
         """
-        if self._stretched:
-            step = self._stretch(self._qp(problem, model, x, damping), model, damping)
+        if self._contradicted >= 2:
+            step = self._stretch(self.qp(problem, model, x, damping), model, damping)
             if step is not None:
                 return step
         for _ in range(12):
-            qp = self._qp(problem, model, x, damping)
+            qp = self.qp(problem, model, x, damping)
             found = self.backend.solve(qp, warm)
             if found.status is QPStatus.SOLVED:
+                self._contradicted = 0
                 return self._step(qp, found, damping, elastic=False, hopeless=False)
             if found.status is QPStatus.INFEASIBLE:
                 return self._stretch(qp, model, damping)
@@ -76,7 +77,7 @@ class StepMaker:
     @property
     def contradicted(self) -> bool:
         """Whether the rows of the last model contradicted each other."""
-        return self._stretched
+        return self._contradicted > 0
 
     def more(self, damping: float) -> float:
         """Return the next higher damping."""
@@ -94,7 +95,8 @@ class StepMaker:
             return None
         return np.clip(found.x, step.qp.lb, step.qp.ub)
 
-    def _qp(self, problem: Problem, model: Model, x: Vector, damping: float) -> QP:
+    def qp(self, problem: Problem, model: Model, x: Vector, damping: float = 0.0) -> QP:
+        """Return the QP of a step from x (n,); its Hessian is overwritten by the next one."""
         if self._upper is None or not self._upper.fits(model.hessian):
             self._upper = UpperTriangle(model.hessian)
         return QP(
@@ -113,16 +115,20 @@ class StepMaker:
         before = violation_sum(model.eq, model.ineq)
         price = max(self._price, 10.0 * max(1.0, float(np.abs(model.gradient).max(initial=0.0))))
         best: Step | None = None
+        last = np.inf
         for _ in range(PRICES):
             found = self.elastic.solve(qp, price)
             self._price, price = price, 10.0 * price
             if found.status is not QPStatus.SOLVED:
                 continue
             after = violation_sum(model.eq + model.eq_jac @ found.x, model.ineq + model.in_jac @ found.x)
-            self._stretched = after > CLOSED * before
-            best = self._step(qp, found, damping, elastic=True, hopeless=after > (1.0 - 1e-4) * before)
-            if after <= HOPEFUL * before:
+            hopeless = after > (1.0 - 1e-4) * before
+            best = self._step(qp, found, damping, elastic=True, hopeless=hopeless)
+            if after <= HOPEFUL * before or (not hopeless and after > 0.99 * last):
                 break
+            last = after
+        if best is not None:
+            self._contradicted = self._contradicted + 1 if after > CLOSED * before else 0
         return best
 
     def _step(self, qp: QP, found: QPResult, damping: float, *, elastic: bool, hopeless: bool) -> Step:

@@ -1,0 +1,152 @@
+"""The sequential quadratic programming solver on path problems of 42 joints, by number of slices.
+
+    OMP_NUM_THREADS=1 python benchmarks/sqp.py [--json FILE] [--slices 20 40 80] [--repeat 3]
+
+The problem is `tests/sliced_paths.py`: accelerations, a dense posture cost on 23 joints, 76 nonlinear equalities at
+four key slices, joint limits everywhere, optionally 8 pairs of spheres in every slice. Three tables, all in
+milliseconds and the best of several runs:
+- one QP (the third of a solve from rest) by back end, the active set cold and warm;
+- whole solves: from rest, and warm from the path to places 1 cm away; also by PIQP, and with spheres;
+- verdicts on places out of reach.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+from machine import machine
+from sliced_paths import PathProblem
+
+from lgp.sqp import QP, ActiveSet, Options, Piqp, QPBackend, QPResult, QpSolvers, Result, Solver
+from lgp.sqp.qp import residuals
+from lgp.sqp.step import StepMaker
+
+SLICES = (20, 40, 80, 160, 320)
+OPTIONS = Options(decrease=1e-4)
+MARGIN = 0.4
+BUDGET = 20.0
+"""Seconds after which a solve by a slow back end is left."""
+
+
+def best(work: Callable[[], Any], repeat: int) -> tuple[float, Any]:
+    """Return the least milliseconds of several runs, and what the last one gave."""
+    times = []
+    for _ in range(repeat):
+        start = time.perf_counter()
+        found = work()
+        times.append(time.perf_counter() - start)
+    return 1e3 * min(times), found
+
+
+def third_qp(problem: PathProblem) -> QP:
+    """Return the QP of the third step of a solve from rest."""
+    after = Solver(Options(iterations=2)).solve(problem, problem.start())
+    model = problem.linearise(after.x, after.y_eq, after.y_in)
+    return StepMaker().qp(problem, model, after.x)
+
+
+def qp_rows(slices: int, repeat: int) -> list[dict[str, Any]]:
+    """Time one QP by back end."""
+    qp = third_qp(PathProblem(slices))
+    active = ActiveSet()
+    solution = active.solve(qp)
+    cases: list[tuple[str, QPBackend, QPResult | None]] = [
+        ("active set cold", active, None),
+        ("active set warm", active, solution),
+        ("piqp", Piqp(), None),
+        ("clarabel", QpSolvers("clarabel"), None),
+    ]
+    rows = []
+    for name, backend, warm in cases:
+        backend.solve(qp, warm)
+        milliseconds, found = best(lambda backend=backend, warm=warm: backend.solve(qp, warm), repeat)
+        errors = residuals(qp, found)
+        rows.append(
+            {
+                "table": "qp",
+                "slices": slices,
+                "case": name,
+                "ms": milliseconds,
+                "iterations": found.iterations,
+                "status": found.status.name,
+                "violation": errors.primal,
+                "cost": qp.objective(found.x),
+            }
+        )
+    return rows
+
+
+def solve_row(name: str, slices: int, repeat: int, work: Callable[[], Result]) -> dict[str, Any]:
+    """Time a whole solve."""
+    milliseconds, found = best(work, repeat)
+    return {
+        "table": "solve",
+        "slices": slices,
+        "case": name,
+        "ms": milliseconds,
+        "iterations": len(found.iterations) - 1,
+        "status": found.status.name,
+        "violation": found.violation,
+        "cost": found.cost,
+        "parts_ms": {part: 1e3 * seconds for part, seconds in found.seconds.items()},
+    }
+
+
+def solve_rows(slices: int, repeat: int) -> list[dict[str, Any]]:
+    """Time whole solves: from rest, warm, by PIQP, with spheres, and out of reach."""
+    problem, near, far = PathProblem(slices), PathProblem(slices, shift=0.01), PathProblem(slices, shift=0.7)
+    spheres, warmer = PathProblem(slices, spheres=True, margin=MARGIN), Solver(OPTIONS)
+    # Results of neighbours to start from; not timed.
+    path, apart = warmer.solve(problem, problem.start()), Solver(OPTIONS)
+    kept = apart.solve(spheres, spheres.start())
+    other = PathProblem(slices, shift=0.01, spheres=True, margin=MARGIN)
+    slow = Options(decrease=OPTIONS.decrease, seconds=BUDGET)
+    return [
+        solve_row("from rest", slices, repeat, lambda: Solver(OPTIONS).solve(problem, problem.start())),
+        solve_row("warm, places 1 cm away", slices, repeat, lambda: warmer.solve(near, path.x, warm=path)),
+        solve_row("warm, PIQP", slices, 1, lambda: Solver(slow, Piqp()).solve(near, path.x, warm=path)),
+        solve_row("spheres, from rest", slices, 1, lambda: Solver(OPTIONS).solve(spheres, spheres.start())),
+        solve_row("spheres, warm", slices, repeat, lambda: apart.solve(other, kept.x, warm=kept)),
+        solve_row("out of reach", slices, 1, lambda: Solver(slow).solve(far, far.start())),
+    ]
+
+
+def main() -> None:
+    """Run the benchmark and print its tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--slices", type=int, nargs="+", default=SLICES)
+    parser.add_argument("--repeat", type=int, default=3)
+    given = parser.parse_args()
+    rows = []
+    print(f"{'T':>4} {'case':24} {'ms':>8} {'steps':>5} {'violation':>9} {'cost':>11}  status")
+    for measure in (qp_rows, solve_rows):
+        for slices in given.slices:
+            for row in measure(slices, given.repeat):
+                rows.append(row)
+                print(
+                    f"{slices:4d} {row['case']:24} {row['ms']:8.1f} {row['iterations']:5d} {row['violation']:9.1e} "
+                    f"{row['cost']:11.5f}  {row['status'].lower()}",
+                    flush=True,
+                )
+    for name in ("from rest", "warm, places 1 cm away"):
+        chosen = [row for row in rows if row["case"] == name]
+        if len(chosen) > 1:
+            growth = np.polyfit(np.log([r["slices"] for r in chosen]), np.log([r["ms"] for r in chosen]), 1)[0]
+            print(f"{name}: time grows as T^{growth:.2f}")
+    if given.json:
+        given.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
