@@ -25,11 +25,12 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# Each prints its table; `python benchmarks/NAME.py --help` says what can be chosen.
+BENCHMARKS := scoring reading whole_command quadratic soft surrogate_speed enabler sqp
+
 bench: setup
 	@mkdir -p out
-	$(BIN)/python benchmarks/scoring.py --json out/scoring.json
-	$(BIN)/python benchmarks/reading.py --json out/reading.json
-	$(BIN)/python benchmarks/whole_command.py --json out/whole_command.json
+	@for name in $(BENCHMARKS); do echo "== $$name"; OMP_NUM_THREADS=1 $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 # Write the versions of the current environment into constraints.txt.
 constraints:
