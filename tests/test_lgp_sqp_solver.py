@@ -1,7 +1,10 @@
 """The solver on published problems, and on those that have no solution."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from hock_schittkowski import CASES
 
 from lgp.sqp import ActiveSet, FunctionProblem, Options, Piqp, ProblemError, QpSolvers, Solver, Status, solve
@@ -195,3 +198,31 @@ def test_a_start_or_option_that_cannot_be_used_is_refused():
         solve(problem, np.array([0.0, np.nan]))
     with pytest.raises(ProblemError, match="option kkt: 0 given"):
         Options(kkt=0)
+
+
+class Unfit(FunctionProblem):
+    """A problem whose model lacks a row or comes in the wrong format."""
+
+    def __init__(self, **changes):
+        super().__init__(2, cost=lambda x: float(x @ x), gradient=lambda x: 2 * x)
+        self.changes = changes
+
+    def linearise(self, x, y_eq, y_in):
+        return dataclasses.replace(super().linearise(x, y_eq, y_in), **self.changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"gradient": np.zeros(3)}, r"model gradient: shape \(3,\) given, \(2,\) expected"),
+        ({"eq_jac": sp.csr_matrix((1, 2))}, r"model eq_jac: shape \(1, 2\) given, \(0, 2\) expected"),
+        ({"hessian": sp.csr_matrix(np.eye(2))}, "model hessian: a csr matrix given, csc expected"),
+    ],
+)
+def test_models_that_do_not_fit_are_refused(changes, words):
+    with pytest.raises(ProblemError, match=words):
+        solve(Unfit(**changes), np.ones(2))
+
+
+def test_a_gradient_that_is_not_finite_ends_the_solve():
+    assert solve(Unfit(gradient=np.array([np.nan, 0.0])), np.ones(2)).status is Status.BROKEN

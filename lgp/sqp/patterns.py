@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lgp.sqp.problem import ProblemError, Vector
+from lgp.sqp.problem import Model, ProblemError, Vector
 from lgp.sqp.qp import same_pattern
 
 
@@ -61,6 +61,23 @@ class ColumnOrder:
         """Copy the values; the returned matrix is reused by the next update."""
         np.take(source.data, self._from, out=self.matrix.data)
         return self.matrix
+
+
+def check_model(model: Model, n: int, m_e: int, m_i: int) -> None:
+    """Refuse a model whose parts do not fit the unknowns and rows that `evaluate` gave.
+
+    Raises:
+        ProblemError: naming the part, its shape and the shape expected.
+    """
+    wanted = {"hessian": (n, n), "gradient": (n,), "eq_jac": (m_e, n), "eq": (m_e,), "in_jac": (m_i, n), "ineq": (m_i,)}
+    for name, shape in wanted.items():
+        found = getattr(model, name).shape
+        if found != shape:
+            raise ProblemError(f"model {name}: shape {found} given, {shape} expected")
+    for name, form in (("hessian", "csc"), ("eq_jac", "csr"), ("in_jac", "csr")):
+        found = getattr(getattr(model, name), "format", "dense")
+        if found != form:
+            raise ProblemError(f"model {name}: a {found} matrix given, {form} expected")
 
 
 def check_vector(name: str, given: Vector, size: int) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from lgp.sqp.merit import Accepted, Promise, promise, search, violation_max, violation_sum
 from lgp.sqp.options import Options
-from lgp.sqp.patterns import check_vector
+from lgp.sqp.patterns import check_model, check_vector
 from lgp.sqp.problem import Model, Problem, ProblemError, Values, Vector
 from lgp.sqp.qp import QPBackend, QPResult, QPStatus
 from lgp.sqp.result import Iteration, Result, Status
@@ -109,6 +109,8 @@ class _Run:
             if not (np.isfinite(values[0]) and np.isfinite(values[1]).all() and np.isfinite(values[2]).all()):
                 return self._broken(values)
             model = self._linearise()
+            if not np.isfinite(model.gradient).all():
+                return self._broken(values)
             now = residuals(self.problem, model, self.x, self.y_eq, self.y_in)
             status = self._status(now, model, values[0], first)
             if status is None:
@@ -243,6 +245,8 @@ class _Run:
         begin = time.perf_counter()
         model = self.problem.linearise(self.x, self.y_eq, self.y_in)
         self.seconds["linearise"] += time.perf_counter() - begin
+        if not self.log:
+            check_model(model, self.x.size, self.y_eq.size, self.y_in.size)
         return model
 
     def _sizes(self, values: Values, warm: Result | None) -> None:

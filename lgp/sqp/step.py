@@ -15,6 +15,8 @@ from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus
 
 FIRST_DAMPING = 1e-4
 """First damping, relative to the largest diagonal entry of the Hessian."""
+DAMPINGS = 12
+"""Dampings tried on a QP whose cost falls without end; one that merely fails is damped once."""
 PRICES = 5
 """Elastic prices tried, each ten times the last, before the rows count as contradicting each other."""
 HOPEFUL = 0.9
@@ -63,7 +65,8 @@ class StepMaker:
             step = self._stretch(self.qp(problem, model, x, damping), model, damping)
             if step is not None:
                 return step
-        for _ in range(12):
+        failures = 0
+        for _ in range(DAMPINGS):
             qp = self.qp(problem, model, x, damping)
             found = self.backend.solve(qp, warm)
             if found.status is QPStatus.SOLVED:
@@ -71,6 +74,9 @@ class StepMaker:
                 return self._step(qp, found, damping, elastic=False, hopeless=False)
             if found.status is QPStatus.INFEASIBLE:
                 return self._stretch(qp, model, damping)
+            failures += found.status is QPStatus.FAILED
+            if failures > 1:
+                break
             damping = self.more(damping)
         return self._stretch(qp, model, damping)
 
