@@ -62,7 +62,7 @@ class Entries:
     def table(self, key: str) -> Entries:
         """Return a table inside this one; an absent one is empty."""
         self.asked.add(key)
-        return Entries(f"{self.where}{'' if self.where.endswith(': ') else '.'}{key}", self.values.get(key, {}))
+        return Entries(f"{self.where}{'.' if ':' in self.where else ': '}{key}", self.values.get(key, {}))
 
     def tables(self, key: str) -> dict[str, Entries]:
         """Return the named tables inside the table of a key."""

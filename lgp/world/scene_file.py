@@ -65,7 +65,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
     Raises:
         SceneError: as `load_scene`.
     """
-    entries = Entries(f"{name}: ", _changed(values, changes or {}, name))
+    entries = Entries(name, _changed(values, changes or {}, name))
     tables = {f"table.{key}": _table(key, entry) for key, entry in entries.tables("tables").items()}
     scene = Scene(
         name=name,
@@ -104,7 +104,7 @@ def _list(entries: Entries, key: str) -> list[Any]:
     entries.asked.add(key)
     value = entries.values.get(key, [])
     if not isinstance(value, list):
-        raise SceneError(f"{entries.where}{key} is {value!r}, expected a list of tables ([[{key}]])")
+        raise SceneError(f"{entries.where}: {key} is {value!r}, expected a list of tables ([[{key}]])")
     return value
 
 
