@@ -55,35 +55,43 @@ def find_inputs(given: Sequence[str]) -> list[str]:
     """Return the recordings named by files and folders, in order, each once.
 
     A folder that is itself one recording (a rosbag2 folder of splits) stays one input; any other folder gives the
-    recordings in it, at any depth.
+    recordings in it, at any depth, but for the score tables that this command wrote there.
 
     Raises:
-        RebaError: a path does not exist or a folder holds no recording.
+        RebaError: a path does not exist or cannot be looked into, or a folder holds no recording.
     """
     from reba.readers import is_recording, is_recording_folder
 
     found: dict[str, None] = {}
     for name in given:
         path = Path(name)
-        if not path.exists():
-            raise RebaError(f"{name}: there is no such file or folder; check the path")
-        if not path.is_dir() or is_recording_folder(path):
-            found[name] = None
-            continue
-        inside = _inside(path, is_recording, is_recording_folder)
+        try:
+            if not name or not path.exists():
+                raise RebaError(f"{name or 'an empty name'}: there is no such file or folder; check the path")
+            if not path.is_dir() or is_recording_folder(path):
+                found[name] = None
+                continue
+            inside = _inside(path, is_recording, is_recording_folder, frozenset())
+        except OSError as error:
+            raise RebaError(f"{error.filename or name}: {error.strerror or error}; give files you may read") from error
         if not inside:
             raise RebaError(f"{name}: the folder holds no recording; `reba info FILE` says why a file is not one")
         found.update(dict.fromkeys(map(str, inside)))
     return list(found)
 
 
-def _inside(folder: Path, is_file: Callable[[Path], bool], is_folder: Callable[[Path], bool]) -> list[Path]:
+def _inside(
+    folder: Path, is_file: Callable[[Path], bool], is_folder: Callable[[Path], bool], above: frozenset[Path]
+) -> list[Path]:
     found: list[Path] = []
+    above |= {folder.resolve()}
     for path in sorted(folder.iterdir()):
-        if path.name.startswith("."):
+        if path.name.startswith(".") or path.name.endswith(SCORED_SUFFIX):
             continue
         if path.is_dir():
-            found += [path] if is_folder(path) else _inside(path, is_file, is_folder)
+            if path.resolve() in above:  # a link back to a folder that is being looked into
+                continue
+            found += [path] if is_folder(path) else _inside(path, is_file, is_folder, above)
         elif is_file(path):
             found.append(path)
     return found
@@ -112,11 +120,27 @@ def plan_outputs(inputs: Sequence[str], output: str | None) -> list[Path | None]
     names: dict[str, int] = {}
     outputs: list[Path | None] = []
     for name in inputs:
-        stem = Path(name).name
+        stem = Path(name).name or Path(name).resolve().name
         names[stem] = names.get(stem, 0) + 1
         again = f"-{names[stem]}" if names[stem] > 1 else ""
         outputs.append(target / f"{stem}{again}{SCORED_SUFFIX}")
     return outputs
+
+
+def check_report(report: str | None, inputs: Sequence[str], outputs: Sequence[Path | None] = ()) -> None:
+    """Refuse a place for the report before the work is done.
+
+    Raises:
+        RebaError: it is one of the recordings or of the score tables, or a folder.
+    """
+    if report is None:
+        return
+    target = Path(report)
+    if target.is_dir() or not report:
+        raise RebaError(f"{report or 'an empty name'}: a report is one file; give a name like report.html")
+    for taken, what in [*((name, "recording") for name in inputs), *((name, "score table") for name in outputs)]:
+        if taken is not None and target.resolve() == Path(taken).resolve():
+            raise RebaError(f"{report}: this is a {what} and would be lost; choose another name for the report")
 
 
 def score_one(path: str, output: Path | None, options: Options, keep: bool) -> Outcome:

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 import reba
-from reba.batch import Options, Outcome, find_inputs, plan_outputs, score_many
+from reba.batch import Options, Outcome, check_report, find_inputs, plan_outputs, score_many
 from reba.errors import RebaError
 from reba.factors import COUPLINGS, SUPPORTS
 from reba.rules import rules_of
@@ -89,6 +89,7 @@ def score(
     rules_of(options.rules)
     paths = find_inputs(inputs)
     outputs = plan_outputs(paths, output)
+    check_report(report, paths, outputs)
     with _progress(len(paths)) as advance:
         outcomes = score_many(paths, outputs, options, jobs=jobs, keep=report is not None, done=advance)
     scored = [outcome for outcome in outcomes if outcome.summary is not None]
@@ -139,6 +140,7 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **given: Any) -> 
     from reba.comparison import compare as compare_scores
 
     options = _options(given)
+    check_report(report, (a, b))
     first, second = options.read_and_score(a), options.read_and_score(b)
     result = compare_scores(first, second)
     result["a"] = {"input": a, **result["a"]}

@@ -204,6 +204,7 @@ def summarise(scores: Scores) -> dict[str, Any]:
         "profile": scores.postures.profile,
         "unmeasured": list(scores.unmeasured),
         "assumed": list(scores.assumed),
+        "warnings": scores.postures.quality.notes(),
         "reba": dataclasses.asdict(distribution(column(scores, "reba"), weights)),
         "range": {
             "mean_low": low_end.mean,

@@ -84,6 +84,8 @@ class Factors:
         return Factors(**values)
 
 
+BOTH_SIDES: Final = ("coupling", "arm_supported")
+"""Names that stand for a factor of both sides."""
 _GRIPS: Final = tuple(f"coupling_{side}" for side in SIDES)
 _FLAGS: Final = ("shock", *(f"arm_supported_{side}" for side in SIDES), *ACTIVITIES)
 
@@ -99,7 +101,7 @@ def expand_sides(given: Mapping[str, Any]) -> dict[str, Any]:
     """
     values: dict[str, Any] = {}
     for name, value in given.items():
-        if name in ("coupling", "arm_supported"):
+        if name in BOTH_SIDES:
             for side in SIDES:
                 values.setdefault(f"{name}_{side}", value)
         else:
@@ -189,7 +191,7 @@ def load_kg(value: Any, n: int) -> NDArray[np.float64]:
 
 
 def flag(name: str, value: Any, n: int) -> NDArray[np.bool_]:
-    """Return a yes-or-no factor as (n,) or (1,) booleans; 0 and 1 stand for no and yes.
+    """Return a yes-or-no factor as (n,) or (1,) booleans; words and 0 and 1 stand for no and yes.
 
     Raises:
         PostureError: anything else, or missing somewhere.
@@ -197,7 +199,7 @@ def flag(name: str, value: Any, n: int) -> NDArray[np.bool_]:
     given = _values(name, value, n)
     if given.dtype == bool:
         return given
-    words = {"true": True, "false": False, "1": True, "0": False, "1.0": True, "0.0": False}
+    words = dict.fromkeys(("true", "yes", "1", "1.0"), True) | dict.fromkeys(("false", "no", "0", "0.0"), False)
     items = given.tolist()
     yes = [words.get(str(item).strip().lower()) for item in items]
     if None in yes:

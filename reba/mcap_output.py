@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
+from reba.json_text import as_json
 from reba.posture import COLUMNS, PostureTable
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def write_mcap(data: pd.DataFrame, about: dict[str, Any], path: Path, postures: 
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.ZSTD)
         writer.start(profile="", library="dreba")
-        notes = {key: value if isinstance(value, str) else json.dumps(value) for key, value in about.items()}
+        notes = {key: value if isinstance(value, str) else as_json(value) for key, value in about.items()}
         writer.add_metadata("reba", notes)
         schema = writer.register_schema(SCHEMAS[kind], "jsonschema", json.dumps(_schema(data, kind)).encode())
         channel = writer.register_channel(TOPICS[kind], "json", schema)
@@ -100,7 +101,7 @@ def _copy_beside(writer: Writer, source: Path, channel: int, ours: Iterator[tupl
                 schema = container.schemas[original.schema_id]
                 schemas[original.schema_id] = writer.register_schema(schema.name, schema.encoding, schema.data)
             schema_id = schemas.get(original.schema_id, 0)
-            channels[number] = writer.register_channel(original.topic, original.encoding, schema_id)
+            channels[number] = writer.register_channel(original.topic, original.encoding, schema_id, original.metadata)
         return channels[number]
 
     waiting = next(ours, None)

@@ -89,6 +89,14 @@ class Quality:
     warnings: tuple[str, ...] = ()
     sha256: str = ""
 
+    def notes(self) -> list[str]:
+        """Return what a user must know in one line each: how it breaks off, what was skipped, and the warnings."""
+        found = [f"the recording breaks off: {self.ended_abnormally}"] if self.ended_abnormally else []
+        if self.skipped:
+            first = f", the first: {self.first_skipped}" if self.first_skipped else ""
+            found.append(f"{self.skipped} of {self.messages} messages could not be used{first}")
+        return [*found, *self.warnings]
+
 
 @dataclass(frozen=True)
 class PostureTable:

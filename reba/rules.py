@@ -111,11 +111,14 @@ class Rules:
         return "".join(f"{key} = {_toml(value)}\n" for key, value in dataclasses.asdict(self).items())
 
     def save(self, path: str | Path) -> None:
-        """Write the record as TOML; `Rules.load` reads it back equal."""
-        target = Path(path)
-        part = target.with_name(target.name + ".part")
-        part.write_text(self.to_toml(), encoding="utf-8")
-        part.replace(target)
+        """Write the record as TOML; `Rules.load` reads it back equal.
+
+        Raises:
+            RebaError: the place cannot be written to.
+        """
+        from reba.writers import write_atomic, write_text
+
+        write_atomic(Path(path), lambda part: write_text(part, self.to_toml()))
 
     @staticmethod
     def load(path: str | Path) -> Rules:
@@ -127,7 +130,8 @@ class Rules:
         try:
             given = tomllib.loads(Path(path).read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError) as error:
-            raise RulesError(f"{path}: cannot be read as rules ({error}); give a TOML file or a preset") from error
+            why = getattr(error, "strerror", None) or error
+            raise RulesError(f"{path}: cannot be read as rules ({why}); give a TOML file or a preset") from error
         except tomllib.TOMLDecodeError as error:
             raise RulesError(f"{path}: not TOML ({error})") from error
         preset = given.pop("preset", "measured")

@@ -19,6 +19,7 @@ from reba.factors import (
     ACTIVITIES,
     ASSUMED,
     ASSUMED_ACTIVITY,
+    BOTH_SIDES,
     FACTORS,
     SUPPORTS,
     Factors,
@@ -139,7 +140,8 @@ def score(
     chosen = rules_of(rules)
     angles = angles_of(table.data)
     refuse_infinite(angles)
-    given: dict[str, Any] = {name: table.data[name].to_numpy() for name in FACTORS if name in table.data}
+    columns = {name: table.data[name].to_numpy() for name in (*FACTORS, *BOTH_SIDES) if name in table.data}
+    given = expand_sides(columns)
     given |= expand_sides({name: value for name, value in factors.items() if value is not None})
     used = checked(Factors.of(given), len(table.data))
     kinds, causes = _activity(table.data, angles, used, activity, chosen)
@@ -148,12 +150,12 @@ def score(
     assumed = [text for name, text in ASSUMED.items() if name not in given]
     assumed += [ASSUMED_ACTIVITY] if activity == "auto" and open_kinds else []
     arrays = score_array(angles, used, chosen, missing)
-    columns: dict[str, Any] = {"time": table.data["time"].to_numpy(np.float64)}
+    scored: dict[str, Any] = {"time": table.data["time"].to_numpy(np.float64)}
     for name in SCORE_COLUMNS:
         values = arrays[name]
-        columns[name] = pd.arrays.IntegerArray(values.view(np.int8), values == UNKNOWN)
+        scored[name] = pd.arrays.IntegerArray(values.view(np.int8), values == UNKNOWN)
     return Scores(
-        data=pd.DataFrame(columns, copy=False),
+        data=pd.DataFrame(scored, copy=False),
         postures=table,
         rules=chosen,
         factors=used,
@@ -170,7 +172,7 @@ def table_of(frame: pd.DataFrame) -> PostureTable:
     Raises:
         PostureError: no column is known, a column is no number, or time does not increase.
     """
-    known = ("time", *COLUMNS, *FACTORS, *RAISED)
+    known = ("time", *COLUMNS, *FACTORS, *BOTH_SIDES, *RAISED)
     if not any(name in COLUMNS or name in RAISED for name in frame.columns):
         names = ", ".join(str(name) for name in list(frame.columns)[:6])
         hint = did_you_mean(str(frame.columns[0]), COLUMNS) if len(frame.columns) else ""

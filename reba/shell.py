@@ -37,7 +37,8 @@ def console(stderr: bool = False) -> Console:
 
     # Piped output is not cut to 80 columns: a table then is as wide as it needs to be.
     stream = sys.stderr if stderr else sys.stdout
-    width = None if stream.isatty() or "COLUMNS" in os.environ else 160
+    on_terminal = stream is not None and stream.isatty()  # None: closed by the caller
+    width = None if on_terminal or "COLUMNS" in os.environ else 160
     return Console(stderr=stderr, highlight=False, markup=False, width=width)
 
 
@@ -49,6 +50,11 @@ def print_json(result: Any) -> None:
 def command_line(name: str) -> str:
     """Return the command as it was typed, so that a result can be made again."""
     return " ".join([name, *sys.argv[1:]])
+
+
+def _drop_output() -> None:
+    if sys.stdout is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def run(group: click.Group, name: str) -> None:
@@ -67,8 +73,15 @@ def run(group: click.Group, name: str) -> None:
     except (KeyboardInterrupt, click.Abort):
         click.echo(f"{name}: interrupted", err=True)
         code = 130
-    except BrokenPipeError:
-        # The reader of our output went away (`reba score ... | head`); nothing is left to say.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (BrokenPipeError, SystemExit):
+        # The reader of our output went away (`reba score ... | head`), which rich tells as an exit of its own; nothing
+        # is left to say.
+        _drop_output()
         code = 0
+    except OSError as error:
+        # What was to be printed stays in a buffer that would be written again at exit.
+        _drop_output()
+        place = f"{error.filename}: " if error.filename else ""
+        click.echo(f"{name}: {place}{error.strerror or error}; nothing more was written", err=True)
+        code = 2
     raise SystemExit(code)

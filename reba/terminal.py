@@ -101,7 +101,7 @@ def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:
             )
         if summary["assumed"]:
             notes.append(f"assumed: {'; '.join(summary['assumed'])}")
-        notes += [f"note: {text}" for text in summary.get("warnings", [])]
+        notes += [f"note: {text}" for text in summary["warnings"]]
         notes.append(f"rules: {summary['rules']['name']}; profile: {summary['profile']}")
         for note in notes:
             lines.setdefault(note, []).append(summary["input"])

@@ -7,8 +7,8 @@ target and renamed once it is whole.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +18,8 @@ import numpy as np
 import pandas as pd
 
 from reba.errors import RebaError
+from reba.factors import FACTORS
+from reba.json_text import as_json
 from reba.posture import PostureTable
 
 if TYPE_CHECKING:
@@ -72,8 +74,15 @@ def _about_scores(scores: Scores) -> dict[str, Any]:
         "rules": dataclasses.asdict(scores.rules),
         "missing": scores.missing,
         "assumed": list(scores.assumed),
+        "factors": {name: _factor(getattr(scores.factors, name)) for name in FACTORS},
         "activity": scores.activity_causes,
     }
+
+
+def _factor(values: Any) -> Any:
+    """Return a factor that is the same in every frame, or "per frame"; its points stand in the score table."""
+    given = np.unique(np.asarray(values))
+    return given[0].item() if len(given) == 1 else "per frame"
 
 
 def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
@@ -88,11 +97,10 @@ def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
         write(part)
         part.replace(path)
     except OSError as error:
-        raise RebaError(
-            f"{path}: cannot be written ({error.strerror or error}); choose another place with -o"
-        ) from error
+        raise RebaError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from error
     finally:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
 
 
 def _write(data: pd.DataFrame, about: dict[str, Any], path: Path, postures: PostureTable, kind: str) -> None:
@@ -101,8 +109,8 @@ def _write(data: pd.DataFrame, about: dict[str, Any], path: Path, postures: Post
         write_atomic(path, lambda part: _parquet(data, about, part))
     elif suffix == ".csv":
         write_atomic(path, lambda part: data.to_csv(part, index=False, chunksize=ROWS))
-        text = json.dumps(about, indent=1, default=_plain) + "\n"
-        write_atomic(path.with_name(path.name + ".meta.json"), lambda part: _text(part, text))
+        text = as_json(about, indent=1) + "\n"
+        write_atomic(path.with_name(path.name + ".meta.json"), lambda part: write_text(part, text))
     elif suffix == ".mcap":
         from reba.mcap_output import write_mcap
 
@@ -111,7 +119,8 @@ def _write(data: pd.DataFrame, about: dict[str, Any], path: Path, postures: Post
         raise RebaError(f"{path}: ending {suffix!r} is unknown; choose one of {', '.join(SUFFIXES)}")
 
 
-def _text(path: Path, text: str) -> None:
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8."""
     path.write_text(text, encoding="utf-8")
 
 
@@ -120,16 +129,9 @@ def _parquet(data: pd.DataFrame, about: dict[str, Any], path: Path) -> None:
     import pyarrow.parquet as pq
 
     schema = pa.Schema.from_pandas(data.iloc[:0], preserve_index=False)
-    note = json.dumps(about, default=_plain)
+    note = as_json(about)
     schema = schema.with_metadata({**(schema.metadata or {}), b"reba": note.encode()})
     with pq.ParquetWriter(path, schema, compression="zstd") as writer:
         for start in range(0, max(len(data), 1), ROWS):
             rows = pa.Table.from_pandas(data.iloc[start : start + ROWS], schema=schema, preserve_index=False)
             writer.write_table(rows)
-
-
-def _plain(value: Any) -> Any:
-    """Return NumPy scalars and tuples as plain JSON values."""
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

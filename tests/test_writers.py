@@ -11,6 +11,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 import reba
 from reba.scores import Scores
@@ -110,3 +111,41 @@ def test_nothing_is_left_or_lost_on_failure(scores: Scores, tmp_path: Path, monk
 def test_unknown_ending_is_refused(scores: Scores, tmp_path: Path) -> None:
     with pytest.raises(reba.RebaError, match=r"'\.xlsx' is unknown; choose one of \.parquet"):
         reba.write_scores(scores, tmp_path / "scores.xlsx")
+
+
+def test_what_belongs_to_the_numbers_is_strict_json_and_names_the_factors(tmp_path: Path) -> None:
+    one = pd.DataFrame({"time": [0.0], "trunk_flexion": [10.0]})
+    (tmp_path / "one.csv").write_text(one.to_csv(index=False))
+    scores = reba.score(reba.read(tmp_path / "one.csv"), load=9.0, coupling="fair")
+    for suffix in (".csv", ".parquet", ".mcap"):
+        reba.write_scores(scores, tmp_path / f"scores{suffix}")
+    notes = [(tmp_path / "scores.csv.meta.json").read_text()]
+    notes += [pq.read_schema(tmp_path / "scores.parquet").metadata[b"reba"].decode()]
+    with (tmp_path / "scores.mcap").open("rb") as stream:
+        (record,) = make_reader(stream).iter_metadata()
+    notes += [record.metadata["quality"]]
+    for note in notes:
+        quality = json.loads(note, parse_constant=lambda token: pytest.fail(token))
+        assert quality.get("quality", quality)["rate"] is None
+    about = json.loads(notes[0])
+    assert about["factors"]["load"] == 9.0
+    assert about["factors"]["coupling_left"] == "fair"
+    assert "load 0 kg" not in about["assumed"]
+
+
+def test_copied_channels_keep_their_metadata(tmp_path: Path) -> None:
+    source = tmp_path / "robot.mcap"
+    with source.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/joint_states", "json", 0, {"offered_qos_profiles": "- history: 3"})
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    postures = reba.read(DATASETS / "simulated_assembly.csv")
+    scores = dataclasses.replace(reba.score(postures), postures=dataclasses.replace(postures, source=str(source)))
+    reba.write_scores(scores, tmp_path / "scores.mcap")
+    with (tmp_path / "scores.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    metadata = {channel.topic: channel.metadata for channel in summary.channels.values()}
+    assert metadata["/joint_states"] == {"offered_qos_profiles": "- history: 3"}

@@ -69,8 +69,16 @@ def open_recording(path: str | Path, *, strict: bool = False) -> Recording:
         ReadError: there is no such file, its format is unknown, or it is damaged.
     """
     place = Path(path)
-    if not place.exists():
-        raise ReadError(place, "no such file or folder", hint="check the path")
+    try:
+        if not place.exists():
+            raise ReadError(place, "no such file or folder", hint="check the path")
+        # A pipe or a device may never end.
+        if not place.is_dir() and not place.is_file():
+            raise ReadError(place, "not a regular file", hint="save the recording to a file")
+        if place.is_dir():
+            next(place.iterdir(), None)
+    except OSError as error:
+        raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
     from reba.readers.mcap import open_mcap
     from reba.readers.mcap import sniff as is_mcap
 
@@ -100,6 +108,8 @@ def is_recording(path: Path) -> bool:
     from reba.readers.mcap import sniff as is_mcap
 
     try:
+        if not path.is_file():
+            return False
         if is_mcap(path):
             return True
         named = [known for known in FORMATS if path.suffix.lower() in known.extensions]

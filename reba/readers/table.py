@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from reba.errors import ReadError, did_you_mean
-from reba.factors import FACTORS
+from reba.factors import BOTH_SIDES, FACTORS
 from reba.posture import COLUMNS, SIDES
 from reba.readers.memory import array_stream, check_time, clip
 from reba.readers.stream import ReadLog, Recording, Topic
@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 
 EXTENSIONS = (".csv", ".tsv", ".parquet", ".pq")
 
-KNOWN = (*COLUMNS, *FACTORS, *(f"shoulder_raised_{side}" for side in SIDES), "coupling", "arm_supported")
+WORDED = (*FACTORS, *BOTH_SIDES, *(f"shoulder_raised_{side}" for side in SIDES))
+"""Columns that may hold words; what is wrong with a factor is said where it is scored."""
+
+KNOWN = (*COLUMNS, *WORDED)
 """Columns with a meaning, to tell a slip of the pen from a column of another kind."""
 
 MAX_CHECKED = 200
@@ -81,7 +84,8 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog) -> Record
     numbers: dict[str, np.ndarray] = {}
     texts: list[str] = []
     for column in [column for column in frame.columns if column not in used]:
-        values = _numbers(path, file, column, column in angles, log)
+        worded = bool(angles) and column in WORDED
+        values = None if worded else _numbers(path, file, column, column in angles, log)
         if values is None:
             texts.append(column)
         else:

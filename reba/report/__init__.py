@@ -6,12 +6,12 @@ Scores -> recording.py (what all sections share) -> verdict, parts, worst, angle
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from reba.errors import RebaError
+from reba.writers import write_atomic, write_text
 
 if TYPE_CHECKING:
     from reba.scores import Scores
@@ -38,7 +38,7 @@ def write_report(path: str | Path, scores: Sequence[Scores], *, command: str = "
     """Write the report as one HTML file; the file appears only when it is complete.
 
     Args:
-        path: file to write; its folder must exist.
+        path: file to write; its folder is made where it does not exist.
         scores: one or more scored recordings.
         command: command line to show.
 
@@ -49,14 +49,4 @@ def write_report(path: str | Path, scores: Sequence[Scores], *, command: str = "
         >>> write_report("report.html", [reba.score(reba.read("lift.mcap"))])  # doctest: +SKIP
     """
     html = render(scores, command=command)
-    target = Path(path)
-    part = target.with_name(target.name + ".part")
-    try:
-        part.write_text(html, encoding="utf-8")
-        part.replace(target)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            part.unlink()
-        raise RebaError(
-            f"{target}: the report cannot be written ({error.strerror}); give a file in a folder that exists"
-        ) from error
+    write_atomic(Path(path), lambda part: write_text(part, html))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -46,12 +46,29 @@ class Schema:
 
 @dataclass(frozen=True)
 class Channel:
-    """A topic of one publisher, the encoding of its messages and the id of their schema (0: none)."""
+    """A topic of one publisher, the encoding of its messages and the id of their schema (0: none).
+
+    `described` are the bytes of its metadata, which reading does not need and a copy takes along.
+    """
 
     id: int
     schema_id: int
     topic: str
     encoding: str
+    described: bytes = field(default=b"", compare=False)
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Names and texts that describe it; none where they are damaged."""
+        found: dict[str, str] = {}
+        try:
+            pairs = Fields(Fields(self.described).data32())
+            while pairs.at < len(pairs.data):
+                name = pairs.text()
+                found[name] = pairs.text()
+        except BadRecord:
+            return {}
+        return found
 
 
 @dataclass(frozen=True)
@@ -123,9 +140,9 @@ def schema(content: bytes) -> Schema:
 
 
 def channel(content: bytes) -> Channel:
-    """Return the channel of a Channel record (its metadata are not needed)."""
+    """Return the channel of a Channel record."""
     fields = Fields(content)
-    return Channel(fields.u16(), fields.u16(), fields.text(), fields.text())
+    return Channel(fields.u16(), fields.u16(), fields.text(), fields.text(), bytes(content[fields.at :]))
 
 
 def chunk_head(content: bytes, length: int) -> ChunkHead:
