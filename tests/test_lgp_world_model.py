@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import metadata
 
 import numpy as np
@@ -107,6 +108,21 @@ def test_other_tables_share_the_kinematics_but_other_agents_do_not() -> None:
     assert world.scene.tables["table.near"].height == 0.8
     with pytest.raises(WorldError, match="tables and objects only"):
         world.with_scene(human_world("planted").scene)
+
+
+@pytest.mark.parametrize(
+    ("joints", "text"),
+    [
+        ({"right_elbow_Z": 200.0}, r"human\.right_elbow_Z starts at 200 deg, expected 0 to 145 deg"),
+        ({"pelvis_x": 0.5}, r"human\.pelvis_x starts at 0\.5 m, expected -0\.12 to 0\.12 m"),
+        ({"right_elbow_z": 20.0}, r"no joint 'right_elbow_z'; did you mean 'right_elbow_Z'"),
+    ],
+)
+def test_wrong_first_postures_are_refused(joints: dict[str, float], text: str) -> None:
+    scene = human_world().scene
+    assert scene.human is not None
+    with pytest.raises(WorldError, match=text):
+        World(replace(scene, human=replace(scene.human, joints=joints)))
 
 
 def test_wrong_names_and_shapes_are_refused() -> None:

@@ -15,11 +15,14 @@ from numpy.typing import NDArray
 
 from lgp.errors import WorldError, did_you_mean
 from lgp.world import human
-from lgp.world.robot import locked_model, robot_model
+from lgp.world.robot import locked_model, robot_model, slides
 from lgp.world.rotations import cross
 from lgp.world.scene import Agent, Human, Robot, Scene
 
 Array = NDArray[np.float64]
+
+RADIAN = (180.0 / np.pi, "deg")
+"""How a radian is shown to people."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ class World:
         >>> from lgp.world.scene_file import load_scene
         >>> world = World(load_scene("screwdriver"))                     # doctest: +SKIP
         >>> world.at(world.start[None], ["baxter.left"]).place("baxter.left").jacobian.shape    # doctest: +SKIP
-        (1, 6, 55)
+        (1, 6, 43)
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -100,8 +103,8 @@ class World:
         self.joints = tuple(self.model.names)[1:]
         self.column = {name: self.model.joints[number + 1].idx_q for number, name in enumerate(self.joints)}
         self.lower, self.upper = self.model.lowerPositionLimit.copy(), self.model.upperPositionLimit.copy()
-        self.start = np.clip([first.get(name, 0.0) for name in self.joints], self.lower, self.upper)
         self.first = first
+        self.start = self._start()
         self._data = self.model.createData()
         self._support: dict[str, Array] = {}
         self._add_hands()
@@ -172,6 +175,26 @@ class World:
                 found = placement(model, data, number)
                 rotation[row, at], position[row, at] = found.rotation, found.translation
         return Kinematics(self, wanted, rotation, position, spatial)
+
+    def _start(self) -> Array:
+        """Return the first configuration; a joint without a first value is as near to 0 as its limits let it.
+
+        Raises:
+            WorldError: a first value is outside the limits.
+        """
+        start = np.clip(np.zeros(self.nq), self.lower, self.upper)
+        for name, column in self.column.items():
+            value = self.first.get(name)
+            if value is None:
+                continue
+            low, high = self.lower[column], self.upper[column]
+            if not low - 1e-9 <= value <= high + 1e-9:
+                scale, unit = (1.0, "m") if slides(self.model.joints[self.model.getJointId(name)]) else RADIAN
+                raise WorldError(
+                    f"{name} starts at {value * scale:g} {unit}, expected {low * scale:g} to {high * scale:g} {unit}"
+                )
+            start[column] = min(max(value, low), high)
+        return start
 
     def _add_hands(self) -> None:
         """Add a frame under the full name of each end-effector that has none yet."""
