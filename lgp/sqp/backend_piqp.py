@@ -71,6 +71,8 @@ class Piqp:
         solver = piqp.SparseSolver()
         solver.settings.eps_abs = solver.settings.eps_duality_gap_abs = self.tolerance
         solver.settings.max_iter = self.max_iterations
+        # Paths of some hundred slices have curvatures nine orders apart; without refinement PIQP stalls on them.
+        solver.settings.iterative_refinement_always_enabled = True
         return solver
 
 
