@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from body_motion import PARENTS, BodyMotion, read_xsens_bvh
-from joint_angles import STAND_UP, Hinges, human_urdf_angles, ros4hri_angles
+from joint_angles import STAND_UP, Hinges, human_urdf_angles, ros4hri_angles, trunk_as_line
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -177,6 +177,7 @@ def _write_frames(
 
 ENCODINGS: dict[str, Callable[[Path, BodyMotion], None]] = {
     "human_urdf": write_human_urdf,
+    "human_urdf_line": lambda path, motion: write_human_urdf(path, trunk_as_line(motion)),
     "human_urdf_directions": lambda path, motion: write_human_urdf(path, motion, "directions"),
     "human_urdf_no_root": lambda path, motion: write_human_urdf(path, motion, root=False),
     "xsens_tf": write_xsens_tf,

@@ -193,6 +193,18 @@ def trunk_line(motion: BodyMotion) -> Array:
     return np.stack([np.cross(across, up), across, up], axis=2)
 
 
+def trunk_as_line(motion: BodyMotion) -> BodyMotion:
+    """Return the movement with T8 turned into the line from hips to shoulders; neck, head and girdle keep to T8.
+
+    A planner or tracker that takes the trunk as one straight body between hips and shoulders publishes such joints.
+    """
+    rotation = motion.rotation.copy()
+    carried = trunk_line(motion) @ np.swapaxes(motion.of("t8"), 1, 2)
+    for name in ("t8", "neck", "head", "left_shoulder", "right_shoulder"):
+        rotation[:, motion.names.index(name)] = carried @ motion.of(name)
+    return BodyMotion(motion.time, motion.names, rotation, motion.position)
+
+
 def _upright_hinge(relative: Array, sign: float) -> tuple[Array, Array]:
     """Return turn about z and bend of `_hinge` for axes with z up."""
     turn, bend, _ = _hinge(STAND_UP.T @ relative @ STAND_UP, sign)

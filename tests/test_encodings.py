@@ -289,6 +289,12 @@ def test_human_urdf_with_its_root_carries_every_column(agreement: dict[str, Agre
     assert found.same > 0.99
 
 
+def test_human_urdf_with_the_trunk_as_one_line_is_scored_like_the_recording(agreement: dict[str, Agreement]) -> None:
+    found = agreement["human_urdf_line"]
+    assert found.same > 0.99
+    assert max(found.largest.values()) < 0.5
+
+
 def test_exact_directions_cost_the_pronation_near_a_straight_elbow(agreement: dict[str, Agreement]) -> None:
     found = by_same_trunk(agreement, "human_urdf_directions")
     twist = {name for name, apart in found.largest.items() if apart >= FINE}
