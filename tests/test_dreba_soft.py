@@ -98,6 +98,20 @@ def test_learned_at_8_degrees_is_below_the_published_error_in_every_class() -> N
         assert found.classes[score].rmse < published, score
 
 
+def test_shipped_model_is_as_accurate_as_stated() -> None:
+    held_out = dreba.sample(20_000, rng=33)
+    blunt, sharp = (dreba.evaluate(dreba.load("soft"), held_out, temperature=t) for t in (8.0, 2.0))
+    for score, published in dreba.PUBLISHED.items():
+        assert blunt.classes[score].rmse < published, score
+        assert sharp.classes[score].rmse < 0.52, score  # 0.50, and the spread between samples of 2000 poses
+
+
+def test_shipped_model_stays_right_with_load_and_coupling() -> None:
+    held_out = dreba.sample(7500, range(1, 16), factors=["load", "coupling", "activity"], rng=34)
+    found = dreba.evaluate(dreba.load("soft"), held_out, temperature=2.0)
+    assert max(error.rmse for error in found.classes.values()) < 0.9
+
+
 def test_learning_lowers_the_error_of_the_unfitted_tables() -> None:
     held_out = dreba.sample(5000, rng=32)
     for temperature in (8.0, 2.0):
