@@ -69,12 +69,14 @@ class Factors:
         """Return the record for a mapping of some of its fields; `coupling` and `arm_supported` stand for both sides.
 
         Raises:
-            PostureError: a name is unknown.
+            PostureError: it is neither record nor mapping, or a name is unknown.
         """
         if given is None:
             return Factors()
         if isinstance(given, Factors):
             return given
+        if not isinstance(given, Mapping):
+            raise PostureError(f"factors are {given!r}; expected reba.Factors or a mapping like {{'load': 5.0}}")
         values = expand_sides(given)
         for name in values:
             if name not in FACTORS:
@@ -180,8 +182,8 @@ def load_kg(value: Any, n: int) -> NDArray[np.float64]:
     """
     try:
         load = np.atleast_1d(np.asarray(value, np.float64))
-    except (TypeError, ValueError) as error:
-        raise PostureError(f"load is {value!r}; expected kilograms, one number or one per frame") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise PostureError(f"load is {str(value)[:80]!r}; expected kilograms, one number or one per frame") from error
     _check_length("load", load, n)
     bad = ~(np.isfinite(load) & (load >= 0))
     if bad.any():

@@ -135,10 +135,14 @@ class Rules:
         except tomllib.TOMLDecodeError as error:
             raise RulesError(f"{path}: not TOML ({error})") from error
         preset = given.pop("preset", "measured")
-        if preset not in PRESETS:
+        if str(preset) not in PRESETS:
             raise RulesError(f"{path}: preset {preset!r} is unknown; use one of {', '.join(PRESETS)}")
         base = dataclasses.asdict(PRESETS[preset])
-        return _build({**base, "name": Path(path).stem, **given}, str(path))
+        try:
+            return _build({**base, "name": Path(path).stem, **given}, str(path))
+        except RulesError as error:
+            text = str(error)
+            raise RulesError(text if text.startswith(str(path)) else f"{path}: {text}") from error
 
 
 _CHOICES: Final[dict[str, tuple[str, ...]]] = {

@@ -6,6 +6,7 @@ PostureTable or DataFrame -> angles (n, 22) + factors + activity -> score_array 
 from __future__ import annotations
 
 import dataclasses
+import numbers
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -102,6 +103,8 @@ class Scores:
             PostureError: the time lies outside the recording.
         """
         stamps = self.time
+        if not isinstance(time, numbers.Real):
+            raise PostureError(f"time is {time!r}; expected seconds")
         if not len(stamps) or not stamps[0] - 0.5 <= time <= stamps[-1] + 0.5:
             span = f"{stamps[0]:g} to {stamps[-1]:g} s" if len(stamps) else "no frames"
             raise PostureError(f"time {time:g} s lies outside the recording ({span}); choose a time inside")
@@ -170,8 +173,14 @@ def table_of(frame: pd.DataFrame) -> PostureTable:
     """Return a DataFrame as a posture table.
 
     Raises:
-        PostureError: no column is known, a column is no number, or time does not increase.
+        PostureError: it is no DataFrame, no column is known, one stands twice or is no number, or time does not
+            increase.
     """
+    if not isinstance(frame, pd.DataFrame):
+        raise PostureError(
+            f"postures are of type {type(frame).__name__}; expected what reba.read returns or a DataFrame "
+            "(arrays of angles go to reba.score_array)"
+        )
     known = ("time", *COLUMNS, *FACTORS, *BOTH_SIDES, *RAISED)
     if not any(name in COLUMNS or name in RAISED for name in frame.columns):
         names = ", ".join(str(name) for name in list(frame.columns)[:6])
@@ -180,7 +189,10 @@ def table_of(frame: pd.DataFrame) -> PostureTable:
             f"no angle column among: {names or 'none'}; expected some of {', '.join(COLUMNS[:3])}, ...{hint}"
         )
     columns: dict[str, Any] = {"time": np.arange(len(frame), dtype=np.float64)}
-    for name in (str(n) for n in frame.columns if str(n) in known):
+    used = [str(name) for name in frame.columns if str(name) in known]
+    if twice := [name for name in dict.fromkeys(used) if used.count(name) > 1]:
+        raise PostureError(f"column {twice[0]} stands {used.count(twice[0])} times; keep one of them")
+    for name in used:
         if name in COLUMNS or name == "time":
             columns[name] = _numbers(frame, name)
         else:
@@ -206,8 +218,9 @@ def table_of(frame: pd.DataFrame) -> PostureTable:
 
 
 def _numbers(frame: pd.DataFrame, name: str) -> NDArray[np.float64]:
-    if frame[name].dtype.kind in "mM":
-        raise PostureError(f"column {name} holds dates; expected {'seconds' if name == 'time' else 'degrees'}")
+    if (kind := frame[name].dtype.kind) in "mMc":
+        what = "complex numbers" if kind == "c" else "dates"
+        raise PostureError(f"column {name} holds {what}; expected {'seconds' if name == 'time' else 'degrees'}")
     try:
         return pd.to_numeric(frame[name]).to_numpy(np.float64, na_value=np.nan)
     except (TypeError, ValueError) as error:

@@ -127,6 +127,8 @@ def score_array(
         2
     """
     try:
+        if np.iscomplexobj(angles):
+            raise TypeError("complex")
         table = np.asarray(angles, np.float64)
     except (TypeError, ValueError) as error:
         raise PostureError(f"angles hold something that is no number ({error}); expected degrees") from error

@@ -124,6 +124,11 @@ def _part(parts: list[Quantity], angles: np.ndarray[Any, Any], counts: bool) -> 
             continue
         angle = float(np.nanmax(values))
         found = quantity.class_of(angle)
+        if counts and any(np.isnan(values)) and found is not quantity.classes[-1]:
+            # The other one of two may stand in a higher class.
+            value = f"{angle:.1f} deg, the other not measured"
+            lines.append(Line(quantity.part, None, quantity.name, value, _span(quantity, found.points)))
+            continue
         points, rule = found.points, found.text
         if quantity.adjusts and points:
             if not counts:
@@ -139,9 +144,9 @@ def _part(parts: list[Quantity], angles: np.ndarray[Any, Any], counts: bool) -> 
     return lines
 
 
-def _span(quantity: Quantity) -> str:
-    low, high = quantity.classes[0].points, quantity.classes[-1].points
-    return f"{low} to {high} possible"
+def _span(quantity: Quantity, least: int | None = None) -> str:
+    low = quantity.classes[0].points if least is None else least
+    return f"{low} to {quantity.classes[-1].points} possible"
 
 
 def _at(value: Any, frame: int) -> Any:

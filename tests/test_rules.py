@@ -148,3 +148,19 @@ def test_every_threshold_is_echoed() -> None:
     text = reba.Rules().to_toml()
     for field in dataclasses.fields(reba.Rules):
         assert f"{field.name} = " in text
+
+
+@pytest.mark.parametrize(
+    "text", ['preset = ["paper"]', "preset = 3", 'abduction = "x"', "edges = 1979-05-27", "name = ''"]
+)
+def test_a_wrong_value_names_its_file(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "lab.toml"
+    path.write_text(text)
+    with pytest.raises(reba.RulesError, match="^.*lab.toml: ") as caught:
+        reba.Rules.load(path)
+    assert str(caught.value).count("lab.toml") == 1
+
+
+def test_rules_that_cannot_be_saved_are_one_error(tmp_path: Path) -> None:
+    with pytest.raises(reba.RebaError, match="cannot be written"):
+        reba.Rules().save(tmp_path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pandas as pd
 import posture_samples as samples
 import pytest
 from posture_samples import MEASURED, one, posture
@@ -88,3 +89,24 @@ def test_unknown_choices_are_refused() -> None:
         reba.score_array(posture(), rules="strict")
     with pytest.raises(KeyError):
         reba.score_array(posture())["knees"]
+
+
+def test_misuse_of_the_interface_is_told_in_one_line() -> None:
+    table = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [1.0, 70.0]})
+    scores = reba.score(table)
+    twice = pd.DataFrame([[0, 1, 2]], columns=["time", "trunk_flexion", "trunk_flexion"])
+    calls: list[Callable[[], object]] = [
+        *(lambda wrong=wrong: reba.score(wrong) for wrong in (None, [1], "x.csv", np.zeros((2, 22)), twice)),
+        lambda: reba.score(table, load=10**400),
+        lambda: reba.score(table.assign(trunk_flexion=1j)),
+        lambda: reba.score_array(np.zeros((1, 22), complex)),
+        *(lambda wrong=wrong: reba.score_array(np.zeros((1, 22)), wrong) for wrong in ([1], "load")),
+        *(lambda wrong=wrong: scores.explain(wrong) for wrong in ("a", None, float("nan"))),
+        *(lambda wrong=wrong: reba.read(wrong) for wrong in (None, 5, b"x")),
+        lambda: reba.read("x.csv", profile=None),
+        lambda: reba.read("x.csv", topic=3),
+    ]
+    for call in calls:
+        with pytest.raises(reba.RebaError) as caught:
+            call()
+        assert "\n" not in str(caught.value)

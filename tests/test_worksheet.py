@@ -66,13 +66,15 @@ def test_unmeasured_angles_have_no_points(seed: int, rules: reba.Rules, share: f
         sheet = scores.explain(time)
         unknown = [line for line in sheet.lines if line.points is None]
         empty = int(np.isnan(scores.angles[int(time)]).sum())
-        both_knees = int(np.isnan(scores.angles[int(time), INDEX["knee_flexion_left"] :][:2]).all())
-        one_knee = int(np.isnan(scores.angles[int(time), INDEX["knee_flexion_left"] :][:2]).sum() == 1)
-        assert len(unknown) == empty - both_knees - one_knee
-        assert all(line.value == "not measured" for line in unknown)
+        knees = scores.angles[int(time), INDEX["knee_flexion_left"] :][:2]
+        one_knee = int(np.isnan(knees).sum() == 1)
+        one_open = int(any("other not measured" in line.value for line in unknown))
+        assert one_open <= one_knee
+        assert len(unknown) == empty - int(np.isnan(knees).all()) - one_knee + one_open
+        assert all(line.value.endswith("not measured") for line in unknown)
         for part in SUMS:
             lines = sheet.of(part)
-            if all(line.points is not None for line in lines) and not (part == "legs" and one_knee):
+            if all(line.points is not None for line in lines):
                 assert sum(line.points for line in lines) == sheet.scores[part]
         if sheet.scores["action_level"] is None:
             assert (sheet.risk, sheet.action) == ("", "")
@@ -163,3 +165,13 @@ def test_time_outside_the_recording() -> None:
     with pytest.raises(reba.PostureError, match=r"time 99 s lies outside the recording \(0 to 5 s\)"):
         scores.explain(99.0)
     assert scores.explain(2.4).time == 2.0
+
+
+def test_one_unmeasured_knee_leaves_the_legs_open_unless_the_other_says_all() -> None:
+    frames = pd.DataFrame({"time": [0.0, 1.0], "knee_flexion_left": [45.0, 70.0], "trunk_flexion": 0.0})
+    scores = reba.score(frames)
+    lines = [scores.explain(time).of("legs")[1] for time in (0.0, 1.0)]
+    assert [line.points for line in lines] == [None, 2]
+    assert (lines[0].value, lines[0].rule) == ("45.0 deg, the other not measured", "1 to 2 possible")
+    assert scores.data["legs"].isna().tolist() == [True, False]
+    assert [line.points for line in reba.score(frames, support="sitting").explain(0.0).of("legs")] == [1, 0]

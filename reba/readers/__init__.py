@@ -5,8 +5,10 @@ open_recording (formats.py) -> choose (recognise.py) -> collect (collect.py, map
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
+from reba.errors import ReadError
 from reba.posture import PostureTable
 
 __all__ = ["is_recording", "is_recording_folder", "read"]
@@ -60,6 +62,11 @@ def read(
     from reba.readers.profile import find_profile, profiles
     from reba.readers.recognise import choose
 
+    for name, value in (("path", path), ("profile", profile)):
+        if not isinstance(value, str | os.PathLike):
+            raise ReadError(str(value), f"{name} is of type {type(value).__name__}, expected text or a Path")
+    if topic is not None and not isinstance(topic, str):
+        raise ReadError(str(path), f"topic is {topic!r}, expected the name of a stream")
     parse_neutral(neutral)
     known = profiles() if str(profile) == "auto" else (find_profile(profile),)
     recording = open_recording(path, strict=strict)
