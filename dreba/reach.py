@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 import reba
 from dreba import figure
@@ -183,8 +185,12 @@ def run(method: Method, given: Sequence[Task], beginnings: Array) -> Outcome:
         given: the tasks.
         beginnings: (tasks, starts, 22) degrees.
     """
-    from time import perf_counter
+    # The solver's matrices are tiny: threads of the linear algebra only wait for each other.
+    with threadpool_limits(1):
+        return _run(method, given, beginnings)
 
+
+def _run(method: Method, given: Sequence[Task], beginnings: Array) -> Outcome:
     low, high = figure.limits()
     objectives = [on_figure(objective) for objective in method.objectives]
     scores = np.empty(beginnings.shape[:2], np.int64)
