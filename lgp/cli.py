@@ -9,7 +9,7 @@ import click
 
 import reba
 from lgp.errors import LgpError
-from lgp.plan import DEPTH
+from lgp.plan import COST, DEPTH
 from lgp.plan import plan as make_plan
 from lgp.world.scene_file import load_scene, shipped_scenes
 from reba.shell import GROUP, console, json_option, print_json, run
@@ -27,7 +27,7 @@ def cli() -> None:
 
 @cli.command(epilog="Example: lgp plan screwdriver -o plan/ --tree tree.svg")
 @click.argument("scene")
-@click.option("--cost", metavar="MODEL.json|NAME", help="dREBA model of the ergonomic cost; `quadratic` by default.")
+@click.option("--cost", metavar="MODEL.json|NAME", help="dREBA model of the ergonomic cost; `convex` by default.")
 @click.option("--no-ergonomics", is_flag=True, help="Plan by accelerations alone.")
 @click.option("--sequence", metavar="FILE", help="Plan the motion of these actions, one a line, instead of searching.")
 @click.option("--depth", default=DEPTH, type=click.IntRange(1, 20), show_default=True, help="Longest sequence.")
@@ -57,7 +57,7 @@ def plan(
     lines = None if sequence is None else _read(sequence)
     found = make_plan(
         loaded,
-        None if no_ergonomics else cost or "quadratic",
+        None if no_ergonomics else cost or COST,
         sequence=lines,
         depth=depth,
         seconds=float("inf") if seconds is None else seconds,

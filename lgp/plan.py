@@ -28,13 +28,15 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+COST = "convex"
+"""The shipped model that is planned with by default: it is convex, and least near rest."""
 DEPTH = 4
 """Longest sequence by default."""
 
 
 def plan(
     scene: Scene | str | Path,
-    cost: Surrogate | str | Path | None = "quadratic",
+    cost: Surrogate | str | Path | None = COST,
     *,
     sequence: Iterable[str] | None = None,
     depth: int = DEPTH,

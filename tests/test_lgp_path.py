@@ -15,6 +15,7 @@ from lgp.logic import Action, Task
 from lgp.path.acceleration import condense, quadratic
 from lgp.path.bounds import PathBounds, Solution
 from lgp.path.ergonomics import Ergonomics
+from lgp.path.feasible import nearest
 from lgp.path.phases import Phases, switch_of
 from lgp.path.problem import PathProblem
 from lgp.plan import task_of
@@ -49,7 +50,7 @@ def task(world: World) -> Task:
 
 @pytest.fixture(scope="module")
 def ergonomics(world: World) -> Ergonomics:
-    return Ergonomics(world, dreba.load("quadratic"))
+    return Ergonomics(world, dreba.load("convex"))
 
 
 def actions(task: Task, *texts: str) -> tuple[Action, ...]:
@@ -134,27 +135,28 @@ def test_costs_have_the_gradient_they_say(world: World, task: Task, ergonomics: 
         assert np.array_equal(again.hessian.indices, pattern)
 
 
-def test_curvature_is_the_convex_part_of_the_second_derivative(world: World, task: Task) -> None:
-    """Where the object does not jump, the model holds the positive part of the curvature of the switch."""
-    problem = PathProblem(world, phases(world, task), kept=np.array([3]), enforced=[0], stop=False)
-    from lgp.path.feasible import nearest
-
+@pytest.mark.parametrize("number", [0, 1])
+def test_bends_are_second_derivatives_where_nothing_jumps(world: World, task: Task, number: int) -> None:
+    sequence = phases(world, task)
+    problem = PathProblem(world, sequence, kept=sequence.keys[number : number + 1], enforced=[number], stop=False)
     x, left = nearest(problem, problem.join(world.start[None], np.zeros(problem.modes.size)))
     assert left < 1e-3
     y = np.array([0.3, -0.7, 0.4, 0.2, -0.1, 0.5])
     rows = np.zeros(len(problem.rows.in_rows))
-    limb = problem.rows.limb(0)
-    with_y = problem.linearise(x, y, rows).hessian.toarray()[np.ix_(limb, limb)]
-    without = problem.linearise(x, 0.0 * y, rows).hessian.toarray()[np.ix_(limb, limb)]
-    upper = with_y - without
-    given_ = upper + upper.T - np.diag(np.diag(upper))
 
     def slope(at: np.ndarray) -> np.ndarray:
         return np.asarray(problem.linearise(at, 0.0 * y, rows).eq_jac.toarray().T @ y)
 
-    true = differences(slope, x)[np.ix_(limb, limb)]
-    values, vectors = np.linalg.eigh(0.5 * (true + true.T))
-    assert given_ == pytest.approx((vectors * np.maximum(values, 0.0)) @ vectors.T, abs=2e-3)
+    (columns,) = problem.rows.curved()
+    limb = len(problem.rows.limb(number))
+    true = differences(slope, x)[np.ix_(columns, columns)][:limb]
+    (bend,) = problem.rows.bends(*problem.split(x), y)
+    assert bend[:limb, :limb] == pytest.approx(true[:, :limb], abs=2e-3)
+    # How the hand holds is taken as joints that turn one after the other, which is near the truth.
+    assert bend[:limb, limb:] == pytest.approx(true[:, limb:], abs=0.1)
+    (convex,) = problem.rows.curvature(*problem.split(x), y)
+    assert np.linalg.eigvalsh(convex).min() > -1e-12
+    assert np.linalg.eigvalsh(convex - bend).min() > -1e-12
 
 
 def solved(bounds: PathBounds, skeleton: tuple[Action, ...]) -> dict[str, BoundResult]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,9 @@ from lgp.world.model import World
 Array = NDArray[np.float64]
 
 OPTIONS = Options(violation=1e-6, kkt=1e-5, decrease=1e-7, iterations=60)
-"""Violations of a micrometre; costs to seven digits."""
+"""Of paths: violations of a micrometre, costs to seven digits."""
+RELAXED = replace(OPTIONS, kkt=1e-4, decrease=1e-6)
+"""Of poses and sequences, which are bounds and first guesses."""
 TRIES = 3
 """Starts before a pose or a sequence counts as infeasible: the first one, then random ones from a fixed seed."""
 
@@ -122,36 +124,44 @@ class PathBounds:
         return BoundResult(True, solution.costs.total, seconds=seconds, payload=solution)
 
     def _pose(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
-        problem = self.problem("pose", phases)
         before = np.zeros((0, self.world.nq)) if earlier is None else earlier.keys
         first = self.start if earlier is None else before[-1]
-        best: tuple[float, str] = (math.inf, "")
-        for candidate in self._starts(first[None]):
-            x, left = nearest(problem, problem.join(candidate, self._guess(problem, candidate)))
-            if left < best[0]:
-                best = left, reason(problem, x)
-            if left > 10.0 * CLOSE:
-                continue
-            result = solve(problem, x, options=self.options)
-            if result.violation <= self.options.violation:
-                keys = np.concatenate([before, problem.split(result.x)[0]])
-                return Solution(keys, np.zeros(0), None, problem.costs(result.x), result), ""
-            best = min(best, (result.violation, reason(problem, result.x)))
-        return None, best[1]
+        problem = self.problem("pose", phases)
+        result, why = self._solve(problem, first[None])
+        if result is None:
+            return None, why
+        keys = np.concatenate([before, problem.split(result.x)[0]])
+        return Solution(keys, np.zeros(0), None, problem.costs(result.x), result), ""
 
     def _sequence(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
-        problem = self.problem("sequence", phases)
         first = np.tile(self.start, (phases.count, 1))
         if earlier is not None and len(earlier.keys) == phases.count:
             first = earlier.keys
+        problem = self.problem("sequence", phases)
+        result, why = self._solve(problem, first)
+        if result is None:
+            return None, f"sequence: {why}"
+        keys, variables = problem.split(result.x)
+        return Solution(keys, variables, None, problem.costs(result.x), result), ""
+
+    def _solve(self, problem: PathProblem, first: Array) -> tuple[Result | None, str]:
+        """Solve a problem on few slices from some starts (P, nq); return the first success, or why there is none."""
         best: tuple[float, str] = (math.inf, "")
         for candidate in self._starts(first):
-            result = solve(problem, problem.join(candidate, problem.modes.guess(candidate)), options=self.options)
-            if result.violation <= self.options.violation:
-                keys, variables = problem.split(result.x)
-                return Solution(keys, variables, None, problem.costs(result.x), result), ""
+            spread = (
+                candidate
+                if len(candidate) == problem.phases.count
+                else np.repeat(candidate, problem.phases.count, axis=0)
+            )
+            x, left = nearest(problem, problem.join(candidate, problem.modes.guess(spread)))
+            if left > 10.0 * CLOSE:
+                best = min(best, (left, reason(problem, x)))
+                continue
+            result = solve(problem, x, options=RELAXED)
+            if result.violation <= CLOSE:
+                return result, ""
             best = min(best, (result.violation, reason(problem, result.x)))
-        return None, f"sequence: {best[1]}"
+        return None, best[1]
 
     def _path(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
         if earlier is None or not len(earlier.variables):
@@ -168,9 +178,16 @@ class PathBounds:
             # Scores get sharper from stage to stage; the multipliers of the last one start the next.
             result = solve(problem, problem.join(path, variables), options=self.options, warm=result)
             path, variables = problem.split(result.x)
-        if result is None or result.violation > self.options.violation:
-            return None, f"path: {reason(problem, problem.join(path, variables))}"
-        return Solution(path[phases.keys], variables, path, problem.costs(result.x), result), ""
+        if result is None:
+            return None, "path: the cost has no stage to minimise"
+        x, left = result.x, result.violation
+        if CLOSE > left > self.options.violation:
+            # The budget ran out just before the constraints held: the nearest path that meets them is as good.
+            x, left = nearest(problem, x, 0.5 * self.options.violation)
+        if left > self.options.violation:
+            return None, f"path: {reason(problem, x) or result.status.value}"
+        path, variables = problem.split(x)
+        return Solution(path[phases.keys], variables, path, problem.costs(x), result), ""
 
     def _starts(self, first: Array) -> list[Array]:
         """Return the first keys (k, nq), then random ones around the start."""
@@ -178,9 +195,6 @@ class PathBounds:
         lower, upper = self.world.lower, self.world.upper
         others = [first + 0.5 * (rng.uniform(lower, upper, first.shape) - first) for _ in range(TRIES - 1)]
         return [first, *others]
-
-    def _guess(self, problem: PathProblem, candidate: Array) -> Array:
-        return problem.modes.guess(np.tile(candidate, (problem.phases.count, 1)))
 
 
 def _conflict(skeleton: tuple[Action, ...]) -> Skeleton:

@@ -179,28 +179,48 @@ class Constraints:
             blocks.append(there.jacobian[:, :, np.flatnonzero(self.world.support(sole))])
 
     def curved(self) -> list[Slices]:
-        """Return the unknowns of each block that `curvature` gives: the limb at each switch."""
-        nq = self.world.nq
-        return [at * nq + self._limbs[number] for number, at in zip(self.enforced, self._at, strict=True)]
+        """Return the unknowns of each block that `curvature` gives: the limb at each switch, how the hand holds."""
+        nq, tail = self.world.nq, self.size - self.modes.size
+        found = []
+        for number, at in zip(self.enforced, self._at, strict=True):
+            grip = self._grip(number)
+            found.append(np.concatenate([at * nq + self._limbs[number], tail + np.arange(grip.start, grip.stop)]))
+        return found
+
+    def _grip(self, number: int) -> slice:
+        """Return the variables that say how the hand of a switch holds the object."""
+        switch = self.phases.switches[number]
+        return self.modes.holder(switch.thing, number + (switch.kind == "grasp")).variables
 
     def curvature(self, q: Array, z: Array, y: Array) -> list[Array]:
-        """Return for each switch the convex part of sum_i y_i d2 row_i over its limb, (m, m).
+        """Return the convex part of each of `bends`: its negative eigenvalues are left out."""
+        blocks = []
+        for bend in self.bends(q, z, y):
+            values, vectors = np.linalg.eigh(bend)
+            blocks.append((vectors * np.maximum(values, 0.0)) @ vectors.T)
+        return blocks
+
+    def bends(self, q: Array, z: Array, y: Array) -> list[Array]:
+        """Return for each switch sum_i y_i d2 row_i by the unknowns of `curved`, (m, m).
 
         Near a met constraint the rotation vector of a chain has the mixed second derivative (omega_a x omega_b) / 2.
+        How the hand holds the object acts like joints after the last one.
         """
-        blocks = []
+        found = []
         for order, (number, at) in enumerate(zip(self.enforced, self._at, strict=True)):
             switch = self.phases.switches[number]
             weights = y[6 * order : 6 * order + 6] * (1.0 if switch.kind == "grasp" else -1.0)
             kinematics = self.world.at(q[at : at + 1], [switch.hand])
-            pose = self.modes.holder(switch.thing, number + (switch.kind == "grasp"))
-            held = pose.pose(kinematics, z[pose.variables])
-            jacobian = held.jacobian[:, :, self._limbs[number]]
+            holder = self.modes.holder(switch.thing, number + (switch.kind == "grasp"))
+            held = holder.pose(kinematics, z[holder.variables])
+            limb = len(self._limbs[number])
+            jacobian = np.concatenate([held.by_q[:, :, self._limbs[number]], held.by_variables], axis=2)
             turn = held.rotation[0] @ weights[3:]
             bend = features.position_curvature(jacobian, weights[None, :3])[0]
             angular = jacobian[0, 3:]
             twist = np.triu(np.cross(turn[:, None], angular, axis=0).T @ angular, 1)
+            # The grip is a rotation vector itself: its parts do not come one after the other.
+            twist[limb:, limb:] = 0.0
             bend += 0.5 * (twist + twist.T)
-            values, vectors = np.linalg.eigh(bend)
-            blocks.append((vectors * np.maximum(values, 0.0)) @ vectors.T)
-        return blocks
+            found.append(bend)
+        return found

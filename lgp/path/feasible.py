@@ -16,7 +16,7 @@ STEPS = 40
 """Steps of the search: those that succeed take 5 to 15."""
 
 
-def nearest(problem: PathProblem, start: Array) -> tuple[Array, float]:
+def nearest(problem: PathProblem, start: Array, tolerance: float = CLOSE) -> tuple[Array, float]:
     """Return x (n,) near a start that violates the constraints least, and the largest violation left [m, rad]."""
 
     def residuals(x: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
@@ -27,5 +27,5 @@ def nearest(problem: PathProblem, start: Array) -> tuple[Array, float]:
         value = np.concatenate([values.equality, np.where(broken, values.inequality, 0.0)])
         return value[None], np.concatenate([equal.toarray(), slopes])[None]
 
-    x, left = least_squares(residuals, start[None], problem.lower, problem.upper, CLOSE, STEPS)
+    x, left = least_squares(residuals, start[None], problem.lower, problem.upper, tolerance, STEPS)
     return x[0], float(left[0])
