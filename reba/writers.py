@@ -25,7 +25,7 @@ from reba.posture import PostureTable
 if TYPE_CHECKING:
     from reba.scores import Scores
 
-ROWS: Final = 65_536
+ROWS: Final = 16_384
 """Rows converted at a time, so that writing an hour does not need a second copy of the table."""
 SUFFIXES: Final = (".parquet", ".csv", ".mcap")
 
