@@ -23,6 +23,7 @@ from lgp.world.scene_file import load_scene
 if TYPE_CHECKING:
     from dreba.model import Surrogate
     from lgp.path.bounds import PathBounds, Solution
+    from lgp.path.ergonomics import Ergonomics
     from lgp.path.problem import Weights
     from lgp.world.model import World
 
@@ -36,7 +37,7 @@ DEPTH = 4
 
 def plan(
     scene: Scene | str | Path,
-    cost: Surrogate | str | Path | None = COST,
+    cost: Surrogate | Ergonomics | str | Path | None = COST,
     *,
     sequence: Iterable[str] | None = None,
     depth: int = DEPTH,
@@ -50,7 +51,8 @@ def plan(
 
     Args:
         scene: a scene, the name of one that is shipped, or a TOML file.
-        cost: a dREBA surrogate, its file or the name of a shipped one; None plans without ergonomics.
+        cost: a dREBA surrogate, its file or the name of a shipped one; None plans without ergonomics. An `Ergonomics`
+            of a world with the same agents saves preparing it again.
         sequence: actions to plan for instead of searching, as the paper prints them: `grasp(1, baxter.right, box)`, or
             without the step.
         depth: longest sequence.
@@ -169,12 +171,14 @@ def _start(world: World, start: Array | None) -> Array:
     return np.clip(first, world.lower, world.upper)
 
 
-def _ergonomics(world: World, cost: Surrogate | str | Path | None) -> Any:
+def _ergonomics(world: World, cost: Surrogate | Ergonomics | str | Path | None) -> Ergonomics | None:
     if cost is None or world.scene.human is None:
         return None
     import dreba
     from lgp.path.ergonomics import Ergonomics
 
+    if isinstance(cost, Ergonomics):
+        return cost
     return Ergonomics(world, dreba.load(cost) if isinstance(cost, (str, Path)) else cost)
 
 

@@ -30,8 +30,10 @@ OPTIONS = Options(violation=1e-6, kkt=1e-5, decrease=1e-7, iterations=60)
 """Of paths: violations of a micrometre, costs to seven digits."""
 RELAXED = replace(OPTIONS, kkt=1e-4, decrease=1e-6)
 """Of poses and sequences, which are bounds and first guesses."""
+HOPELESS = 0.03
+"""[m, rad] A pose whose nearest point violates its constraints by more is refused without asking the solver."""
 TRIES = 3
-"""Starts before a pose or a sequence counts as infeasible: the first one, then random ones from a fixed seed."""
+"""Starts before a pose or a sequence counts as infeasible, random ones from a fixed seed after the first."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,11 @@ class PathBounds:
         if solution is None:
             conflict = _conflict(skeleton) if level == "pose" else ()
             return BoundResult(False, math.inf, why, conflict, seconds)
-        return BoundResult(True, solution.costs.total, seconds=seconds, payload=solution)
+        cost = solution.costs.total
+        if level != "path" and not solution.result:
+            # Not at its minimum, the cost bounds nothing; what was known before still does.
+            cost = warm.cost if warm is not None else 0.0
+        return BoundResult(True, cost, seconds=seconds, payload=solution)
 
     def _pose(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
         before = np.zeros((0, self.world.nq)) if earlier is None else earlier.keys
@@ -145,23 +151,32 @@ class PathBounds:
         return Solution(keys, variables, None, problem.costs(result.x), result), ""
 
     def _solve(self, problem: PathProblem, first: Array) -> tuple[Result | None, str]:
-        """Solve a problem on few slices from some starts (P, nq); return the first success, or why there is none."""
-        best: tuple[float, str] = (math.inf, "")
-        for candidate in self._starts(first):
-            spread = (
-                candidate
-                if len(candidate) == problem.phases.count
-                else np.repeat(candidate, problem.phases.count, axis=0)
-            )
-            x, left = nearest(problem, problem.join(candidate, problem.modes.guess(spread)))
-            if left > 10.0 * CLOSE:
-                best = min(best, (left, reason(problem, x)))
-                continue
-            result = solve(problem, x, options=RELAXED)
-            if result.violation <= CLOSE:
-                return result, ""
-            best = min(best, (result.violation, reason(problem, result.x)))
-        return None, best[1]
+        """Solve a problem on few slices from some starts (P, nq); return the best success, or why there is none."""
+        best: Result | None = None
+        failed: tuple[float, str] = (math.inf, "")
+        sure, others = self._starts(first)
+        for number, candidate in enumerate([*sure, *others]):
+            if best is not None and number >= len(sure):
+                break
+            result, left, why = self._attempt(problem, candidate)
+            if result is None:
+                failed = min(failed, (left, why))
+            elif best is None or result.cost < best.cost:
+                best = result
+        return best, failed[1]
+
+    def _attempt(self, problem: PathProblem, candidate: Array) -> tuple[Result | None, float, str]:
+        """Solve from one start (P, nq): the result, or the violation left and why."""
+        keys = np.broadcast_to(candidate[-1], (problem.phases.count, self.world.nq))
+        if len(candidate) == problem.phases.count:
+            keys = candidate
+        x, left = nearest(problem, problem.join(candidate, problem.modes.guess(keys)))
+        if left > HOPELESS:
+            return None, left, reason(problem, x)
+        result = solve(problem, x, options=RELAXED)
+        if result.violation <= CLOSE:
+            return result, 0.0, ""
+        return None, result.violation, reason(problem, result.x)
 
     def _path(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
         if earlier is None or not len(earlier.variables):
@@ -189,12 +204,20 @@ class PathBounds:
         path, variables = problem.split(x)
         return Solution(path[phases.keys], variables, path, problem.costs(x), result), ""
 
-    def _starts(self, first: Array) -> list[Array]:
-        """Return the first keys (k, nq), then random ones around the start."""
+    def _starts(self, first: Array) -> tuple[list[Array], list[Array]]:
+        """Return the starts (P, nq) that are always tried, and random ones for when those fail.
+
+        Where everybody starts elsewhere than at rest, a way by the posture at rest may end in a better one.
+        """
+        sure = [first]
+        if self.ergonomics is not None and not np.allclose(self.start, self.world.start):
+            rested = first.copy()
+            rested[:, self.ergonomics.columns] = self.world.start[self.ergonomics.columns]
+            sure.append(rested)
         rng = np.random.default_rng(0)
         lower, upper = self.world.lower, self.world.upper
         others = [first + 0.5 * (rng.uniform(lower, upper, first.shape) - first) for _ in range(TRIES - 1)]
-        return [first, *others]
+        return sure, others
 
 
 def _conflict(skeleton: tuple[Action, ...]) -> Skeleton:
