@@ -203,6 +203,7 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
     whole = None if minute is None else improve_frames(scores, minute, level)
     if as_json:
         result: dict[str, Any] = {"input": path, "rules": scores.rules.name}
+        result["taken_as_neutral"] = list(scores.unmeasured)
         result["frames"] = [{"time": at, "improvements": [i.to_dict() for i in some]} for at, some in found]
         if minute is not None and whole is not None:
             span = {"start": float(stamps[minute[0]]), "end": float(stamps[minute[-1]])}
@@ -217,6 +218,8 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
     if minute is not None and whole is not None:
         title = f"worst minute, every frame from {stamps[minute[0]]:.1f} to {stamps[minute[-1]]:.1f} s"
         show_improvements(out, title, whole)
+    if scores.unmeasured:
+        click.echo("angles that were not measured count as neutral here: a change can only be asked of what is known")
 
 
 @cli.command(epilog="Example: reba convert walk.bvh -o walk.parquet")
@@ -237,14 +240,19 @@ def convert(path: str, output: str, as_json: bool, **given: Any) -> None:
         click.echo(f"{output}: {result['frames']} frames, profile {postures.profile}")
 
 
-@cli.command(epilog="Example: reba profiles")
+@cli.command(epilog="Example: reba profiles; reba profiles human_description > mylab.toml")
+@click.argument("name", required=False, metavar="[NAME]")
 @json_option
-def profiles(as_json: bool) -> None:
-    """List the known sources and what each can and cannot measure."""
+def profiles(name: str | None, as_json: bool) -> None:
+    """List the known sources and what each can and cannot measure, or print the TOML file of one to start from."""
+    from reba.readers.profile import profile_text
     from reba.readers.profile import profiles as known
     from reba.terminal_info import describe_profile, show_profiles
 
-    found = [describe_profile(profile) for profile in known()]
+    if name is not None and not as_json:
+        click.echo(profile_text(name), nl=False)
+        return
+    found = [describe_profile(profile) for profile in known() if name in (None, profile.name)]
     if as_json:
         print_json({"profiles": found})
     else:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from reba.scoring import SCORE_COLUMNS
@@ -172,7 +173,10 @@ class _Timeline:
 
 
 def summarise(scores: Scores) -> dict[str, Any]:
-    """Return the exposure of one recording as plain data (the object of `reba score --json` without paths)."""
+    """Return the exposure of one recording as plain data (the object of `reba score --json` without paths).
+
+    `reba` holds a statistic only where the measured angles determine it; `range` always holds both ends.
+    """
     from reba.worksheet import drivers
 
     time = scores.time
@@ -184,11 +188,11 @@ def summarise(scores: Scores) -> dict[str, Any]:
     worst = []
     for interval in worst_intervals(scores):
         row = scores.data.iloc[interval.frame]
-        known = low[interval.frame] == high[interval.frame]
+        reba = row["reba"]
         worst.append(
             {
                 "time": float(row["time"]),
-                "reba": int(low[interval.frame]) if known else None,
+                "reba": None if pd.isna(reba) else int(reba),
                 "reba_low": int(low[interval.frame]),
                 "reba_high": int(high[interval.frame]),
                 "start": interval.start,
@@ -205,7 +209,7 @@ def summarise(scores: Scores) -> dict[str, Any]:
         "unmeasured": list(scores.unmeasured),
         "assumed": list(scores.assumed),
         "warnings": scores.postures.quality.notes(),
-        "reba": dataclasses.asdict(distribution(column(scores, "reba"), weights)),
+        "reba": dataclasses.asdict(_agreed(column(scores, "reba"), weights, low_end, high_end)),
         "range": {
             "mean_low": low_end.mean,
             "mean_high": high_end.mean,
@@ -227,9 +231,28 @@ def summarise(scores: Scores) -> dict[str, Any]:
             for side in ("left", "right")
         },
         "worst": worst,
-        "parts": {name: {"mean": distribution(column(scores, name), weights).mean} for name in PARTS},
+        "parts": {name: _part(column(scores, name), weights) for name in PARTS},
         "activity": scores.activity_causes,
     }
+
+
+def _agreed(
+    reba: NDArray[np.float64], weights: NDArray[np.float64], low: Distribution, high: Distribution
+) -> Distribution:
+    """Return the statistics of a score; where some frames are open, only those that both ends of the range agree on.
+
+    The frames that happen to be determined are no sample of the others: their mean can even lie outside the range.
+    """
+    if not np.isnan(reba).any():
+        return distribution(reba, weights)
+    ends = {name: (getattr(low, name), getattr(high, name)) for name in ("mean", "median", "p90", "max")}
+    return Distribution(**{name: a if a == b else None for name, (a, b) in ends.items()})
+
+
+def _part(points: NDArray[np.float64], weights: NDArray[np.float64]) -> dict[str, float | None]:
+    """Return the mean of a part score over the frames that determine it, and their share of the time."""
+    known = float(weights[~np.isnan(points)].sum() / (weights.sum() or 1.0))
+    return {"mean": distribution(points, weights).mean, "determined": known}
 
 
 def _side_shares(scores: Scores, side: str, weights: NDArray[np.float64]) -> dict[str, float]:

@@ -154,7 +154,7 @@ def show_improvements(console: Console, title: str, found: Sequence[Improvement]
     """Print the smallest changes for a frame or a stretch."""
     console.print(Text(title, style="bold"))
     if not found:
-        console.print("  nothing lowers the action level, or it is already the lowest")
+        console.print("  at or below this action level already, or no change of what was measured reaches it")
     for improvement in found:
         console.print(Text(f"  {improvement.goal}: {improvement.text()}"))
 

@@ -100,6 +100,4 @@ def show_profiles(console: Console, profiles: list[dict[str, Any]]) -> None:
         origin = f"{profile['kind']} in {', '.join(profile['formats'])}" if profile["formats"] else profile["kind"]
         table.add_row(profile["name"], Text(profile["title"]), origin, Text(cannot or "nothing is missing"))
     console.print(table)
-    console.print(
-        "Your own names: copy one of reba/readers/profiles/*.toml, change it, give it with --profile FILE.toml"
-    )
+    console.print("Your own names: reba profiles NAME > mylab.toml, change it, and give it with --profile mylab.toml")

@@ -177,6 +177,28 @@ def test_info_and_profiles(run: Run) -> None:
     assert "ros4hri" in out
 
 
+def test_a_shipped_profile_is_a_start_for_ones_own(run: Run, tmp_path: Path) -> None:
+    code, text, _ = run("profiles", "human_description")
+    assert code == 0
+    own = tmp_path / "own.toml"
+    own.write_text(text.replace('name = "human_description"', 'name = "own"'))
+    code, out, _ = run("score", PALLETS, "--profile", own, "--json")
+    assert code == 0
+    assert json.loads(out)["recordings"][0]["profile"] == "own"
+    assert run("profiles", "human_descriptoin")[0] == 2
+
+
+def test_open_statistics_are_empty_not_those_of_some_frames(run: Run) -> None:
+    _, out, _ = run("score", ASSEMBLY, "--json")
+    recording = json.loads(out)["recordings"][0]
+    assert recording["reba"]["mean"] is None
+    assert recording["range"]["mean_low"] < recording["range"]["mean_high"]
+    for name in ("p90", "max"):
+        low, high = recording["range"][f"{name}_low"], recording["range"][f"{name}_high"]
+        assert recording["reba"][name] == (low if low == high else None)
+    assert recording["parts"]["wrist_left"]["determined"] < 1.0
+
+
 def test_convert_then_score_is_the_same(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "postures.parquet"
     assert run("convert", PALLETS, "-o", path)[0] == 0

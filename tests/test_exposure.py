@@ -116,7 +116,7 @@ def test_summary_is_the_public_shape() -> None:
     assert set(summary["range"]) >= {"mean_low", "mean_high"}
     assert list(summary["action_levels"]) == ["0", "1", "2", "3", "4"]
     assert all(set(worst) >= {"time", "reba", "why"} for worst in summary["worst"])
-    assert summary["parts"]["trunk"] == {"mean": pytest.approx((1 + 2 + 4) / 3)}
+    assert summary["parts"]["trunk"] == {"mean": pytest.approx((1 + 2 + 4) / 3), "determined": 0.75}
     assert summary["rules"]["name"] == "measured"
     assert summary["rules"]["trunk_upright"] == 5.0
     assert "right arm unsupported" in summary["assumed"]

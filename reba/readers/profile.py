@@ -129,13 +129,28 @@ class Profile:
         return obtainable(self, self.slots)
 
 
+SHIPPED = Path(__file__).parent / "profiles"
+"""Where the TOML files of the package are."""
+
+
 @cache
 def profiles() -> tuple[Profile, ...]:
     """Return the shipped profiles, by name."""
     from reba.readers.profile_file import load_profile
 
-    folder = Path(__file__).parent / "profiles"
-    return tuple(load_profile(path) for path in sorted(folder.glob("*.toml")))
+    return tuple(load_profile(path) for path in sorted(SHIPPED.glob("*.toml")))
+
+
+def profile_text(name: str) -> str:
+    """Return the TOML file of a shipped profile, to start one's own from.
+
+    Raises:
+        ProfileError: there is no such profile.
+    """
+    path = SHIPPED / f"{find_profile(name).name}.toml"
+    if not path.is_file():
+        raise ProfileError(f"{name}: this is a file of your own already; name one of the shipped profiles")
+    return path.read_text(encoding="utf-8")
 
 
 def find_profile(name: str | Path) -> Profile:
