@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.errors import LgpError, LogicError
-from lgp.logic import Action, Task, ground, load_domain, parse_atom
+from lgp.logic import Action, Domain, Task, ground, load_domain, parse_atom
+from lgp.logic.domain import SHIPPED
 from lgp.plan_record import Plan
 from lgp.search import BoundResult, Budget, SearchResult, Skeleton, Status, search
 from lgp.world.scene import Scene
@@ -92,7 +94,17 @@ def task_of(scene: Scene) -> Task:
     Raises:
         LogicError: the domain, the initial state or the goal cannot be used.
     """
-    return ground(load_domain(scene.domain), scene.objects, map(parse_atom, scene.initial), map(parse_atom, scene.goal))
+    return ground(_domain(scene.domain), scene.objects, map(parse_atom, scene.initial), map(parse_atom, scene.goal))
+
+
+def _domain(which: str) -> Domain:
+    """Return a domain; the shipped ones are read once."""
+    return _shipped(which) if (SHIPPED / f"{which}.pddl").is_file() else load_domain(which)
+
+
+@cache
+def _shipped(name: str) -> Domain:
+    return load_domain(name)
 
 
 def parse_sequence(task: Task, lines: Iterable[str]) -> Skeleton:

@@ -40,7 +40,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Values:
-    """Values of all rows, and where asked for the blocks of their Jacobians in the order of the rows."""
+    """Values of all rows, and the blocks of their Jacobians in the order of the rows."""
 
     equality: Array
     inequality: Array
@@ -126,7 +126,7 @@ class Constraints:
             found.append((first, second))
         return found
 
-    def evaluate(self, q: Array, z: Array, derivatives: bool) -> Values:
+    def evaluate(self, q: Array, z: Array) -> Values:
         """Return all rows at configurations (P, nq) and variables (nz,)."""
         equality, inequality = [np.zeros(0)], [np.zeros(0)]
         eq_blocks: list[Array] = []
@@ -150,8 +150,7 @@ class Constraints:
         if self._legs is not None:
             beyond, by_human = self._legs.reach(q)
             inequality.append(beyond.ravel())
-            if derivatives:
-                in_blocks.append(by_human[:, :, np.searchsorted(self._legs.columns, self._pelvis)])
+            in_blocks.append(by_human[:, :, np.searchsorted(self._legs.columns, self._pelvis)])
         return Values(np.concatenate(equality), np.concatenate(inequality), eq_blocks, in_blocks)
 
     def jacobians(self, values: Values) -> tuple[sp.csr_matrix, sp.csr_matrix]:
@@ -160,7 +159,7 @@ class Constraints:
 
     def residuals(self, q: Array, z: Array) -> dict[str, float]:
         """Return the largest violations: equality, inequality, and all of them by unit (metres, radians)."""
-        values = self.evaluate(q, z, derivatives=False)
+        values = self.evaluate(q, z)
         found = {"equality": float(np.abs(values.equality).max(initial=0.0))}
         found["inequality"] = float(values.inequality.max(initial=0.0))
         rows = [*self.eq_rows, *self.in_rows]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lgp.errors import LgpError
 from lgp.world.model import World
 from lgp.world.posture import PostureMap
-from reba.posture import INDEX
+from reba.posture import COLUMNS, INDEX
 
 if TYPE_CHECKING:
     from dreba.model import Surrogate
@@ -49,23 +49,32 @@ class Ergonomics:
         self.columns = self.posture.columns
         self.stages: tuple[float | None, ...] = tuple(model.temperatures_) or (None,)
         self._chosen = [INDEX[name] for name in model.joints_]
+        self._last: tuple[Array, Array, Array] | None = None
         least = self._minimum()
         self.shift = max(-least, 0.0)
         self.floor = least + self.shift
 
     def value(self, q: Array, loads: Array, stage: int = -1) -> Array:
         """Return the surrogate's score (n,) of configurations (n, nq) with loads (n,) [kg]."""
-        angles = self.posture.evaluate(q, smooth=True)[0][:, self._chosen]
+        angles, _ = self._angles(q)
         return self.shift + np.asarray(self.model.value(angles, load=loads, temperature=self.stages[stage]))
 
     def model_at(self, q: Array, loads: Array, stage: int = -1) -> tuple[Array, Array, Array]:
         """Return value (n,), gradient (n, k) and a positive semidefinite Hessian (n, k, k) by `columns`."""
-        angles, jacobian = self.posture.evaluate(q, smooth=True)
-        angles, jacobian = angles[:, self._chosen], jacobian[:, self._chosen]
+        angles, jacobian = self._angles(q)
         given: dict[str, Any] = {"load": loads, "temperature": self.stages[stage]}
         value, slope = self.model.value_and_gradient(angles, **given)
         gradient = np.matmul(slope[:, None, :], jacobian)[:, 0]
         return self.shift + np.asarray(value), gradient, self._curvature(angles, jacobian, given)
+
+    def _angles(self, q: Array) -> tuple[Array, Array]:
+        """Return the angles (n, d) and their Jacobian (n, d, k); those of the last configurations are kept."""
+        if self._last is None or not np.array_equal(self._last[0], q):
+            angles, jacobian = self.posture.evaluate(q, smooth=True)
+            if self._chosen != list(range(len(COLUMNS))):
+                angles, jacobian = angles[:, self._chosen], jacobian[:, self._chosen]
+            self._last = q.copy(), angles, jacobian
+        return self._last[1:]
 
     def _curvature(self, angles: Array, jacobian: Array, given: dict[str, Any]) -> Array:
         from dreba.errors import ModelError

@@ -20,7 +20,7 @@ def nearest(problem: PathProblem, start: Array, tolerance: float = CLOSE) -> tup
     """Return x (n,) near a start that violates the constraints least, and the largest violation left [m, rad]."""
 
     def residuals(x: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
-        values = problem.rows.evaluate(*problem.split(x[0]), derivatives=True)
+        values = problem.rows.evaluate(*problem.split(x[0]))
         equal, limits = problem.rows.jacobians(values)
         broken = values.inequality > 0.0
         slopes = np.where(broken[:, None], limits.toarray(), 0.0)

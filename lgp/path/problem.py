@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lgp.path.acceleration import Condensed, condense, quadratic
 from lgp.path.blocks import UpperBlocks
-from lgp.path.constraints import Constraints
+from lgp.path.constraints import Constraints, Values
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.phases import Phases
 from lgp.sqp import Model
@@ -103,6 +103,7 @@ class PathProblem:
         self._loads = phases.loads()[self.kept]
         self._condense(switches, stop)
         self._patterns()
+        self._last: tuple[Array, Values] | None = None
 
     def split(self, x: Array) -> tuple[Array, Array]:
         """Return the configurations (P, nq) and the variables (nz,) in x (n,)."""
@@ -133,13 +134,13 @@ class PathProblem:
 
     def evaluate(self, x: Array) -> tuple[float, Array, Array]:
         """Return cost, equalities and inequalities at x."""
-        values = self.rows.evaluate(*self.split(x), derivatives=False)
+        values = self._rows(x)
         return self.costs(x).total, values.equality, values.inequality
 
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
         """Return the convex model at x: Gauss-Newton cost, convex part of the curvature of the switches."""
         q, z = self.split(x)
-        values = self.rows.evaluate(q, z, derivatives=True)
+        values = self._rows(x)
         eq_jac, in_jac = self.rows.jacobians(values)
         gradient = np.concatenate([self._pull(q - self.start).ravel(), np.zeros(len(z))])
         blocks = self.rows.curvature(q, z, y_eq)
@@ -148,6 +149,12 @@ class PathProblem:
             gradient[self._postures.ravel()] += self._rate * slope.ravel()
             blocks.append(self._rate * bend)
         return Model(self._hessian.fill(blocks), gradient, eq_jac, values.equality, in_jac, values.inequality)
+
+    def _rows(self, x: Array) -> Values:
+        """Return all rows at x; those of the last point are kept, as each accepted point is asked for twice."""
+        if self._last is None or not np.array_equal(self._last[0], x):
+            self._last = x.copy(), self.rows.evaluate(*self.split(x))
+        return self._last[1]
 
     def _pull(self, away: Array) -> Array:
         """Return the gradient (P, nq) of the acceleration cost at a path counted from the start."""

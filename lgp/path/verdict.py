@@ -19,7 +19,7 @@ def reason(problem: PathProblem, x: Array) -> str:
     Example of a result: `phase 1, grasp(1, baxter.left, screwdriver): baxter.left stays 0.496 m away from screwdriver
     on table.start`.
     """
-    values = problem.rows.evaluate(*problem.split(x), derivatives=False)
+    values = problem.rows.evaluate(*problem.split(x))
     size = 3 * len(problem.rows.enforced) * 2
     jumps = values.equality[:size].reshape(-1, 6)
     words: list[tuple[float, str]] = []
