@@ -180,7 +180,7 @@ def test_bad_domains_say_where(old: str, new: str, says: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.data())
 def test_cut_or_changed_domains_never_leak_other_errors(data: st.DataObject) -> None:
     start = data.draw(st.integers(0, len(TEXT) - 1))

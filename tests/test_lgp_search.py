@@ -77,7 +77,7 @@ def exhaustive(problem: Task, bounds: MadeUp, depth: int) -> float:
     return best
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.2, 0.6]), st.booleans())
 def test_finds_the_optimum_and_proves_it(seed: int, infeasible: float, direct: bool) -> None:
     problem = task()

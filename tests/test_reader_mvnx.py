@@ -138,3 +138,11 @@ def test_sniff_looks_at_the_content() -> None:
     assert sniff(Path("a.xml"), SMALL.encode()[:200])
     assert not sniff(Path("a.xml"), b"<?xml version='1.0'?><html>")
     assert not sniff(Path("a.mvnx"), b"time,x")
+
+
+@pytest.mark.parametrize("encoding", ["ATF-8", "utf-7", "shift_jis", "rot13"])
+def test_an_encoding_that_cannot_be_read_is_one_error(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "odd.mvnx"
+    path.write_text(f'<?xml version="1.0" encoding="{encoding}"?>\n<mvnx version="4"></mvnx>')
+    with pytest.raises(ReadError, match=r"odd\.mvnx"):
+        open_mvnx(path)

@@ -79,10 +79,17 @@ class Parser:
         """Parse a further chunk.
 
         Raises:
-            ReadError: a document type definition, another root than mvnx, or more labels than a body has.
+            ReadError: a document type definition, an unknown character encoding, another root than mvnx, or more
+                labels than a body has.
             expat.ExpatError: what follows is no XML.
         """
-        self._expat.Parse(chunk, last)
+        try:
+            self._expat.Parse(chunk, last)
+        except ReadError:
+            raise
+        except (LookupError, ValueError) as error:
+            # The parser asks Python for encodings it does not know itself.
+            raise self._fail(f"its character encoding cannot be read ({error})") from error
 
     def _fail(self, what: str, hint: str = "export the recording again") -> ReadError:
         return ReadError(self.path, f"line {self._expat.CurrentLineNumber}: {what}", hint=hint)
