@@ -1,0 +1,1 @@
+"""Experiments of Busch, Toussaint & Lopes 2018 run again: their runs, their statistics, their pages."""

@@ -1,0 +1,178 @@
+"""The paper's Figs. 5 to 7 as plain SVG: bars with standard errors and significance, and the profile of a plan.
+
+Drawn 420 units wide, so that the text is readable on a telephone and the files stand alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.experiments.runs import CONDITIONS, STARTS
+from lgp.experiments.statistics import stars
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+
+COLOURS: Final = {"non-ergonomic": "#b4540a", "ergonomic": "#1f6fa8", "re-optimized": "#7a68b5"}
+"""One per condition; each also has its name beside it."""
+DASHES: Final = {"rest": "none", "random": "6 4"}
+"""As in the paper's Fig. 7."""
+INK, SOFT, LINE = "#1b2430", "#4d5866", "#d5dae1"
+
+WIDTH, HEIGHT = 420.0, 320.0
+_LEFT, _RIGHT, _DOWN = 44.0, 412.0, 272.0
+_BARS_UP, _PROFILE_UP = 96.0, 62.0
+"""Room above the bars for the brackets, above the lines for the key."""
+_BRACKET = 26.0
+_KEY = (_LEFT, _LEFT + 140.0, _LEFT + 256.0)
+"""Where the entries of the key begin."""
+_LEVEL = {(0, 1): 1, (1, 2): 1, (0, 2): 2}
+"""How high the bracket over a pair of bars stands."""
+
+
+def bars(scores: Mapping[str, Any], label: str) -> str:
+    """Return mean scores per condition with standard errors, and a bracket over every compared pair.
+
+    Args:
+        scores: `reba_grasp` or `reba_mean` of one start of a summary.
+        label: text for people who cannot see it.
+    """
+    conditions = scores["conditions"]
+    means = [_number(conditions[name]["mean"]) for name in CONDITIONS]
+    errors = [_number(conditions[name]["se"]) for name in CONDITIONS]
+    top = max((mean + error for mean, error in zip(means, errors, strict=True)), default=0.0) or 1.0
+    scale = (_DOWN - _BARS_UP) / top
+    step = (_RIGHT - _LEFT) / len(CONDITIONS)
+    centres = [_LEFT + step * (place + 0.5) for place in range(len(CONDITIONS))]
+    parts = _grid(_ticks(0.0, top), lambda value: _DOWN - value * scale, "mean REBA score")
+    for name, centre, mean, error in zip(CONDITIONS, centres, means, errors, strict=True):
+        parts.append(_text(centre, _DOWN + 18, name))
+        n = conditions[name]["n"]
+        parts.append(_text(centre, _DOWN + 36, f"n = {n}", size=12, colour=SOFT))
+        if not n:
+            continue
+        y = _DOWN - mean * scale
+        parts.append(f'<rect x="{centre - 36:.1f}" y="{y:.1f}" width="72" height="{_DOWN - y:.1f}" '
+                     f'fill="{COLOURS[name]}"/>')  # fmt: skip
+        low, high = y + error * scale, y - error * scale
+        parts += [_line(centre, low, centre, high), *(_line(centre - 7, end, centre + 7, end) for end in (low, high))]
+        parts.append(_text(centre, _DOWN - 10, f"{mean:.2f}", colour="#ffffff", weight=700))
+    for pair in scores["pairs"]:
+        parts += _bracket(pair, centres)
+    return _svg(parts, label)
+
+
+def _bracket(pair: Mapping[str, Any], centres: Sequence[float]) -> list[str]:
+    places = CONDITIONS.index(pair["first"]), CONDITIONS.index(pair["second"])
+    y = _BARS_UP - 10 - _LEVEL[places] * _BRACKET + 6
+    a, b = centres[places[0]] + 6, centres[places[1]] - 6
+    mark = "not tested" if pair["p_holm"] is None else stars(pair["p_holm"]) or "n.s."
+    return [_line(a, y, b, y), _line(a, y, a, y + 7), _line(b, y, b, y + 7), _text((a + b) / 2, y - 5, mark)]
+
+
+def profile(paths: pd.DataFrame, label: str) -> str:
+    """Return the mean score over the time of the plans, per condition and start, with its standard error as a band.
+
+    Args:
+        paths: with `lgp.experiments.runs.PATH_COLUMNS`.
+        label: text for people who cannot see it.
+    """
+    means = paths.groupby(["initial", "condition", "time"])["reba"].agg(["mean", "sem"]).fillna({"sem": 0.0})
+    means = means.reset_index()
+    starts = [start for start in STARTS if (means["initial"] == start).any()]
+    end = float(paths["time"].max()) if len(paths) else 1.0
+    low, high = ((means["mean"] - means["sem"]).min(), (means["mean"] + means["sem"]).max()) if len(means) else (1, 2)
+    bottom, top = float(np.floor(low)), float(max(np.ceil(high), np.floor(low) + 1))
+
+    def x(time: Any) -> Any:
+        return _LEFT + np.asarray(time) / end * (_RIGHT - _LEFT)
+
+    def y(score: Any) -> Any:
+        return _DOWN - (np.asarray(score) - bottom) / (top - bottom) * (_DOWN - _PROFILE_UP)
+
+    parts = _grid(_ticks(bottom, top), lambda value: float(y(value)), "mean REBA score")
+    parts += _phases(paths, x)
+    for start in starts:
+        for condition in CONDITIONS:
+            curve = means[(means["initial"] == start) & (means["condition"] == condition)]
+            px, mean, error = x(curve["time"].to_numpy()), curve["mean"].to_numpy(), curve["sem"].to_numpy()
+            band = _points(np.r_[px, px[::-1]], y(np.r_[mean + error, (mean - error)[::-1]]))
+            parts.append(f'<polygon points="{band}" fill="{COLOURS[condition]}" fill-opacity="0.16"/>')
+            parts.append(f'<polyline points="{_points(px, y(mean))}" fill="none" stroke="{COLOURS[condition]}" '
+                         f'stroke-width="2.2" stroke-dasharray="{DASHES[start]}"/>')  # fmt: skip
+    return _svg([*parts, *_key(starts)], label)
+
+
+def _phases(paths: pd.DataFrame, x: Any) -> list[str]:
+    """Return dividers between the phases and their numbers; plans of unlike lengths share the longest one's."""
+    ends = paths.groupby("phase")["time"].max()
+    parts, before = [], 0.0
+    for phase, end in zip(ends.index.tolist(), ends.tolist(), strict=True):
+        parts.append(_line(float(x(end)), _PROFILE_UP, float(x(end)), _DOWN, LINE, 1.0))
+        parts.append(_text(float(x((before + end) / 2)), _DOWN + 18, f"phase {phase + 1}"))
+        parts.append(_text(float(x(end)), _DOWN + 36, f"{end:g} s", size=12, colour=SOFT, anchor="end"))
+        before = float(end)
+    return parts
+
+
+def _key(starts: Sequence[str]) -> list[str]:
+    parts = []
+    for at, name in zip(_KEY, CONDITIONS, strict=True):
+        parts += [_line(at, 14, at + 22, 14, COLOURS[name], 4.0), _text(at + 28, 19, name, anchor="start")]
+    for at, start in zip(_KEY, starts, strict=False):
+        parts.append(_line(at, 38, at + 22, 38, INK, 2.2, DASHES[start]))
+        parts.append(_text(at + 28, 43, f"{start} start", anchor="start"))
+    return parts
+
+
+def _grid(ticks: Sequence[float], y: Any, title: str) -> list[str]:
+    parts = []
+    for tick in ticks:
+        parts.append(_line(_LEFT, y(tick), _RIGHT, y(tick), LINE, 1.0))
+        parts.append(_text(_LEFT - 6, y(tick) + 4.5, f"{tick:g}", anchor="end"))
+    middle = (_DOWN + _PROFILE_UP) / 2
+    turned = f'<g transform="translate(13 {middle:.1f}) rotate(-90)">{_text(0, 0, title, size=13, colour=SOFT)}</g>'
+    return [*parts, turned]
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Return round numbers from `low` to `high`."""
+    width = high - low
+    step = next((size for size in (0.1, 0.2, 0.5, 1.0, 2.0) if width / size <= 7.5), 5.0)
+    return [round(float(value), 6) + 0.0 for value in np.arange(np.ceil(low / step - 1e-9) * step, high + 1e-9, step)]
+
+
+def _number(value: float | None) -> float:
+    return 0.0 if value is None else value
+
+
+def _points(x: Array, y: Array) -> str:
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+
+
+def _line(x1: float, y1: float, x2: float, y2: float, colour: str = INK, width: float = 1.4, dash: str = "") -> str:
+    dashes = f' stroke-dasharray="{dash}"' if dash else ""
+    ends = f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"'
+    return f'<line {ends} stroke="{colour}" stroke-width="{width:g}"{dashes}/>'
+
+
+def _text(
+    x: float, y: float, text: str, *, size: int = 14, colour: str = INK, anchor: str = "middle", weight: int = 400
+) -> str:
+    look = f'font-size="{size}" fill="{colour}" text-anchor="{anchor}" font-weight="{weight}"'
+    return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{text}</text>'
+
+
+def _svg(parts: Sequence[str], label: str) -> str:
+    from markupsafe import escape
+
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" '
+        f'aria-label="{escape(label)}" font-family="system-ui, sans-serif">' + "".join(parts) + "</svg>"
+    )

@@ -1,0 +1,156 @@
+"""The page of the screwdriver experiment, and everything else that is written once the runs are made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lgp.experiments import published
+from lgp.experiments.figures import bars, profile
+from lgp.experiments.findings import findings
+from lgp.experiments.postures import example
+from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs
+from lgp.experiments.statistics import stars
+from lgp.experiments.summary import summarise, write_summary
+from reba.writers import write_atomic, write_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lgp.world.scene import Scene
+
+FIGURE_NUMBER = {"rest": 5, "random": 6}
+"""The paper's figure with the bars of a start."""
+
+
+def write_results(
+    folder: str | Path,
+    runs: pd.DataFrame,
+    paths: pd.DataFrame,
+    scene: Scene,
+    *,
+    settings: Mapping[str, Any] | None = None,
+    command: str = "",
+    reach: pd.DataFrame | None = None,
+    sensitivity: pd.DataFrame | None = None,
+) -> dict[str, Any]:
+    """Write `summary.json`, `figure_5.svg` to `figure_7.svg` and `report.html` into a folder; return the summary.
+
+    Args:
+        folder: that holds the runs.
+        runs, paths: as `RunStore.finish` returns them, of one start or both.
+        scene: what was planned for; its free choices are shown with their reasons.
+        settings: how the runs were made, shown and kept in the summary.
+        command: command line to show, so that the page can be made again.
+        reach: shares of table tops reached, as `lgp.world.reachability.Reachability.shares` returns them.
+        sensitivity: rows of `choice factor condition left center right n`: shares of tables [%] of feasible runs when a
+            free choice of the scene is multiplied by a factor.
+
+    Raises:
+        LgpError: a table is not as expected, or statsmodels is not installed.
+        RebaError: a file cannot be written.
+    """
+    summary = summarise(runs, paths, settings)
+    place = Path(folder)
+    write_summary(place / "summary.json", summary)
+    plots = plots_of(summary, check_paths(paths))
+    for name, svg in plots.items():
+        _write(place / f"{name}.svg", svg + "\n")
+    html = render(summary, runs, paths, scene, plots, command=command, reach=reach, sensitivity=sensitivity)
+    _write(place / "report.html", html)
+    return summary
+
+
+def plots_of(summary: Mapping[str, Any], paths: pd.DataFrame) -> dict[str, str]:
+    """Return the figures that stand as files: name -> SVG."""
+    plots = {
+        f"figure_{FIGURE_NUMBER[start]}": bars(
+            found["reba_grasp"], f"Bars: mean REBA score at the grasp per condition, {start} start"
+        )
+        for start, found in summary["starts"].items()
+    }
+    if len(paths):
+        plots["figure_7"] = profile(paths, "Lines: mean REBA score over the phases per condition and start")
+    return plots
+
+
+def render(
+    summary: Mapping[str, Any],
+    runs: pd.DataFrame,
+    paths: pd.DataFrame,
+    scene: Scene,
+    plots: Mapping[str, str],
+    *,
+    command: str = "",
+    reach: pd.DataFrame | None = None,
+    sensitivity: pd.DataFrame | None = None,
+) -> str:
+    """Return the page as HTML; arguments as in `write_results`, `plots` as `plots_of` returns them."""
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    from reba import __version__
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"p": p_value, "number": number, "stars": _stars}
+    template = environment.from_string(_file("lgp.experiments", "screwdriver.html"))
+    return template.render(
+        summary=summary,
+        findings=findings(summary),
+        conditions=CONDITIONS,
+        tables=TABLES,
+        starts=[start for start in STARTS if start in summary["starts"]],
+        missing=[start for start in STARTS if start not in summary["starts"]],
+        table_number=published.TABLE_NUMBER,
+        figure_number=FIGURE_NUMBER,
+        plots={name: Markup(svg) for name, svg in plots.items()},
+        example=example(check_runs(runs), check_paths(paths)),
+        Markup=Markup,
+        scene=scene,
+        reach=None if reach is None else _reach(reach),
+        sensitivity=[] if sensitivity is None else sensitivity.to_dict("records"),
+        command=command,
+        version=__version__,
+        style=Markup(_file("reba.report", "style.css")),
+    )
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """Return a number in words, a dash where there is none."""
+    return "–" if value is None else f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def p_value(value: float | None) -> str:
+    """Return an exact p value: two digits that count.
+
+    Example:
+        >>> p_value(0.0123), p_value(1.24e-9), p_value(None)
+        ('0.012', '1.2e-09', '–')
+    """
+    return "–" if value is None else f"{value:.2g}" if value < 0.0995 else f"{value:.2f}"
+
+
+def _stars(value: float | None) -> str:
+    return "" if value is None else stars(value) or "n.s."
+
+
+def _reach(shares: pd.DataFrame) -> dict[str, Any]:
+    """Return heights, and rows of hand, table and shares."""
+    rows: Sequence[tuple[Any, Any]] = list(shares.iterrows())
+    return {
+        "heights": [float(height) for height in shares.columns],
+        "rows": [
+            {"hand": hand, "table": table, "shares": [None if share != share else float(share) for share in row]}
+            for (hand, table), row in rows
+        ],
+    }
+
+
+def _write(path: Path, text: str) -> None:
+    write_atomic(path, lambda part: write_text(part, text))
+
+
+def _file(package: str, name: str) -> str:
+    return (resources.files(package) / name).read_text(encoding="utf-8")

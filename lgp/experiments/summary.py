@@ -1,0 +1,195 @@
+"""`summary.json` of the screwdriver experiment: the paper's tables and tests, ours beside theirs, as plain data.
+
+Every test says its n, statistic, exact p and effect size. Shares of tables are of feasible runs.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from lgp.experiments import published
+from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs, pivot
+from lgp.experiments.statistics import anova, change, compare, mean_of, require
+from reba.writers import write_atomic, write_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FORMAT: Final = "lgp-experiment"
+VERSION: Final = 1
+
+PAIRS: Final = tuple(combinations(CONDITIONS, 2))
+"""Comparisons after an ANOVA."""
+
+PLAIN, ERGONOMIC = "non-ergonomic", "ergonomic"
+
+
+def summarise(runs: pd.DataFrame, paths: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Return the summary as plain data; NaN is None.
+
+    Args:
+        runs: with `lgp.experiments.runs.RUN_COLUMNS`, of one start or both.
+        paths: with `PATH_COLUMNS`.
+        settings: how the runs were made, kept as they are.
+
+    Raises:
+        LgpError: a table is not as `check_runs` and `check_paths` expect, or statsmodels is not installed.
+    """
+    require()
+    runs, paths = check_runs(runs), check_paths(paths)
+    starts = [start for start in STARTS if (runs["initial"] == start).any()]
+    found: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "experiment": "screwdriver",
+        "published": published.SOURCE,
+        "settings": dict(settings or {}),
+        "starts": {start: _start(runs, paths, start) for start in starts},
+        "between_starts": _between(runs) if len(starts) == len(STARTS) else None,
+    }
+    plain: dict[str, Any] = _plain(found)
+    return plain
+
+
+def write_summary(path: str | Path, summary: Mapping[str, Any]) -> None:
+    """Write a summary as JSON.
+
+    Raises:
+        RebaError: the file cannot be written.
+    """
+    text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
+    write_atomic(Path(path), lambda part: write_text(part, text))
+
+
+def _start(runs: pd.DataFrame, paths: pd.DataFrame, start: str) -> dict[str, Any]:
+    """Return everything about the runs with one start."""
+    here = runs[runs["initial"] == start]
+    heights = here.drop_duplicates("run")[[f"height_{table}" for table in TABLES]].to_numpy()
+    tables = pivot(runs, "table", start)
+    scores = {column: pivot(runs, column, start) for column in ("reba_grasp", "reba_mean", "chosen_height")}
+    return {
+        "runs": int(here["run"].nunique()),
+        "infeasible": _infeasible(here),
+        "drawn_height": {**asdict(mean_of(heights.ravel())), "published": _pair(published.DRAWN_HEIGHT)},
+        "table_choice": {condition: _choice(here, start, condition) for condition in CONDITIONS},
+        "table_change": asdict(change(tables[PLAIN], tables[ERGONOMIC], TABLES)),
+        "chosen_height": _heights(scores["chosen_height"], start),
+        "reba_grasp": _scores(scores["reba_grasp"]),
+        "reba_mean": _scores(scores["reba_mean"]),
+        "reba_phases": _phases(paths[paths["initial"] == start]),
+        "seconds": {name: asdict(mean_of(rows["seconds"])) for name, rows in here.groupby("condition")},
+    }
+
+
+def _infeasible(runs: pd.DataFrame) -> dict[str, Any]:
+    """Return per condition how many runs have no plan, and which with why."""
+    found = {}
+    for condition in CONDITIONS:
+        here = runs[runs["condition"] == condition]
+        failed = here[~here["feasible"]]
+        reasons = [
+            {"run": int(run), "reason": str(reason)}
+            for run, reason in zip(failed["run"], failed["reason"], strict=True)
+        ]
+        found[condition] = {"n": len(failed), "of": len(here), "runs": reasons}
+    return found
+
+
+def _choice(runs: pd.DataFrame, start: str, condition: str) -> dict[str, Any]:
+    """Return how often each table was chosen, with Wilson's 95 % interval, beside the paper."""
+    from scipy.stats import binomtest
+
+    chosen = runs[(runs["condition"] == condition) & runs["feasible"]]["table"]
+    n = len(chosen)
+    counts = {table: int((chosen == table).sum()) for table in TABLES}
+    theirs = published.CHOICE_PERCENT[start].get(condition)
+    intervals = {
+        table: [100 * end for end in binomtest(count, n).proportion_ci(method="wilson")] if n else [None, None]
+        for table, count in counts.items()
+    }
+    return {
+        "n": n,
+        "counts": counts,
+        "percent": {table: 100 * count / n if n else None for table, count in counts.items()},
+        "interval": intervals,
+        "published": theirs,
+        "against_published": _against(counts, theirs) if n and theirs else None,
+    }
+
+
+def _against(ours: Mapping[str, int], theirs: Mapping[str, int]) -> dict[str, Any]:
+    """Return the chi-square test that our choices and the paper's (in percent of 100 runs) have the same shares."""
+    from scipy.stats import chi2_contingency
+
+    counts = np.array([[side[table] for table in TABLES] for side in (ours, theirs)])
+    used = counts[:, counts.sum(axis=0) > 0]
+    result: Any = chi2_contingency(used, correction=False)
+    smallest = min(used.shape) - 1
+    cramer = math.sqrt(float(result.statistic) / (used.sum() * smallest)) if smallest else 0.0
+    return {"test": "chi-square of homogeneity", "n": counts.sum(axis=1).tolist(), "statistic": float(result.statistic),
+            "df": int(result.dof), "p": float(result.pvalue), "cramer_v": cramer}  # fmt: skip
+
+
+def _heights(table: pd.DataFrame, start: str) -> dict[str, Any]:
+    theirs = published.CHOSEN_HEIGHT[start]
+    means = {name: {**asdict(mean_of(table[name])), "published": _pair(theirs.get(name))} for name in CONDITIONS}
+    return {"conditions": means, "pairs": [asdict(one) for one in compare(table, [(PLAIN, ERGONOMIC)])]}
+
+
+def _scores(table: pd.DataFrame) -> dict[str, Any]:
+    means = {name: mean_of(table[name]) for name in CONDITIONS}
+    order = sorted((name for name in CONDITIONS if means[name].n), key=lambda name: means[name].mean)
+    return {
+        "conditions": {name: asdict(mean) for name, mean in means.items()},
+        "order": order,
+        "published_order": list(published.EXPECTED_ORDER),
+        "anova": asdict(anova(table)),
+        "pairs": [asdict(one) for one in compare(table, PAIRS)],
+    }
+
+
+def _phases(paths: pd.DataFrame) -> dict[str, list[dict[str, Any]]]:
+    """Return per condition and phase the mean over runs of the mean score in that phase."""
+    per_run = paths.groupby(["condition", "phase", "run"])["reba"].mean()
+    return {
+        condition: [
+            {"phase": phase, **asdict(mean_of(values))}
+            for phase, values in per_run.loc[[condition]].groupby(level="phase")
+        ]
+        for condition in CONDITIONS
+        if condition in per_run.index.get_level_values("condition")
+    }
+
+
+def _between(runs: pd.DataFrame) -> dict[str, Any]:
+    """Return what the random start does to the score at the grasp, per condition on the same heights."""
+    rest, moved = (pivot(runs, "reba_grasp", start).add_suffix(f", {start}") for start in STARTS)
+    both = rest.join(moved, how="outer")
+    pairs = [(f"{condition}, random", f"{condition}, rest") for condition in CONDITIONS]
+    found = [asdict(one) for one in compare(both, pairs)]
+    return {"reba_grasp": dict(zip(CONDITIONS, found, strict=True))}
+
+
+def _pair(value: tuple[float, float] | None) -> dict[str, float] | None:
+    return None if value is None else {"mean": value[0], "sd": value[1]}
+
+
+def _plain(value: Any) -> Any:
+    """Return plain data that strict JSON holds."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
