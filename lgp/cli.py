@@ -12,7 +12,7 @@ from lgp.errors import LgpError
 from lgp.plan import COST, DEPTH
 from lgp.plan import plan as make_plan
 from lgp.world.scene_file import load_scene, shipped_scenes
-from reba.shell import GROUP, console, json_option, print_json, run
+from reba.shell import GROUP, command_line, console, json_option, print_json, run
 
 
 @click.group(context_settings=GROUP)
@@ -75,6 +75,38 @@ def plan(
         show_plan(console(), summary)
     if not found.feasible:
         raise LgpError(f"{loaded.name}: no plan: {found.reason}")
+
+
+@cli.command(epilog="Example: lgp experiment screwdriver --runs 100 --jobs 2 -o results/")
+@click.argument("name", type=click.Choice(["screwdriver"]))
+@click.option("--runs", default=100, type=click.IntRange(min=1), show_default=True, help="Draws of the table heights.")
+@click.option("--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of all draws.")
+@click.option("--initial", default="rest", type=click.Choice(["rest", "random"]), help="First posture of the human.")
+@click.option("--cost", default=COST, metavar="MODEL.json|NAME", show_default=True, help="dREBA model.")
+@click.option("--jobs", default=1, type=click.IntRange(min=1), show_default=True, help="Processes.")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Results; an unfinished experiment goes on there.")
+@json_option
+def experiment(name: str, runs: int, seed: int, initial: str, cost: str, jobs: int, output: str, as_json: bool) -> None:
+    """Run an experiment of the paper again: tables, figures and tests, ours beside theirs."""
+    from lgp.experiments.screwdriver import experiment as make
+
+    def progress(done: int, wanted: int) -> None:
+        click.echo(f"{name}: {done} of {wanted} runs", err=True)
+
+    summary = make(
+        output,
+        runs,
+        seed=seed,
+        initial=initial,
+        cost=cost,
+        jobs=jobs,
+        progress=progress,
+        command=command_line("lgp"),
+    )
+    if as_json:
+        print_json(summary)
+    else:
+        click.echo(f"results are in {output}: report.html, summary.json, runs.parquet, paths.parquet")
 
 
 @cli.command()

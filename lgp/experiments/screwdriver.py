@@ -1,0 +1,210 @@
+"""The screwdriver experiment (section III of the paper): which table, at what height, in which posture.
+
+One run draws the heights of the tables and plans three times: without ergonomics, with, and with ergonomics but the
+actions of the plan without ("re-optimized"). Heights depend on seed and run alone, so conditions and starts are paired.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.errors import LgpError
+from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES
+from lgp.plan import COST, plan
+from lgp.plan_record import Plan
+from lgp.world.scene import Scene
+from lgp.world.scene_file import load_scene
+from reba.posture import COLUMNS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lgp.path.ergonomics import Ergonomics
+    from lgp.world.model import World
+
+Array = NDArray[np.float64]
+
+SCENE: Final = "screwdriver"
+DEPTH: Final = 4
+"""Longest sequence; the shortest has three actions and the next five."""
+DRAWS: Final = 1000
+"""Random postures drawn until one has both soles on the floor."""
+
+
+def experiment(
+    folder: str | Path,
+    runs: int = 100,
+    *,
+    seed: int = 0,
+    initial: str = "rest",
+    cost: str = COST,
+    jobs: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+    command: str = "",
+) -> dict[str, Any]:
+    """Make the runs that a folder lacks, write its tables, figures and page, and return the summary.
+
+    Args:
+        folder: of the results; runs that are in it stay, so a stopped experiment goes on.
+        runs: how many there shall be.
+        seed, initial, cost, jobs: as for `plan_runs`.
+        progress: told how many runs there are and how many there shall be, after each.
+        command: that made the results, for the page.
+
+    Raises:
+        LgpError: the folder holds runs of other settings, or something that is needed is missing.
+    """
+    from lgp.experiments.page import write_results
+    from lgp.experiments.run_store import RunStore
+    from lgp.experiments.statistics import require
+
+    require()
+    settings = {"experiment": SCENE, "scene": SCENE, "seed": seed, "cost": cost, "depth": DEPTH}
+    store = RunStore(folder, settings)
+    missing = sorted(set(range(runs)) - store.done(initial))
+    for number, made in enumerate(plan_runs(missing, seed, initial, cost, jobs), 1):
+        store.append(*made)
+        if progress is not None:
+            progress(runs - len(missing) + number, runs)
+    tables = store.finish()
+    return write_results(folder, *tables, load_scene(SCENE), settings=settings, command=command)
+
+
+def plan_run(
+    run: int, seed: int = 0, initial: str = "rest", cost: str = COST, slices: int | None = None
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the rows of one run: every condition (3, columns of `RUN_COLUMNS`), and their paths (`PATH_COLUMNS`).
+
+    Args:
+        run: its number.
+        seed: of the experiment.
+        initial: "rest" starts in the posture of lowest REBA score, "random" in one drawn inside the joint limits.
+        cost: dREBA model of the conditions with ergonomics: a file or a shipped name.
+        slices: per phase, the scene's by default.
+
+    Example:
+        >>> runs, paths = plan_run(0)                                     # doctest: +SKIP
+        >>> runs[["condition", "table", "reba_grasp"]]                    # doctest: +SKIP
+    """
+    import pandas as pd
+
+    world, ergonomics = _prepared(cost)
+    scene = world.scene.draw_heights(np.random.default_rng([seed, run]))
+    start = world.start if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
+    rows, paths = [], []
+    for condition, found in _conditions(scene, world, ergonomics, start, slices):
+        common = {"run": run, "condition": condition, "initial": initial}
+        rows.append(_row(scene, found) | common | {"seed": seed})
+        if found.feasible:
+            paths.append(_path(found, common))
+    runs = pd.DataFrame(rows)[list(RUN_COLUMNS)].astype(RUN_COLUMNS)
+    if not paths:
+        return runs, pd.DataFrame({name: pd.Series(dtype=kind) for name, kind in PATH_COLUMNS.items()})
+    return runs, pd.concat(paths, ignore_index=True)[list(PATH_COLUMNS)].astype(PATH_COLUMNS)
+
+
+def plan_runs(
+    runs: Iterable[int], seed: int = 0, initial: str = "rest", cost: str = COST, jobs: int = 1
+) -> Iterator[tuple[pd.DataFrame, pd.DataFrame]]:
+    """Yield `plan_run` of every run, in order, made by some processes at once.
+
+    Args:
+        runs: their numbers.
+        seed, initial, cost: as for `plan_run`.
+        jobs: processes.
+    """
+    numbers = list(runs)
+    if jobs == 1:
+        for run in numbers:
+            yield plan_run(run, seed, initial, cost)
+        return
+    from joblib import Parallel, delayed
+
+    made = Parallel(n_jobs=jobs, return_as="generator")(delayed(plan_run)(run, seed, initial, cost) for run in numbers)
+    yield from made
+
+
+def random_start(world: World, rng: np.random.Generator) -> Array:
+    """Return a first configuration (nq,) with the human in a random posture inside the limits, soles on the floor.
+
+    Raises:
+        LgpError: the world has no human, or no drawn posture reaches the floor.
+    """
+    from lgp.world.posture import PostureMap
+
+    posture = PostureMap(world)
+    human = world.columns("human")
+    start = world.start.copy()
+    for _ in range(DRAWS):
+        start[human] = rng.uniform(world.lower[human], world.upper[human])
+        if posture.reach(start[None])[0].max() < 0.0:
+            return start
+    raise LgpError(f"none of {DRAWS} random postures has both soles on the floor; widen the limits of the pelvis")
+
+
+@cache
+def _prepared(cost: str) -> tuple[World, Ergonomics]:
+    """Return kinematics and cost, once for each process."""
+    import dreba
+    from lgp.path.ergonomics import Ergonomics
+    from lgp.world.model import World
+
+    world = World(load_scene(SCENE))
+    return world, Ergonomics(world, dreba.load(Path(cost) if Path(cost).is_file() else cost))
+
+
+def _conditions(
+    scene: Scene, world: World, ergonomics: Ergonomics, start: Array, slices: int | None
+) -> Iterator[tuple[str, Plan]]:
+    """Yield each condition with its plan."""
+    given: dict[str, Any] = {"start": start, "world": world, "depth": DEPTH, "slices": slices}
+    without, with_, again = CONDITIONS
+    plain = plan(scene, None, **given)
+    yield without, plain
+    yield with_, plan(scene, ergonomics, **given)
+    yield again, plan(scene, ergonomics, sequence=plain.actions, **given) if plain.feasible else plain
+
+
+def _row(scene: Scene, found: Plan) -> dict[str, Any]:
+    heights = {f"height_{table}": scene.tables[f"table.{table}"].height for table in TABLES}
+    row: dict[str, Any] = {
+        **heights,
+        "feasible": found.feasible,
+        "seconds": found.search["seconds"],
+        "actions": "; ".join(found.actions),
+        "reason": found.reason,
+    }
+    scores = found.reba()
+    if scores is None:
+        return row | dict.fromkeys(("chosen_height", "reba_grasp", "reba_mean", "cost"), np.nan) | {"table": None}
+    table = _table(found)
+    reba = np.asarray(scores.reba, dtype=float)
+    return row | {
+        "table": table,
+        "chosen_height": scene.tables[f"table.{table}"].height,
+        "reba_grasp": reba[-1],
+        "reba_mean": reba.mean(),
+        "cost": found.costs["total"],
+    }
+
+
+def _table(found: Plan) -> str:
+    """Return the table from which the human takes the screwdriver."""
+    placed = [action for action in found.actions if action.startswith("place(")]
+    return placed[-1].rstrip(")").rpartition("table.")[2]
+
+
+def _path(found: Plan, common: dict[str, Any]) -> pd.DataFrame:
+    import pandas as pd
+
+    scores = found.reba()
+    total = np.zeros(len(found.time)) if scores is None else np.asarray(scores.reba, dtype=float)
+    frame = common | {"slice": np.arange(len(found.time)), "phase": found.phase, "time": found.time}
+    angles = dict(zip(COLUMNS, found.posture.T, strict=True))
+    return pd.DataFrame({**frame, "reba": total, "load": found.carried, **angles})
