@@ -11,7 +11,7 @@ import click
 
 import reba
 from dreba.cells import WEIGHTS
-from dreba.domain import DOMAINS, domain_of
+from dreba.domain import DOMAINS, Domain, domain_of
 from dreba.errors import ModelError, SampleError
 from dreba.evaluate import PUBLISHED, fit_to
 from dreba.evaluate import evaluate as evaluate_model
@@ -26,6 +26,8 @@ from reba.shell import GROUP, command_line, console, json_option, print_json, ru
 HELD_OUT: Final = 1
 EVALUATION: Final = 2
 """Second numbers of the seeds of held-out poses and of poses for evaluation: no fit ever sees them."""
+HIGHEST: Final = 99
+"""End of a range of classes: enough to name the first one that is no REBA score."""
 FEWEST: Final = 200
 """Poses that a fit from a file needs; below, errors per class mean nothing."""
 HELD_SHARE: Final = 0.2
@@ -71,6 +73,7 @@ def cli() -> None:
 @json_option
 def sample(output: str, as_json: bool, **given: Any) -> None:
     """Draw poses evenly over REBA classes."""
+    _apart({"-o": output}, given["domain"])
     if Path(output).suffix.lower() != ".parquet":
         raise SampleError(f"{output}: poses are written as Parquet; choose a name ending in .parquet")
     poses = _draw(given, given["seed"])
@@ -95,6 +98,7 @@ def fit(
     **given: Any,
 ) -> None:  # fmt: skip
     """Fit a model to drawn poses, or to your own with every REBA class weighing the same."""
+    _apart({"-o": output, "--report": report}, poses_file, given["domain"])
     model = _model(kind, options, given["domain"])
     weights = None
     if poses_file is None:
@@ -123,6 +127,7 @@ def evaluate(
     model: str, poses_file: str | None, temperature: float | None, report: str | None, as_json: bool, **given: Any
 ) -> None:
     """RMSE, bias and count per REBA class, on poses no fit has seen. MODEL is a file or a shipped model's name."""
+    _apart({"--report": report}, model, poses_file, given["domain"])
     found = load(model)
     _show_evaluation(found, model, _unseen(found, poses_file, given), report, as_json, temperature)
 
@@ -141,6 +146,21 @@ def _show_evaluation(
     from dreba.terminal import show_evaluation
 
     show_evaluation(console(), name, result)
+
+
+def _apart(outputs: dict[str, str | None], *inputs: str | None) -> None:
+    """Refuse an output that is one of the inputs or another output, before anything is computed.
+
+    Raises:
+        ModelError: two of them are the same file.
+    """
+    taken = {Path(path).resolve() for path in inputs if path is not None}
+    for option, path in outputs.items():
+        if path is None:
+            continue
+        if Path(path).resolve() in taken:
+            raise ModelError(f"{option} {path} is a file of this command already; choose another name")
+        taken.add(Path(path).resolve())
 
 
 def _draw(given: dict[str, Any], rng: Any) -> Poses:
@@ -163,11 +183,8 @@ def _unseen(model: Surrogate, poses_file: str | None, given: dict[str, Any]) -> 
     """Return the poses of a file, or poses drawn from the model's own domain with a seed of their own."""
     if poses_file is not None:
         return read_poses(poses_file)
-    if given["domain"] is None:
-        name = model.about_.domain.get("name", "human")
-        if name not in DOMAINS:
-            raise ModelError(f"the model's domain {name!r} does not come with the package; give --domain or --poses")
-        given = {**given, "domain": name}
+    if given["domain"] is None and model.about_.domain:
+        given = {**given, "domain": Domain.from_dict(model.about_.domain)}
     return _draw(given, (given["seed"], EVALUATION))
 
 
@@ -181,7 +198,9 @@ def _classes(text: str) -> list[int]:
     """Return the scores of "1:10" or "1,2,5"."""
     try:
         low, colon, high = text.partition(":")
-        return list(range(int(low), int(high) + 1)) if colon else [int(score) for score in text.split(",")]
+        return (
+            list(range(int(low), min(int(high), HIGHEST) + 1)) if colon else [int(score) for score in text.split(",")]
+        )
     except ValueError as error:
         raise SampleError(f"classes are {text!r}; expected FIRST:LAST or a list such as 1,2,5") from error
 
@@ -251,6 +270,7 @@ def export(model: str, target: str, temperature: float | None, name: str, output
     """Write a model as a C99 function without dependencies, or as a CasADi function."""
     from dreba.export import export as export_model
 
+    _apart({"-o": output}, model)
     written = export_model(load(model), target, output or name, temperature=temperature, name=name)
     if as_json:
         print_json({"model": model, "to": target, "output": str(written)})

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dreba.errors import ModelError
 from dreba.given import Given
 from dreba.model import Surrogate, register
+from dreba.parameters import COUNT, POSITIVE, Allowed
 from reba.factors import load_kg
 from reba.posture import ANGLES
 from reba.rules import LOAD_EDGES
@@ -46,6 +47,8 @@ class ConvexModel(Surrogate):
     mirror = True
     learned: ClassVar[dict[str, int]] = {"knots_": 2, "weights_": 2, "constant_": 0, "points_": 1}
 
+    allowed: ClassVar[dict[str, Allowed]] = {"knots": COUNT, "width": POSITIVE}
+
     knots_: Array
     weights_: Array
     constant_: float
@@ -59,10 +62,6 @@ class ConvexModel(Surrogate):
     def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
         from scipy.optimize import nnls
 
-        if not (isinstance(self.knots, (int, np.integer)) and self.knots > 0 and self.width > 0):
-            raise ModelError(
-                f"knots is {self.knots!r}, width {self.width!r}; expected a whole number and degrees above 0"
-            )
         if len(scores) < 2:
             raise ModelError(f"{len(scores)} sample is too few poses to fit anything; give 1000 or more")
         profile = _profiles(self.joints_)

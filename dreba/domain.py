@@ -136,6 +136,35 @@ class Domain:
         }
 
     @staticmethod
+    def from_dict(data: dict[str, Any]) -> Domain:
+        """Return the domain of what `to_dict` gave: the named limits, and the rules or, for bins, those of the package.
+
+        Raises:
+            DomainError: it has bins that do not come with the package, or is damaged.
+
+        Example:
+            >>> held = domain_of("paper").hold(knee_flexion_left=0.0)
+            >>> Domain.from_dict(held.to_dict()).limits == held.limits
+            True
+        """
+        name, bins = data.get("name"), {}
+        if data.get("scored_by") == "own bins":
+            if name not in DOMAINS:
+                raise DomainError(f"domain {name!r} has bins that do not come with the package; give its TOML file")
+            bins = domain_of(str(name)).bins
+        try:
+            return Domain(
+                name=str(name),
+                limits={column: (float(low), float(high)) for column, (low, high) in data["limits"].items()},
+                rules=Rules().replace(**data["rules"]),
+                source=str(data["source"]),
+                bins=bins,
+                sides=data["sides"],
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise DomainError(f"domain {name!r} is not whole ({error}); give --domain or --poses") from error
+
+    @staticmethod
     def load_file(path: str | Path) -> Domain:
         """Read a domain from a TOML file: `name`, `[limits]` in degrees, and optionally `title`, `source`, `rules`
         (a preset's name or a table), `load`, `[bins]`, `sides`. A name without a side stands for both.
@@ -158,6 +187,8 @@ def domain_of(which: str | Path | Domain) -> Domain:
     """
     if isinstance(which, Domain):
         return which
+    if not isinstance(which, str | Path):
+        raise DomainError(f"domain is {which!r}; expected a name ({', '.join(DOMAINS)}), a .toml file or a Domain")
     if str(which) in DOMAINS:
         place = resources.files("dreba").joinpath("domains", f"{which}.toml")
         return _parse(place.read_text(encoding="utf-8"), str(which))

@@ -159,7 +159,8 @@ def fit_to(model: Surrogate, train: Poses, held_out: Poses, sample_weight: Array
     """
     model.fit(train.angles, train.reba, sample_weight=sample_weight, factors=train.factors)
     found = evaluate(model, held_out)
-    provenance = {**model.about_.provenance, "train": _brief(train), "held_out": _brief(held_out), **notes}
+    provenance = {**model.about_.provenance, "train": _brief(train), "held_out": _brief(held_out)}
+    provenance = {**provenance, "rmse_on": "held-out poses", **notes}
     rmse = {str(score): round(error.rmse, 4) for score, error in found.classes.items()}
     model.about_ = About(train.provenance.get("domain", {}), rmse, provenance)
 

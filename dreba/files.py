@@ -16,7 +16,9 @@ import numpy as np
 from dreba.domain import Domain
 from dreba.errors import ModelError
 from dreba.model import KINDS, About, Surrogate
+from dreba.parameters import check_parameters
 from reba.errors import did_you_mean
+from reba.posture import COLUMNS
 
 FORMAT: Final = "dreba-model"
 VERSION: Final = 1
@@ -93,6 +95,11 @@ def _build(data: dict[str, Any]) -> Surrogate:
     names = joints["names"]
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise ModelError("'joints' holds no list of names; the file is damaged")
+    if len(set(names)) != len(names):
+        raise ModelError("'joints' names a column twice; the file is damaged")
+    unknown = [name for name in names if name not in COLUMNS]
+    if unknown and not KINDS[kind].any_columns:
+        raise ModelError(f"joint {unknown[0]!r} is not in the posture table{did_you_mean(unknown[0], COLUMNS)}")
     options, learned = parameters["options"], parameters["learned"]
     if not isinstance(options, dict) or not isinstance(learned, dict):
         raise ModelError("'parameters' do not hold what they must; the file is damaged")
@@ -101,6 +108,7 @@ def _build(data: dict[str, Any]) -> Surrogate:
         if name not in known:
             raise ModelError(f"option {name!r} is unknown to kind {kind!r}{did_you_mean(name, known)}")
     model = KINDS[kind](**{name: _tuples(value) for name, value in options.items()})
+    check_parameters(model.allowed, model.get_params(deep=False))
     model.joints_ = tuple(names)
     model.n_features_in_ = len(names)
     model._restore(learned)
@@ -147,10 +155,10 @@ def load(path: str | Path) -> Surrogate:
         ) from error
     try:
         return from_dict(json.loads(text, parse_constant=_no_constant))
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise ModelError(f"{path}: not JSON ({error}); the file is damaged") from error
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from error
+    except (RecursionError, ValueError) as error:
+        raise ModelError(f"{path}: not JSON ({error}); the file is damaged") from error
 
 
 def models() -> tuple[str, ...]:

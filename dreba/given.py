@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,11 +47,48 @@ class Given(NamedTuple):
             cut(self.load), (cut(self.coupling[0]), cut(self.coupling[1])), cut(self.activity), self.temperature
         )
 
+    @staticmethod
+    def checked(load: Any, coupling: Any, activity: Any, temperature: Any, n: int) -> Given:
+        """Return what a caller gave for n poses.
+
+        Raises:
+            ModelError: no number, a value out of range, or another length than n.
+        """
+        if not isinstance(coupling, tuple | list) or len(coupling) != 2:
+            raise ModelError(f"coupling is {coupling!r}; expected left and right points, such as (0, 1)")
+        _check("load", load, n, np.inf, "kilograms, 0 or more")
+        for side in coupling:
+            _check("coupling", side, n, HIGHEST_POINTS, "points from 0 (good) to 3 (unacceptable)")
+        _check("activity", activity, n, HIGHEST_POINTS, "points from 0 to 3")
+        if temperature is not None and (not isinstance(temperature, _NUMBER) or isinstance(temperature, bool)):
+            raise ModelError(f"temperature is {temperature!r}; expected degrees, or None for the model's own")
+        return Given(load, (coupling[0], coupling[1]), activity, None if temperature is None else float(temperature))
+
 
 NOTHING = Given()
 """No load, good coupling, no activity, the kind's own temperature."""
 
 _MODELLED = ("load", "coupling_left", "coupling_right", "static", "repeated", "unstable")
+
+
+HIGHEST_POINTS: Final = 3
+"""Most coupling points of a hand, and most activity points."""
+_NUMBER: Final = (int, float, np.integer, np.floating)
+
+
+def _check(name: str, value: Any, n: int, highest: float, expected: str) -> None:
+    if type(value) in (int, float):  # one number, the usual case, without the cost of an array
+        fits = 0 <= value <= highest and value != np.inf
+    else:
+        try:
+            array = np.asarray(value, np.float64)
+        except (TypeError, ValueError) as error:
+            raise ModelError(f"{name} is {str(value)[:80]!r}; expected {expected}") from error
+        if array.shape not in ((), (1,), (n,)):
+            raise ModelError(f"{name} has shape {array.shape}; expected one value or one for each of {n} poses")
+        fits = bool(((array >= 0) & (array <= highest) & np.isfinite(array)).all())
+    if not fits:
+        raise ModelError(f"{name} is {str(value)[:80]}; expected {expected}")
 
 
 def given_of(factors: Factors | None, n: int) -> Given:
@@ -66,7 +103,9 @@ def given_of(factors: Factors | None, n: int) -> Given:
     for name in FACTORS:
         default = getattr(Factors(), name)
         if name not in _MODELLED and np.any(np.asarray(getattr(factors, name)) != default):
-            raise ModelError(f"factor {name} varies, but surrogates know load, coupling and activity only")
+            raise ModelError(
+                f"factor {name} is not {default!r} throughout, but surrogates know load, coupling and activity only"
+            )
     found = points(factors, Rules(), n)
     coupling = tuple(side.astype(float) for side in found.coupling)
     return Given(checked_load(factors.load, n), (coupling[0], coupling[1]), found.activity.astype(float))

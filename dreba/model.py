@@ -20,6 +20,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 import reba
 from dreba.errors import ModelError, RadiansWarning
 from dreba.given import NOTHING, Given, given_of
+from dreba.parameters import Allowed, check_parameters
 from reba.errors import did_you_mean
 
 Array = NDArray[np.float64]
@@ -43,7 +44,8 @@ class About:
 
     Attributes:
         domain: the domain of its poses as plain data (`Domain.to_dict()`), empty if unknown.
-        rmse: root mean square error per REBA class ("1" .. "15"), on held-out poses.
+        rmse: root mean square error per REBA class ("1" .. "15"), on held-out poses, or where `provenance` says so on
+            those of the fit.
         provenance: seed, number of poses, rules, package version, command.
     """
 
@@ -77,6 +79,9 @@ class Surrogate(RegressorMixin, BaseEstimator):
     learned: ClassVar[dict[str, int]] = {}
     """Names of learned arrays (ending in an underscore) and their number of dimensions: what a file holds."""
 
+    allowed: ClassVar[dict[str, Allowed]] = {}
+    """What constructor parameters may be, checked by `fit` and when a file is read."""
+
     joints_: tuple[str, ...]
     temperatures_: tuple[float, ...] = ()
     about_: About
@@ -102,6 +107,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
         Warns:
             RadiansWarning: all angles are so small that they look like radians.
         """
+        check_parameters(self.allowed, self.get_params(deep=False))
         try:
             poses, scores = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
         except ValueError as error:
@@ -112,6 +118,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
         warn_if_radians(poses, self.joints_)
         self._fit(poses, scores, weights, given_of(factors, len(scores)))
         self.about_ = About(provenance={"poses": len(scores), "version": reba.__version__})
+        self._note_error(poses, scores, factors)
         return self
 
     def predict(self, X: ArrayLike) -> Array:
@@ -147,7 +154,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
             temperature: [deg] of the smoothing, for kinds that have one.
         """
         poses, single = self._poses(angles)
-        found = self._value(poses, Given(load, coupling, activity, temperature))
+        found = self._value(poses, Given.checked(load, coupling, activity, temperature, len(poses)))
         return float(found[0]) if single else found
 
     def gradient(
@@ -161,7 +168,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
     ) -> Array:
         """Return the gradient [1/deg]: (n, d), or (d,) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        found = self._value_gradient(poses, Given(load, coupling, activity, temperature))[1]
+        found = self._value_gradient(poses, Given.checked(load, coupling, activity, temperature, len(poses)))[1]
         return found[0] if single else found
 
     def value_and_gradient(
@@ -175,7 +182,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
     ) -> tuple[Any, Array]:
         """Return value and gradient in one pass, for optimisers. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        value, gradient = self._value_gradient(poses, Given(load, coupling, activity, temperature))
+        value, gradient = self._value_gradient(poses, Given.checked(load, coupling, activity, temperature, len(poses)))
         return (float(value[0]), gradient[0]) if single else (value, gradient)
 
     def hessian(
@@ -189,7 +196,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
     ) -> Array:
         """Return the Hessian [1/deg^2]: (n, d, d), or (d, d) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        found = self._hessian(poses, Given(load, coupling, activity, temperature))
+        found = self._hessian(poses, Given.checked(load, coupling, activity, temperature, len(poses)))
         return found[0] if single else found
 
     def gauss_newton(
@@ -207,7 +214,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
             ModelError: the kind has no such factor.
         """
         poses, single = self._poses(angles)
-        found = self._gauss_newton(poses, Given(load, coupling, activity, temperature))
+        found = self._gauss_newton(poses, Given.checked(load, coupling, activity, temperature, len(poses)))
         return found[0] if single else found
 
     def save(self, path: str | Path) -> None:
@@ -265,11 +272,31 @@ class Surrogate(RegressorMixin, BaseEstimator):
 
     # What the base does for all kinds.
 
+    def _note_error(self, poses: Array, scores: Array, factors: reba.Factors | None) -> None:
+        """Keep the error per class on the poses of the fit, if these are postures with REBA scores."""
+        from dreba.evaluate import evaluation_of
+
+        known = all(joint in reba.COLUMNS for joint in self.joints_)
+        if not (known and (scores == np.rint(scores)).all() and scores.min() >= 1 and scores.max() <= 15):
+            return
+        found = evaluation_of(self.kind, self._value(poses, given_of(factors, len(scores))), scores)
+        rmse = {str(score): round(error.rmse, 4) for score, error in found.classes.items()}
+        self.about_ = About({}, rmse, {**self.about_.provenance, "rmse_on": "the poses of the fit"})
+
     def _poses(self, angles: ArrayLike) -> tuple[Array, bool]:
         """Return angles as (n, d) and whether a single pose was given."""
         if not hasattr(self, "joints_"):
             check_is_fitted(self, "joints_")
-        poses = np.asarray(angles, np.float64)
+        columns = getattr(angles, "columns", None)
+        if columns is not None:  # a table names its columns: they are taken by name, in whatever order they stand
+            missing = [joint for joint in self.joints_ if joint not in columns]
+            if missing:
+                raise ModelError(f"the table has no column {missing[0]!r}; expected {', '.join(self.joints_)}")
+            angles = angles[list(self.joints_)]  # type: ignore[index, call-overload]
+        try:
+            poses = np.asarray(angles, np.float64)
+        except (TypeError, ValueError) as error:
+            raise ModelError("angles hold something that is no number; expected degrees") from error
         single = poses.ndim == 1
         if single:
             poses = poses[None]
@@ -278,6 +305,8 @@ class Surrogate(RegressorMixin, BaseEstimator):
                 f"angles have shape {np.shape(angles)}; expected (n, {len(self.joints_)}) or ({len(self.joints_)},) "
                 f"degrees in the order of joints_"
             )
+        if not np.isfinite(poses).all():
+            raise ModelError("angles hold NaN or infinity; a surrogate needs every angle, leave such poses out")
         return poses, single
 
     def _joints(self, columns: int) -> tuple[str, ...]:
@@ -320,7 +349,10 @@ def warn_if_radians(angles: Array, joints: tuple[str, ...]) -> None:
 
 
 def _weights(given: ArrayLike | None, n: int) -> Array:
-    weights = np.ones(n) if given is None else np.asarray(given, np.float64)
+    try:
+        weights = np.ones(n) if given is None else np.asarray(given, np.float64)
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"sample_weight holds something that is no number; expected ({n},) weights") from error
     if weights.ndim == 0:
         weights = np.full(n, float(weights))
     if weights.shape != (n,):

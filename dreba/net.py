@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dreba.errors import ModelError
 from dreba.given import Given
 from dreba.model import Surrogate, register
+from dreba.parameters import COUNT, COUNTS, SEED, Allowed
 from reba.factors import load_kg
 from reba.rules import LOAD_EDGES
 
@@ -36,6 +37,8 @@ class NetModel(Surrogate):
 
     kind = "net"
     learned: ClassVar[dict[str, int]] = {"layers_": 0, "biases_": 0, "middle_": 1, "spread_": 1}
+
+    allowed: ClassVar[dict[str, Allowed]] = {"layers": COUNTS, "epochs": COUNT, "seed": SEED}
 
     layers_: list[Array]
     biases_: list[Array]

@@ -12,6 +12,7 @@ from dreba.domain import Domain, domain_of
 from dreba.errors import ModelError
 from dreba.given import Given
 from dreba.model import Surrogate, register
+from dreba.parameters import NOT_NEGATIVE, POSITIVE, YES_NO, Allowed, one_of
 from dreba.part_polynomials import part_polynomials
 from dreba.payload import OMEGA_LOAD, PAYLOADS, Payload, delta_payload
 from dreba.weights import build_qp, solve
@@ -62,6 +63,15 @@ class QuadraticModel(Surrogate):
     any_columns: ClassVar[bool] = True
     learned: ClassVar[dict[str, int]] = {"polynomials_": 2, "weights_": 1, "intercept_": 0, "coupling_weight_": 0}
 
+    allowed: ClassVar[dict[str, Allowed]] = {
+        "free": YES_NO,
+        "intercept": YES_NO,
+        "curvature": one_of("nonnegative", "any"),
+        "payload": one_of(*PAYLOADS),
+        "omega_load": POSITIVE,
+        "class_power": NOT_NEGATIVE,
+    }
+
     polynomials_: Array
     weights_: Array
     intercept_: float
@@ -89,7 +99,7 @@ class QuadraticModel(Surrogate):
         self.joints = joints
 
     def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
-        self._check()
+        self._check_columns()
         groups = _groups(self.joints_)
         targets = scores - delta_payload(given.load, self.payload, self.omega_load) - given.activity
         if self.class_power:
@@ -106,13 +116,7 @@ class QuadraticModel(Surrogate):
         self._take(found[:-2], groups)
         self._fold()
 
-    def _check(self) -> None:
-        if self.curvature not in ("nonnegative", "any"):
-            raise ModelError(f"curvature is {self.curvature!r}; expected nonnegative or any")
-        if self.payload not in PAYLOADS:
-            raise ModelError(f"payload is {self.payload!r}; expected one of {', '.join(PAYLOADS)}")
-        if not self.omega_load > 0:
-            raise ModelError(f"omega_load is {self.omega_load!r}; expected kilograms above 0")
+    def _check_columns(self) -> None:
         unknown = [joint for joint in self.joints_ if joint not in COLUMNS]
         if unknown and not self.free:
             raise ModelError(
@@ -158,6 +162,8 @@ class QuadraticModel(Surrogate):
         d = len(self.joints_)
         if self.polynomials_.shape != (d, 3) or self.weights_.shape != (d,):
             raise ModelError(f"polynomials_ or weights_ do not fit {d} joints; the file is damaged")
+        if (self.weights_ < 0).any():
+            raise ModelError("weights_ holds a negative weight; the file is damaged")
         self._fold()
 
     def _extra(self, given: Given) -> Any:

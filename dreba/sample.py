@@ -48,6 +48,8 @@ ADJUSTMENTS: Final = (
     "wrist_deviation", "wrist_twist",
 )  # fmt: skip
 """Angles that only give an adjustment."""
+MOST: Final = 20_000_000
+"""Poses drawn at once at most; they take 8 GB."""
 _ARM: Final = (
     "upper_arm_flexion", "upper_arm_abduction", "shoulder_elevation", "lower_arm_flexion", "wrist_flexion",
     "wrist_deviation", "wrist_twist",
@@ -91,8 +93,11 @@ def sample(
         (100, 100)
     """
     wanted = _classes(classes)
-    if not isinstance(n, int | np.integer) or n < len(wanted):
-        raise SampleError(f"n is {n!r}; expected a whole number, at least one pose for each of {len(wanted)} classes")
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or not len(wanted) <= n <= MOST:
+        raise SampleError(
+            f"n is {n!r}; expected a whole number, at least one pose for each of {len(wanted)} classes, "
+            f"at most {MOST:,} (draw more in parts, each with a seed of its own)"
+        )
     if weights not in WEIGHTS:
         raise SampleError(f"weights are {weights!r}; expected one of {', '.join(WEIGHTS)}")
     fixed, drawn = _factors(factors)
@@ -104,7 +109,8 @@ def sample(
     used = found if drawn else (fixed if factors is not None else None)
     provenance = {
         "domain": space.to_dict(), "n": int(n), "classes": list(wanted), "weights": weights, "stratified": stratified,
-        "factors": list(drawn), "adjustments": adjustments, "arms": arms, **seed, "version": reba.__version__,
+        "factors": list(drawn), **_shared(factors), "adjustments": adjustments, "arms": arms, **seed,
+        "version": reba.__version__,
     }  # fmt: skip
     return Poses(angles, true_scores(space, angles, used), used, provenance)
 
@@ -273,7 +279,10 @@ def _held(domain: Domain, adjustments: bool, arms: str) -> Domain:
 
 
 def _classes(classes: Iterable[int]) -> tuple[int, ...]:
-    wanted = tuple(classes)
+    try:
+        wanted = tuple(classes)
+    except TypeError as error:
+        raise SampleError(f"classes are {classes!r}; expected REBA scores such as range(1, 11)") from error
     if not wanted or len(set(wanted)) != len(wanted):
         raise SampleError(f"classes are {wanted}; expected each REBA score once, at least one")
     for score in wanted:
@@ -290,10 +299,17 @@ def _factors(given: Sequence[str] | Factors | None) -> tuple[Factors, tuple[str,
         if any(np.ndim(value) for value in dataclasses.asdict(given).values()):
             raise SampleError("factors hold an array; expected one value each, or the names of factors to draw")
         return given, ()
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise SampleError(f"factors are {given!r}; expected a list of names out of {', '.join(FACTOR_NAMES)}")
     for name in given:
         if name not in FACTOR_NAMES:
             raise SampleError(f"factor {name!r} cannot be drawn; expected names out of {', '.join(FACTOR_NAMES)}")
     return Factors(), tuple(name for name in FACTOR_NAMES if name in given)
+
+
+def _shared(given: Any) -> dict[str, Any]:
+    """Return the factors that all poses share, as provenance; nothing if there are none."""
+    return {"shared_factors": dataclasses.asdict(given)} if isinstance(given, Factors) else {}
 
 
 def _generator(rng: Rng) -> tuple[np.random.Generator, dict[str, Any]]:

@@ -12,6 +12,7 @@ from dreba import soft_curvature, soft_fit
 from dreba.errors import ModelError
 from dreba.given import Given
 from dreba.model import Surrogate, register
+from dreba.parameters import COUNT, FALLING, POSITIVE, SEED, YES_NO, Allowed, check_parameters
 from dreba.soft_tables import SoftTables
 from reba.factors import load_kg
 from reba.posture import ANGLES, COLUMNS
@@ -59,6 +60,14 @@ class SoftModel(Surrogate):
     learned: ClassVar[dict[str, int]] = {
         "thresholds_": 2, "heights_": 2, "overlap_": 2, "table_a_": 4, "table_b_": 4, "table_c_": 3,
     }  # fmt: skip
+
+    allowed: ClassVar[dict[str, Allowed]] = {
+        "ladder": FALLING,
+        "temperature": POSITIVE,
+        "learn": YES_NO,
+        "updates": COUNT,
+        "seed": SEED,
+    }
 
     thresholds_: Array
     heights_: Array
@@ -119,16 +128,12 @@ class SoftModel(Surrogate):
         self._hold(found)
 
     def _check_parameters(self) -> None:
-        ladder = np.asarray(self.ladder, float)
-        falling = ladder.ndim == 1 and len(ladder) > 0 and bool((np.diff(ladder) < 0).all() and (ladder > 0).all())
-        if not falling:
-            raise ModelError(f"ladder is {self.ladder!r}; expected falling temperatures above 0, such as {LADDER}")
-        if self.learn and float(self.temperature) not in ladder:
+        # Again beside `fit`: the stages of `GraduatedModel` are fitted one by one.
+        check_parameters(self.allowed, self.get_params(deep=False))
+        if self.learn and float(self.temperature) not in self.ladder:
             raise ModelError(
                 f"temperature {self.temperature!r} is not on the ladder {tuple(self.ladder)}; use one of it"
             )
-        if not (isinstance(self.updates, (int, np.integer)) and self.updates > 0):
-            raise ModelError(f"updates is {self.updates!r}; expected a whole number above 0")
 
     def _rules(self) -> Rules:
         return rules_of(self.rules)

@@ -114,6 +114,11 @@ def test_compare_and_export(run: Run, model: Path, tmp_path: Path) -> None:
         (["sample", "-n", 100, "--classes", "12:13", "-o", "x.parquet"], "class 12 cannot be reached"),
         (["sample", "--classes", "low", "-o", "x.parquet"], "FIRST:LAST"),
         (["sample", "-o", "x.csv"], ".parquet"),
+        (["sample", "-n", 10**13, "-o", "x.parquet"], "at most 20,000,000"),
+        (["sample", "--classes", "1:99999999999", "-o", "x.parquet"], "class 16 is no REBA score"),
+        (["fit", "--kind", "net", "--option", "epochs=abc", "-n", 300, "-o", "x.json"], "epochs is 'abc'"),
+        (["fit", "--option", "domain=5", "-n", 300, "-o", "x.json"], "domain is 5"),
+        (["fit", "-n", 300, "-o", "x.json", "--report", "./x.json"], "already"),
         (["sample", "--domain", "humn", "-o", "x.parquet"], "did you mean 'human'"),
         (["sample", "--factors", "lode", "-o", "x.parquet"], "load, coupling, activity"),
         (["fit", "--kind", "quadratc", "-o", "x.json"], "did you mean 'quadratic'"),
@@ -149,6 +154,36 @@ def test_too_few_poses_and_a_newer_model_are_refused(run: Run, model: Path, tmp_
     code, _, err = run("evaluate", model)
     assert code == 2
     assert "version 99" in err
+
+
+def test_inputs_are_never_written_over(run: Run, model: Path, tmp_path: Path) -> None:
+    poses = tmp_path / "poses.parquet"
+    dreba.sample(500, rng=1).save(poses)
+    before = model.read_bytes(), poses.read_bytes()
+    for words in (
+        ["fit", "--poses", poses, "-o", poses],
+        ["export", model, "--to", "c", "-o", model],
+        ["evaluate", model, "--report", model],
+        ["evaluate", model, "--poses", poses, "--report", poses],
+    ):
+        code, _, err = run(*words)
+        assert code == 2
+        assert "is a file of this command already" in err
+    assert (model.read_bytes(), poses.read_bytes()) == before
+
+
+def test_a_model_is_evaluated_in_the_domain_it_was_fitted_in(run: Run, tmp_path: Path) -> None:
+    domain, made = tmp_path / "mine.toml", tmp_path / "mine.json"
+    domain.write_text(
+        'name = "mine"\n[limits]\ntrunk_flexion = [0, 90]\nneck_flexion = [-20, 40]\nknee_flexion = [0, 90]\n'
+        "upper_arm_flexion = [-30, 120]\nlower_arm_flexion = [0, 140]\n"
+    )
+    assert run("fit", "--domain", domain, "--classes", "1:5", "-n", 1000, "-o", made)[0] == 0
+    code, out, _ = run("evaluate", made, "--classes", "1:5", "-n", 1000, "--json")
+    assert code == 0
+    own = json.loads(out)["overall"]["rmse"]
+    _, out, _ = run("evaluate", made, "--classes", "1:5", "-n", 1000, "--domain", domain, "--json")
+    assert json.loads(out)["overall"]["rmse"] == own
 
 
 @pytest.mark.filterwarnings("default::dreba.RadiansWarning")

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.utils.estimator_checks import check_estimator
@@ -197,6 +198,88 @@ def test_bad_input_is_refused_in_one_line(kind: str) -> None:
         clone(model).fit(poses().angles, poses().reba, sample_weight=np.ones(3))
     with pytest.raises(dreba.ModelError, match="support"):
         clone(model).fit(poses().angles, poses().reba, factors=reba.Factors(support="unilateral"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"load": -1.0}, "load"),
+        ({"load": [1.0, 2.0, 3.0]}, "load"),
+        ({"load": "heavy"}, "load"),
+        ({"coupling": 1}, "coupling"),
+        ({"coupling": (0, 9)}, "coupling"),
+        ({"coupling": ("fair", "fair")}, "coupling"),
+        ({"activity": np.nan}, "activity"),
+        ({"activity": [1, 2, 3]}, "activity"),
+        ({"temperature": "warm"}, "temperature"),
+    ],
+)
+def test_wrong_factors_are_refused_by_every_kind(kind: str, given: dict[str, object], said: str) -> None:
+    for ask in (fitted(kind).value, fitted(kind).gradient, fitted(kind).hessian):
+        with pytest.raises(dreba.ModelError, match=said):
+            ask(some(2), **given)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_unmeasured_angles_are_refused_and_tables_are_read_by_name(kind: str) -> None:
+    model = fitted(kind)
+    gap = some(3).copy()
+    gap[1, 4] = np.nan
+    for ask in (model.value, model.gradient, model.hessian):
+        with pytest.raises(dreba.ModelError, match="NaN"):
+            ask(gap)
+        with pytest.raises(dreba.ModelError, match="no number"):
+            ask([["a"] * 22])
+    table = pd.DataFrame(some(5), columns=list(COLUMNS))[sorted(COLUMNS)]
+    assert model.value(table) == pytest.approx(model.value(some(5)), abs=1e-12)
+    with pytest.raises(dreba.ModelError, match="neck_twist"):
+        model.value(table.drop(columns="neck_twist"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters"),
+    [
+        ("quadratic", {"omega_load": "heavy"}),
+        ("quadratic", {"class_power": -1}),
+        ("quadratic", {"free": "maybe"}),
+        ("soft", {"ladder": "abc"}),
+        ("soft", {"ladder": (1.0, 2.0)}),
+        ("soft", {"seed": -1}),
+        ("soft", {"updates": True}),
+        ("convex", {"knots": True}),
+        ("convex", {"width": None}),
+        ("net", {"layers": (0,)}),
+        ("net", {"epochs": 0}),
+    ],
+)
+def test_wrong_parameters_are_refused_in_one_line(kind: str, parameters: dict[str, object]) -> None:
+    (name,) = parameters
+    with pytest.raises(dreba.ModelError, match=f"{name} is .*expected") as caught:
+        dreba.KINDS[kind](**parameters).fit(poses().angles, poses().reba)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_files_with_wrong_joints_or_numbers_are_refused(kind: str, tmp_path: Path) -> None:
+    data = to_dict(fitted(kind))
+    names = data["joints"]["names"]
+    with pytest.raises(dreba.ModelError, match="twice"):
+        from_dict({**data, "joints": {"names": [names[0]] * 22, "unit": "deg"}})
+    with pytest.raises(dreba.ModelError, match="update dreba"):
+        from_dict({**data, "version": data["version"] + 1})
+    path = tmp_path / "long.json"
+    path.write_text('{"format": "dreba-model", "version": ' + "9" * 5000 + "}")
+    with pytest.raises(dreba.ModelError, match="damaged"):
+        dreba.load(path)
+
+
+@pytest.mark.parametrize("kind", ["quadratic", "convex"])
+def test_a_plain_fit_keeps_its_error_per_class(kind: str) -> None:
+    model = dreba.KINDS[kind]().fit(poses().angles, poses().reba)
+    found = dreba.evaluate(model, poses())
+    assert model.about_.rmse == {str(score): round(error.rmse, 4) for score, error in found.classes.items()}
+    assert model.about_.provenance["rmse_on"] == "the poses of the fit"
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if dreba.KINDS[kind].any_columns])

@@ -168,7 +168,7 @@ def test_bad_parameters_and_units_are_pointed_out() -> None:
     poses = dreba.sample(300, rng=4)
     for wrong, words in (
         ({"payload": "cubic"}, "tree, linear"),
-        ({"curvature": "some"}, "nonnegative or any"),
+        ({"curvature": "some"}, "nonnegative, any"),
         ({"omega_load": 0.0}, "above 0"),
         ({"domain": "mars"}, "unknown"),
     ):

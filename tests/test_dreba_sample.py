@@ -220,3 +220,18 @@ def test_recordings_become_poses(tmp_path: Path) -> None:
     data.drop(columns="wrist_twist_left").to_csv(tmp_path / "part.csv", index=False)
     with pytest.raises(dreba.SampleError, match="wrist_twist_left"):
         dreba.read_poses(tmp_path / "part.csv")
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"n": True}, {"n": 10**13}, {"classes": 5}, {"factors": "load"}, {"factors": 3}, {"domain": 5}, {"domain": None}],
+)
+def test_wrong_types_are_refused_in_one_line(given: dict[str, object]) -> None:
+    with pytest.raises(reba.errors.RebaError, match="expected") as caught:
+        dreba.sample(**{"n": 100, "rng": 1, **given})
+    assert "\n" not in str(caught.value)
+
+
+def test_shared_factors_are_kept_in_the_provenance() -> None:
+    poses = dreba.sample(20, [5], factors=reba.Factors(load=7.0), rng=1)
+    assert poses.provenance["shared_factors"]["load"] == 7.0
