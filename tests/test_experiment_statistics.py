@@ -1,6 +1,7 @@
 """Tests of paired runs against hand computations, published data and known limits."""
 
 import warnings
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from lgp.errors import LgpError
-from lgp.experiments.statistics import anova, change, compare, epsilon, holm, mean_of, require, stars
+from lgp.experiments.statistics import anova, change, compare, epsilon, holm, mean_of, require, signed_rank_p, stars
 
 PAIRS = (("a", "b"), ("a", "c"), ("b", "c"))
 CHOICES = ("left", "center", "right")
@@ -132,6 +133,23 @@ def test_comparisons_report_effect_and_interval():
     assert (one.low + one.high) / 2 == pytest.approx(3.0)
     assert one.high - 3.0 == pytest.approx(stats.t.ppf(0.975, 4) * sd / np.sqrt(5))
     assert one.wilcoxon_p == pytest.approx(2 / 2**5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_signed_ranks_are_those_of_scipy(seed):
+    values = np.random.default_rng(seed).normal(0.2, 1.0, 40)
+    assert signed_rank_p(values) == pytest.approx(stats.wilcoxon(values, method="exact").pvalue)
+
+
+@pytest.mark.parametrize("values", [[1, 1, -1, 2, 2, 3], [0, 0, 1, 1, 1], [-1, 1, -2, 2], [2, 2, 2, -1, 4, 4, 0]])
+def test_signed_ranks_with_ties_are_those_of_all_signs(values):
+    values = np.array(values, dtype=float)
+    known = values[values != 0]
+    ranks = stats.rankdata(np.abs(known))
+    sums = np.array([ranks @ signs for signs in product((0, 1), repeat=len(known))])
+    away = np.abs(sums - ranks.sum() / 2)
+    expected = np.mean(away >= abs(ranks[known > 0].sum() - ranks.sum() / 2) - 1e-9)
+    assert signed_rank_p(values) == pytest.approx(expected)
 
 
 def test_holm_steps_down_and_leaves_out_what_was_not_tested():

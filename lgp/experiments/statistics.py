@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+SAME = 1e-9
+"""Differences that are equal up to this count as equal, and as none below it."""
 STARS = ((0.001, "***"), (0.01, "**"), (0.05, "*"))
 """Marks of significance after the American Psychological Association."""
 
@@ -73,7 +75,7 @@ class Comparison:
         difference, low, high: mean difference and its 95 % interval.
         t, p: paired t test, two-sided; `p_holm`: over the comparisons made together.
         d: effect size, mean difference over the standard deviation of the differences (Cohen's d_z).
-        wilcoxon_p, wilcoxon_p_holm: signed ranks, for scores that are ranks rather than lengths.
+        wilcoxon_p, wilcoxon_p_holm: exact signed ranks, for scores that are ranks rather than lengths.
     """
 
     first: str
@@ -211,19 +213,45 @@ def _pair(table: pd.DataFrame, first: str, second: str) -> Comparison:
 
     differences = (table[first] - table[second]).to_numpy(dtype=float)
     known = differences[np.isfinite(differences)]
-    n, ties = len(known), int(np.sum(known == 0.0))
+    n, ties = len(known), int(np.sum(np.abs(known) < SAME))
     mean = mean_of(known)
     t = p = d = low = high = wilcoxon = float("nan")
     if n and ties == n:
         t, p, d, low, high, wilcoxon = 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
     elif n > 1:
-        wilcoxon = float(stats.wilcoxon(known).pvalue)
+        wilcoxon = signed_rank_p(known)
         if np.ptp(known) > 1e-12 * np.abs(known).max():
             result = stats.ttest_1samp(known, 0.0)
             interval = result.confidence_interval(0.95)
             t, p, low, high = (float(v) for v in (result.statistic, result.pvalue, interval.low, interval.high))
             d = mean.mean / mean.sd
     return Comparison(first, second, n, len(differences) - n, ties, mean.mean, low, high, t, p, d, wilcoxon)
+
+
+def signed_rank_p(differences: Array) -> float:
+    """Return the two-sided p of Wilcoxon's signed ranks, exact with ties too; differences of none are left out.
+
+    Every sign is equally likely under the hypothesis; the distribution of the rank sum is built rank by rank, which for
+    a hundred runs is faster than trying signs and needs no approximation.
+
+    Example:
+        >>> signed_rank_p(np.array([1.0, 2.0, 3.0, 4.0]))
+        0.125
+    """
+    from scipy.stats import rankdata
+
+    known = differences[np.abs(differences) >= SAME]
+    if not len(known):
+        return 1.0
+    # Ties have half ranks: doubled, all are whole.
+    ranks = np.rint(2 * rankdata(np.round(np.abs(known) / SAME))).astype(int)
+    chance = np.zeros(ranks.sum() + 1)
+    chance[0] = 1.0
+    for rank in ranks:
+        chance[rank:] = 0.5 * chance[rank:] + 0.5 * chance[:-rank]
+        chance[:rank] *= 0.5
+    positive = int(ranks[known > 0].sum())
+    return min(1.0, 2.0 * float(chance[: min(positive, ranks.sum() - positive) + 1].sum()))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
