@@ -12,8 +12,10 @@ Array = NDArray[np.float64]
 
 CLOSE = 1e-4
 """[m, rad] Violation that counts as met; the solver removes the rest."""
-STEPS = 40
-"""Steps of the search: those that succeed take 5 to 15."""
+STEPS, ROUNDS = 10, 4
+"""Steps of a round of the search, and rounds: searches that succeed take 5 to 15 steps."""
+PROGRESS = 0.8
+"""A round that leaves more than this share of the violation is the last."""
 
 
 def nearest(problem: PathProblem, start: Array, tolerance: float = CLOSE) -> tuple[Array, float]:
@@ -27,5 +29,10 @@ def nearest(problem: PathProblem, start: Array, tolerance: float = CLOSE) -> tup
         value = np.concatenate([values.equality, np.where(broken, values.inequality, 0.0)])
         return value[None], np.concatenate([equal.toarray(), slopes])[None]
 
-    x, left = least_squares(residuals, start[None], problem.lower, problem.upper, tolerance, STEPS)
+    x, before = start[None], np.inf
+    for _ in range(ROUNDS):
+        x, left = least_squares(residuals, x, problem.lower, problem.upper, tolerance, STEPS)
+        if left[0] <= tolerance or left[0] > PROGRESS * before:
+            break
+        before = float(left[0])
     return x[0], float(left[0])
