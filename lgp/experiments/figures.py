@@ -54,7 +54,8 @@ def bars(scores: Mapping[str, Any], label: str) -> str:
     for name, centre, mean, error in zip(CONDITIONS, centres, means, errors, strict=True):
         parts.append(_text(centre, _DOWN + 18, name))
         n = conditions[name]["n"]
-        parts.append(_text(centre, _DOWN + 36, f"n = {n}", size=12, colour=SOFT))
+        said = f"{mean:.2f} (n = {n})" if n else "n = 0"
+        parts.append(_text(centre, _DOWN + 36, said, size=13, colour=SOFT))
         if not n:
             continue
         y = _DOWN - mean * scale
@@ -62,7 +63,6 @@ def bars(scores: Mapping[str, Any], label: str) -> str:
                      f'fill="{COLOURS[name]}"/>')  # fmt: skip
         low, high = y + error * scale, y - error * scale
         parts += [_line(centre, low, centre, high), *(_line(centre - 7, end, centre + 7, end) for end in (low, high))]
-        parts.append(_text(centre, _DOWN - 10, f"{mean:.2f}", colour="#ffffff", weight=700))
     for pair in scores["pairs"]:
         parts += _bracket(pair, centres)
     return _svg(parts, label)
@@ -96,7 +96,8 @@ def profile(paths: pd.DataFrame, label: str) -> str:
     def y(score: Any) -> Any:
         return _DOWN - (np.asarray(score) - bottom) / (top - bottom) * (_DOWN - _PROFILE_UP)
 
-    parts = _grid(_ticks(bottom, top), lambda value: float(y(value)), "mean REBA score")
+    ticks = sorted({bottom, *_ticks(bottom, top)})
+    parts = _grid(ticks, lambda value: float(y(value)), "mean REBA score")
     parts += _phases(paths, x)
     for start in starts:
         for condition in CONDITIONS:
@@ -162,10 +163,8 @@ def _line(x1: float, y1: float, x2: float, y2: float, colour: str = INK, width: 
     return f'<line {ends} stroke="{colour}" stroke-width="{width:g}"{dashes}/>'
 
 
-def _text(
-    x: float, y: float, text: str, *, size: int = 14, colour: str = INK, anchor: str = "middle", weight: int = 400
-) -> str:
-    look = f'font-size="{size}" fill="{colour}" text-anchor="{anchor}" font-weight="{weight}"'
+def _text(x: float, y: float, text: str, *, size: int = 14, colour: str = INK, anchor: str = "middle") -> str:
+    look = f'font-size="{size}" fill="{colour}" text-anchor="{anchor}"'
     return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{text}</text>'
 
 
