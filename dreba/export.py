@@ -19,6 +19,48 @@ TARGETS: Final[dict[str, tuple[str, Callable[..., str]]]] = {
 """Targets by name: suffix of the file, and the function that gives its text."""
 
 
+C_KEYWORDS = frozenset(
+    [
+        "auto",
+        "break",
+        "case",
+        "char",
+        "const",
+        "continue",
+        "default",
+        "do",
+        "double",
+        "else",
+        "enum",
+        "extern",
+        "float",
+        "for",
+        "goto",
+        "if",
+        "inline",
+        "int",
+        "long",
+        "register",
+        "restrict",
+        "return",
+        "short",
+        "signed",
+        "sizeof",
+        "static",
+        "struct",
+        "switch",
+        "typedef",
+        "union",
+        "unsigned",
+        "void",
+        "volatile",
+        "while",
+        "main",
+    ]
+)
+"""Names that no C99 function may have."""
+
+
 def export(
     model: Surrogate, target: str, path: str | Path, *, temperature: float | None = None, name: str = "dreba"
 ) -> Path:
@@ -36,7 +78,7 @@ def export(
     """
     if target not in TARGETS:
         raise ModelError(f"target {target!r} is unknown{did_you_mean(target, TARGETS)}; known: {', '.join(TARGETS)}")
-    if not (name.isidentifier() and name.isascii()):
+    if not (name.isidentifier() and name.isascii()) or name in C_KEYWORDS:
         raise ModelError(f"name is {name!r}; expected letters, digits and underscores, such as 'dreba'")
     suffix, text = TARGETS[target]
     out = Path(path)
