@@ -41,7 +41,7 @@ UNKNOWN: Final = 255
 
 CHUNK: Final = 16_000
 """Frames handled at once: few enough for the cache, enough to make the cost of a numpy call small."""
-TILE: Final = 500
+TILE: Final = 1000
 """Frames turned from rows to columns at once: a tile of 88 kB is read and written within the first caches."""
 
 _BEST: Final = np.array([angle.best for angle in ANGLES for _ in angle.columns])
@@ -145,10 +145,14 @@ def score_array(
     for start in range(0, len(table), CHUNK):
         stop = min(start + CHUNK, len(table))
         block = columns[:, : stop - start]
+        complete = True
         for first in range(0, stop - start, TILE):
             rows = table[start + first : min(start + first + TILE, stop)]
+            # A sum tells whether anything is NaN or infinite: it then is not finite. It also fetches the rows.
+            with np.errstate(invalid="ignore", over="ignore"):
+                complete &= bool(np.isfinite(rows.sum()))
             block[:, first : first + len(rows)] = rows.T
-        _score_block(block, given.rows(start, stop), chosen, missing, out[:, start:stop], start)
+        _score_block(block, complete, given.rows(start, stop), chosen, missing, out[:, start:stop], start)
     return ScoreArrays(*out)
 
 
@@ -163,11 +167,14 @@ def refuse_infinite(angles: NDArray[np.float64], start: int = 0) -> None:
 
 
 def _score_block(
-    block: NDArray[np.float64], given: FactorPoints, chosen: Rules, missing: Missing, out: Scores8, start: int
+    block: NDArray[np.float64],
+    complete: bool,
+    given: FactorPoints,
+    chosen: Rules,
+    missing: Missing,
+    out: Scores8,
+    start: int,
 ) -> None:
-    # One pass tells whether anything is NaN or infinite: the sum of a block then is not finite.
-    with np.errstate(invalid="ignore", over="ignore"):
-        complete = bool(np.isfinite(block.sum()))
     if not complete:
         refuse_infinite(block.T, start)
     if chosen.upper_arm_reference == "gravity":
@@ -267,8 +274,9 @@ def _group_b(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Sc
     upper += above(flexion, UPPER_ARM_EDGES[2])
     upper += angle("upper_arm_abduction") > chosen.abduction
     upper += angle("shoulder_elevation") > chosen.shoulder_elevation
-    # A supported arm takes one off but never below 1: index 0 would wrap to the last row of Table B.
-    upper -= given.arm_supported & (upper > 1)
+    if given.arm_supported.any():
+        # A supported arm takes one off but never below 1: index 0 would wrap to the last row of Table B.
+        upper -= given.arm_supported & (upper > 1)
 
     elbow = angle("lower_arm_flexion")
     np.add((elbow < LOWER_ARM_RANGE[0]) | above(elbow, LOWER_ARM_RANGE[1]), 1, out=lower, dtype=np.uint8)
