@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from dreba.evaluate import PUBLISHED, PUBLISHED_OVERALL, Evaluation
 
@@ -33,23 +35,24 @@ def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]]) -> None
         rows: of `dreba compare --json`, each with "model", "classes", "overall", "seconds_per_pose".
     """
     scores = sorted({int(score) for row in rows for score in row["classes"]} | set(PUBLISHED))
-    table = Table(title="RMSE per REBA class", title_justify="left", header_style="bold")
-    table.add_column("model")
-    for heading in (*map(str, scores), "all", "rank", "rounded", "1 pose [us]", "batch [us]"):
-        table.add_column(heading, justify="right")
-    table.add_row("published, Table I", *map(_published, scores), f"{PUBLISHED_OVERALL:.2f}", *["-"] * 4)
-    for row in rows:
-        errors = [row["classes"].get(str(score)) for score in scores]
-        overall, seconds = row["overall"], row["seconds_per_pose"]
-        table.add_row(
-            row["model"],
-            *("-" if error is None else f"{error['rmse']:.2f}" for error in errors),
-            f"{overall['rmse']:.2f}",
-            "-" if overall["spearman"] is None else f"{overall['spearman']:.3f}",
-            f"{overall['rounded_accuracy']:.0%}",
-            f"{1e6 * seconds['single']:.0f}",
-            f"{1e6 * seconds['batch']:.2f}",
-        )
+    # One column a model: classes as columns would not fit a terminal of 80 characters.
+    table = Table(title="RMSE per REBA class", title_justify="left", header_style="bold", box=SIMPLE_HEAD)
+    table.add_column("REBA", no_wrap=True)
+    for heading in ("published, Table I", *(row["model"] for row in rows)):
+        table.add_column(Text(heading), justify="right", overflow="fold")
+    for score in scores:
+        errors = [row["classes"].get(str(score)) for row in rows]
+        found = ("-" if error is None else f"{error['rmse']:.2f}" for error in errors)
+        table.add_row(str(score), _published(score), *found)
+    figures = {
+        "all": [f"{row['overall']['rmse']:.2f}" for row in rows],
+        "rank": ["-" if row["overall"]["spearman"] is None else f"{row['overall']['spearman']:.3f}" for row in rows],
+        "rounded": [f"{row['overall']['rounded_accuracy']:.0%}" for row in rows],
+        "1 pose [us]": [f"{1e6 * row['seconds_per_pose']['single']:.0f}" for row in rows],
+        "batch [us]": [f"{1e6 * row['seconds_per_pose']['batch']:.2f}" for row in rows],
+    }
+    for name, cells in figures.items():
+        table.add_row(name, f"{PUBLISHED_OVERALL:.2f}" if name == "all" else "-", *cells)
     console.print(table)
 
 
@@ -60,11 +63,11 @@ def show_enabler(console: Console, rows: Sequence[Mapping[str, Any]]) -> None:
         rows: of `dreba.comparison.enable`.
     """
     title = "true REBA reached when the model is minimised on reach tasks (infeasible counts 12)"
-    table = Table(title=title, title_justify="left", header_style="bold")
-    for heading in ("model", "start"):
-        table.add_column(heading)
-    for heading in ("mean REBA", "= best known", "best of starts", "infeasible", "evaluations", "ms"):
-        table.add_column(heading, justify="right")
+    table = Table(title=title, title_justify="left", header_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("model", overflow="fold")
+    table.add_column("start", no_wrap=True)
+    for heading in ("mean\nREBA", "= best\nknown", "best of\nstarts", "infea-\nsible", "evalu-\nations", "ms"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for row in rows:
         shares = (f"{row[key]:.0%}" for key in ("share_best", "share_best_of_starts", "infeasible"))
         figures = (f"{row['evaluations']:.0f}", f"{1e3 * row['seconds']:.0f}")
