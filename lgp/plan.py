@@ -207,7 +207,7 @@ def _record(scene: Scene, bounds: PathBounds, found: SearchResult) -> Plan:
         },
     }
     common: dict[str, Any] = {
-        "scene": scene.name,
+        "scene": scene,
         "status": found.status.name.lower(),
         "reason": found.reason,
         "joints": bounds.world.joints,

@@ -11,12 +11,14 @@ import numpy as np
 
 from lgp.errors import LgpError
 from lgp.plan_record import Plan
+from lgp.world.scene import Scene
+from lgp.world.scene_file import read_scene
 from reba.posture import COLUMNS
 
 FORMAT: Final = "lgp-plan"
 VERSION: Final = 1
 """Rises when a reader of the former version would misread a plan."""
-PLAIN: Final = ("scene", "feasible", "status", "reason", "costs", "residuals", "solver", "search", "variables")
+PLAIN: Final = ("feasible", "status", "reason", "costs", "residuals", "solver", "search", "variables")
 """Fields that JSON holds as they are."""
 
 
@@ -25,6 +27,7 @@ def save(plan: Plan, folder: Path) -> None:
     import pandas as pd
 
     data: dict[str, Any] = {"format": FORMAT, "version": VERSION}
+    data["scene"] = {"name": plan.scene.name, "values": plan.scene.values}
     data |= {name: getattr(plan, name) for name in PLAIN}
     data |= {"actions": list(plan.actions), "joints": list(plan.joints), "start": plan.start.tolist()}
     data["reba"] = plan.summary()["reba"]
@@ -45,20 +48,21 @@ def save(plan: Plan, folder: Path) -> None:
 
 def load(folder: Path) -> Plan:
     """Return the plan that `save` wrote into a folder."""
-    data = _read(folder)
+    file = folder / "plan.json"
+    data = _read(file)
     fields: dict[str, Any] = {name: data[name] for name in PLAIN}
     fields["search"] = {
         name: math.inf if value is None and name in ("bound", "gap") else value
         for name, value in data["search"].items()
     }
+    fields["scene"] = _scene(file, data["scene"])
     fields |= {"actions": tuple(data["actions"]), "joints": tuple(data["joints"]), "start": np.array(data["start"])}
     if data["feasible"]:
         fields |= _tables(folder, fields["joints"])
     return Plan(**fields)
 
 
-def _read(folder: Path) -> dict[str, Any]:
-    file = folder / "plan.json"
+def _read(file: Path) -> dict[str, Any]:
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -67,10 +71,21 @@ def _read(folder: Path) -> dict[str, Any]:
         raise LgpError(f'{file}: not a plan: its "format" is not "{FORMAT}"')
     if not isinstance(data.get("version"), int) or data["version"] > VERSION:
         raise LgpError(f"{file}: version {data.get('version')}, this package reads up to {VERSION}; update it")
-    missing = [name for name in (*PLAIN, "actions", "joints", "start") if name not in data]
+    missing = [name for name in (*PLAIN, "scene", "actions", "joints", "start") if name not in data]
     if missing:
         raise LgpError(f"{file}: {missing[0]!r} is missing; the file is damaged")
     return data
+
+
+def _scene(file: Path, data: Any) -> Scene:
+    """Return the scene that a plan was made for.
+
+    Raises:
+        LgpError: it is not there, or this version cannot read it.
+    """
+    if not isinstance(data, dict) or not isinstance(data.get("values"), dict):
+        raise LgpError(f"{file}: its scene is missing; the file is damaged, plan again")
+    return read_scene(data["values"], str(data.get("name")))
 
 
 def _tables(folder: Path, joints: tuple[str, ...]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from lgp.world.scene import Scene
     from reba import Rules, ScoreArrays
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ class Plan:
     """What was planned for a scene.
 
     Attributes:
-        scene: its name.
+        scene: what was planned for, heights of tables included.
         feasible: whether there is a plan; `reason` says why not.
         status: how the search ended: optimal, gap, interrupted, infeasible, unreachable, exhausted.
         actions: as the paper prints them, one per phase.
@@ -47,7 +48,7 @@ class Plan:
         tree: nodes of the searched tree; not saved.
     """
 
-    scene: str
+    scene: Scene
     feasible: bool
     status: str
     reason: str
@@ -90,7 +91,7 @@ class Plan:
             "feasible": self.feasible,
             "status": self.status,
             "reason": self.reason,
-            "scene": self.scene,
+            "scene": self.scene.name,
             "actions": list(self.actions),
             "cost": self.costs or {"total": None, "acceleration": None, "ergonomics": None},
             "reba": reba,

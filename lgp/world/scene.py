@@ -6,8 +6,8 @@ Lengths are metres, angles degrees as a person writes them; the world is x, y on
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 from lgp.errors import SceneError, did_you_mean
 
@@ -145,6 +145,7 @@ class Scene:
         tables: tables by full name.
         things: objects by name.
         choices: free choices with reasons.
+        values: the table of values it was read from, heights as they are now; `read_scene` makes it again from them.
     """
 
     name: str
@@ -159,6 +160,7 @@ class Scene:
     tables: Mapping[str, Table]
     things: Mapping[str, Thing]
     choices: tuple[Choice, ...] = ()
+    values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def agents(self) -> tuple[Agent, ...]:
@@ -196,7 +198,9 @@ class Scene:
             if not 0.0 < height < 3.0:
                 raise SceneError(f"{self.name}: height of {full} is {height:g} m, expected 0 to 3 m")
             tables[full] = replace(tables[full], height=float(height))
-        return replace(self, tables=tables)
+        written = dict(self.values.get("tables", {}))
+        written |= {table.name: {**written.get(table.name, {}), "height": table.height} for table in tables.values()}
+        return replace(self, tables=tables, values={**self.values, "tables": written})
 
     def draw_heights(self, rng: np.random.Generator) -> Scene:
         """Return the scene with every height drawn uniformly from its range; given heights stay."""

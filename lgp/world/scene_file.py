@@ -65,7 +65,8 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
     Raises:
         SceneError: as `load_scene`.
     """
-    entries = Entries(name, _changed(values, changes or {}, name))
+    chosen = _changed(values, changes or {}, name)
+    entries = Entries(name, chosen)
     tables = {f"table.{key}": _table(key, entry) for key, entry in entries.tables("tables").items()}
     scene = Scene(
         name=name,
@@ -80,6 +81,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         tables=tables,
         things={key: _thing(key, entry, tables) for key, entry in entries.tables("objects").items()},
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
+        values=chosen,
     )
     entries.done()
     _check_names(scene)

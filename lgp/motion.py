@@ -1,0 +1,122 @@
+"""A plan as moving things: the placements of objects, hands and limbs, worked out again from its configurations.
+
+plan -> world + attachments of every object (`Modes`) -> poses per slice
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.errors import LgpError
+from lgp.path.phases import Phases
+from lgp.plan import parse_sequence, task_of
+from lgp.plan_record import Plan
+from lgp.world import human as bodies
+from lgp.world.model import World
+from lgp.world.posture import PELVIS
+from lgp.world.stance import legs
+from lgp.world.switches import Modes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Rotations (T, 3, 3) and positions (T, 3) [m] in the world."""
+
+    rotation: Array
+    position: Array
+
+
+class Motion:
+    """What moves in a plan, at its slices: time 0, then every slice of the path, T + 1 rows in all.
+
+    Args:
+        plan: one that is feasible.
+        world: of the plan's scene, to save building it again.
+
+    Attributes:
+        plan: the plan.
+        world: its kinematics.
+        phases: its actions laid out in time.
+        modes: what holds each object in each phase.
+        time: (T + 1,) [s].
+        phase: (T + 1,) number of the phase; the first row belongs to phase 0.
+        path: (T + 1, nq) configurations [rad, m].
+
+    Raises:
+        LgpError: the plan has no motion, or its actions are not those of its scene.
+
+    Example:
+        >>> motion = Motion(lgp.Plan.load("plan"))                      # doctest: +SKIP
+        >>> motion.thing("screwdriver").position                        # doctest: +SKIP
+    """
+
+    def __init__(self, plan: Plan, world: World | None = None) -> None:
+        if not plan.feasible:
+            raise LgpError(f"{plan.scene.name}: there is no motion, the plan is not feasible ({plan.reason})")
+        self.plan = plan
+        self.world = World(plan.scene) if world is None else world.with_scene(plan.scene)
+        if self.world.joints != plan.joints:
+            raise LgpError(f"{plan.scene.name}: the joints of the plan are not those of its scene; plan again")
+        actions = parse_sequence(task_of(plan.scene), plan.actions)
+        self.phases = Phases.of(plan.scene, actions, len(plan.path) // len(actions))
+        self.modes = Modes(self.world, self.phases.switches)
+        if self.modes.names != tuple(plan.variables):
+            raise LgpError(f"{plan.scene.name}: the plan does not say how objects lie in hands; plan again")
+        self.variables = np.array(list(plan.variables.values()), dtype=float)
+        self.time = np.concatenate([[0.0], plan.time])
+        self.phase = np.concatenate([plan.phase[:1], plan.phase])
+        self.path = np.concatenate([plan.start[None], plan.path])
+
+    def frames(self, names: Iterable[str]) -> dict[str, Poses]:
+        """Return the poses of frames of the model, such as `baxter.right` or `human.head`.
+
+        Raises:
+            WorldError: a frame is unknown.
+        """
+        kinematics = self.world.at(self.path, names)
+        return {
+            name: Poses(kinematics.rotation[:, at], kinematics.position[:, at]) for name, at in kinematics.index.items()
+        }
+
+    def thing(self, name: str) -> Poses:
+        """Return the poses of an object; in the slice of a switch it is where both holders have it.
+
+        Raises:
+            WorldError: there is no such object.
+        """
+        kinematics = self.world.at(self.path, self.modes.frames)
+        rotation, position = np.empty((len(self.path), 3, 3)), np.empty((len(self.path), 3))
+        for phase in range(self.phases.count):
+            rows = np.flatnonzero(self.phase == phase)
+            pose = self.modes.pose(name, phase, kinematics.rows(rows), self.variables)
+            rotation[rows], position[rows] = pose.rotation, pose.position
+        return Poses(rotation, position)
+
+    @cached_property
+    def human(self) -> dict[str, Array]:
+        """Return joint -> (T + 1,) value [rad, m] of all 41 joints of the human, legs that follow the pelvis included.
+
+        Raises:
+            LgpError: there is no human in the scene.
+        """
+        person = self.plan.scene.human
+        if person is None:
+            raise LgpError(f"{self.plan.scene.name}: there is no human in this scene")
+        rows = len(self.path)
+        values = {name: np.full(rows, self.world.first[f"human.{name}"]) for name in bodies.joint_names()}
+        for name in values:
+            column = self.world.column.get(f"human.{name}")
+            if column is not None:
+                values[name] = self.path[:, column]
+        if person.legs == "solved":
+            pelvis = np.stack([values[name] for name in PELVIS], axis=1)
+            solved, _ = legs(pelvis, person.stature, person.sex)
+            values |= solved
+        return values
