@@ -13,7 +13,7 @@ from lgp.errors import WorldError
 from lgp.world.human import ISB, joint_names
 from lgp.world.model import World
 from lgp.world.posture import PostureMap
-from lgp.world.stance import legs
+from lgp.world.stance import STRAIGHTEST, knees, legs
 from reba.posture import COLUMNS, INDEX
 from reba.readers.finish import finish
 from reba.readers.memory import array_stream
@@ -60,6 +60,25 @@ def test_jacobian_by_differences(legs_mode: str, smooth: bool) -> None:
     _, jacobian = posture.evaluate(q, smooth)
     full = differences(lambda x: posture.evaluate(x, smooth)[0], q)
     np.testing.assert_allclose(jacobian, full[:, :, posture.columns], rtol=1e-4, atol=2e-4)
+
+
+def test_knees_and_their_slope_belong_together_beyond_the_length_of_a_leg() -> None:
+    heights = np.concatenate([np.linspace(-0.3, -0.002, 12), np.linspace(-0.0015, 0.003, 19), [0.02, 0.2]])
+    pelvis = np.zeros((len(heights), 5))
+    pelvis[:, 2] = heights
+    pelvis[:, [0, 1, 3, 4]] = np.random.default_rng(3).uniform(-0.02, 0.02, (len(heights), 4))
+    bend, slope, beyond, by_pelvis = knees(pelvis, 1.75, "male")
+    assert (beyond > 0.0).sum() > 20
+    assert (bend[beyond <= 0.0] >= STRAIGHTEST).all()
+    assert (bend > 0.0).sum() > 50
+    assert (bend[beyond > 0.0] < STRAIGHTEST).all()
+    step = 1e-7
+    for joint in range(5):
+        moved = np.zeros(5)
+        moved[joint] = step
+        high, low = (knees(pelvis + sign * moved, 1.75, "male") for sign in (1.0, -1.0))
+        np.testing.assert_allclose(slope[:, :, joint], (high[0] - low[0]) / (2 * step), rtol=2e-3, atol=2e-4)
+        np.testing.assert_allclose(by_pelvis[:, :, joint], (high[2] - low[2]) / (2 * step), atol=1e-6)
 
 
 def test_smooth_flexion_is_the_definition_outside_its_band() -> None:

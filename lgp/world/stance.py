@@ -56,7 +56,10 @@ def legs(pelvis: Array, stature: float, sex: str) -> tuple[dict[str, Array], Arr
 
 
 STRAIGHTEST = np.radians(3.0)
-"""[rad] Knees stay bent by this much: at a straight knee the angle has no derivative by the height of the pelvis."""
+"""[rad] Knees stay bent by this much: at a straight knee the angle has no derivative by the height of the pelvis.
+
+Farther away, where no leg reaches, the angle falls to 0 on a curve that goes on with the same slope, so that value and
+slope belong together everywhere and no optimiser is misled."""
 
 
 def knees(pelvis: Array, stature: float, sex: str) -> tuple[Array, Array, Array, Array]:
@@ -66,8 +69,9 @@ def knees(pelvis: Array, stature: float, sex: str) -> tuple[Array, Array, Array,
         pelvis: (n, 5) as for `legs`.
 
     Returns:
-        Flexion (n, 2) [rad] left and right, at least `STRAIGHTEST`, and its Jacobian (n, 2, 5); by how much [m] hip and
-        ankle are farther apart than a leg of the straightest knee reaches (n, 2), to be kept <= 0, and its Jacobian.
+        Flexion (n, 2) [rad] left and right, `STRAIGHTEST` or more within reach, and its Jacobian (n, 2, 5); by how much
+        [m] hip and ankle are farther apart than a leg of the straightest knee reaches (n, 2), to be kept <= 0, and its
+        Jacobian.
     """
     measures = lengths(stature, sex)
     thigh, shank = measures["thigh"], measures["shank"]
@@ -83,11 +87,18 @@ def knees(pelvis: Array, stature: float, sex: str) -> tuple[Array, Array, Array,
     by_pelvis[:, :, 3] = away[:, :, 0] * out * cosine + away[:, :, 1] * out * sine
     distance = np.linalg.norm(away, axis=2)
     by_pelvis /= distance[:, :, None]
-    bend = np.clip((distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank), -1.0, np.cos(STRAIGHTEST))
-    knee = np.arccos(bend)
-    slope = -distance / (thigh * shank * np.maximum(np.sin(knee), np.sin(STRAIGHTEST)))
     longest = np.sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * np.cos(STRAIGHTEST))
-    return knee, slope[:, :, None] * by_pelvis, distance - longest, by_pelvis
+    beyond = distance - longest
+    knee, slope = _flexion(np.minimum(distance, longest), thigh, shank)
+    fade = np.exp(np.maximum(beyond, 0.0) * slope / knee)
+    return fade * knee, (fade * slope)[:, :, None] * by_pelvis, beyond, by_pelvis
+
+
+def _flexion(distance: Array, thigh: float, shank: float) -> tuple[Array, Array]:
+    """Return the knee [rad] at distances of hip and ankle shorter than the leg, and its derivative; 0 where folded."""
+    cosine = (distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
+    knee = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return knee, np.where(cosine > -1.0, -distance / (thigh * shank * np.maximum(np.sin(knee), 1e-9)), 0.0)
 
 
 def _leg(body: Array, seen: Array, knee: Array, thigh: float, shank: float) -> tuple[Array, ...]:
