@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from lgp.drawing import INK, LINE, SOFT, line, points, svg, text, ticks
 from lgp.experiments.runs import CONDITIONS, STARTS
 from lgp.experiments.statistics import stars
 
@@ -23,9 +24,8 @@ COLOURS: Final = {"non-ergonomic": "#b4540a", "ergonomic": "#1f6fa8", "re-optimi
 """One per condition; each also has its name beside it."""
 DASHES: Final = {"rest": "none", "random": "6 4"}
 """As in the paper's Fig. 7."""
-INK, SOFT, LINE = "#1b2430", "#4d5866", "#d5dae1"
 
-WIDTH, HEIGHT = 420.0, 320.0
+HEIGHT = 320.0
 _LEFT, _RIGHT, _DOWN = 44.0, 412.0, 272.0
 _BARS_UP, _PROFILE_UP = 96.0, 62.0
 """Room above the bars for the brackets, above the lines for the key."""
@@ -50,22 +50,22 @@ def bars(scores: Mapping[str, Any], label: str) -> str:
     scale = (_DOWN - _BARS_UP) / top
     step = (_RIGHT - _LEFT) / len(CONDITIONS)
     centres = [_LEFT + step * (place + 0.5) for place in range(len(CONDITIONS))]
-    parts = _grid(_ticks(0.0, top), lambda value: _DOWN - value * scale, "mean REBA score")
+    parts = _grid(ticks(0.0, top), lambda value: _DOWN - value * scale, "mean REBA score")
     for name, centre, mean, error in zip(CONDITIONS, centres, means, errors, strict=True):
-        parts.append(_text(centre, _DOWN + 18, name))
+        parts.append(text(centre, _DOWN + 18, name))
         n = conditions[name]["n"]
         said = f"{mean:.2f} (n = {n})" if n else "n = 0"
-        parts.append(_text(centre, _DOWN + 36, said, size=13, colour=SOFT))
+        parts.append(text(centre, _DOWN + 36, said, size=13, colour=SOFT))
         if not n:
             continue
         y = _DOWN - mean * scale
         parts.append(f'<rect x="{centre - 36:.1f}" y="{y:.1f}" width="72" height="{_DOWN - y:.1f}" '
                      f'fill="{COLOURS[name]}"/>')  # fmt: skip
         low, high = y + error * scale, y - error * scale
-        parts += [_line(centre, low, centre, high), *(_line(centre - 7, end, centre + 7, end) for end in (low, high))]
+        parts += [line(centre, low, centre, high), *(line(centre - 7, end, centre + 7, end) for end in (low, high))]
     for pair in scores["pairs"]:
         parts += _bracket(pair, centres)
-    return _svg(parts, label)
+    return svg(parts, label, HEIGHT)
 
 
 def _bracket(pair: Mapping[str, Any], centres: Sequence[float]) -> list[str]:
@@ -73,7 +73,7 @@ def _bracket(pair: Mapping[str, Any], centres: Sequence[float]) -> list[str]:
     y = _BARS_UP - 10 - _LEVEL[places] * _BRACKET + 6
     a, b = centres[places[0]] + 6, centres[places[1]] - 6
     mark = "not tested" if pair["p_holm"] is None else stars(pair["p_holm"]) or "n.s."
-    return [_line(a, y, b, y), _line(a, y, a, y + 7), _line(b, y, b, y + 7), _text((a + b) / 2, y - 5, mark)]
+    return [line(a, y, b, y), line(a, y, a, y + 7), line(b, y, b, y + 7), text((a + b) / 2, y - 5, mark)]
 
 
 def profile(paths: pd.DataFrame, label: str) -> str:
@@ -96,18 +96,17 @@ def profile(paths: pd.DataFrame, label: str) -> str:
     def y(score: Any) -> Any:
         return _DOWN - (np.asarray(score) - bottom) / (top - bottom) * (_DOWN - _PROFILE_UP)
 
-    ticks = sorted({bottom, *_ticks(bottom, top)})
-    parts = _grid(ticks, lambda value: float(y(value)), "mean REBA score")
+    parts = _grid(sorted({bottom, *ticks(bottom, top)}), lambda value: float(y(value)), "mean REBA score")
     parts += _phases(paths, x)
     for start in starts:
         for condition in CONDITIONS:
             curve = means[(means["initial"] == start) & (means["condition"] == condition)]
             px, mean, error = x(curve["time"].to_numpy()), curve["mean"].to_numpy(), curve["sem"].to_numpy()
-            band = _points(np.r_[px, px[::-1]], y(np.r_[mean + error, (mean - error)[::-1]]))
+            band = points(np.r_[px, px[::-1]], y(np.r_[mean + error, (mean - error)[::-1]]))
             parts.append(f'<polygon points="{band}" fill="{COLOURS[condition]}" fill-opacity="0.16"/>')
-            parts.append(f'<polyline points="{_points(px, y(mean))}" fill="none" stroke="{COLOURS[condition]}" '
+            parts.append(f'<polyline points="{points(px, y(mean))}" fill="none" stroke="{COLOURS[condition]}" '
                          f'stroke-width="2.2" stroke-dasharray="{DASHES[start]}"/>')  # fmt: skip
-    return _svg([*parts, *_key(starts)], label)
+    return svg([*parts, *_key(starts)], label, HEIGHT)
 
 
 def _phases(paths: pd.DataFrame, x: Any) -> list[str]:
@@ -115,9 +114,9 @@ def _phases(paths: pd.DataFrame, x: Any) -> list[str]:
     ends = paths.groupby("phase")["time"].max()
     parts, before = [], 0.0
     for phase, end in zip(ends.index.tolist(), ends.tolist(), strict=True):
-        parts.append(_line(float(x(end)), _PROFILE_UP, float(x(end)), _DOWN, LINE, 1.0))
-        parts.append(_text(float(x((before + end) / 2)), _DOWN + 18, f"phase {phase + 1}"))
-        parts.append(_text(float(x(end)), _DOWN + 36, f"{end:g} s", size=12, colour=SOFT, anchor="end"))
+        parts.append(line(float(x(end)), _PROFILE_UP, float(x(end)), _DOWN, LINE, 1.0))
+        parts.append(text(float(x((before + end) / 2)), _DOWN + 18, f"phase {phase + 1}"))
+        parts.append(text(float(x(end)), _DOWN + 36, f"{end:g} s", size=12, colour=SOFT, anchor="end"))
         before = float(end)
     return parts
 
@@ -125,53 +124,22 @@ def _phases(paths: pd.DataFrame, x: Any) -> list[str]:
 def _key(starts: Sequence[str]) -> list[str]:
     parts = []
     for at, name in zip(_KEY, CONDITIONS, strict=True):
-        parts += [_line(at, 14, at + 22, 14, COLOURS[name], 4.0), _text(at + 28, 19, name, anchor="start")]
+        parts += [line(at, 14, at + 22, 14, COLOURS[name], 4.0), text(at + 28, 19, name, anchor="start")]
     for at, start in zip(_KEY, starts, strict=False):
-        parts.append(_line(at, 38, at + 22, 38, INK, 2.2, DASHES[start]))
-        parts.append(_text(at + 28, 43, f"{start} start", anchor="start"))
+        parts.append(line(at, 38, at + 22, 38, INK, 2.2, DASHES[start]))
+        parts.append(text(at + 28, 43, f"{start} start", anchor="start"))
     return parts
 
 
-def _grid(ticks: Sequence[float], y: Any, title: str) -> list[str]:
+def _grid(at: Sequence[float], y: Any, title: str) -> list[str]:
     parts = []
-    for tick in ticks:
-        parts.append(_line(_LEFT, y(tick), _RIGHT, y(tick), LINE, 1.0))
-        parts.append(_text(_LEFT - 6, y(tick) + 4.5, f"{tick:g}", anchor="end"))
+    for tick in at:
+        parts.append(line(_LEFT, y(tick), _RIGHT, y(tick), LINE, 1.0))
+        parts.append(text(_LEFT - 6, y(tick) + 4.5, f"{tick:g}", anchor="end"))
     middle = (_DOWN + _PROFILE_UP) / 2
-    turned = f'<g transform="translate(13 {middle:.1f}) rotate(-90)">{_text(0, 0, title, size=13, colour=SOFT)}</g>'
+    turned = f'<g transform="translate(13 {middle:.1f}) rotate(-90)">{text(0, 0, title, size=13, colour=SOFT)}</g>'
     return [*parts, turned]
-
-
-def _ticks(low: float, high: float) -> list[float]:
-    """Return round numbers from `low` to `high`."""
-    width = high - low
-    step = next((size for size in (0.1, 0.2, 0.5, 1.0, 2.0) if width / size <= 7.5), 5.0)
-    return [round(float(value), 6) + 0.0 for value in np.arange(np.ceil(low / step - 1e-9) * step, high + 1e-9, step)]
 
 
 def _number(value: float | None) -> float:
     return 0.0 if value is None else value
-
-
-def _points(x: Array, y: Array) -> str:
-    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-
-
-def _line(x1: float, y1: float, x2: float, y2: float, colour: str = INK, width: float = 1.4, dash: str = "") -> str:
-    dashes = f' stroke-dasharray="{dash}"' if dash else ""
-    ends = f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"'
-    return f'<line {ends} stroke="{colour}" stroke-width="{width:g}"{dashes}/>'
-
-
-def _text(x: float, y: float, text: str, *, size: int = 14, colour: str = INK, anchor: str = "middle") -> str:
-    look = f'font-size="{size}" fill="{colour}" text-anchor="{anchor}"'
-    return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{text}</text>'
-
-
-def _svg(parts: Sequence[str], label: str) -> str:
-    from markupsafe import escape
-
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" '
-        f'aria-label="{escape(label)}" font-family="system-ui, sans-serif">' + "".join(parts) + "</svg>"
-    )

@@ -1,0 +1,63 @@
+"""Lines, text and scales of plain SVG figures: drawn narrow, so that text is readable on a telephone.
+
+Words are escaped; coordinates are units of the view box, y down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+INK, SOFT, LINE = "#1b2430", "#4d5866", "#d5dae1"
+"""Colours of lines and text, of notes, of grids: those of the reports."""
+WIDTH = 420.0
+"""Width of a figure."""
+
+
+def line(x1: float, y1: float, x2: float, y2: float, colour: str = INK, width: float = 1.4, dash: str = "") -> str:
+    """Return a straight line."""
+    dashes = f' stroke-dasharray="{dash}"' if dash else ""
+    ends = f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"'
+    return f'<line {ends} stroke="{colour}" stroke-width="{width:g}"{dashes}/>'
+
+
+def text(x: float, y: float, words: str, *, size: int = 14, colour: str = INK, anchor: str = "middle") -> str:
+    """Return a line of text; `anchor` is start, middle or end.
+
+    >>> text(1, 2, "a < b", anchor="start")
+    '<text x="1.0" y="2.0" font-size="14" fill="#1b2430" text-anchor="start">a &lt; b</text>'
+    """
+    from markupsafe import escape
+
+    look = f'font-size="{size}" fill="{colour}" text-anchor="{anchor}"'
+    return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{escape(words)}</text>'
+
+
+def points(x: Array, y: Array) -> str:
+    """Return (n,) places as the points of a polyline or polygon."""
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+
+
+def ticks(low: float, high: float) -> list[float]:
+    """Return round numbers from `low` to `high`.
+
+    >>> ticks(0.0, 3.1)
+    [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
+    """
+    width = high - low
+    step = next((size for size in (0.1, 0.2, 0.5, 1.0, 2.0) if width / size <= 7.5), 5.0)
+    return [round(float(value), 6) + 0.0 for value in np.arange(np.ceil(low / step - 1e-9) * step, high + 1e-9, step)]
+
+
+def svg(parts: Sequence[str], label: str, height: float) -> str:
+    """Return the figure; `label` is for people who cannot see it."""
+    from markupsafe import escape
+
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {WIDTH:g} {height:g}" role="img" '
+        f'aria-label="{escape(label)}" font-family="system-ui, sans-serif">' + "".join(parts) + "</svg>"
+    )
