@@ -54,7 +54,7 @@ def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return reading_options(command)
 
 
-def _options(given: dict[str, Any]) -> Options:
+def options_of(given: dict[str, Any]) -> Options:
     """Return the record for what `scoring_options` gave."""
     names = ("load", "shock", "coupling", "support", "arm_supported")
     factors = {name: given.pop(name) for name in names}
@@ -85,7 +85,7 @@ def score(
     inputs: tuple[str, ...], output: str | None, report: str | None, jobs: int, as_json: bool, **given: Any
 ) -> None:
     """Score recordings: files, or folders of them."""
-    options = _options(given)
+    options = options_of(given)
     rules_of(options.rules)
     paths = find_inputs(inputs)
     outputs = plan_outputs(paths, output)
@@ -139,7 +139,7 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **given: Any) -> 
     """Put two recordings side by side: before and after."""
     from reba.comparison import compare as compare_scores
 
-    options = _options(given)
+    options = options_of(given)
     check_report(report, (a, b))
     first, second = options.read_and_score(a), options.read_and_score(b)
     result = compare_scores(first, second)
@@ -164,7 +164,7 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **given: Any) -> 
 @json_option
 def explain(path: str, time: float, as_json: bool, **given: Any) -> None:
     """Print the worksheet of one frame: which angle and rule gave which point."""
-    sheet = _options(given).read_and_score(path).explain(time)
+    sheet = options_of(given).read_and_score(path).explain(time)
     if as_json:
         print_json(sheet.to_dict())
     else:
@@ -190,7 +190,7 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
     from reba.exposure import worst_intervals
     from reba.improve import improve_frame, improve_frames, worst_stretch
 
-    scores = _options(given).read_and_score(path)
+    scores = options_of(given).read_and_score(path)
     stamps = scores.time
     if time is not None:
         frames = [scores.frame_at(time)]

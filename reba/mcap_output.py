@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -32,8 +32,15 @@ _HEAD: Final = struct.Struct("<IQQ")
 """Sequence, log time and publish time, which stand right before the payload of a message."""
 
 
-def write_mcap(data: pd.DataFrame, about: dict[str, Any], path: Path, postures: PostureTable, kind: str) -> None:
-    """Write a table as one JSON channel, with the original topics beside it."""
+def write_mcap(
+    data: pd.DataFrame,
+    about: dict[str, Any],
+    path: Path,
+    postures: PostureTable,
+    kind: str,
+    records: Mapping[str, Mapping[str, str]] | None = None,
+) -> None:
+    """Write a table as one JSON channel, with the original topics beside it, and further metadata `records`."""
     from mcap.writer import CompressionType, Writer
 
     with path.open("wb") as stream:
@@ -41,6 +48,8 @@ def write_mcap(data: pd.DataFrame, about: dict[str, Any], path: Path, postures: 
         writer.start(profile="", library="dreba")
         notes = {key: value if isinstance(value, str) else as_json(value) for key, value in about.items()}
         writer.add_metadata("reba", notes)
+        for name, record in (records or {}).items():
+            writer.add_metadata(name, dict(record))
         schema = writer.register_schema(SCHEMAS[kind], "jsonschema", json.dumps(_schema(data, kind)).encode())
         channel = writer.register_channel(TOPICS[kind], "json", schema)
         messages = _messages(data, postures.epoch)

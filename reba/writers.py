@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -41,13 +41,20 @@ def write_scores(scores: Scores, path: str | Path) -> None:
     _write(scores.data, _about_scores(scores), Path(path), scores.postures, "scores")
 
 
-def write_postures(postures: PostureTable, path: str | Path) -> None:
+def write_postures(
+    postures: PostureTable, path: str | Path, *, records: Mapping[str, Mapping[str, str]] | None = None
+) -> None:
     """Write a posture table; the suffix of `path` chooses .parquet, .csv or .mcap.
 
+    Args:
+        records: further metadata records of an .mcap: name -> text by key.
+
     Raises:
-        RebaError: unknown suffix, or the file cannot be written.
+        RebaError: unknown suffix, records for another one than .mcap, or the file cannot be written.
     """
-    _write(postures.data, about_postures(postures), Path(path), postures, "postures")
+    if records and Path(path).suffix.lower() != ".mcap":
+        raise RebaError(f"{path}: only an .mcap carries metadata records; choose that ending")
+    _write(postures.data, about_postures(postures), Path(path), postures, "postures", records)
 
 
 def about_postures(postures: PostureTable) -> dict[str, Any]:
@@ -103,7 +110,14 @@ def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
             part.unlink(missing_ok=True)
 
 
-def _write(data: pd.DataFrame, about: dict[str, Any], path: Path, postures: PostureTable, kind: str) -> None:
+def _write(
+    data: pd.DataFrame,
+    about: dict[str, Any],
+    path: Path,
+    postures: PostureTable,
+    kind: str,
+    records: Mapping[str, Mapping[str, str]] | None = None,
+) -> None:
     suffix = path.suffix.lower()
     if suffix == ".parquet":
         write_atomic(path, lambda part: _parquet(data, about, part))
@@ -114,7 +128,7 @@ def _write(data: pd.DataFrame, about: dict[str, Any], path: Path, postures: Post
     elif suffix == ".mcap":
         from reba.mcap_output import write_mcap
 
-        write_atomic(path, lambda part: write_mcap(data, about, part, postures, kind))
+        write_atomic(path, lambda part: write_mcap(data, about, part, postures, kind, records))
     else:
         raise RebaError(f"{path}: ending {suffix!r} is unknown; choose one of {', '.join(SUFFIXES)}")
 
