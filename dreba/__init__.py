@@ -13,19 +13,29 @@ True
 
 from __future__ import annotations
 
-from dreba.convex import ConvexModel
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from dreba.domain import Bins, Domain, domain_of
 from dreba.errors import DomainError, ModelError, RadiansWarning, SampleError
 from dreba.evaluate import PUBLISHED, Evaluation, evaluate, fit_to
 from dreba.files import load, models
-from dreba.graduated import GraduatedModel
-from dreba.model import KINDS, About, Surrogate
-from dreba.net import NetModel
 from dreba.payload import delta_payload
-from dreba.poses import Poses, read_poses
-from dreba.quadratic import QuadraticModel
+from dreba.poses import Poses
+from dreba.recordings import read_poses
 from dreba.sample import sample
-from dreba.soft import SoftModel
+
+if TYPE_CHECKING:
+    from dreba.kinds import (
+        KINDS,
+        About,
+        ConvexModel,
+        GraduatedModel,
+        NetModel,
+        QuadraticModel,
+        SoftModel,
+        Surrogate,
+    )
 
 __all__ = [
     "KINDS",
@@ -54,3 +64,14 @@ __all__ = [
     "read_poses",
     "sample",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Return a model class on first use: their base classes load scikit-learn and with it SciPy, for over a second."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module("dreba.kinds"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

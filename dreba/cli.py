@@ -2,58 +2,45 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
+import warnings
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 import reba
-from dreba.cells import WEIGHTS
-from dreba.domain import DOMAINS, Domain, domain_of
-from dreba.errors import ModelError, SampleError
-from dreba.evaluate import PUBLISHED, fit_to
+from dreba.domain import Domain
+from dreba.errors import RadiansWarning, SampleError
+from dreba.evaluate import PUBLISHED, check_temperature, fit_to
 from dreba.evaluate import evaluate as evaluate_model
 from dreba.files import load, models
-from dreba.model import KINDS, Surrogate
-from dreba.poses import Poses, read_poses
-from dreba.sample import FACTOR_NAMES
-from dreba.sample import sample as draw
-from reba.errors import did_you_mean
+from dreba.options import (
+    CLASSES,
+    apart,
+    draw_poses,
+    drawing_options,
+    drawn_domain,
+    hold_of,
+    joints_of,
+    joints_option,
+    poses_options,
+    unfitted,
+)
+from dreba.poses import Poses
+from dreba.recordings import read_poses
+from reba.posture import COLUMNS
 from reba.shell import GROUP, command_line, console, json_option, print_json, run
+
+if TYPE_CHECKING:
+    from dreba.model import Surrogate
 
 HELD_OUT: Final = 1
 EVALUATION: Final = 2
 """Second numbers of the seeds of held-out poses and of poses for evaluation: no fit ever sees them."""
-HIGHEST: Final = 99
-"""End of a range of classes: enough to name the first one that is no REBA score."""
 FEWEST: Final = 200
 """Poses that a fit from a file needs; below, errors per class mean nothing."""
 HELD_SHARE: Final = 0.2
 """Share of the poses of a file that a fit does not see."""
-
-
-def drawing_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say which poses are drawn."""
-    for option in (
-        click.option("--adjustments/--no-adjustments", default=True, help="Twists, side bends, abduction and so on."),
-        click.option("--arms", default="both", type=click.Choice(["both", "left", "right"]), help="Arms that move."),
-        click.option("--factors", default="", metavar="LIST", help=f"Drawn as well: {','.join(FACTOR_NAMES)}."),
-        click.option("--stratified", is_flag=True, help="Fill part scores evenly to within one pose."),
-        click.option("--weights", default="bins", type=click.Choice(WEIGHTS), help="Likeliness inside a class."),
-        click.option("--domain", default=None, metavar="NAME|FILE.toml", help=f"Joint limits: {', '.join(DOMAINS)}."),
-        click.option("--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of the draws."),
-        click.option("--classes", default="1:10", metavar="A:B|LIST", show_default=True, help="REBA scores to fill."),
-        click.option("-n", "--number", "n", default=10_000, type=int, show_default=True, help="Number of poses."),
-    ):
-        command = option(command)
-    return command
-
-
-poses_option = click.option(
-    "--poses", "poses_file", metavar="FILE", help="Poses of `dreba sample`, or any recording, instead of drawing."
-)
 
 
 @click.group(context_settings=GROUP)
@@ -65,6 +52,7 @@ def cli() -> None:
     Start with:  dreba fit -o model.json      poses drawn, model fitted, error per REBA class
     Then:        dreba compare model.json     beside the published model
     """
+    warnings.simplefilter("once", RadiansWarning)  # training and held-out poses need not be warned about each
 
 
 @cli.command(epilog="Example: dreba sample -n 100000 --classes 1:10 --seed 1 -o poses.parquet")
@@ -73,10 +61,10 @@ def cli() -> None:
 @json_option
 def sample(output: str, as_json: bool, **given: Any) -> None:
     """Draw poses evenly over REBA classes."""
-    _apart({"-o": output}, given["domain"])
+    apart({"-o": output}, given["domain"])
     if Path(output).suffix.lower() != ".parquet":
         raise SampleError(f"{output}: poses are written as Parquet; choose a name ending in .parquet")
-    poses = _draw(given, given["seed"])
+    poses = draw_poses(given, given["seed"])
     poses.save(output)
     if as_json:
         counts = {str(score): count for score, count in poses.counts.items()}
@@ -88,27 +76,37 @@ def sample(output: str, as_json: bool, **given: Any) -> None:
 @cli.command(epilog="Example: dreba fit --kind quadratic -n 20000 --seed 1 -o model.json --report model.html")
 @click.option("--kind", default="quadratic", show_default=True, metavar="KIND", help="Kind of model.")
 @click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="A parameter of the kind, repeatable.")
-@poses_option
+@poses_options
+@joints_option
 @drawing_options
 @click.option("-o", "--output", required=True, metavar="MODEL.json", help="File to write.")
 @click.option("--report", metavar="FILE.html", help="Write a self-contained HTML report.")
 @json_option
 def fit(
-    kind: str, options: tuple[str, ...], poses_file: str | None, output: str, report: str | None, as_json: bool,
-    **given: Any,
+    kind: str, options: tuple[str, ...], poses_file: str | None, hold: str | None, joints: str | None, output: str,
+    report: str | None, as_json: bool, **given: Any,
 ) -> None:  # fmt: skip
-    """Fit a model to drawn poses, or to your own with every REBA class weighing the same."""
-    _apart({"-o": output, "--report": report}, poses_file, given["domain"])
-    model = _model(kind, options, given["domain"])
+    """Fit a model to drawn poses, or to your own with every REBA class weighing the same.
+
+    A recording that lacks angles needs --joints measured (the model then works on those it has) or --hold neutral.
+    """
+    apart({"-o": output, "--report": report}, poses_file, given["domain"])
+    chosen, held = joints_of(joints), hold_of(hold)
     weights = None
     if poses_file is None:
-        train, held_out = _draw(given, given["seed"]), _draw(given, (given["seed"], HELD_OUT))
+        own = drawn_domain(given["domain"], chosen, held)
+        model = unfitted(kind, options, own, chosen)
+        given = {**given, "domain": own}
+        train, held_out = draw_poses(given, given["seed"]), draw_poses(given, (given["seed"], HELD_OUT))
     else:
         import numpy as np
 
-        train, held_out = _enough(read_poses(poses_file), poses_file).split(
-            HELD_SHARE, np.random.default_rng(given["seed"])
-        )
+        unfitted(kind, options, given["domain"], None)  # wrong options are told before a long file is read
+        poses = _enough(read_poses(poses_file, joints=chosen, hold=held), poses_file)
+        drawn_from = Domain.from_dict(poses.provenance["domain"]) if "recording" not in poses.provenance else None
+        columns = None if joints is None else tuple(poses.provenance.get("joints", COLUMNS))
+        model = unfitted(kind, options, given["domain"] or drawn_from, columns)
+        train, held_out = poses.split(HELD_SHARE, np.random.default_rng(given["seed"]))
         weights = train.balancing_weights()
     fit_to(model, train, held_out, weights, command=command_line("dreba"))
     model.save(output)
@@ -118,18 +116,21 @@ def fit(
 
 @cli.command(epilog="Example: dreba evaluate model.json --poses poses.parquet")
 @click.argument("model", metavar="MODEL")
-@poses_option
+@poses_options
 @drawing_options
 @click.option("--temperature", type=float, default=None, metavar="DEG", help="For kinds that have one.")
 @click.option("--report", metavar="FILE.html", help="Write a self-contained HTML report.")
 @json_option
 def evaluate(
-    model: str, poses_file: str | None, temperature: float | None, report: str | None, as_json: bool, **given: Any
-) -> None:
+    model: str, poses_file: str | None, hold: str | None, temperature: float | None, report: str | None, as_json: bool,
+    **given: Any,
+) -> None:  # fmt: skip
     """RMSE, bias and count per REBA class, on poses no fit has seen. MODEL is a file or a shipped model's name."""
-    _apart({"--report": report}, model, poses_file, given["domain"])
+    apart({"--report": report}, model, poses_file, given["domain"])
     found = load(model)
-    _show_evaluation(found, model, _unseen(found, poses_file, given), report, as_json, temperature)
+    check_temperature(found, temperature)
+    poses = _unseen({model: found}, poses_file, hold, given)
+    _show_evaluation(found, model, poses, report, as_json, temperature)
 
 
 def _show_evaluation(
@@ -148,44 +149,25 @@ def _show_evaluation(
     show_evaluation(console(), name, result)
 
 
-def _apart(outputs: dict[str, str | None], *inputs: str | None) -> None:
-    """Refuse an output that is one of the inputs or another output, before anything is computed.
-
-    Raises:
-        ModelError: two of them are the same file.
-    """
-    taken = {Path(path).resolve() for path in inputs if path is not None}
-    for option, path in outputs.items():
-        if path is None:
-            continue
-        if Path(path).resolve() in taken:
-            raise ModelError(f"{option} {path} is a file of this command already; choose another name")
-        taken.add(Path(path).resolve())
-
-
-def _draw(given: dict[str, Any], rng: Any) -> Poses:
-    """Return the poses that `drawing_options` ask for."""
-    names = [name.strip() for name in given["factors"].split(",") if name.strip()]
-    return draw(
-        given["n"],
-        _classes(given["classes"]),
-        domain=given["domain"] or "human",
-        rng=rng,
-        weights=given["weights"],
-        stratified=given["stratified"],
-        factors=names or None,
-        adjustments=given["adjustments"],
-        arms=given["arms"],
-    )
-
-
-def _unseen(model: Surrogate, poses_file: str | None, given: dict[str, Any]) -> Poses:
-    """Return the poses of a file, or poses drawn from the model's own domain with a seed of their own."""
+def _unseen(models_: dict[str, Surrogate], poses_file: str | None, hold: str | None, given: dict[str, Any]) -> Poses:
+    """Return the poses of a file, or poses drawn with a seed of their own from the domain that all models share."""
+    held = hold_of(hold)
     if poses_file is not None:
-        return read_poses(poses_file)
-    if given["domain"] is None and model.about_.domain:
-        given = {**given, "domain": Domain.from_dict(model.about_.domain)}
-    return _draw(given, (given["seed"], EVALUATION))
+        joints = {model.joints_ for model in models_.values()}
+        # What a model on some columns never sees is held where it was held in its fit.
+        some = next(iter(joints)) if len(joints) == 1 and joints != {COLUMNS} else None
+        if some is not None and not isinstance(held, str):
+            train = next(iter(models_.values())).about_.provenance.get("train", {})
+            held = {**train.get("held", {}), **(held or {})}
+        return read_poses(poses_file, joints=some, hold=held)
+    if hold is not None:
+        raise SampleError("--hold is about poses from a file; give --poses")
+    domains = [model.about_.domain for model in models_.values()]
+    if given["domain"] is None and domains and domains[0] and all(own == domains[0] for own in domains):
+        scores = sorted({int(score) for model in models_.values() for score in model.about_.rmse})
+        classes = ",".join(map(str, scores)) or CLASSES
+        return draw_poses(given, (given["seed"], EVALUATION), Domain.from_dict(domains[0]), classes)
+    return draw_poses(given, (given["seed"], EVALUATION))
 
 
 def _enough(poses: Poses, path: str) -> Poses:
@@ -194,47 +176,17 @@ def _enough(poses: Poses, path: str) -> Poses:
     return poses
 
 
-def _classes(text: str) -> list[int]:
-    """Return the scores of "1:10" or "1,2,5"."""
-    try:
-        low, colon, high = text.partition(":")
-        return (
-            list(range(int(low), min(int(high), HIGHEST) + 1)) if colon else [int(score) for score in text.split(",")]
-        )
-    except ValueError as error:
-        raise SampleError(f"classes are {text!r}; expected FIRST:LAST or a list such as 1,2,5") from error
-
-
-def _model(kind: str, options: tuple[str, ...], domain: str | None) -> Surrogate:
-    """Return a model that is not fitted yet, with its parameters set."""
-    if kind not in KINDS:
-        raise ModelError(f"kind {kind!r} is unknown{did_you_mean(kind, KINDS)}; known: {', '.join(sorted(KINDS))}")
-    known = KINDS[kind]().get_params(deep=False)
-    parameters: dict[str, Any] = {}
-    if domain is not None and "domain" in known:
-        domain_of(domain)
-        parameters["domain"] = domain
-    for text in options:
-        name, equals, value = text.partition("=")
-        if not equals or name not in known:
-            near = did_you_mean(name, known)
-            raise ModelError(f"option {text!r} is not NAME=VALUE of kind {kind!r}{near}; known: {', '.join(known)}")
-        try:
-            parameters[name] = json.loads(value)
-        except json.JSONDecodeError:
-            parameters[name] = value
-    return KINDS[kind](**parameters)
-
-
 @cli.command(epilog="Example: dreba compare model.json quadratic --tasks 20")
 @click.argument("names", nargs=-1, metavar="MODEL...")
-@poses_option
+@poses_options
 @drawing_options
 @click.option(
     "--tasks", default=10, type=click.IntRange(min=0), show_default=True, help="Reach tasks to optimise; 0 for none."
 )
 @json_option
-def compare(names: tuple[str, ...], poses_file: str | None, tasks: int, as_json: bool, **given: Any) -> None:
+def compare(
+    names: tuple[str, ...], poses_file: str | None, hold: str | None, tasks: int, as_json: bool, **given: Any
+) -> None:
     """Models beside the published Table I: error, time, and the true REBA that optimising them leads to.
 
     All are given the same poses, which no fit has seen, and the same reach tasks. Without MODEL, all shipped models.
@@ -243,16 +195,24 @@ def compare(names: tuple[str, ...], poses_file: str | None, tasks: int, as_json:
     from dreba.comparison import enable
 
     loaded = {name: load(name) for name in names or models()}
-    poses = read_poses(poses_file) if poses_file is not None else _draw(given, (given["seed"], EVALUATION))
+    poses = _unseen(loaded, poses_file, hold, given)
+    judged = str(poses.provenance.get("domain", {}).get("name", "unknown"))
     rows = compare_models(loaded, poses)
+    strangers = [f"{row['model']} ({row['domain']})" for row in rows if row["domain"] not in ("", judged)]
+    if strangers:
+        click.echo(
+            f"dreba: note: all are judged on domain {judged}, but fitted on another: {', '.join(strangers)}; "
+            "judge them there with --domain, or one by one with dreba evaluate",
+            err=True,
+        )
     reached = enable(loaded, tasks, seed=given["seed"]) if tasks else []
     if as_json:
         published = {str(score): rmse for score, rmse in PUBLISHED.items()}
-        print_json({"published": published, "models": rows, "enabler": reached})
+        print_json({"published": published, "domain": judged, "models": rows, "enabler": reached})
         return
     from dreba.terminal import show_comparison, show_enabler
 
-    show_comparison(console(), rows)
+    show_comparison(console(), rows, judged)
     if reached:
         show_enabler(console(), reached)
 
@@ -270,7 +230,7 @@ def export(model: str, target: str, temperature: float | None, name: str, output
     """Write a model as a C99 function without dependencies, or as a CasADi function."""
     from dreba.export import export as export_model
 
-    _apart({"-o": output}, model)
+    apart({"-o": output}, model)
     written = export_model(load(model), target, output or name, temperature=temperature, name=name)
     if as_json:
         print_json({"model": model, "to": target, "output": str(written)})

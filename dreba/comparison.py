@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from dreba.evaluate import evaluate
-from dreba.model import Surrogate
 from dreba.poses import Poses
 from dreba.timing import time_per_pose
 from reba.posture import COLUMNS
+
+if TYPE_CHECKING:
+    from dreba.model import Surrogate
 
 STARTS: Final = ("random", "neutral")
 """Where an optimiser starts: anywhere in the limits, or near standing upright."""
 
 
 def compare(models: Mapping[str, Surrogate], poses: Poses) -> list[dict[str, Any]]:
-    """Return one row a model: error per class as `Evaluation.to_dict`, `seconds_per_pose` single and batch."""
+    """Return one row a model: `domain` of its fit, errors as `Evaluation.to_dict`, `seconds_per_pose` single, batch."""
     return [
-        {"model": name, **evaluate(model, poses).to_dict(), "seconds_per_pose": time_per_pose(model, poses)}
+        {
+            "model": name,
+            "domain": str(model.about_.domain.get("name", "")),
+            **evaluate(model, poses).to_dict(),
+            "seconds_per_pose": time_per_pose(model, poses),
+        }
         for name, model in models.items()
     ]
 

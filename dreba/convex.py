@@ -43,7 +43,6 @@ class ConvexModel(Surrogate):
     """
 
     kind = "convex"
-    convex = True
     mirror = True
     learned: ClassVar[dict[str, int]] = {"knots_": 2, "weights_": 2, "constant_": 0, "points_": 1}
 
@@ -58,6 +57,11 @@ class ConvexModel(Surrogate):
         self.knots = knots
         self.width = width
         self.joints = joints
+
+    @property
+    def convex(self) -> bool:
+        """Always."""
+        return True
 
     def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
         from scipy.optimize import nnls

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -27,8 +28,10 @@ DOMAINS: Final = ("human", "human_description", "paper")
 LOAD: Final = (0.0, 20.0)
 """[kg] Loads that are drawn where a domain says nothing else."""
 
-_COLUMNS_OF: Final = {angle.name: angle.columns for angle in ANGLES}
-_BEST: Final = {column: angle.best for angle in ANGLES for column in angle.columns}
+COLUMNS_OF: Final = {angle.name: angle.columns for angle in ANGLES}
+"""Columns of a name without a side."""
+BEST: Final = {column: angle.best for angle in ANGLES for column in angle.columns}
+"""[deg] The angle of the lowest score of each column."""
 
 
 class Bins(NamedTuple):
@@ -93,12 +96,12 @@ class Domain:
     @property
     def low(self) -> NDArray[np.float64]:
         """(22,) lower limits [deg] in the order of `reba.COLUMNS`."""
-        return np.array([self.limits.get(c, (_BEST[c], _BEST[c]))[0] for c in COLUMNS])
+        return np.array([self.limits.get(c, (BEST[c], BEST[c]))[0] for c in COLUMNS])
 
     @property
     def high(self) -> NDArray[np.float64]:
         """(22,) upper limits [deg] in the order of `reba.COLUMNS`."""
-        return np.array([self.limits.get(c, (_BEST[c], _BEST[c]))[1] for c in COLUMNS])
+        return np.array([self.limits.get(c, (BEST[c], BEST[c]))[1] for c in COLUMNS])
 
     def hold(self, **angles: float) -> Self:
         """Return the domain with some columns held at an angle [deg].
@@ -109,9 +112,14 @@ class Domain:
         limits = {**self.limits, **{column: (float(angle), float(angle)) for column, angle in angles.items()}}
         return dataclasses.replace(self, limits=limits)
 
+    def only(self, joints: Iterable[str]) -> Self:
+        """Return the domain with every column but the named ones held at the angle of its lowest score."""
+        moving = set(joints)
+        return self.hold(**{column: best for column, best in BEST.items() if column not in moving})
+
     def bins_of(self, column: str) -> Bins:
         """Return the bins of a column within its limits: its own, or those of the rules' classes."""
-        low, high = self.limits.get(column, (_BEST[column], _BEST[column]))
+        low, high = self.limits.get(column, (BEST[column], BEST[column]))
         if column in self.bins:
             own = self.bins[column]
             inside = [edge for edge in own.edges[1:-1] if low < edge < high]
@@ -131,37 +139,45 @@ class Domain:
             "limits": {column: list(ends) for column, ends in self.limits.items()},
             "rules": dataclasses.asdict(self.rules),
             "scored_by": "own bins" if self.bins else "rules",
+            "bins": {
+                column: {"edges": list(own.edges), "points": list(own.points)} for column, own in self.bins.items()
+            },
             "sides": self.sides,
+            "load": list(self.load),
             "source": self.source,
+            "title": self.title,
         }
 
     @staticmethod
     def from_dict(data: dict[str, Any]) -> Domain:
-        """Return the domain of what `to_dict` gave: the named limits, and the rules or, for bins, those of the package.
+        """Return the domain of what `to_dict` gave.
 
         Raises:
-            DomainError: it has bins that do not come with the package, or is damaged.
+            DomainError: it is damaged.
 
         Example:
             >>> held = domain_of("paper").hold(knee_flexion_left=0.0)
-            >>> Domain.from_dict(held.to_dict()).limits == held.limits
+            >>> Domain.from_dict(held.to_dict()) == held
             True
         """
-        name, bins = data.get("name"), {}
-        if data.get("scored_by") == "own bins":
-            if name not in DOMAINS:
-                raise DomainError(f"domain {name!r} has bins that do not come with the package; give its TOML file")
-            bins = domain_of(str(name)).bins
+        name = data.get("name")
         try:
+            bins = data.get("bins", {})
+            if data["scored_by"] == "own bins" and not bins and name in DOMAINS:  # files that name them only
+                own = domain_of(name).bins
+            else:
+                own = {column: Bins(tuple(b["edges"]), tuple(b["points"])) for column, b in bins.items()}
             return Domain(
                 name=str(name),
                 limits={column: (float(low), float(high)) for column, (low, high) in data["limits"].items()},
                 rules=Rules().replace(**data["rules"]),
                 source=str(data["source"]),
-                bins=bins,
+                title=str(data.get("title", "")),
+                bins=own,
                 sides=data["sides"],
+                load=(float(data.get("load", LOAD)[0]), float(data.get("load", LOAD)[1])),
             )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
             raise DomainError(f"domain {name!r} is not whole ({error}); give --domain or --poses") from error
 
     @staticmethod
@@ -238,7 +254,7 @@ def _parse(text: str, where: str) -> Domain:
 
 def _both_sides(given: dict[str, Any]) -> dict[str, Any]:
     """Return names without a side written out for both columns."""
-    return {column: value for name, value in given.items() for column in _COLUMNS_OF.get(name, (name,))}
+    return {column: value for name, value in given.items() for column in COLUMNS_OF.get(name, (name,))}
 
 
 def _each(edges: tuple[float, ...]) -> range:

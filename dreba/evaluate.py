@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dreba.errors import ModelError
-from dreba.model import About, Surrogate, warn_if_radians
 from dreba.poses import Poses
+from reba.posture import INDEX
+
+if TYPE_CHECKING:
+    from dreba.model import Surrogate
 
 Array = NDArray[np.float64]
 
@@ -76,16 +79,16 @@ def evaluate(model: Surrogate, poses: Poses, temperature: float | None = None) -
         temperature: [deg] for kinds that have one; None for their default.
 
     Raises:
-        ModelError: there is no pose, or the model works on a column that is not in the posture table.
+        ModelError: there is no pose, the model works on a column that is not in the posture table, or a temperature
+            is given for a kind that has none.
 
     Warns:
         RadiansWarning: all angles are so small that they look like radians.
     """
     given = poses.given
-    angles = angles_for(model, poses)
-    warn_if_radians(angles, model.joints_)
+    check_temperature(model, temperature)
     values = model.value(
-        angles,
+        angles_for(model, poses),
         load=given.load,
         coupling=given.coupling,
         activity=given.activity,
@@ -94,14 +97,22 @@ def evaluate(model: Surrogate, poses: Poses, temperature: float | None = None) -
     return evaluation_of(model.kind, values, poses.reba)
 
 
+def check_temperature(model: Surrogate, temperature: float | None) -> None:
+    """Check that a model has temperatures if one is asked for.
+
+    Raises:
+        ModelError: it has none.
+    """
+    if temperature is not None and not model.temperatures_:
+        raise ModelError(f"kind {model.kind!r} has no temperature; leave it out (soft and graduated models have some)")
+
+
 def angles_for(model: Surrogate, poses: Poses) -> Array:
     """Return the angles (n, d) of poses in the order of a model's joints.
 
     Raises:
         ModelError: a joint of the model is no column of the posture table.
     """
-    from reba.posture import INDEX
-
     unknown = [joint for joint in model.joints_ if joint not in INDEX]
     if unknown:
         raise ModelError(f"the model works on {unknown[0]!r}, which posture tables do not hold; evaluate it in Python")
@@ -151,13 +162,17 @@ def fit_to(model: Surrogate, train: Poses, held_out: Poses, sample_weight: Array
     """Fit a model to poses and note in `about_` where it comes from and its error on held-out poses.
 
     Args:
-        model: any kind, fitted in place.
+        model: any kind, fitted in place; on the columns of its parameter `joints`, if it names some.
         train: what it learns from.
         held_out: what its error per class is measured on.
         sample_weight: (n,) weights of the training poses.
         notes: further provenance (a command line, say).
     """
-    model.fit(train.angles, train.reba, sample_weight=sample_weight, factors=train.factors)
+    from dreba.model import About
+
+    chosen = model.get_params(deep=False).get("joints")
+    angles = train.angles if chosen is None else train.angles[:, [INDEX[joint] for joint in chosen]]
+    model.fit(angles, train.reba, sample_weight=sample_weight, factors=train.factors)
     found = evaluate(model, held_out)
     provenance = {**model.about_.provenance, "train": _brief(train), "held_out": _brief(held_out)}
     provenance = {**provenance, "rmse_on": "held-out poses", **notes}

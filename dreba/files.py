@@ -9,16 +9,18 @@ from __future__ import annotations
 import json
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from dreba.domain import Domain
 from dreba.errors import ModelError
-from dreba.model import KINDS, About, Surrogate
 from dreba.parameters import check_parameters
 from reba.errors import did_you_mean
 from reba.posture import COLUMNS
+
+if TYPE_CHECKING:
+    from dreba.model import Surrogate
 
 FORMAT: Final = "dreba-model"
 VERSION: Final = 1
@@ -86,6 +88,8 @@ def from_dict(data: Any) -> Surrogate:
 
 
 def _build(data: dict[str, Any]) -> Surrogate:
+    from dreba.kinds import KINDS, About
+
     kind = data["kind"]
     if kind not in KINDS:
         raise ModelError(f"kind {kind!r} is unknown{did_you_mean(kind, KINDS)}; known: {', '.join(sorted(KINDS))}")
@@ -109,6 +113,8 @@ def _build(data: dict[str, Any]) -> Surrogate:
             raise ModelError(f"option {name!r} is unknown to kind {kind!r}{did_you_mean(name, known)}")
     model = KINDS[kind](**{name: _tuples(value) for name, value in options.items()})
     check_parameters(model.allowed, model.get_params(deep=False))
+    if options.get("joints") not in (None, names):
+        raise ModelError("option 'joints' does not agree with the names of the joints; the file is damaged")
     model.joints_ = tuple(names)
     model.n_features_in_ = len(names)
     model._restore(learned)

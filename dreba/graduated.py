@@ -17,6 +17,7 @@ from dreba.errors import ModelError
 from dreba.files import from_dict, to_dict
 from dreba.given import Given
 from dreba.model import About, Surrogate, register
+from dreba.parameters import COUNT, FALLING, POSITIVE, SEED, Allowed, one_of
 from dreba.quadratic import QuadraticModel
 from dreba.soft import LADDER, SoftModel
 
@@ -72,6 +73,14 @@ class GraduatedModel(Surrogate):
     mirror = True
     learned: ClassVar[dict[str, int]] = {}
 
+    allowed: ClassVar[dict[str, Allowed]] = {
+        "first": one_of(*FIRST),
+        "ladder": FALLING,
+        "temperature": POSITIVE,
+        "updates": COUNT,
+        "seed": SEED,
+    }
+
     def __init__(
         self,
         first: Literal["quadratic", "convex"] = "convex",
@@ -106,8 +115,6 @@ class GraduatedModel(Surrogate):
         return model
 
     def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
-        if self.first not in FIRST:
-            raise ModelError(f"first is {self.first!r}; expected one of {', '.join(FIRST)}")
         parts = (
             FIRST[self.first](joints=self.joints_),
             SoftModel(self.ladder, self.temperature, updates=self.updates, seed=self.seed, joints=self.joints_),

@@ -7,7 +7,6 @@ batches, factors, files. Every registered kind runs through one contract test.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Final, Self
@@ -18,18 +17,15 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 import reba
-from dreba.errors import ModelError, RadiansWarning
+from dreba.checks import check_size, checked_joints, checked_poses, checked_weights, warn_if_radians
+from dreba.errors import ModelError
 from dreba.given import NOTHING, Given, given_of
 from dreba.parameters import Allowed, check_parameters
-from reba.errors import did_you_mean
 
 Array = NDArray[np.float64]
 
 KINDS: Final[dict[str, type[Surrogate]]] = {}
 """Every kind of surrogate by its name."""
-
-RADIANS_BELOW: Final = 3.2
-"""Angles that all lie below this in size are taken for radians: no domain of limb angles is that narrow in degrees."""
 
 
 def register(kind: type[Surrogate]) -> type[Surrogate]:
@@ -70,8 +66,6 @@ class Surrogate(RegressorMixin, BaseEstimator):
     """Name in the registry and in files."""
     monotone: ClassVar[bool] = False
     """Never decreases when a part score's angle moves to a worse class."""
-    convex: ClassVar[bool] = False
-    """Convex in the angles."""
     mirror: ClassVar[bool] = False
     """Left and right exchanged (with side bends and twists negated) give the same value."""
     any_columns: ClassVar[bool] = False
@@ -85,6 +79,11 @@ class Surrogate(RegressorMixin, BaseEstimator):
     joints_: tuple[str, ...]
     temperatures_: tuple[float, ...] = ()
     about_: About
+
+    @property
+    def convex(self) -> bool:
+        """Whether this model, with its parameters, is convex in the angles."""
+        return False
 
     def fit(
         self,
@@ -113,8 +112,9 @@ class Surrogate(RegressorMixin, BaseEstimator):
         except ValueError as error:
             raise ModelError(" ".join(str(error).split())) from error
         scores = np.asarray(scores, np.float64)
-        weights = _weights(sample_weight, len(scores))
+        weights = checked_weights(sample_weight, len(scores))
         self.joints_ = self._joints(poses.shape[1])
+        check_size(poses, self.joints_)
         warn_if_radians(poses, self.joints_)
         self._fit(poses, scores, weights, given_of(factors, len(scores)))
         self.about_ = About(provenance={"poses": len(scores), "version": reba.__version__})
@@ -133,6 +133,8 @@ class Surrogate(RegressorMixin, BaseEstimator):
             poses = validate_data(self, X, dtype=np.float64, reset=False)
         except ValueError as error:
             raise ModelError(" ".join(str(error).split())) from error
+        check_size(poses, self.joints_)
+        warn_if_radians(poses, self.joints_)
         return self._value(poses, NOTHING)
 
     def value(
@@ -152,8 +154,15 @@ class Surrogate(RegressorMixin, BaseEstimator):
             coupling: left and right points 0-3, each one or (n,).
             activity: points 0-3, one or (n,).
             temperature: [deg] of the smoothing, for kinds that have one.
+
+        Raises:
+            ModelError: wrong shapes, NaN, an angle that no body has, or factors out of range.
+
+        Warns:
+            RadiansWarning: all angles of ten poses or more are so small that they look like radians.
         """
         poses, single = self._poses(angles)
+        warn_if_radians(poses, self.joints_)
         found = self._value(poses, Given.checked(load, coupling, activity, temperature, len(poses)))
         return float(found[0]) if single else found
 
@@ -287,76 +296,10 @@ class Surrogate(RegressorMixin, BaseEstimator):
         """Return angles as (n, d) and whether a single pose was given."""
         if not hasattr(self, "joints_"):
             check_is_fitted(self, "joints_")
-        columns = getattr(angles, "columns", None)
-        if columns is not None:  # a table names its columns: they are taken by name, in whatever order they stand
-            missing = [joint for joint in self.joints_ if joint not in columns]
-            if missing:
-                raise ModelError(f"the table has no column {missing[0]!r}; expected {', '.join(self.joints_)}")
-            angles = angles[list(self.joints_)]  # type: ignore[index, call-overload]
-        try:
-            poses = np.asarray(angles, np.float64)
-        except (TypeError, ValueError) as error:
-            raise ModelError("angles hold something that is no number; expected degrees") from error
-        single = poses.ndim == 1
-        if single:
-            poses = poses[None]
-        if poses.ndim != 2 or poses.shape[1] != len(self.joints_):
-            raise ModelError(
-                f"angles have shape {np.shape(angles)}; expected (n, {len(self.joints_)}) or ({len(self.joints_)},) "
-                f"degrees in the order of joints_"
-            )
-        if not np.isfinite(poses).all():
-            raise ModelError("angles hold NaN or infinity; a surrogate needs every angle, leave such poses out")
-        return poses, single
+        return checked_poses(angles, self.joints_)
 
     def _joints(self, columns: int) -> tuple[str, ...]:
-        """Return the names of the columns: the parameter `joints`, the posture table's, or x0, x1 ..."""
+        """Return the names of the columns: the parameter `joints`, those of a table, or the posture table's."""
         named = self.get_params(deep=False).get("joints")
-        names = getattr(self, "feature_names_in_", None) if named is None else named
-        if names is not None and len(names) != columns:
-            raise ModelError(f"{len(names)} joints are named, but the poses have {columns} columns; name each column")
-        if names is not None:
-            joints = tuple(str(name) for name in names)
-        elif columns == len(reba.COLUMNS):
-            joints = reba.COLUMNS
-        else:
-            joints = tuple(f"x{index}" for index in range(columns))
-        unknown = [name for name in joints if name not in reba.COLUMNS]
-        if unknown and not self.any_columns:
-            raise ModelError(
-                f"column {unknown[0]!r} is not in the posture table{did_you_mean(unknown[0], reba.COLUMNS)}; "
-                f"kind {self.kind!r} needs the columns of reba.COLUMNS, all {len(reba.COLUMNS)} or named by joints="
-            )
-        if len(set(joints)) != len(joints):
-            raise ModelError(f"joints are named twice: {', '.join(joints)}; name each column once")
-        return joints
-
-
-def warn_if_radians(angles: Array, joints: tuple[str, ...]) -> None:
-    """Warn if the angles of posture columns look like radians.
-
-    Warns:
-        RadiansWarning: at least ten poses of known columns and no angle as large as `RADIANS_BELOW`.
-    """
-    known = all(joint in reba.COLUMNS for joint in joints)
-    if known and len(angles) >= 10 and angles.size and float(np.max(np.abs(angles))) < RADIANS_BELOW:
-        warnings.warn(
-            f"every angle lies within +-{RADIANS_BELOW}: these look like radians; expected degrees, "
-            "convert with numpy.degrees",
-            RadiansWarning,
-            stacklevel=3,
-        )
-
-
-def _weights(given: ArrayLike | None, n: int) -> Array:
-    try:
-        weights = np.ones(n) if given is None else np.asarray(given, np.float64)
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"sample_weight holds something that is no number; expected ({n},) weights") from error
-    if weights.ndim == 0:
-        weights = np.full(n, float(weights))
-    if weights.shape != (n,):
-        raise ModelError(f"sample_weight has shape {weights.shape}; expected ({n},), one weight per pose")
-    if not (np.isfinite(weights).all() and (weights >= 0).all() and weights.any()):
-        raise ModelError("sample_weight holds negative or infinite values, or only zeros; expected 0 or more")
-    return weights
+        named = getattr(self, "feature_names_in_", None) if named is None else named
+        return checked_joints(named, columns, self.kind, self.any_columns)

@@ -1,4 +1,4 @@
-"""Poses with their true scores: the record, its Parquet file, and poses taken from recordings."""
+"""Poses with their true scores: the record and its Parquet file."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-import reba
 from dreba.errors import SampleError
 from dreba.given import Given, given_of
 from reba.errors import RebaError
 from reba.factors import FACTORS, Factors
 from reba.posture import COLUMNS
 
-_METADATA: Final = b"dreba"
+METADATA: Final = b"dreba"
+"""Key of the provenance in a Parquet file."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,15 @@ class Poses:
         return Poses(self.angles[which], self.reba[which], factors, self.provenance)
 
     def split(self, share: float, rng: np.random.Generator) -> tuple[Poses, Poses]:
-        """Return two parts at random, the second holding `share` of the poses of each class."""
+        """Return two parts, the second holding `share` of the poses of each class: a run from a random one of them.
+
+        Drawn poses stand in random order. In a recording neighbours are nearly alike, so a run of frames says more
+        about unseen ones than frames taken from between those of the fit.
+        """
         held = np.zeros(len(self), bool)
         for score in self.counts:
-            rows = rng.permutation(np.flatnonzero(self.reba == score))
-            held[rows[: round(share * len(rows))]] = True
+            rows = np.flatnonzero(self.reba == score)
+            held[np.roll(rows, rng.integers(len(rows)))[: round(share * len(rows))]] = True
         return self.rows(~held), self.rows(held)
 
     def balancing_weights(self) -> NDArray[np.float64]:
@@ -90,7 +94,7 @@ class Poses:
         data["reba"] = self.reba
         table = pa.Table.from_pandas(data, preserve_index=False)
         note = json.dumps(self.provenance).encode()
-        table = table.replace_schema_metadata({**(table.schema.metadata or {}), _METADATA: note})
+        table = table.replace_schema_metadata({**(table.schema.metadata or {}), METADATA: note})
         try:
             write_atomic(Path(path), lambda part: pq.write_table(table, part, compression="zstd"))
         except RebaError as error:
@@ -108,7 +112,7 @@ class Poses:
 
         try:
             table = pq.read_table(path)
-            note = (table.schema.metadata or {}).get(_METADATA)
+            note = (table.schema.metadata or {}).get(METADATA)
             if note is None:
                 raise SampleError(f"{path}: holds no sampled poses; give a file of `dreba sample`, or read_poses()")
             data = table.to_pandas()
@@ -117,42 +121,3 @@ class Poses:
             return Poses(angles, data["reba"].to_numpy(np.uint8), factors, json.loads(note))
         except (OSError, pa.ArrowException, KeyError, json.JSONDecodeError) as error:
             raise SampleError(f"{path}: cannot be read as poses ({error}); draw them again") from error
-
-
-def read_poses(path: str | Path, rules: reba.Rules | str = "measured") -> Poses:
-    """Read poses from a file of `dreba sample`, or score the frames of any readable recording.
-
-    Frames with an unmeasured angle are left out: their true score may be known, but a model could not be evaluated.
-
-    Raises:
-        reba.RebaError: the file cannot be read.
-        SampleError: no frame is measured whole.
-    """
-    if Path(path).suffix.lower() == ".parquet" and _is_sample(path):
-        return Poses.load(path)
-    scores = reba.score(reba.read(path), rules=rules, activity="none")
-    angles = scores.angles
-    whole = np.asarray(np.isfinite(angles).all(axis=1))
-    if not whole.any():
-        missing = ", ".join(scores.unmeasured) or "at every frame another one"
-        raise SampleError(
-            f"{path}: no frame has all {len(COLUMNS)} angles (unmeasured: {missing}); models need every angle"
-        )
-    provenance = {
-        "recording": Path(path).name,
-        "frames": len(angles),
-        "left_out": int((~whole).sum()),
-        "rules": scores.rules.name,
-    }
-    totals = reba.score_array(angles, scores.factors, scores.rules, missing="neutral").reba
-    return Poses(angles, totals, scores.factors, provenance).rows(whole)
-
-
-def _is_sample(path: str | Path) -> bool:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        return _METADATA in (pq.read_schema(path).metadata or {})
-    except (OSError, pa.ArrowException):
-        return False

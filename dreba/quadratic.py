@@ -58,7 +58,6 @@ class QuadraticModel(Surrogate):
     """
 
     kind: ClassVar[str] = "quadratic"
-    convex: ClassVar[bool] = True
     mirror: ClassVar[bool] = True
     any_columns: ClassVar[bool] = True
     learned: ClassVar[dict[str, int]] = {"polynomials_": 2, "weights_": 1, "intercept_": 0, "coupling_weight_": 0}
@@ -97,6 +96,13 @@ class QuadraticModel(Surrogate):
         self.omega_load = omega_load
         self.class_power = class_power
         self.joints = joints
+
+    @property
+    def convex(self) -> bool:
+        """Whether no curvature is negative; before a fit, whether none can become so."""
+        if hasattr(self, "twice_curvature_"):
+            return bool((self.twice_curvature_ >= 0).all())
+        return self.curvature == "nonnegative"
 
     def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
         self._check_columns()

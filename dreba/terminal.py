@@ -28,15 +28,18 @@ def show_evaluation(console: Console, name: str, found: Evaluation) -> None:
     )
 
 
-def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]]) -> None:
+def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]], domain: str) -> None:
     """Print RMSE per class of several models, then how long they take.
 
     Args:
         rows: of `dreba compare --json`, each with "model", "classes", "overall", "seconds_per_pose".
+        domain: name of the domain of the poses.
     """
     scores = sorted({int(score) for row in rows for score in row["classes"]} | set(PUBLISHED))
     # One column a model: classes as columns would not fit a terminal of 80 characters.
-    table = Table(title="RMSE per REBA class", title_justify="left", header_style="bold", box=SIMPLE_HEAD)
+    table = Table(
+        title=f"RMSE per REBA class, domain {domain}", title_justify="left", header_style="bold", box=SIMPLE_HEAD
+    )
     table.add_column("REBA", no_wrap=True)
     for heading in ("published, Table I", *(row["model"] for row in rows)):
         table.add_column(Text(heading), justify="right", overflow="fold")
