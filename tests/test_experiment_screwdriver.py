@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from lgp_worlds import needs_robots, screwdriver_world
+from lgp_worlds import needs_robots
 
 from lgp.experiments import screwdriver
 from lgp.experiments.runs import CONDITIONS, check_paths, check_runs
-from lgp.world.posture import PostureMap
 
 pytestmark = needs_robots
 
@@ -40,18 +39,6 @@ def test_conditions_are_what_they_say(made: Tables) -> None:
     # The search with ergonomics may choose what the other chose, so it costs no more.
     assert ergonomic["cost"] <= again["cost"] * (1.0 + 1e-6)
     assert ergonomic["reba_grasp"] <= plain["reba_grasp"]
-
-
-def test_random_starts_stand_on_the_floor_and_repeat() -> None:
-    world = screwdriver_world()
-    starts = [screwdriver.random_start(world, np.random.default_rng([0, run, 1])) for run in (0, 1, 0)]
-    assert np.array_equal(starts[0], starts[2])
-    assert not np.allclose(starts[0], starts[1])
-    robot = world.columns("baxter")
-    for start in starts:
-        assert np.all((start >= world.lower) & (start <= world.upper))
-        assert PostureMap(world).reach(start[None])[0].max() < 0.0
-        assert np.array_equal(start[robot], world.start[robot])
 
 
 def test_a_stopped_experiment_goes_on(made: Tables, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

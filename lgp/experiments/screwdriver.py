@@ -33,8 +33,6 @@ Array = NDArray[np.float64]
 SCENE: Final = "screwdriver"
 DEPTH: Final = 4
 """Longest sequence; the shortest has three actions and the next five."""
-DRAWS: Final = 1000
-"""Random postures drawn until one has both soles on the floor."""
 
 
 def experiment(
@@ -94,8 +92,11 @@ def plan_run(
     """
     import pandas as pd
 
+    from lgp.world.starts import random_start
+
     world, ergonomics = _prepared(cost)
     scene = world.scene.draw_heights(np.random.default_rng([seed, run]))
+    world = world.with_scene(scene)
     start = world.start if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
     rows, paths = [], []
     for condition, found in _conditions(scene, world, ergonomics, start, slices):
@@ -128,24 +129,6 @@ def plan_runs(
 
     made = Parallel(n_jobs=jobs, return_as="generator")(delayed(plan_run)(run, seed, initial, cost) for run in numbers)
     yield from made
-
-
-def random_start(world: World, rng: np.random.Generator) -> Array:
-    """Return a first configuration (nq,) with the human in a random posture inside the limits, soles on the floor.
-
-    Raises:
-        LgpError: the world has no human, or no drawn posture reaches the floor.
-    """
-    from lgp.world.posture import PostureMap
-
-    posture = PostureMap(world)
-    human = world.columns("human")
-    start = world.start.copy()
-    for _ in range(DRAWS):
-        start[human] = rng.uniform(world.lower[human], world.upper[human])
-        if posture.reach(start[None])[0].max() < 0.0:
-            return start
-    raise LgpError(f"none of {DRAWS} random postures has both soles on the floor; widen the limits of the pelvis")
 
 
 @cache

@@ -19,6 +19,7 @@ from lgp.path.ergonomics import Ergonomics
 from lgp.path.feasible import CLOSE, nearest
 from lgp.path.phases import Phases
 from lgp.path.problem import Costs, PathProblem, Weights
+from lgp.path.stretch import Stretch
 from lgp.path.verdict import reason
 from lgp.search import BoundResult, Skeleton
 from lgp.sqp import Options, Result, solve
@@ -82,6 +83,7 @@ class PathBounds:
         self.weights = Weights() if weights is None else weights
         self.start = world.start if start is None else np.asarray(start, dtype=float)
         self.slices = slices
+        self._stretch = Stretch(world)
 
     def is_lower_bound(self, level: str) -> bool:
         """Return True: dropping slices, switches and the stop at the end only ever lowers the cost."""
@@ -130,6 +132,9 @@ class PathBounds:
         return BoundResult(True, cost, seconds=seconds, payload=solution)
 
     def _pose(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
+        refused = self._stretch.refusal(phases)
+        if refused:
+            return None, refused
         before = np.zeros((0, self.world.nq)) if earlier is None else earlier.keys
         first = self.start if earlier is None else before[-1]
         problem = self.problem("pose", phases)
