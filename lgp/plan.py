@@ -84,8 +84,23 @@ def plan(
     there = _world(chosen, world)
     first = _start(there, start)
     bounds = PathBounds(there, _ergonomics(there, cost), weights, first, slices)
-    found = search(task, bounds, Budget(depth=depth, seconds=seconds)) if wanted is None else follow(bounds, wanted)
-    return _record(chosen, bounds, found)
+    return plan_within(bounds, task, wanted, Budget(depth=depth, seconds=seconds))
+
+
+def plan_within(
+    bounds: PathBounds, task: Task, sequence: Skeleton | None = None, budget: Budget | None = None, first: Skeleton = ()
+) -> Plan:
+    """Return the plan that prepared bounds lead to; what they solved before for the same scene is not solved again.
+
+    Args:
+        bounds: cost, start and kinematics of the scene.
+        task: of the scene.
+        sequence: actions to follow instead of searching.
+        budget: of the search.
+        first: actions to look at first, as for `lgp.search.search`.
+    """
+    found = search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence)
+    return _record(bounds.world.scene, bounds, found)
 
 
 def task_of(scene: Scene) -> Task:
@@ -145,9 +160,7 @@ def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
     result: BoundResult | None = None
     for level, actions in (*steps, ("sequence", skeleton), ("path", skeleton)):
         result = bounds.solve(level, actions, result)
-        old = solved[level]
-        failed = old.infeasible + (not result.feasible)
-        solved[level] = LevelStatistics(old.solved + 1, failed, old.seconds + result.seconds)
+        solved[level] = solved[level].plus(result, result.seconds)
         if not result.feasible:
             break
     good = result is not None and result.feasible

@@ -37,6 +37,7 @@ class BoundResult:
         conflict: consecutive actions that are infeasible in any sequence, () if only this one is known to be.
         seconds: time it took.
         payload: whatever the level wants to hand on (a path, a warm start).
+        known: whether it was answered from memory.
     """
 
     feasible: bool
@@ -45,6 +46,7 @@ class BoundResult:
     conflict: Skeleton = ()
     seconds: float = 0.0
     payload: Any = None
+    known: bool = False
 
 
 class Bounds(Protocol):
@@ -121,11 +123,18 @@ class Node:
 
 @dataclass(frozen=True)
 class LevelStatistics:
-    """Problems of one level: solved, of these infeasible, and seconds."""
+    """Problems of one level: answered, of these infeasible and answered from memory, and seconds."""
 
     solved: int = 0
     infeasible: int = 0
     seconds: float = 0.0
+    known: int = 0
+
+    def plus(self, result: BoundResult, seconds: float) -> LevelStatistics:
+        """Return the statistics with one more problem."""
+        return LevelStatistics(
+            self.solved + 1, self.infeasible + (not result.feasible), self.seconds + seconds, self.known + result.known
+        )
 
 
 @dataclass(frozen=True)
@@ -163,22 +172,28 @@ class SearchResult:
         return max(0.0, self.cost - self.bound) / max(abs(self.cost), 1e-12)
 
 
-def search(task: Task, bounds: Bounds, budget: Budget | None = None) -> SearchResult:
+def search(task: Task, bounds: Bounds, budget: Budget | None = None, first: Skeleton = ()) -> SearchResult:
     """Return the best sequence of actions for a task.
 
     The same task and bounds give the same result unless time runs out. An interrupt (Ctrl-C) ends the search with the
     best plan so far.
+
+    Args:
+        task: initial state, goal and actions.
+        bounds: what judges sequences.
+        budget: what may be spent.
+        first: a sequence that is thought to be good; its path is the first one looked for, so that its cost prunes.
     """
-    return _Search(task, bounds, budget or Budget()).run()
+    return _Search(task, bounds, budget or Budget(), first).run()
 
 
 class _Search:
-    def __init__(self, task: Task, bounds: Bounds, budget: Budget) -> None:
-        self.task, self.bounds, self.budget = task, bounds, budget
+    def __init__(self, task: Task, bounds: Bounds, budget: Budget, first: Skeleton) -> None:
+        self.task, self.bounds, self.budget, self.first = task, bounds, budget, first
         self.nodes = [Node(0, -1, None, (), task.initial, task.is_goal(task.initial))]
         self.waiting: dict[int, int] = {}
         self.by_bound: list[tuple[float, int, int, int]] = []
-        self.by_distance: list[tuple[int, int, float, int]] = []
+        self.by_distance: list[tuple[bool, int, int, float, int]] = []
         self.statistics = {level: LevelStatistics() for level in bounds.levels}
         self.conflicts: dict[Skeleton, str] = {}
         self.best: Node | None = None
@@ -231,12 +246,13 @@ class _Search:
         self.waiting[node.number] = level
         # Equal bounds: finer levels first, then shorter sequences.
         heapq.heappush(self.by_bound, (node.bound, -level, len(node.skeleton), node.number))
-        heapq.heappush(self.by_distance, (node.left, -level, node.bound, node.number))
+        aside = node.skeleton != self.first[: len(node.skeleton)]
+        heapq.heappush(self.by_distance, (aside, node.left, -level, node.bound, node.number))
 
     def _pop(self) -> tuple[Node, int]:
         """Return the next node and its level: towards the goal until a path is known, then by bound."""
         while True:
-            number = heapq.heappop(self.by_distance)[3] if self.best is None else heapq.heappop(self.by_bound)[3]
+            number = heapq.heappop(self.by_distance)[4] if self.best is None else heapq.heappop(self.by_bound)[3]
             # A node waits in both orders; the second meeting is stale.
             if number in self.waiting:
                 return self.nodes[number], self.waiting.pop(number)
@@ -274,11 +290,7 @@ class _Search:
         start = time.perf_counter()
         parent = self.nodes[node.parent].result if node.result is None and node.parent >= 0 else node.result
         result = self.bounds.solve(name, node.skeleton, parent)
-        seconds = time.perf_counter() - start
-        old = self.statistics[name]
-        self.statistics[name] = LevelStatistics(
-            old.solved + 1, old.infeasible + (not result.feasible), old.seconds + seconds
-        )
+        self.statistics[name] = self.statistics[name].plus(result, time.perf_counter() - start)
         return result
 
     def _known_conflict(self, skeleton: Skeleton) -> str | None:

@@ -12,7 +12,7 @@ from lgp_worlds import human_world, needs_robots
 from lgp.errors import SceneError
 from lgp.world import human
 from lgp.world.robot import urdf_of
-from lgp.world.stance import STRAIGHTEST, knees, legs
+from lgp.world.stance import knees, legs
 
 BENT = st.tuples(
     *(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-0.45, -0.05), st.floats(-0.5, 0.5), st.floats(-0.2, 0.7))

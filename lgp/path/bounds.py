@@ -84,6 +84,7 @@ class PathBounds:
         self.start = world.start if start is None else np.asarray(start, dtype=float)
         self.slices = slices
         self._stretch = Stretch(world)
+        self._known: dict[tuple[str, Skeleton], BoundResult] = {}
 
     def is_lower_bound(self, level: str) -> bool:
         """Return True: dropping slices, switches and the stop at the end only ever lowers the cost."""
@@ -115,7 +116,14 @@ class PathBounds:
         )
 
     def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
-        """Solve one level for a sequence."""
+        """Solve one level for a sequence, unless it was solved before: a warm start only says where to begin."""
+        known = self._known.get((level, skeleton))
+        if known is not None:
+            return replace(known, known=True, seconds=0.0)
+        found = self._known[level, skeleton] = self._solved(level, skeleton, warm)
+        return found
+
+    def _solved(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
         begin = time.perf_counter()
         phases = self.phases(skeleton)
         earlier = warm.payload if warm is not None and isinstance(warm.payload, Solution) else None
