@@ -26,7 +26,7 @@ lint: setup
 	$(BIN)/mypy
 
 # Each prints its table; `python benchmarks/NAME.py --help` says what can be chosen.
-BENCHMARKS := scoring reading whole_command quadratic soft surrogate_speed enabler sqp
+BENCHMARKS := correctness scoring reading whole_command quadratic soft surrogate_speed enabler sqp
 
 bench: setup
 	@mkdir -p out
