@@ -1,6 +1,6 @@
 """Error of the soft tables per REBA class and temperature on held-out balanced poses, beside the published one.
 
-Usage: python benchmarks/soft.py [--poses 20000] [--domain human|paper] [--fit]
+Usage: python benchmarks/soft.py [--poses 100000] [--domain human|paper] [--fit]
 
 Without --fit the shipped model is measured (domain human); with it a model is fitted to 100,000 poses of the domain.
 """
@@ -26,7 +26,7 @@ COLD = 0.001
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--poses", type=int, default=20_000)
+    parser.add_argument("--poses", type=int, default=100_000)
     parser.add_argument("--domain", default="human")
     parser.add_argument("--fit", action="store_true")
     options = parser.parse_args()

@@ -92,7 +92,7 @@ def main() -> None:
         batch = BATCH / best(lambda model=model: model.value_and_gradient(poses), 3)
         single = best(lambda model=model: model.value_and_gradient(poses[0]), 300) * 1e6
         text = f"{name:20}{batch:16,.0f}{single:12.0f}"
-        if name in ("quadratic", "soft"):
+        if name in ("quadratic", "convex", "soft"):
             for width, flags in ((11, "-O2"), (23, "-O3 -ffast-math -march=native")):
                 found = native(model, poses[:1000], flags)
                 text += f"{found:{width}.0f}" if found is not None else f"{'-':>{width}}"

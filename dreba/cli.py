@@ -221,17 +221,20 @@ def compare(
 @click.argument("model", metavar="MODEL")
 @click.option("--to", "target", required=True, metavar="TARGET", help="c, casadi.")
 @click.option("--temperature", type=float, default=None, metavar="DEG", help="For kinds that have one.")
+@click.option("--first", is_flag=True, help="Of a graduated model, the first stage instead of the soft tables.")
 @click.option("--name", default="dreba", show_default=True, help="Name of the function.")
 @click.option(
     "-o", "--output", default=None, metavar="FILE", help="File to write; the name of the function if left out."
 )
 @json_option
-def export(model: str, target: str, temperature: float | None, name: str, output: str | None, as_json: bool) -> None:
+def export(
+    model: str, target: str, temperature: float | None, first: bool, name: str, output: str | None, as_json: bool
+) -> None:
     """Write a model as a C99 function without dependencies, or as a CasADi function."""
     from dreba.export import export as export_model
 
     apart({"-o": output}, model)
-    written = export_model(load(model), target, output or name, temperature=temperature, name=name)
+    written = export_model(load(model), target, output or name, temperature=temperature, first=first, name=name)
     if as_json:
         print_json({"model": model, "to": target, "output": str(written)})
     else:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dreba.domain import BEST
 from dreba.errors import ModelError
 from dreba.given import Given
 from dreba.model import Surrogate, register
@@ -24,7 +25,21 @@ RIDGE: Final = 1e-9
 CHUNK: Final = 2048
 """Poses whose hinges are held at once."""
 
-_BEST = {column: angle.best for angle in ANGLES for column in angle.columns}
+
+class Hinges(NamedTuple):
+    """Hinges written out: value w h(scale q - offset), with h as in `ConvexModel`; r rows.
+
+    Attributes:
+        joint: (r,) number of the angle, rising.
+        scale: (r,) [1/deg], its sign the direction.
+        offset: (r,).
+        weight: (r,) points, above 0.
+    """
+
+    joint: NDArray[np.intp]
+    scale: Array
+    offset: Array
+    weight: Array
 
 
 @register
@@ -102,7 +117,7 @@ class ConvexModel(Surrogate):
 
     def _places(self, poses: Array, profile: NDArray[np.intp]) -> Array:
         """Return (d, 2 knots): distances of the knots from the best angle, upwards then downwards."""
-        away = poses - np.array([_BEST[joint] for joint in self.joints_])
+        away = poses - np.array([BEST[joint] for joint in self.joints_])
         reach = np.stack([away.max(axis=0), -away.min(axis=0)], axis=1).ravel()
         far = np.array([max(float(reach[profile == own].max()), 1.0) for own in profile])
         steps = np.arange(self.knots) / self.knots
@@ -110,7 +125,7 @@ class ConvexModel(Surrogate):
 
     def _arguments(self, poses: Array) -> Array:
         """Return (n, d, 2 knots): how far each angle is past each knot, in widths."""
-        away = poses - np.array([_BEST[joint] for joint in self.joints_])
+        away = poses - np.array([BEST[joint] for joint in self.joints_])
         senses = np.repeat([1.0, -1.0], self.knots_.shape[1] // 2)
         return (away[:, :, None] * senses - self.knots_) / self.width
 
@@ -152,17 +167,20 @@ class ConvexModel(Surrogate):
         past = self._past(poses)
         return np.asarray(((abs(self._by_column) / self.width) @ ((past > 0.0) & (past < 1.0))).T)
 
+    def hinges(self) -> Hinges:
+        """Return the hinges that weigh something, those of an angle side by side."""
+        joint, number = np.nonzero(self.weights_)
+        sense = np.repeat([1.0, -1.0], self.knots)[number]
+        best = np.array([BEST[name] for name in self.joints_])[joint]
+        offset = (sense * best + self.knots_[joint, number]) / self.width
+        return Hinges(joint, sense / self.width, offset, self.weights_[joint, number])
+
     def _fold(self) -> None:
-        """Keep the hinges that weigh something, as rows for evaluation."""
-        d, directions = len(self.joints_), np.repeat([1.0, -1.0], self.knots)
-        joint, hinge = np.nonzero(self.weights_)
-        sense = directions[hinge]
-        best = np.array([_BEST[name] for name in self.joints_])[joint]
-        self._joint, self._scale = joint, (sense / self.width)[:, None]
-        self._offset = ((sense * best + self.knots_[joint, hinge]) / self.width)[:, None]
-        self._weight = self.weights_[joint, hinge]
-        self._by_column = np.zeros((d, len(joint)))
-        self._by_column[joint, np.arange(len(joint))] = self._weight * self._scale[:, 0]
+        """Keep the hinges that weigh something as rows for evaluation."""
+        joint, scale, offset, self._weight = self.hinges()
+        self._joint, self._scale, self._offset = joint, scale[:, None], offset[:, None]
+        self._by_column = np.zeros((len(self.joints_), len(joint)))
+        self._by_column[joint, np.arange(len(joint))] = self._weight * scale
 
     def _past(self, poses: Array) -> Array:
         """Return (r, n): how far the angle of each kept hinge is past its knot, in widths."""

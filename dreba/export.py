@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Final
 
 from dreba.errors import ModelError
+from dreba.evaluate import check_temperature
 from dreba.export_c import c_source
 from dreba.export_casadi import casadi_json
+from dreba.graduated import GraduatedModel
 from dreba.model import Surrogate
 from reba.errors import did_you_mean
 
@@ -19,58 +21,32 @@ TARGETS: Final[dict[str, tuple[str, Callable[..., str]]]] = {
 """Targets by name: suffix of the file, and the function that gives its text."""
 
 
-C_KEYWORDS = frozenset(
-    [
-        "auto",
-        "break",
-        "case",
-        "char",
-        "const",
-        "continue",
-        "default",
-        "do",
-        "double",
-        "else",
-        "enum",
-        "extern",
-        "float",
-        "for",
-        "goto",
-        "if",
-        "inline",
-        "int",
-        "long",
-        "register",
-        "restrict",
-        "return",
-        "short",
-        "signed",
-        "sizeof",
-        "static",
-        "struct",
-        "switch",
-        "typedef",
-        "union",
-        "unsigned",
-        "void",
-        "volatile",
-        "while",
-        "main",
-    ]
-)
-"""Names that no C99 function may have."""
+C_KEYWORDS: Final = frozenset({
+    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern",
+    "float", "for", "goto", "if", "inline", "int", "long", "main", "register", "restrict", "return", "short",
+    "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while",
+    "load_points", "value_and_slope", "smooth_max", "cell_of", "trilinear", "table_a", "table_b", "table_c",
+})  # fmt: skip
+"""Names that the function may not have: C99's own, and those of the file."""
 
 
 def export(
-    model: Surrogate, target: str, path: str | Path, *, temperature: float | None = None, name: str = "dreba"
+    model: Surrogate,
+    target: str,
+    path: str | Path,
+    *,
+    temperature: float | None = None,
+    first: bool = False,
+    name: str = "dreba",
 ) -> Path:
     """Write a model as a function of another toolchain.
 
     Args:
-        model: a fitted quadratic, soft or graduated model.
+        model: fitted, any kind but a net; of a graduated model the soft tables are written.
         target: "c" or "casadi".
         path: file to write; the target's suffix is added if it has none.
         temperature: [deg] of a model with temperatures, None for its default.
+        first: write the first stage of a graduated model instead.
         name: of the function.
 
     Raises:
@@ -80,6 +56,11 @@ def export(
         raise ModelError(f"target {target!r} is unknown{did_you_mean(target, TARGETS)}; known: {', '.join(TARGETS)}")
     if not (name.isidentifier() and name.isascii()) or name in C_KEYWORDS:
         raise ModelError(f"name is {name!r}; expected letters, digits and underscores, such as 'dreba'")
+    if first:
+        if not isinstance(model, GraduatedModel):
+            raise ModelError(f"kind {model.kind!r} has no first stage; only a graduated model has stages")
+        model = model.first_
+    check_temperature(model, temperature)
     suffix, text = TARGETS[target]
     out = Path(path)
     if not out.suffix:

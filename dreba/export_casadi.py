@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from dreba import soft_tables
+from dreba.convex import ConvexModel
 from dreba.errors import ModelError
 from dreba.graduated import GraduatedModel
 from dreba.model import Surrogate
@@ -35,10 +36,15 @@ def casadi_function(model: Surrogate, *, temperature: float | None = None, name:
         payload = points if model.payload == "tree" else load / float(model.omega_load)
         value = model.constant_ + payload + model.coupling_weight_ * casadi.fmax(coupling[0], coupling[1])
         value += casadi.dot(angles, casadi.DM(model.linear_) + casadi.DM(model.twice_curvature_) * angles / 2.0)
+    elif isinstance(model, ConvexModel):
+        value = model.constant_ + float(model.points_[0]) * points
+        value += float(model.points_[1]) * casadi.fmax(coupling[0], coupling[1]) + _convex(casadi, model, angles)
     elif isinstance(soft, SoftModel) and soft.joints_ == COLUMNS:
         value = _soft(casadi, soft.tables(temperature), angles, (points, coupling[0], coupling[1]))
+    elif isinstance(soft, SoftModel):
+        raise ModelError("the soft tables of some columns cannot be exported; fit on all 22 of reba.COLUMNS")
     else:
-        raise ModelError(f"kind {model.kind!r} cannot be exported to CasADi; export quadratic, soft or graduated")
+        raise ModelError(f"kind {model.kind!r} cannot be exported to CasADi; export any kind but a net")
     value += activity
     names = ["angles", "load", "coupling", "activity"], ["value", "gradient"]
     return casadi.Function(name, [angles, load, coupling, activity], [value, casadi.gradient(value, angles)], *names)
@@ -47,6 +53,15 @@ def casadi_function(model: Surrogate, *, temperature: float | None = None, name:
 def casadi_json(model: Surrogate, *, temperature: float | None = None, name: str = "dreba") -> str:
     """Return the function as text for `casadi.Function.deserialize`."""
     return str(casadi_function(model, temperature=temperature, name=name).serialize())
+
+
+def _convex(casadi: Any, model: ConvexModel, angles: Any) -> Any:
+    total = casadi.SX(0)
+    for joint, scale, offset, weight in zip(*model.hinges(), strict=True):
+        past = float(scale) * angles[int(joint)] - float(offset)
+        inside = casadi.fmin(casadi.fmax(past, 0.0), 1.0)
+        total += float(weight) * inside * (past - 0.5 * inside)
+    return total
 
 
 def _soft(casadi: Any, tables: soft_tables.SoftTables, angles: Any, added: tuple[Any, Any, Any]) -> Any:

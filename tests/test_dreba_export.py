@@ -17,9 +17,11 @@ import dreba
 from dreba.export import export
 from dreba.export_casadi import casadi_function
 from dreba.soft import SoftModel
+from reba.posture import COLUMNS, INDEX
 
 EXTRAS = [{}, {"load": 6.0, "coupling": (1, 3), "activity": 2}, {"load": 12.0, "coupling": (2, 0)}]
 COMPILER = shutil.which("gcc") or shutil.which("cc")
+ONE_ARM = ("trunk_flexion", "neck_flexion", "upper_arm_flexion_right", "lower_arm_flexion_right", "wrist_flexion_right")
 Function = Callable[..., tuple[float, np.ndarray]]
 
 
@@ -29,10 +31,17 @@ def model(name: str) -> dreba.Surrogate:
     kinds = {
         "quadratic": dreba.QuadraticModel(),
         "linear load": dreba.QuadraticModel(payload="linear", free=True),
+        "free, one arm": dreba.QuadraticModel(joints=ONE_ARM, free=True),
+        "convex": dreba.ConvexModel(),
+        "convex, one arm": dreba.ConvexModel(joints=ONE_ARM),
         "soft": SoftModel(ladder=(8.0, 1.0), temperature=1.0, updates=60),
         "graduated": dreba.GraduatedModel(ladder=(8.0,), temperature=8.0, updates=20),
     }
-    return kinds[name].fit(poses.angles, poses.reba)
+    return kinds[name].fit(poses.angles[:, columns(kinds[name])], poses.reba)
+
+
+def columns(found: dreba.Surrogate) -> list[int]:
+    return [INDEX[joint] for joint in found.get_params()["joints"] or COLUMNS]
 
 
 def compiled(source: Path) -> Function:
@@ -67,7 +76,7 @@ def symbolic(name: str, temperature: float | None) -> Function:
 
 def check(evaluate: Function, name: str, temperature: float | None) -> None:
     poses = np.vstack([dreba.sample(30, rng=52).angles, np.zeros((1, 22)), np.full((1, 22), 170.0)])
-    for pose in poses:
+    for pose in poses[:, columns(model(name))]:
         for extras in EXTRAS:
             value, gradient = evaluate(pose, **extras)
             expected, slope = model(name).value_and_gradient(pose, temperature=temperature, **extras)
@@ -75,7 +84,10 @@ def check(evaluate: Function, name: str, temperature: float | None) -> None:
             assert gradient == pytest.approx(slope, abs=1e-10)
 
 
-CASES = [("quadratic", None), ("linear load", None), ("soft", 8.0), ("soft", None), ("graduated", None)]
+CASES = [
+    ("quadratic", None), ("linear load", None), ("free, one arm", None), ("convex", None), ("convex, one arm", None),
+    ("soft", 8.0), ("soft", None), ("graduated", None),
+]  # fmt: skip
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
@@ -112,10 +124,27 @@ def test_wrong_requests_are_refused(target: str, name: str, words: str, tmp_path
         export(model("quadratic"), target, tmp_path / "cost", name=name)
 
 
+def test_every_stage_of_a_graduated_model_can_be_written(tmp_path: Path) -> None:
+    written = {
+        export(model("graduated"), "c", tmp_path / "first", first=True).read_text(),
+        *(export(model("graduated"), "c", tmp_path / "soft", temperature=t).read_text() for t in (8.0, None)),
+    }
+    assert sum("rounded hinges" in text for text in written) == 1
+    assert len(written) == 2
+    with pytest.raises(dreba.ModelError, match="no first stage"):
+        export(model("soft"), "c", tmp_path / "first", first=True)
+
+
 def test_kinds_without_an_export_and_bad_paths_are_refused(tmp_path: Path) -> None:
     poses = dreba.sample(500, rng=53)
-    convex = dreba.ConvexModel().fit(poses.angles, poses.reba)
-    with pytest.raises(dreba.ModelError, match="cannot be exported"):
-        export(convex, "c", tmp_path / "cost")
+    net = dreba.NetModel(epochs=2).fit(poses.angles, poses.reba)
+    part = SoftModel(learn=False, joints=ONE_ARM).fit(poses.angles[:, :5], poses.reba)
+    for target in ("c", "casadi"):
+        with pytest.raises(dreba.ModelError, match="cannot be exported"):
+            export(net, target, tmp_path / "cost")
+        with pytest.raises(dreba.ModelError, match="fit on all 22"):
+            export(part, target, tmp_path / "cost")
+    with pytest.raises(dreba.ModelError, match="no temperature"):
+        export(model("quadratic"), "c", tmp_path / "cost", temperature=2.0)
     with pytest.raises(dreba.ModelError, match="cannot be written"):
         export(model("quadratic"), "c", tmp_path / "missing" / "cost.c")
