@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lgp.errors import LgpError
 from lgp.logic import Action
 from lgp.world.scene import Scene
-from lgp.world.switches import Switch
+from lgp.world.switches import ROLES, TAKES, Switch
 
 Array = NDArray[np.float64]
 
@@ -90,13 +90,13 @@ class Phases:
 
     def loads(self) -> Array:
         """Return the mass that the human holds in each slice [kg], (T,)."""
-        held: dict[str, str] = {}
+        held = {name: thing.hand for name, thing in self.scene.things.items() if thing.hand}
         masses = np.zeros(self.count)
         for number, switch in enumerate(self.switches):
             masses[number] = sum(self.scene.things[thing].mass for thing, hand in held.items() if self._human(hand))
-            if switch.kind == "grasp":
+            if switch.kind in TAKES:
                 held[switch.thing] = switch.hand
-            else:
+            elif switch.kind == "place":
                 held.pop(switch.thing, None)
         return np.repeat(masses, self.slices)
 
@@ -108,18 +108,14 @@ class Phases:
         return self.scene.hands[hand].agent == "human"
 
 
-GEOMETRY = {"grasp": ("hand", "thing"), "place": ("hand", "thing", "table")}
-"""Arguments of the actions that have geometry."""
-
-
 def switch_of(action: Action) -> Switch:
     """Return the kinematic switch that an action implies.
 
     Raises:
         LgpError: no geometry is known for its name or number of arguments.
     """
-    roles = GEOMETRY.get(action.name)
+    roles = ROLES.get(action.name)
     if roles is None or len(roles) != len(action.arguments):
-        known = "; ".join(f"{name}({', '.join(roles)})" for name, roles in GEOMETRY.items())
+        known = "; ".join(f"{name}({', '.join(roles)})" for name, roles in ROLES.items())
         raise LgpError(f"action {action} has no geometry; known are {known}")
     return Switch(action.name, **dict(zip(roles, action.arguments, strict=True)))

@@ -101,7 +101,7 @@ class PathProblem:
         self.lower = np.concatenate([np.tile(world.lower, len(self.kept)), self.modes.lower])
         self.upper = np.concatenate([np.tile(world.upper, len(self.kept)), self.modes.upper])
         self._loads = phases.loads()[self.kept]
-        self._condense(switches, stop)
+        self._condense(stop)
         self._patterns()
         self._last: tuple[Array, Values] | None = None
 
@@ -163,19 +163,14 @@ class PathProblem:
             pull[:, columns] = 2.0 * condensed.cost @ away[:, columns]
         return pull
 
-    def _condense(self, switches: tuple[int, ...], stop: bool) -> None:
+    def _condense(self, stop: bool) -> None:
         """Group the joints by the switches at which they rest, and eliminate the slices that are not kept."""
         horizon = int(self.kept[-1]) + 1
         matrix = self.weights.acceleration * quadratic(horizon, self.phases.tau, stop)
-        keys = self.phases.keys
-        resting: list[tuple[tuple[int, int], Slices]] = [
-            ((int(keys[k]), int(keys[k]) + 1), self.rows.limb(k))
-            for k in switches
-            if keys[k] + 1 < horizon and keys[k] + 1 not in self.kept
-        ]
         groups: dict[tuple[tuple[int, int], ...], list[int]] = {}
         for joint in range(self.world.nq):
-            groups.setdefault(tuple(pair for pair, limb in resting if joint in limb), []).append(joint)
+            own = tuple(pair for pair, joints in self.rows.tied.items() if joint in joints)
+            groups.setdefault(own, []).append(joint)
         self._groups: list[tuple[Slices, Condensed]] = [
             (np.array(joints, dtype=np.intp), condense(matrix, self.kept, pairs)) for pairs, joints in groups.items()
         ]

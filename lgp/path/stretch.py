@@ -46,7 +46,8 @@ class Stretch:
         if table not in scene.tables:
             return ""
         top = _where(scene.tables[table], thing, moved)
-        miss = self._span(switch.hand).beyond(top) - thing.slide
+        grip = thing.grip(scene.hands[switch.hand].kind)
+        miss = self._span(switch.hand).beyond(top) - grip.slide - float(np.linalg.norm(grip.at))
         if miss < LEAST:
             return ""
         what = f"{switch.thing} on {table}" if switch.kind == "grasp" else f"where {switch.thing} lies on {table}"
@@ -66,4 +67,4 @@ def _where(table: Table, thing: Thing, moved: bool) -> Top:
     yaw = np.radians(table.yaw)
     sides = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0]])
     x, y, halves = (0.0, 0.0, placed(table, thing, 0).upper[:2]) if moved else (*thing.at[:2], np.zeros(2))
-    return Top(resting(table, thing, x, y, 0.0)[1], halves, sides)
+    return Top(resting(table, thing, x, y, 0.0, "z" if moved else thing.up)[1], halves, sides)

@@ -20,22 +20,24 @@ def reason(problem: PathProblem, x: Array) -> str:
     on table.start`.
     """
     values = problem.rows.evaluate(*problem.split(x))
-    size = 3 * len(problem.rows.enforced) * 2
-    jumps = values.equality[:size].reshape(-1, 6)
     words: list[tuple[float, str]] = []
-    for number, jump in zip(problem.rows.enforced, jumps, strict=True):
-        away, turned = float(np.linalg.norm(jump[:3])), float(np.linalg.norm(jump[3:]))
-        words.append((away + turned, f"{_where(problem, number)}: {_jump(problem, number, away, turned)}"))
-    for row, value in zip(problem.rows.eq_rows[size:], values.equality[size:], strict=True):
-        if row.kind == "sole":
-            words.append(
-                (
-                    abs(value),
-                    f"{_slice(problem, row.number)}: {row.name} leaves the ground by {_amount(value, row.unit)}",
-                )
-            )
+    switches: dict[tuple[int, str], list[float]] = {}
+    for row, value in zip(problem.rows.eq_rows, values.equality, strict=True):
+        if row.kind in ("jump", "screw", "joint"):
+            switches.setdefault((row.number, row.kind), []).append(float(value))
+        elif row.kind == "sole":
+            text = f"{row.name} leaves the ground by {_amount(value, row.unit)}"
+            words.append((abs(value), f"{_slice(problem, row.number)}: {text}"))
+    for (number, kind), difference in switches.items():
+        away, turned = float(np.linalg.norm(difference[:3])), float(np.linalg.norm(difference[3:]))
+        if kind == "joint" and len(difference) == 3:
+            away, turned = float(np.linalg.norm(difference[:2])), abs(difference[2])
+        say = {"jump": _jump, "screw": _screw, "joint": _joint}[kind]
+        words.append((away + turned, f"{_where(problem, number)}: {say(problem, number, away, turned)}"))
     for row, value in zip(problem.rows.in_rows, values.inequality, strict=True):
-        if row.kind == "tilt":
+        if row.kind == "against":
+            words.append((value, f"{_where(problem, row.number)}: {row.name} points the wrong way"))
+        elif row.kind == "tilt":
             words.append((value, f"{_where(problem, row.number)}: {row.name} {_tilt(problem, row.name, value)}"))
         else:
             words.append((value, f"{_slice(problem, row.number)}: the {row.name} leg is too short by {value:.3f} m"))
@@ -45,12 +47,26 @@ def reason(problem: PathProblem, x: Array) -> str:
 
 def _jump(problem: PathProblem, number: int, away: float, turned: float) -> str:
     switch = problem.phases.switches[number]
-    table = switch.table or problem.modes.holder(switch.thing, number).by
+    by = switch.table or problem.modes.holder(switch.thing, number).by
+    at = f"in {by}" if by in problem.world.scene.hands else f"on {by}"
     if away > FINE:
-        what = f"{switch.thing} on {table}" if switch.kind == "grasp" else f"where {switch.thing} lies on {table}"
+        what = f"where {switch.thing} lies {at}" if switch.kind == "place" else f"{switch.thing} {at}"
         more = f", turned by {np.degrees(turned):.1f} deg" if turned > FINE else ""
         return f"{switch.hand} stays {away:.3f} m away from {what}{more}"
-    return f"{switch.hand} cannot turn as {switch.thing} lies on {table}, {np.degrees(turned):.1f} deg are missing"
+    return f"{switch.hand} cannot turn as {switch.thing} lies {at}, {np.degrees(turned):.1f} deg are missing"
+
+
+def _screw(problem: PathProblem, number: int, away: float, turned: float) -> str:
+    switch = problem.phases.switches[number]
+    skew = f", {np.degrees(np.arcsin(min(turned, 1.0))):.1f} deg aslant" if turned > FINE else ""
+    return f"{switch.hand} stays {away:.3f} m away from its place behind the screw{skew}"
+
+
+def _joint(problem: PathProblem, number: int, away: float, turned: float) -> str:
+    switch = problem.phases.switches[number]
+    places = [f"{part} on {problem.modes.holder(part, number).by}" for part in (switch.thing, switch.other)]
+    more = f" and {np.degrees(turned):.1f} deg" if turned > FINE else ""
+    return f"{' and '.join(places)} stand {away:.3f} m{more} from where they are joined"
 
 
 def _tilt(problem: PathProblem, hand: str, value: float) -> str:

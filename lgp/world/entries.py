@@ -42,6 +42,14 @@ class Entries:
             raise SceneError(f"{self.where}: {key} is {value!r}, expected {n} numbers")
         return tuple(self._number(key, part, low, math.inf) for part in value)
 
+    def unit(self, key: str, default: tuple[float, float, float] | None = None) -> Any:
+        """Return three numbers that are not all 0, scaled to length 1, as a tuple."""
+        value = self.vector(key, 3, default)
+        length = math.hypot(*value)
+        if length < 1e-9:
+            raise SceneError(f"{self.where}: {key} is {list(value)}, expected a direction")
+        return tuple(part / length for part in value)
+
     def text(self, key: str, default: str | None = None, choices: Iterable[str] = ()) -> str:
         """Return a string, one of the choices if there are any."""
         value = self._value(key, default)

@@ -14,10 +14,7 @@ from lgp.world.scene import Hand, Table, Thing
 
 Array = NDArray[np.float64]
 
-FROM_ABOVE = np.diag([1.0, -1.0, -1.0])
-"""An object in a hand whose variables are 0: the hand's z points down onto it."""
-
-FREEDOM: dict[str, tuple[int, ...]] = {"free": (0, 1, 2), "axis": (2,), "fixed": ()}
+FREEDOM: dict[str, tuple[int, ...]] = {"free": (0, 1, 2), "axis": (2,), "jaw": (1,), "fixed": ()}
 """Parts of the rotation vector in the hand that are variables."""
 
 
@@ -89,17 +86,33 @@ class Holder:
         return len(self.names)
 
 
-def resting(table: Table, thing: Thing, x: float, y: float, yaw: float) -> tuple[Array, Array]:
-    """Return rotation (3, 3) and position (3,) of an object that lies on a table at x, y [m], yaw [rad] of its top."""
+UPRIGHT: dict[str, Array] = {
+    "x": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "z": np.eye(3),
+}
+"""Rotations of an object that rests with one of its axes upwards."""
+
+
+def resting(table: Table, thing: Thing, x: float, y: float, yaw: float, up: str = "z") -> tuple[Array, Array]:
+    """Return rotation (3, 3) and position (3,) of an object on a table at x, y [m], yaw [rad] of its top.
+
+    Args:
+        table: the table.
+        thing: the object.
+        x, y, yaw: where on the top.
+        up: axis of the object that points upwards.
+    """
     top = _about_z(np.radians(table.yaw))
     centre = np.array([*table.position, table.height])
-    return top @ _about_z(yaw), centre + top @ np.array([x, y, thing.size[2] / 2.0])
+    half = thing.size["xyz".index(up)] / 2.0
+    return top @ _about_z(yaw) @ UPRIGHT[up], centre + top @ np.array([x, y, half])
 
 
 def fixed_on(table: Table, thing: Thing) -> Holder:
     """Return the table an object lies on at first; nothing is variable."""
     x, y, yaw = thing.at
-    rotation, position = resting(table, thing, x, y, np.radians(yaw))
+    rotation, position = resting(table, thing, x, y, np.radians(yaw), thing.up)
 
     def pose(kinematics: Kinematics, _: Array) -> Pose:
         n, nq = len(kinematics), kinematics.world.nq
@@ -115,6 +128,25 @@ def fixed_on(table: Table, thing: Thing) -> Holder:
         return np.zeros(0)
 
     return Holder(table.full, (), np.zeros(0), np.zeros(0), slice(0, 0), pose, fit)
+
+
+def fixed_in(hand: Hand, thing: Thing) -> Holder:
+    """Return the hand an object is in at first; nothing is variable."""
+    turn = exponential(np.radians(np.array(thing.in_hand[3:])))
+    offset = np.array(thing.in_hand[:3])
+
+    def pose(kinematics: Kinematics, _: Array) -> Pose:
+        place = kinematics.place(hand.full)
+        arm = place.rotation @ offset
+        by_q = place.jacobian.copy()
+        by_q[:, :3] -= skew(arm) @ place.jacobian[:, 3:]
+        by_variables = np.zeros((len(kinematics), 6, 0))
+        return Pose(place.rotation @ turn, place.position + arm, by_q, by_variables, slice(0, 0))
+
+    def fit(*_: object) -> Array:
+        return np.zeros(0)
+
+    return Holder(hand.full, (), np.zeros(0), np.zeros(0), slice(0, 0), pose, fit)
 
 
 def placed(table: Table, thing: Thing, start: int) -> Holder:
@@ -150,22 +182,22 @@ def placed(table: Table, thing: Thing, start: int) -> Holder:
 def held(hand: Hand, thing: Thing, start: int) -> Holder:
     """Return a hand that holds an object: turned as its freedom allows, slid along the longest side of the object.
 
-    The point that grasps is on that side's middle line, at most `thing.slide` from the middle.
+    Where and from where it takes the object is the `Grip` of its kind.
     """
+    grip = thing.grip(hand.kind)
     turns = FREEDOM[hand.freedom]
-    slides = thing.slide > 0.0
-    side = np.eye(3)[int(np.argmax(thing.size))]
+    slides = grip.slide > 0.0
+    side, at, facing = np.eye(3)[int(np.argmax(thing.size))], np.array(grip.at), _facing(np.array(grip.along))
     names = tuple(f"turn_{'xyz'[part]}" for part in turns) + (("slide",) if slides else ())
-    upper = np.array([np.pi] * len(turns) + [thing.slide] * slides)
+    upper = np.array([np.pi] * len(turns) + [grip.slide] * slides)
     variables = slice(start, start + len(names))
 
     def pose(kinematics: Kinematics, z: Array) -> Pose:
         place = kinematics.place(hand.full)
         vector = np.zeros(3)
         vector[list(turns)] = z[: len(turns)]
-        rotation = place.rotation @ (exponential(vector) @ FROM_ABOVE)
-        shift = z[-1] if slides else 0.0
-        arm = -shift * (rotation @ side)
+        rotation = place.rotation @ (exponential(vector) @ facing)
+        arm = -(rotation @ (at + (z[-1] if slides else 0.0) * side))
         by_q = place.jacobian.copy()
         by_q[:, :3] -= skew(arm) @ place.jacobian[:, 3:]
         by_variables = np.zeros((len(kinematics), 6, len(names)))
@@ -176,13 +208,24 @@ def held(hand: Hand, thing: Thing, start: int) -> Holder:
             by_variables[:, :3, -1] = -(rotation @ side)
         return Pose(rotation, place.position + arm, by_q, by_variables, variables)
 
-    def fit(kinematics: Kinematics, rotation: Array, position: Array, at: int) -> Array:
+    def fit(kinematics: Kinematics, rotation: Array, position: Array, slice_: int) -> Array:
         place = kinematics.place(hand.full)
-        vector = logarithm(place.rotation[at].T @ rotation @ FROM_ABOVE)
-        shift = [float((place.position[at] - position) @ rotation @ side)] if slides else []
-        return np.clip([*vector[list(turns)], *shift], -upper, upper)
+        vector = logarithm(place.rotation[slice_].T @ rotation @ facing.T)
+        point = rotation.T @ (place.position[slice_] - position) - at
+        return np.clip([*vector[list(turns)], *([float(point @ side)] if slides else [])], -upper, upper)
 
     return Holder(hand.full, names, -upper, upper, variables, pose, fit)
+
+
+def _facing(along: Array) -> Array:
+    """Return the rotation (3, 3) of an object in a hand whose variables are 0: its (3,) `along` is the hand's z.
+
+    The hand's x is the object's x as far as that goes, so that a hand from above has diag(1, -1, -1).
+    """
+    x = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    x = x - (x @ along) * along
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(along, x), along])
 
 
 def _about_z(angle: float) -> Array:

@@ -26,7 +26,8 @@ class Hand:
         reach: from the frame to the point that grasps, along z [m].
         kind: its type in the domain.
         tilt: largest angle [deg] between its z and straight down when it grasps from or places on a table; 180 = any.
-        freedom: how a held object may turn in the hand: "free", about the "axis" z only, or "fixed".
+        freedom: how a held object may turn in the hand: "free", about the "axis" z only, about the axis y along which
+            a "jaw" closes, or "fixed".
     """
 
     agent: str
@@ -106,10 +107,27 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Grip:
+    """Where and from where hands of a kind take an object, in its own frame.
+
+    Attributes:
+        at: the point that the hand takes [m].
+        along: unit vector, the way the hand's z points when nothing is turned; the default comes from above.
+        slide: the point may be this far from `at`, along the longest side of the object [m].
+    """
+
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    along: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    slide: float = 0.0
+
+
+@dataclass(frozen=True)
 class Thing:
     """An object: size of its box [m], mass [kg], the table it is `on` first and where `at` on it (x, y [m], yaw [deg]).
 
-    A hand may grasp it up to `slide` [m] from its middle, along its longest side.
+    A hand may grasp it up to `slide` [m] from its middle, along its longest side, or as `grips` say for its kind. If a
+    `hand` holds it at first, `in_hand` is its place in the frame of that hand: x, y, z [m] and a rotation vector [deg];
+    else its axis `up` points upwards at first. Where it is placed it stands on its x-y side.
     """
 
     name: str
@@ -118,6 +136,35 @@ class Thing:
     on: str
     at: tuple[float, float, float]
     slide: float
+    hand: str = ""
+    in_hand: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    up: str = "z"
+    grips: Mapping[str, Grip] = field(default_factory=dict)
+
+    def grip(self, kind: str) -> Grip:
+        """Return where a kind of hand takes the object."""
+        return self.grips.get(kind, Grip(slide=self.slide))
+
+
+@dataclass(frozen=True)
+class Joint:
+    """How two objects stand when they are joined, and where the screw goes in; all in the frame of the first.
+
+    Attributes:
+        parts: their names.
+        position: of the second [m].
+        yaw: of the second [deg].
+        screw: the head of the screw [m].
+        along: unit vector, the way the screw goes in.
+        tool: from the hand to the head of the screw, along the fingers of a human, the z of other hands [m].
+    """
+
+    parts: tuple[str, str]
+    position: tuple[float, float, float]
+    yaw: float
+    screw: tuple[float, float, float]
+    along: tuple[float, float, float]
+    tool: float
 
 
 @dataclass(frozen=True)
@@ -144,6 +191,8 @@ class Scene:
         robots: robots by name.
         tables: tables by full name.
         things: objects by name.
+        joints: which objects can be screwed together, and how.
+        depth: longest sequence of actions that a search tries.
         choices: free choices with reasons.
         values: the table of values it was read from, heights as they are now; `read_scene` makes it again from them.
     """
@@ -159,6 +208,8 @@ class Scene:
     robots: Mapping[str, Robot]
     tables: Mapping[str, Table]
     things: Mapping[str, Thing]
+    joints: tuple[Joint, ...] = ()
+    depth: int = 4
     choices: tuple[Choice, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 

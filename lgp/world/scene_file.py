@@ -11,11 +11,11 @@ from typing import Any
 
 from lgp.errors import SceneError, did_you_mean
 from lgp.world.entries import Entries
-from lgp.world.scene import Choice, Hand, Human, Robot, Scene, Table, Thing
+from lgp.world.scene import Choice, Grip, Hand, Human, Joint, Robot, Scene, Table, Thing
 
 SHIPPED = Path(__file__).parents[1] / "scenes"
 ROBOTS = Path(__file__).parent / "data" / "robots.toml"
-FREEDOMS = ("free", "axis", "fixed")
+FREEDOMS = ("free", "axis", "jaw", "fixed")
 LEGS = ("planted", "solved", "locked")
 
 
@@ -68,6 +68,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
     chosen = _changed(values, changes or {}, name)
     entries = Entries(name, chosen)
     tables = {f"table.{key}": _table(key, entry) for key, entry in entries.tables("tables").items()}
+    things = {key: _thing(key, entry, tables) for key, entry in entries.tables("objects").items()}
     scene = Scene(
         name=name,
         title=entries.text("title", ""),
@@ -79,7 +80,9 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         human=_human(entries.table("human")) if entries.has("human") else None,
         robots={key: _robot(key, entry) for key, entry in entries.tables("robots").items()},
         tables=tables,
-        things={key: _thing(key, entry, tables) for key, entry in entries.tables("objects").items()},
+        things=things,
+        joints=tuple(_joint(number, entry, name, things) for number, entry in enumerate(_list(entries, "joints"))),
+        depth=int(entries.number("depth", 4, low=1, high=40)),
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
         values=chosen,
     )
@@ -212,6 +215,10 @@ def _thing(name: str, entries: Entries, tables: Mapping[str, Table]) -> Thing:
         on=entries.text("on", choices=tables),
         at=entries.vector("at", 3, (0.0, 0.0, 0.0)),
         slide=entries.number("slide", 0.0, low=0.0),
+        hand=entries.text("hand", ""),
+        in_hand=entries.vector("in_hand", 6, (0.0,) * 6),
+        up=entries.text("up", "z", ("x", "y", "z")),
+        grips={kind: _grip(entry) for kind, entry in entries.tables("grips").items()},
     )
     entries.done()
     table = tables[thing.on]
@@ -220,11 +227,45 @@ def _thing(name: str, entries: Entries, tables: Mapping[str, Table]) -> Thing:
     return thing
 
 
+def _grip(entries: Entries) -> Grip:
+    grip = Grip(
+        entries.vector("at", 3, (0.0, 0.0, 0.0)),
+        entries.unit("along", (0.0, 0.0, -1.0)),
+        entries.number("slide", 0.0, 0.0),
+    )
+    entries.done()
+    return grip
+
+
+def _joint(number: int, value: Any, name: str, things: Mapping[str, Thing]) -> Joint:
+    entries = Entries(f"{name}: joints[{number}]", value)
+    parts = entries.texts("parts")
+    if len(set(parts)) != 2:
+        raise SceneError(f"{entries.where}: parts is {list(parts)}, expected the names of two objects")
+    for part in parts:
+        if part not in things:
+            raise SceneError(f"{entries.where}: no object {part!r}{did_you_mean(part, things)}")
+    joint = Joint(
+        parts=(parts[0], parts[1]),
+        position=entries.vector("position", 3),
+        yaw=entries.number("yaw", 0.0),
+        screw=entries.vector("screw", 3),
+        along=entries.unit("along"),
+        tool=entries.number("tool", 0.0, low=0.0),
+    )
+    entries.done()
+    return joint
+
+
 def _check_names(scene: Scene) -> None:
     """Refuse atoms about something that is not there."""
     known = scene.objects
     if not scene.agents:
         raise SceneError(f"{scene.name}: nobody is there; give a human or a robot")
+    for thing in scene.things.values():
+        if thing.hand and thing.hand not in scene.hands:
+            hint = did_you_mean(thing.hand, scene.hands) or f"; known are {', '.join(scene.hands)}"
+            raise SceneError(f"{scene.name}: objects.{thing.name} is in unknown hand {thing.hand!r}{hint}")
     for text in (*scene.initial, *scene.goal):
         _, _, inside = text.partition("(")
         for word in (part.strip() for part in inside.rstrip(") ").split(",")):

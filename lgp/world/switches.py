@@ -1,30 +1,55 @@
 """Kinematic switches: to what each object is attached in each phase, and its pose through the kinematic tree.
 
-Action k ends phase k (counted from 0): a grasp attaches an object to a hand, a place to a table, without a jump of its
-pose. How it lies in the hand or on the table is a few variables, shared by all slices of that stretch; `z` holds them
-for the whole sequence. A pose depends on the configuration of its own slice and on the variables of its own stretch, so
-constraints stay local.
+Action k ends phase k (counted from 0). A grasp attaches an object to a hand, a handover to another hand, a place to a
+table, always without a jump of its pose. A hold brings a hand onto an object that stays on its table; that hand stands
+still until its next action. A screw needs two objects that stand as their joint says and a hand with a tool on the
+screw. How an object lies in a hand or on a table is a few variables, shared by all slices of that stretch; `z` holds
+them for the whole sequence. A pose depends on the configuration of its own slice and on the variables of its own
+stretch, so constraints stay local.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lgp.errors import WorldError, did_you_mean
+from lgp.world.fastening import Fastening
 from lgp.world.features import Feature, pose_difference
-from lgp.world.holders import Holder, Pose, fixed_on, held, placed
+from lgp.world.holders import Holder, Pose, fixed_in, fixed_on, held, placed
 from lgp.world.model import Kinematics, World
 
 Array = NDArray[np.float64]
 
+ROLES: Final[dict[str, tuple[str, ...]]] = {
+    "grasp": ("hand", "thing"),
+    "place": ("hand", "thing", "table"),
+    "handover": ("giver", "thing", "hand"),
+    "hold": ("hand", "thing"),
+    "screw": ("hand", "thing", "other"),
+    "release": ("hand", "thing"),
+}
+"""What the arguments of each kind of action are, in the order of the paper."""
+
+TAKES: Final = ("grasp", "handover")
+"""Kinds after which the hand has the object."""
+
 
 @dataclass(frozen=True)
 class Switch:
-    """One action as geometry: `hand` grasps `thing`, or places it on `table`.
+    """One action as geometry.
+
+    Attributes:
+        kind: one of `ROLES`.
+        hand: that acts; the one that takes the object in a handover.
+        thing: the object.
+        table: on which it is placed.
+        giver: hand that hands it over.
+        other: object that it is screwed to.
 
     >>> Switch("place", "baxter.left", "screwdriver", "table.left").table
     'table.left'
@@ -34,6 +59,13 @@ class Switch:
     hand: str
     thing: str
     table: str = ""
+    giver: str = ""
+    other: str = ""
+
+    @property
+    def hands(self) -> tuple[str, ...]:
+        """The hands that take part."""
+        return (self.hand, self.giver) if self.giver else (self.hand,)
 
 
 class Modes:
@@ -46,7 +78,8 @@ class Modes:
         names: of the variables, (nz,).
 
     Raises:
-        WorldError: a hand, object or table is unknown, or an object is placed by a hand that does not hold it.
+        WorldError: a hand, object or table is unknown, an object is placed or handed over by a hand that does not hold
+            it, or objects without a joint are screwed together.
 
     Example:
         >>> modes = Modes(world, [Switch("grasp", "baxter.right", "screwdriver")])      # doctest: +SKIP
@@ -57,21 +90,24 @@ class Modes:
         self.world, self.switches = world, tuple(switches)
         scene = world.scene
         self._held_by: dict[str, list[Holder]] = {
-            name: [fixed_on(scene.tables[thing.on], thing)] for name, thing in scene.things.items()
+            name: [fixed_in(scene.hands[thing.hand], thing) if thing.hand else fixed_on(scene.tables[thing.on], thing)]
+            for name, thing in scene.things.items()
         }
+        self._new: list[Holder | None] = []
         size = 0
         for number, switch in enumerate(self.switches):
             self._check(number, switch)
+            new = self._next(switch, size)
+            self._new.append(new)
+            size += 0 if new is None else new.size
             for name, holders in self._held_by.items():
-                holders.append(holders[-1] if name != switch.thing else self._next(switch, size))
-            size += self._held_by[switch.thing][-1].size
-        new = [self._held_by[switch.thing][number + 1] for number, switch in enumerate(self.switches)]
-        self.lower = np.concatenate([np.zeros(0), *(holder.lower for holder in new)])
-        self.upper = np.concatenate([np.zeros(0), *(holder.upper for holder in new)])
+                moves = name == switch.thing and new is not None and switch.kind != "hold"
+                holders.append(new if moves and new is not None else holders[-1])
+        chosen = [(number, holder) for number, holder in enumerate(self._new) if holder is not None]
+        self.lower = np.concatenate([np.zeros(0), *(holder.lower for _, holder in chosen)])
+        self.upper = np.concatenate([np.zeros(0), *(holder.upper for _, holder in chosen)])
         self.names = tuple(
-            f"{number}.{switch.thing}.{name}"
-            for number, (switch, holder) in enumerate(zip(self.switches, new, strict=True))
-            for name in holder.names
+            f"{number}.{self.switches[number].thing}.{name}" for number, holder in chosen for name in holder.names
         )
 
     @property
@@ -81,8 +117,23 @@ class Modes:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Frames whose placements the poses need: the hands that take part."""
-        return tuple(dict.fromkeys(switch.hand for switch in self.switches))
+        """Frames whose placements the poses need: the hands that take part or hold something at first."""
+        first = [thing.hand for thing in self.world.scene.things.values() if thing.hand]
+        return tuple(dict.fromkeys([*(hand for switch in self.switches for hand in switch.hands), *first]))
+
+    @property
+    def stills(self) -> tuple[tuple[str, int, int], ...]:
+        """Hands that stand still: (hand, switch with which they hold, switch until which they stay)."""
+        last = len(self.switches) - 1
+        return tuple(
+            (
+                switch.hand,
+                number,
+                next((k for k in range(number + 1, last + 1) if switch.hand in self.switches[k].hands), last),
+            )
+            for number, switch in enumerate(self.switches)
+            if switch.kind == "hold"
+        )
 
     def holder(self, thing: str, phase: int) -> Holder:
         """Return what holds an object during a phase; phase K is after the last of K actions.
@@ -95,6 +146,11 @@ class Modes:
         if not 0 <= phase <= len(self.switches):
             raise WorldError(f"phase {phase} is outside 0 to {len(self.switches)}")
         return self._held_by[thing][phase]
+
+    def contact(self, number: int) -> tuple[Holder, Holder] | None:
+        """Return the two holders that have the object of a switch at one pose, the new one first; None if none does."""
+        new = self._new[number]
+        return None if new is None else (new, self.holder(self.switches[number].thing, number))
 
     def pose(self, thing: str, phase: int, kinematics: Kinematics, z: Array) -> Pose:
         """Return the pose of an object in n slices of a phase, with Jacobians by q and by the variables of its holder.
@@ -112,16 +168,32 @@ class Modes:
         """Return by how much the object of a switch would jump, (n, 6) [m, rad], and its Jacobian by (q, z).
 
         Args:
-            number: of the switch.
+            number: of a switch with a `contact`.
             kinematics: of the slice in which it happens (n = 1), or of n candidates for it.
             z: (nz,).
+
+        Raises:
+            WorldError: nothing changes hands in this switch.
         """
-        thing = self.switches[number].thing
-        sides = [
-            self.holder(thing, number + after).pose(kinematics, z[self.holder(thing, number + after).variables])
-            for after in (1, 0)
-        ]
-        return pose_difference(*(side.spread(self.size) for side in sides))
+        sides = self.contact(number)
+        if sides is None:
+            raise WorldError(f"action {number} ({self.switches[number].kind}): no object changes hands")
+        poses = [side.pose(kinematics, z[side.variables]).spread(self.size) for side in sides]
+        return pose_difference(*poses)
+
+    def fastening(self, number: int) -> Fastening:
+        """Return the geometry of a screw.
+
+        Raises:
+            WorldError: the switch is no screw.
+        """
+        switch = self.switches[number]
+        if switch.kind != "screw":
+            raise WorldError(f"action {number} ({switch.kind}): no screw")
+        parts = tuple(sorted((switch.thing, switch.other)))
+        joint = next(joint for joint in self.world.scene.joints if tuple(sorted(joint.parts)) == parts)
+        first, second = (self.holder(part, number) for part in joint.parts)
+        return Fastening(joint, self.world.scene.hands[switch.hand], first, second, self.size)
 
     def guess(self, keys: Array) -> Array:
         """Return variables (nz,) that fit key configurations: no jump as far as each stretch has the freedom for it.
@@ -131,32 +203,41 @@ class Modes:
         """
         z = np.clip(np.zeros(self.size), self.lower, self.upper)
         kinematics = self.world.at(keys, self.frames)
-        for number, switch in enumerate(self.switches):
-            before = self.holder(switch.thing, number).pose(kinematics, z[self.holder(switch.thing, number).variables])
-            after = self.holder(switch.thing, number + 1)
-            z[after.variables] = after.fit(kinematics, before.rotation[number], before.position[number], number)
+        for number in range(len(self.switches)):
+            sides = self.contact(number)
+            if sides is not None:
+                after, before = sides
+                pose = before.pose(kinematics, z[before.variables])
+                z[after.variables] = after.fit(kinematics, pose.rotation[number], pose.position[number], number)
         return z
 
-    def _next(self, switch: Switch, start: int) -> Holder:
+    def _next(self, switch: Switch, start: int) -> Holder | None:
+        """Return what has the object of a switch from then on, or as well from then on; None if nothing new does."""
         scene = self.world.scene
         thing = scene.things[switch.thing]
-        if switch.kind == "grasp":
+        if switch.kind in (*TAKES, "hold"):
             return held(scene.hands[switch.hand], thing, start)
-        return placed(scene.tables[switch.table], thing, start)
+        return placed(scene.tables[switch.table], thing, start) if switch.kind == "place" else None
 
     def _check(self, number: int, switch: Switch) -> None:
         scene = self.world.scene
-        wanted = {"grasp": ("hand", "thing"), "place": ("hand", "thing", "table")}
-        if switch.kind not in wanted:
-            raise WorldError(f"action {number}: unknown kind {switch.kind!r}, expected grasp or place")
-        for field in wanted[switch.kind]:
-            known = {"hand": scene.hands, "thing": scene.things, "table": scene.tables}[field]
+        if switch.kind not in ROLES:
+            raise WorldError(f"action {number}: unknown kind {switch.kind!r}, expected one of {', '.join(ROLES)}")
+        for field in ROLES[switch.kind]:
+            known = {"table": scene.tables, "thing": scene.things, "other": scene.things}.get(field, scene.hands)
             name = getattr(switch, field)
             if name not in known:
                 hint = did_you_mean(name, known) or f"; known are {', '.join(known)}"
                 raise WorldError(f"action {number} ({switch.kind}): unknown {field} {name!r}{hint}")
         holder = self._held_by[switch.thing][number]
-        if switch.kind == "place" and holder.by != switch.hand:
+        gives = {"place": switch.hand, "handover": switch.giver}.get(switch.kind, holder.by)
+        if holder.by != gives:
+            verb = "places" if switch.kind == "place" else "hands over"
             raise WorldError(
-                f"action {number}: {switch.hand} places {switch.thing}, which is held by {holder.by}; grasp it first"
+                f"action {number}: {gives} {verb} {switch.thing}, which is held by {holder.by}; grasp it first"
+            )
+        parts = {switch.thing, switch.other}
+        if switch.kind == "screw" and parts not in [set(joint.parts) for joint in scene.joints]:
+            raise WorldError(
+                f"action {number}: {switch.thing} and {switch.other} have no joint; add one to the scene's [[joints]]"
             )
