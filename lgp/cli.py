@@ -11,6 +11,7 @@ import reba
 from lgp.errors import LgpError
 from lgp.plan import COST, DEPTH
 from lgp.plan import plan as make_plan
+from lgp.study.commands import simulate_study, study
 from lgp.world.scene_file import load_scene, shipped_scenes
 from reba.shell import GROUP, command_line, console, json_option, print_json, run
 
@@ -119,6 +120,10 @@ def scenes(as_json: bool) -> None:
         return
     for name, title in found.items():
         click.echo(f"{name}: {title}")
+
+
+cli.add_command(study)
+cli.add_command(simulate_study)
 
 
 def _height(text: str) -> tuple[str, float]:

@@ -1,0 +1,75 @@
+"""The page of a study: one HTML file that needs no network, in the style of the reports of `reba`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import PurePath
+from typing import Any, Final
+
+from lgp.experiments.page import number, p_value
+from lgp.experiments.statistics import stars
+from lgp.study.figures import bars, paired
+from lgp.study.measures import EXTRA, LEVELS, PARTS, SIDED, TOTAL
+from reba.report.words import LEVEL_COLOURS, TEXT_ON
+from reba.tables import ACTION_LEVELS
+
+SOURCE: Final = (
+    "Busch, Toussaint & Lopes, Planning Ergonomic Sequences of Actions in Human-Robot Interaction, ICRA 2018, "
+    "section IV-C"
+)
+"""Where the figure and the analysis of variance are from."""
+
+
+def render(found: Mapping[str, Any], *, command: str = "") -> str:
+    """Return the page as HTML.
+
+    Args:
+        found: the summary of a study.
+        command: command line to show, so that the page can be made again.
+    """
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    from reba import __version__
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"p": p_value, "number": number, "mark": _mark, "file": _name, "percent": _percent}
+    conditions = found["conditions"]
+    return environment.from_string(_file("lgp.study", "study.html")).render(
+        found=found,
+        conditions=conditions,
+        total=found[TOTAL],
+        parts={PARTS[name]: one for name, one in found["parts"].items()},
+        sided=[PARTS[name].split(" (")[0].lower() for name in SIDED],
+        described={EXTRA[name]: one for name, one in found["described"].items()},
+        levels=[(level, ACTION_LEVELS[level][0], found["levels"][name]) for level, name in enumerate(LEVELS)],
+        bars=Markup(bars(found, conditions)),
+        paired=Markup(paired(found, conditions)),
+        source=SOURCE,
+        command=command,
+        version=__version__,
+        style=Markup(_level_styles() + _file("reba.report", "style.css")),
+    )
+
+
+def _level_styles() -> str:
+    colours = enumerate(LEVEL_COLOURS)
+    return "".join(f".l{i} {{ background: {c}; color: {TEXT_ON.get(c, '#1b2430')}; }}\n" for i, c in colours)
+
+
+def _mark(p: float | None) -> str:
+    return "" if p is None else stars(p) or "n.s."
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{100 * share:.0f} %"
+
+
+def _name(path: str) -> str:
+    """Return the name of a file with its folder, which may hold the participant; not where it lies on a machine."""
+    return "/".join(PurePath(path.replace("\\", "/")).parts[-2:])
+
+
+def _file(package: str, name: str) -> str:
+    return (resources.files(package) / name).read_text(encoding="utf-8")

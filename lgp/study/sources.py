@@ -1,0 +1,137 @@
+"""What a study is made of: every recording with its label, and those that were planned and not made.
+
+files, folders, manifest, pattern -> `Sources`; a recording without a label is a failure of its own and stops no other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lgp.errors import LgpError
+from lgp.study.labels import RECORD, Label, Pattern, recorded_label
+from lgp.study.manifest import read_manifest
+from reba.batch import find_inputs
+from reba.errors import RebaError
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A recording that could not be used: its file, why, and its label where that is known."""
+
+    input: str
+    error: str
+    label: Label | None = None
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The recordings of a study.
+
+    Attributes:
+        named: (file, label) of each.
+        unnamed: those without a label.
+        absent: labels of recordings that the manifest plans and that were not made or not given.
+        by_manifest: whether a manifest gave the labels, and so the order of the conditions.
+    """
+
+    named: tuple[tuple[str, Label], ...]
+    unnamed: tuple[Failure, ...] = ()
+    absent: tuple[Label, ...] = ()
+    by_manifest: bool = False
+    conditions: tuple[str, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        names = [label.condition for _, label in self.named] + [label.condition for label in self.absent]
+        order = dict.fromkeys(names if self.by_manifest else sorted(names))
+        object.__setattr__(self, "conditions", tuple(order))
+
+
+def find_sources(
+    logs: Sequence[str], manifest: str | Path | None = None, pattern: str | None = None, without: Path | None = None
+) -> Sources:
+    """Return the recordings with their labels.
+
+    Args:
+        logs: files and folders of recordings; may be empty with a manifest, which then names them all.
+        manifest: CSV file with the labels, in place of those in the recordings.
+        pattern: file names with the labels, in place of those in the recordings.
+        without: a folder for results; recordings in it are no inputs.
+
+    Raises:
+        LgpError: nothing is given, the manifest or pattern is wrong, no recording has a label, two have the same one.
+        RebaError: a file or folder does not exist.
+
+    Example:
+        >>> find_sources(["logs"], pattern="{participant}_{condition}").conditions      # doctest: +SKIP
+        ('ergonomic', 'non-ergonomic')
+    """
+    if manifest is not None and pattern is not None:
+        raise LgpError("--manifest and --pattern were both given; choose one of them")
+    if not logs and manifest is None:
+        raise LgpError("no recording was given; name files or folders, or a --manifest")
+    inputs = find_inputs(logs) if logs else []
+    if without is not None:
+        inside = without.resolve()
+        inputs = [one for one in inputs if inside not in Path(one).resolve().parents]
+    found = _by_manifest(inputs, manifest) if manifest is not None else _by_name(inputs, pattern)
+    if not found.named:
+        first = f"; the first: {found.unnamed[0].error}" if found.unnamed else ""
+        raise LgpError(f"none of the {len(found.unnamed)} recordings is labelled{first}")
+    _check([*found.named, *(("", label) for label in found.absent)])
+    return found
+
+
+def _by_manifest(inputs: Sequence[str], manifest: str | Path) -> Sources:
+    lines = read_manifest(manifest)
+    labels = {line.file.resolve(): line.label for line in lines if line.file is not None}
+    absent = [line.label for line in lines if line.file is None]
+    if not inputs:
+        named = [(str(line.file), line.label) for line in lines if line.file is not None]
+        return Sources(tuple(named), (), tuple(absent), by_manifest=True)
+    places = {one: Path(one).resolve() for one in inputs}
+    given = set(places.values())
+    named = [(one, labels[place]) for one, place in places.items() if place in labels]
+    order = list(labels)
+    named.sort(key=lambda pair: order.index(places[pair[0]]))
+    skipped = [one for one, place in places.items() if place not in labels and place != Path(manifest).resolve()]
+    unnamed = [Failure(one, f"{one}: {manifest} does not name it; add a line for it") for one in skipped]
+    absent += [label for place, label in labels.items() if place not in given]
+    return Sources(tuple(named), tuple(unnamed), tuple(absent), by_manifest=True)
+
+
+def _by_name(inputs: Sequence[str], pattern: str | None) -> Sources:
+    names = None if pattern is None else Pattern(pattern)
+    named: list[tuple[str, Label]] = []
+    unnamed: list[Failure] = []
+    for one in inputs:
+        try:
+            label = recorded_label(Path(one)) if names is None else names.label(one)
+        except RebaError as error:
+            unnamed.append(Failure(one, str(error)))
+            continue
+        if label is not None:
+            named.append((one, label))
+        elif names is None:
+            hint = "give --manifest FILE.csv or --pattern {participant}_{condition}"
+            unnamed.append(Failure(one, f"{one}: it holds no metadata record {RECORD!r}; {hint}"))
+        else:
+            unnamed.append(Failure(one, f"{one}: its name does not fit {names.text}; rename it or give a manifest"))
+    return Sources(tuple(named), tuple(unnamed))
+
+
+def _check(named: Iterable[tuple[str, Label]]) -> None:
+    """Refuse two recordings with the same label, and names that differ only in case."""
+    files: dict[tuple[str, str, str], str] = {}
+    spelled: dict[tuple[str, str], str] = {}
+    for file, label in named:
+        key = (label.participant, label.condition, label.trial)
+        if key in files:
+            both = " and ".join(filter(None, (files[key], file))) or "two lines"
+            raise LgpError(f"{label} is the label of {both}; give each a trial, or leave one out")
+        files[key] = file
+        for kind, name in (("participant", label.participant), ("condition", label.condition)):
+            first = spelled.setdefault((kind, name.casefold()), name)
+            if first != name:
+                raise LgpError(f"{kind} is spelled {first!r} and {name!r}; spell it in one way")
