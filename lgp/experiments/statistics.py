@@ -265,7 +265,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
     p = np.asarray(p_values, dtype=float)
     known = np.isfinite(p)
-    if known.any():
+    if known.sum() > 1:
         p[known] = multipletests(p[known], method="holm")[1]
     return [float(value) for value in p]
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
+import numpy as np
+
 from lgp.drawing import INK, LINE, SOFT, line, svg, text, ticks
 from lgp.experiments.statistics import stars
 from lgp.study.measures import PARTS, TOTAL
@@ -104,7 +106,7 @@ def paired(found: Mapping[str, Any], conditions: Sequence[str]) -> str:
     for name, row in people.items():
         parts.append(_person(name, [row[condition] for condition in conditions], places, y))
     if named:
-        parts += _names(people, conditions, right + 12, y)
+        parts += _names(people, conditions, right + 19, y)
     for number, condition in enumerate(conditions):
         one = found[TOTAL]["conditions"][condition]
         if one["mean"] is not None:
@@ -128,16 +130,16 @@ def _person(name: str, values: Sequence[float | None], places: Sequence[float], 
 
 def _names(people: Mapping[str, Mapping[str, Any]], conditions: Sequence[str], x: float, y: Any) -> list[str]:
     """Return the names beside the last dots, moved apart where they would touch."""
+    from scipy.optimize import isotonic_regression
+
     last = {name: row[conditions[-1]] for name, row in people.items() if row[conditions[-1]] is not None}
     order = sorted(last, key=lambda name: y(last[name]))
-    heights: list[float] = []
-    for name in order:
-        heights.append(max(y(last[name]), heights[-1] + _NAME_STEP) if heights else y(last[name]))
-    shift = (sum(heights) - sum(y(last[name]) for name in order)) / max(len(order), 1)
+    # The nearest heights that are a step apart: without the steps, the nearest that never fall.
+    steps = _NAME_STEP * np.arange(len(order))
+    heights = isotonic_regression([y(last[name]) for name in order] - steps).x + steps if order else []
     short = [name if len(name) <= 9 else f"{name[:8]}…" for name in order]
     return [
-        text(x, at - shift + 4, name, size=12, colour=SOFT, anchor="start")
-        for name, at in zip(short, heights, strict=True)
+        text(x, at + 4, name, size=12, colour=SOFT, anchor="start") for name, at in zip(short, heights, strict=True)
     ]
 
 

@@ -59,7 +59,7 @@ def _level_styles() -> str:
 
 
 def _mark(p: float | None) -> str:
-    return "" if p is None else stars(p) or "n.s."
+    return "" if p is None or not stars(p) else f" {stars(p)}"
 
 
 def _percent(share: float | None) -> str:
