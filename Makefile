@@ -12,10 +12,11 @@ setup: .venv/.ready
 
 demo: setup
 	@mkdir -p out
+	$(BIN)/reba score datasets/balancing_keypoints.trc --report out/balancing.html
 	$(BIN)/reba info datasets/simulated_palletising.mcap
 	$(BIN)/reba score datasets/simulated_palletising.mcap --load 8 --coupling fair -o out/palletising.parquet --report out/palletising.html
 	$(BIN)/reba improve datasets/simulated_palletising.mcap --load 8 --coupling fair
-	@echo "Open out/palletising.html in a browser."
+	@echo "Open out/palletising.html and out/balancing.html in a browser."
 
 test: setup
 	$(BIN)/python -m pytest -n 2

@@ -1,6 +1,7 @@
-"""Make every data set of this folder and its catalogue: `python datasets/make_datasets.py`.
+"""Make every simulated data set of this folder and its catalogue: `python datasets/make_datasets.py`.
 
-The data are simulated from the seed below; running the script again gives the same bytes.
+They are simulated from the seed below; running the script again gives the same bytes. The one real recording has a
+script of its own, `balancing.py`; its section of the catalogue is written here.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import assembly
+import balancing
 import numpy as np
 import palletising
 from ros2_bag import Ros2Bag
@@ -36,6 +38,9 @@ class Entry:
         frames: number of frames.
         rate: frames per second.
         contents: (what, how) lines: topics or columns with their units.
+        source: where the motion comes from.
+        made_by: command, and how to repeat it.
+        licence: under which it may be passed on.
     """
 
     file: str
@@ -43,6 +48,30 @@ class Entry:
     frames: int
     rate: float
     contents: tuple[tuple[str, str], ...]
+    source: str = "**simulated**: minimum-jerk movements between key postures; no person was measured"
+    made_by: str = ""
+    licence: str = LICENCE
+
+
+RECORDED = Entry(
+    file=balancing.FILE,
+    shows="A person steps along a low beam with outstretched arms and bends: 1.6 s of a real movement, no work.",
+    frames=98,
+    rate=balancing.RATE,
+    contents=(
+        ("format", "TRC, 33 keypoints of MediaPipe Pose, [m], z up"),
+        ("not measured", "wrists and shoulder elevation: the keypoints do not show them"),
+        (
+            "how good",
+            "a camera sees a keypoint 9 pixels (median) from where the others see it; joints are 40 mm (median) from "
+            "those that Pose2Sim found in the same trial with another pose estimator",
+        ),
+    ),
+    source="**recorded** with four cameras: the demo videos of Pose2Sim (D. Pagnon and others), BSD-3-Clause",
+    made_by="`datasets/balancing.py`, which says how",
+    licence="BSD-3-Clause, as the videos: see LICENSE.pose2sim; no image of them is here",
+)
+"""The recording that `balancing.py` makes."""
 
 
 def make_palletising(folder: Path) -> Entry:
@@ -116,9 +145,8 @@ def make_assembly(folder: Path) -> Entry:
     return entry
 
 
-def describe(folder: Path, entry: Entry, seed: int) -> str:
+def describe(data: bytes, entry: Entry, seed: int | None = None) -> str:
     """Return the section of one data set for the catalogue."""
-    data = (folder / entry.file).read_bytes()
     lines = [
         f"## {entry.file}",
         "",
@@ -126,9 +154,9 @@ def describe(folder: Path, entry: Entry, seed: int) -> str:
         "",
         "| | |",
         "|---|---|",
-        "| source | **simulated**: minimum-jerk movements between key postures; no person was measured |",
-        f"| made by | `{COMMAND}`, seed {seed} |",
-        f"| licence | {LICENCE} |",
+        f"| source | {entry.source} |",
+        f"| made by | {entry.made_by or f'`{COMMAND}`, seed {seed}'} |",
+        f"| licence | {entry.licence} |",
         f"| frames | {entry.frames} at {entry.rate:g} Hz ({(entry.frames - 1) / entry.rate:.1f} s) |",
         *(f"| {what} | {how} |" for what, how in entry.contents),
         f"| size | {len(data)} bytes |",
@@ -141,15 +169,18 @@ def describe(folder: Path, entry: Entry, seed: int) -> str:
 def make(folder: Path) -> None:
     """Write all data sets and the catalogue README.md into a folder."""
     entries = [make_palletising(folder), make_assembly(folder)]
-    sections = "\n".join(describe(folder, entry, SEED + number) for number, entry in enumerate(entries))
+    sections = [describe((HERE / RECORDED.file).read_bytes(), RECORDED)]
+    sections += [
+        describe((folder / entry.file).read_bytes(), entry, SEED + number) for number, entry in enumerate(entries)
+    ]
     head = (
         "# Data sets\n\n"
-        "Small recordings to try the commands on. All are simulated; nobody was measured, and nothing about real work "
-        "may be concluded from them.\n"
-        f"This page and the files are written by `{COMMAND}` (the same seed gives the same bytes; the bytes of an MCAP "
-        "file depend on the version of the zstandard package as well, which the file names in its metadata).\n\n"
+        "Small recordings to try the commands on. One is real, from videos; the others are simulated: nobody was "
+        "measured, and nothing about real work may be concluded from them.\n"
+        f"This page and the simulated files are written by `{COMMAND}` (the same seed gives the same bytes; the bytes "
+        "of an MCAP file depend on the version of the zstandard package as well, which its metadata name).\n\n"
     )
-    (folder / "README.md").write_text(head + sections, encoding="utf-8", newline="\n")
+    (folder / "README.md").write_text(head + "\n".join(sections), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

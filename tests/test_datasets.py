@@ -1,4 +1,4 @@
-"""The simulated data sets: same bytes again, a possible body, and every message readable by two other readers."""
+"""The data sets: same bytes again, a possible body, and every message readable by two other readers."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from reba.posture import COLUMNS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "datasets"))
 import assembly
+import balancing
 import make_datasets
 import palletising
 import ros2_messages
@@ -31,6 +32,8 @@ from smooth_motion import minimum_jerk, quantise, tremor
 FOLDER = Path(make_datasets.__file__).parent
 MCAP = FOLDER / "simulated_palletising.mcap"
 CSV = FOLDER / "simulated_assembly.csv"
+REAL = FOLDER / balancing.FILE
+POSE2SIM = FOLDER.parents[1] / "shared" / "recordings" / "balancing_pose2sim"
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +58,7 @@ def test_making_them_again_gives_the_same_bytes(tmp_path: Path) -> None:
 def test_the_catalogue_names_every_file_with_its_checksum() -> None:
     catalogue = (FOLDER / "README.md").read_text()
     named = dict(re.findall(r"^## (\S+)$.*?^\| sha256 \| `(\w+)` \|$", catalogue, flags=re.M | re.S))
-    stored = {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in FOLDER.glob("simulated_*")}
+    stored = {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in [*FOLDER.glob("simulated_*"), REAL]}
     assert named == stored
     assert sum(p.stat().st_size for p in FOLDER.glob("simulated_*")) < 2_000_000
 
@@ -174,3 +177,45 @@ def test_the_table_is_scored_with_a_range_for_the_wrists() -> None:
     scores = reba.score(postures).data
     assert (scores["reba_high"] - scores["reba_low"]).between(0, 3).all()
     assert scores["reba_high"].max() >= 10
+
+
+def test_the_recorded_person_is_possible_and_scored_with_what_keypoints_show() -> None:
+    postures = reba.read(REAL)
+    assert postures.profile == "keypoints_coco"
+    hidden = ("wrist", "shoulder_elevation")
+    assert set(postures.unmeasured) == {name for name in COLUMNS if name.startswith(hidden)}
+    assert postures.data["knee_flexion_right"].between(0, 80).all()
+    assert postures.data["trunk_side_bend"].min() < -30
+    scores = reba.score(postures).data
+    assert (scores["reba_low"] < scores["reba_high"]).any()
+
+
+@pytest.mark.skipif(not POSE2SIM.is_dir(), reason="no ../shared/recordings beside the checkout")
+@pytest.mark.parametrize("column", ["trunk_side_bend", "upper_arm_abduction_left", "knee_flexion_right"])
+def test_another_estimate_of_the_recorded_trial_moves_the_same_way(column: str) -> None:
+    mine = reba.read(REAL).data[column].to_numpy()
+    other = reba.read(next(POSE2SIM.glob("*_0-100.trc"))).data[column].to_numpy()[: len(mine)]
+    assert np.corrcoef(mine, other)[0, 1] > 0.8
+    assert np.median(np.abs(mine - other)) < 10.0
+
+
+def test_the_calibration_puts_cameras_around_the_person() -> None:
+    lens = " ".join(f'{name}="{64 * value}"' for name, value in (
+        ("focalLengthU", 1000), ("focalLengthV", 1000), ("centerPointU", 500), ("centerPointV", 400),
+        ("radialDistortion1", 0), ("radialDistortion2", 0), ("radialDistortion3", 0),
+        ("tangentalDistortion1", 0), ("tangentalDistortion2", 0),
+    ))  # fmt: skip
+    # Two cameras 2 m above the floor, 1 m apart, looking down: their z axes point up.
+    places = [f'x="{x}" y="0" z="2000"' for x in (-500, 500)]
+    turn = 'r11="1" r12="0" r13="0" r21="0" r22="1" r23="0" r31="0" r32="0" r33="1"'
+    text = "".join(f"<camera><transform {turn} {place}/><intrinsic {lens}/></camera>" for place in places)
+    cameras = balancing.read_cameras(f"<cameras>{text}</cameras>")
+    point = np.array([0.2, -0.3, 0.5])
+    seen = []
+    for camera in cameras:
+        there = camera.rotation @ point + camera.shift
+        assert there[2] == pytest.approx(1.5)
+        seen.append((there[:2] / there[2])[None, None])
+    found, away = balancing.triangulate(seen, [np.ones((1, 1))] * 2, cameras)
+    assert_allclose(found[0, 0], point, atol=1e-9)
+    assert away.max() < 1e-6
