@@ -29,8 +29,10 @@ Array = NDArray[np.float64]
 
 OPTIONS = Options(violation=1e-6, kkt=1e-5, decrease=1e-7, iterations=60)
 """Of paths: violations of a micrometre, costs to seven digits."""
-RELAXED = replace(OPTIONS, kkt=1e-4, decrease=1e-6)
-"""Of poses and sequences, which are bounds and first guesses."""
+RELAXED = replace(OPTIONS, kkt=1e-4, decrease=1e-6, longest_step=1.0)
+"""Of sequences, which are bounds and first guesses; longer steps end in poorer minima."""
+POSES = replace(RELAXED, longest_step=0.6)
+"""Of poses."""
 HOPELESS = 0.03
 """[m, rad] A pose whose nearest point violates its constraints by more is refused without asking the solver."""
 TRIES = 3
@@ -146,7 +148,7 @@ class PathBounds:
         before = np.zeros((0, self.world.nq)) if earlier is None else earlier.keys
         first = self.start if earlier is None else before[-1]
         problem = self.problem("pose", phases)
-        result, why = self._solve(problem, first[None])
+        result, why = self._solve(problem, first[None], POSES)
         if result is None:
             return None, why
         keys = np.concatenate([before, problem.split(result.x)[0]])
@@ -157,13 +159,13 @@ class PathBounds:
         if earlier is not None and len(earlier.keys) == phases.count:
             first = earlier.keys
         problem = self.problem("sequence", phases)
-        result, why = self._solve(problem, first)
+        result, why = self._solve(problem, first, RELAXED)
         if result is None:
             return None, f"sequence: {why}"
         keys, variables = problem.split(result.x)
         return Solution(keys, variables, None, problem.costs(result.x), result), ""
 
-    def _solve(self, problem: PathProblem, first: Array) -> tuple[Result | None, str]:
+    def _solve(self, problem: PathProblem, first: Array, options: Options) -> tuple[Result | None, str]:
         """Solve a problem on few slices from some starts (P, nq); return the best success, or why there is none."""
         best: Result | None = None
         failed: tuple[float, str] = (math.inf, "")
@@ -171,14 +173,14 @@ class PathBounds:
         for number, candidate in enumerate([*sure, *others]):
             if best is not None and number >= len(sure):
                 break
-            result, left, why = self._attempt(problem, candidate)
+            result, left, why = self._attempt(problem, candidate, options)
             if result is None:
                 failed = min(failed, (left, why))
             elif best is None or result.cost < best.cost:
                 best = result
         return best, failed[1]
 
-    def _attempt(self, problem: PathProblem, candidate: Array) -> tuple[Result | None, float, str]:
+    def _attempt(self, problem: PathProblem, candidate: Array, options: Options) -> tuple[Result | None, float, str]:
         """Solve from one start (P, nq): the result, or the violation left and why."""
         keys = np.broadcast_to(candidate[-1], (problem.phases.count, self.world.nq))
         if len(candidate) == problem.phases.count:
@@ -186,7 +188,7 @@ class PathBounds:
         x, left = nearest(problem, problem.join(candidate, problem.modes.guess(keys)))
         if left > HOPELESS:
             return None, left, reason(problem, x)
-        result = solve(problem, x, options=RELAXED)
+        result = solve(problem, x, options=options)
         if result.violation <= CLOSE:
             return result, 0.0, ""
         return None, result.violation, reason(problem, result.x)
