@@ -106,17 +106,25 @@ class Motion:
         Raises:
             LgpError: there is no human in the scene.
         """
-        person = self.plan.scene.human
-        if person is None:
-            raise LgpError(f"{self.plan.scene.name}: there is no human in this scene")
-        rows = len(self.path)
-        values = {name: np.full(rows, self.world.first[f"human.{name}"]) for name in bodies.joint_names()}
-        for name in values:
-            column = self.world.column.get(f"human.{name}")
-            if column is not None:
-                values[name] = self.path[:, column]
-        if person.legs == "solved":
-            pelvis = np.stack([values[name] for name in PELVIS], axis=1)
-            solved, _ = legs(pelvis, person.stature, person.sex)
-            values |= solved
-        return values
+        return human_joints(self.world, self.path)
+
+
+def human_joints(world: World, path: Array) -> dict[str, Array]:
+    """Return joint -> (T,) value [rad, m] of all 41 joints of the human in configurations (T, nq).
+
+    Raises:
+        LgpError: there is no human in the scene.
+    """
+    person = world.scene.human
+    if person is None:
+        raise LgpError(f"{world.scene.name}: there is no human in this scene")
+    values = {name: np.full(len(path), world.first[f"human.{name}"]) for name in bodies.joint_names()}
+    for name in values:
+        column = world.column.get(f"human.{name}")
+        if column is not None:
+            values[name] = path[:, column]
+    if person.legs == "solved":
+        pelvis = np.stack([values[name] for name in PELVIS], axis=1)
+        solved, _ = legs(pelvis, person.stature, person.sex)
+        values |= solved
+    return values
