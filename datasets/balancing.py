@@ -85,26 +85,43 @@ def read_cameras(text: str) -> list[Camera]:
     return found
 
 
-def see(video: Path) -> tuple[Any, Any]:
-    """Return the keypoints of every image (T, 33, 2) [pixel] and how visible each is (T, 33), 0 to 1."""
+@dataclass(frozen=True)
+class Seen:
+    """What the estimator makes of T images.
+
+    Attributes:
+        places: (T, 33, 2) [pixel].
+        visible: (T, 33) 0 to 1.
+        guessed: (T, 33, 3) [m] in space as one camera alone suggests: from the hips, y up.
+    """
+
+    places: Any
+    visible: Any
+    guessed: Any
+
+
+def see(video: Path) -> Seen:
+    """Return the keypoints of every image of a video."""
     import cv2
     import mediapipe
 
     images = cv2.VideoCapture(str(video))
-    places, visible = [], []
+    places, visible, guessed = [], [], []
     # Unsmoothed: the filter below has no lag, the estimator's own has.
     with mediapipe.solutions.pose.Pose(model_complexity=1, smooth_landmarks=False) as estimator:
         while True:
             there, image = images.read()
             if not there:
                 break
-            found = estimator.process(cv2.cvtColor(image, cv2.COLOR_BGR2RGB)).pose_landmarks
+            result = estimator.process(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
+            found = result.pose_landmarks
             if found is None:
                 raise SystemExit(f"{video.name}: nobody is seen in image {len(places)}")
             height, width = image.shape[:2]
             places.append([(point.x * width, point.y * height) for point in found.landmark])
             visible.append([point.visibility for point in found.landmark])
-    return np.array(places), np.array(visible)
+            guessed.append([(point.x, -point.y, -point.z) for point in result.pose_world_landmarks.landmark])
+    return Seen(np.array(places), np.array(visible), np.array(guessed))
 
 
 def straighten(places: Any, camera: Camera) -> Any:
@@ -183,16 +200,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("wheel", type=Path, help="wheel of pose2sim")
     parser.add_argument("--folder", type=Path, default=HERE, help="where to write (default: beside the script)")
+    parser.add_argument("--alone", type=Path, help="write what each camera alone suggests into this folder as well")
     given = parser.parse_args()
     with TemporaryDirectory() as there, zipfile.ZipFile(given.wheel) as wheel:
         cameras = read_cameras(wheel.read(f"{DEMO}calibration/Calib.qca.txt").decode("ascii"))
         found = [see(Path(wheel.extract(f"{DEMO}videos/{name}.mp4", there))) for name in CAMERAS]
-    seen = [straighten(places, camera) for (places, _), camera in zip(found, cameras, strict=True)]
-    weights = [visible for _, visible in found]
+    seen = [straighten(one.places, camera) for one, camera in zip(found, cameras, strict=True)]
+    weights = [one.visible for one in found]
     shifts = align(seen, weights, cameras)
     points, away = triangulate(shifted(seen, shifts), shifted(weights, shifts), cameras)
-    smooth = filtfilt(*butter(4, CUTOFF / (RATE / 2.0)), points, axis=0)
+    low_pass = butter(4, CUTOFF / (RATE / 2.0))
+    smooth = filtfilt(*low_pass, points, axis=0)
     write_trc(given.folder / FILE, smooth)
+    if given.alone:
+        given.alone.mkdir(parents=True, exist_ok=True)
+        for name, guess in zip(CAMERAS, shifted([one.guessed for one in found], shifts), strict=True):
+            write_trc(given.alone / f"{name}.trc", filtfilt(*low_pass, guess, axis=0))
     print(f"{len(points)} images; cameras late by {shifts} images; a camera sees a keypoint {np.median(away):.1f} px")
     print(
         f"from where the others see it (median); the filter moves it {1000 * np.median(np.abs(smooth - points)):.1f} mm"
