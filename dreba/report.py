@@ -11,7 +11,7 @@ import numpy as np
 
 import reba
 from dreba import report_figures as figures
-from dreba.domain import DOMAINS, Domain, domain_of
+from dreba.domain import Domain, domain_of
 from dreba.evaluate import PUBLISHED, PUBLISHED_OVERALL, angles_for, distance_to_published, evaluation_of
 from dreba.model import Surrogate
 from dreba.poses import Poses
@@ -73,14 +73,14 @@ def render(
     found = evaluation_of(model.kind, values, poses.reba)
     domain = _domain(model)
     plots = {
-        "errors": figures.error_figure(found),
-        "values": figures.value_figure(values, poses.reba),
-        "sweeps": figures.sweep_figure(model, domain, temperature),
+        "errors": [figures.error_figure(found)],
+        "values": [figures.value_figure(values, poses.reba)],
+        "sweeps": figures.sweep_figures(model, domain, temperature),
     }
     if isinstance(model, QuadraticModel):
-        plots["weights"] = figures.weight_figure(model, domain)
+        plots["weights"] = [figures.weight_figure(model, domain)]
         if not model.free:
-            plots["polynomials"] = figures.polynomial_figure(model, domain)
+            plots["polynomials"] = figures.polynomial_figures(model, domain)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     return environment.from_string(_file("dreba", "report.html")).render(
         name=name or model.kind,
@@ -91,9 +91,9 @@ def render(
         distance=distance_to_published(found) if set(PUBLISHED) <= set(found.classes) else None,
         domain=domain,
         options=[(key, str(value)) for key, value in model.get_params(deep=False).items()],
-        provenance=json.dumps(model.about_.provenance, indent=1),
+        provenance=[(key, json.dumps(value)) for key, value in model.about_.provenance.items()],
         worst=_worst(values, poses),
-        plots={key: Markup(_script_safe(figure.to_json(validate=False))) for key, figure in plots.items()},
+        plots={key: [Markup(_script_safe(one.to_json(validate=False))) for one in some] for key, some in plots.items()},
         command=command,
         temperature=temperature,
         version=reba.__version__,
@@ -104,8 +104,7 @@ def render(
 
 def _domain(model: Surrogate) -> Domain:
     """Return the domain a model was fitted in, "human" where it is not known."""
-    name = model.about_.domain.get("name", "human")
-    return domain_of(name if name in DOMAINS else "human")
+    return Domain.from_dict(model.about_.domain) if model.about_.domain else domain_of("human")
 
 
 def _worst(values: np.ndarray, poses: Poses) -> list[dict[str, Any]]:

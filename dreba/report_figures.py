@@ -21,8 +21,6 @@ TRUE: Final = "#1b2430"
 PAPER: Final = "#c98a1b"
 POINTS: Final = 181
 """Points of a curve over the range of an angle."""
-COLUMNS: Final = 4
-"""Small plots in a row."""
 
 
 def error_figure(found: Evaluation) -> Any:
@@ -56,7 +54,7 @@ def value_figure(values: Array, scores: NDArray[np.integer]) -> Any:
     return figure
 
 
-def polynomial_figure(model: QuadraticModel, domain: Domain) -> Any:
+def polynomial_figures(model: QuadraticModel, domain: Domain) -> list[Any]:
     """Return each polynomial Q_i over the step table it was fitted to, the idea of the paper's Fig. 2."""
     curves = []
     for name, column in _angles(domain):
@@ -70,8 +68,8 @@ def polynomial_figure(model: QuadraticModel, domain: Domain) -> Any:
     return _small_plots(curves, "points")
 
 
-def sweep_figure(model: Surrogate, domain: Domain, temperature: float | None) -> Any:
-    """Return the model's value and the true score as one angle moves alone, all others at rest."""
+def sweep_figures(model: Surrogate, domain: Domain, temperature: float | None) -> list[Any]:
+    """Return the model's value and the true score as one angle moves alone, all others at rest; one figure an angle."""
     curves = []
     rest = np.array([angle.best for angle in ANGLES for _ in angle.columns])
     for name, column in _angles(domain):
@@ -97,7 +95,7 @@ def weight_figure(model: QuadraticModel, domain: Domain) -> Any:
             names.append(name)
             reach.append(float(np.ptp(values)))
     figure = go.Figure(go.Bar(x=reach, y=names, orientation="h", marker_color=MODEL))
-    figure.update_layout(**_layout(360), xaxis_title="largest difference over the limits")
+    figure.update_layout(**_layout(360), xaxis_title="largest difference")
     figure.update_yaxes(autorange="reversed", automargin=True)
     return figure
 
@@ -112,21 +110,19 @@ def _steps(bins: Bins, lowest: int) -> tuple[Array, Array]:
     return edges, np.repeat(np.array(bins.points, float) - lowest, 2)
 
 
-def _small_plots(curves: list[tuple[str, Array, Array, tuple[Array, Array]]], unit: str) -> Any:
-    from plotly.subplots import make_subplots
+def _small_plots(curves: list[tuple[str, Array, Array, tuple[Array, Array]]], unit: str) -> list[Any]:
+    """Return a figure for each curve, so that a page can lay them out in as many columns as it is wide."""
+    import plotly.graph_objects as go
 
-    rows = -(-len(curves) // COLUMNS)
-    figure = make_subplots(rows=rows, cols=COLUMNS, subplot_titles=[curve[0] for curve in curves])
-    for index, (_, angle, values, steps) in enumerate(curves):
-        place = {"row": index // COLUMNS + 1, "col": index % COLUMNS + 1}
-        figure.add_scatter(
-            x=steps[0], y=steps[1], mode="lines", line={"color": TRUE, "width": 1.5}, name="table", **place
-        )
-        figure.add_scatter(x=angle, y=values, mode="lines", line={"color": MODEL, "width": 2}, name="model", **place)
-    figure.update_layout(**{**_layout(190 * rows + 60), "showlegend": False})
-    figure.update_xaxes(ticksuffix="°")
-    figure.update_yaxes(title_text=unit, col=1)
-    return figure
+    found = []
+    for title, angle, values, steps in curves:
+        figure = go.Figure()
+        figure.add_scatter(x=steps[0], y=steps[1], mode="lines", line={"color": TRUE, "width": 1.5}, name="table")
+        figure.add_scatter(x=angle, y=values, mode="lines", line={"color": MODEL, "width": 2}, name="model")
+        figure.update_layout(**_layout(190), showlegend=False, title={"text": title, "font": {"size": 13}, "x": 0.5})
+        figure.update_layout(margin={"l": 44, "r": 12, "t": 30, "b": 34}, yaxis_title=unit, xaxis_ticksuffix="°")
+        found.append(figure)
+    return found
 
 
 def _layout(height: int) -> dict[str, Any]:

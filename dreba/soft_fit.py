@@ -14,8 +14,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dreba.soft_cells import CORNERS_AB, CORNERS_C, MONOMIALS_AB, MONOMIALS_C
 from dreba.soft_steps import PAIRED, ROWS, STEPS
-from dreba.soft_tables import CORNERS_AB, CORNERS_C, MONOMIALS_AB, MONOMIALS_C, Pass, SoftTables
+from dreba.soft_tables import Pass, SoftTables
 from reba.tables import TABLE_A, TABLE_B
 
 Array = NDArray[np.float64]

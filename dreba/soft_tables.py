@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dreba.errors import ModelError
+from dreba.soft_cells import CORNERS_AB, CORNERS_C, MONOMIALS_AB, MONOMIALS_C, trilinear
 from dreba.soft_steps import GROUPS, PAIRED, ROWS, SINGLE, STEPS, steps_of
 from reba.posture import COLUMNS, INDEX
 from reba.rules import Rules
@@ -37,29 +38,6 @@ _HIGHEST: Final = np.array([4, 5, 5, 2, 1, 1, 3, 2, 2], float)[:, None]
 _LAST_CELL: Final = _HIGHEST - 1
 _STRIDES: Final = np.array([6, 2, 2, 3, 2, 2, 1, 1, 1], float)[:, None]
 _FIRST_CELL: Final = np.array([0, 24, 24], float)[:, None]
-
-
-def _corner_numbers(shape: tuple[int, ...], first: int) -> NDArray[np.intp]:
-    """Return (2^k, cells): numbers of the corners of every cell of a table, first index slowest."""
-    numbers = np.arange(np.prod(shape)).reshape(shape) + first
-    k = len(shape)
-    corners = []
-    for corner in range(2**k):
-        shifts = [(corner >> (k - 1 - axis)) & 1 for axis in range(k)]
-        part = numbers[tuple(slice(s, size - 1 + s) for s, size in zip(shifts, shape, strict=True))]
-        corners.append(part.ravel())
-    return np.array(corners)
-
-
-_ONE: Final = np.array([[1.0, 0.0], [-1.0, 1.0]])
-CORNERS_AB: Final = np.hstack([_corner_numbers((5, 3, 4), 0), _corner_numbers((6, 2, 3), 60)])
-"""(8, 34) cell corners among the 60 cells of A followed by the 36 of B; 24 cells of A, 10 of B."""
-CORNERS_C: Final = _corner_numbers((12, 12), 0)
-"""(4, 121) cell corners among the 144 cells of C."""
-MONOMIALS_AB: Final = np.kron(_ONE, np.kron(_ONE, _ONE))
-"""(8, 8) corner values -> coefficients of 1, c, b, bc, a, ac, ab, abc inside a cell."""
-MONOMIALS_C: Final = np.kron(_ONE, _ONE)
-"""(4, 4) corner values -> coefficients of 1, y, x, xy."""
 
 
 class Pass(NamedTuple):
@@ -244,7 +222,7 @@ class SoftTables:
         corner *= _STRIDES
         cell = (corner[:3] + corner[3:6] + corner[6:] + _FIRST_CELL).astype(np.intp)
         coef = self._coef_ab.take(cell, axis=1)
-        table, slopes = _trilinear(coef, place)
+        table, slopes = trilinear(coef, place)
         if added is not None:
             table += added
         worse, side, side_root = _smooth_max(table[1], table[2], SIDE_WIDTH * temperature)
@@ -317,19 +295,6 @@ def _smooth_max(left: Array, right: Array, width: float) -> tuple[Array, Array, 
     difference = left - right
     root = np.sqrt(difference * difference + width * width)
     return 0.5 * (left + right + root - width), 0.5 + 0.5 * difference / root, root
-
-
-def _trilinear(coef: Array, place: Array) -> tuple[Array, Array]:
-    """Return (3, n) interpolated values and (3, 3, n) slopes from the coefficients of 1, c, b, bc, a, ac, ab, abc."""
-    a, b, c = place[:3], place[3:6], place[6:]
-    slopes = np.empty((3, *a.shape))
-    low_b = coef[2] + coef[3] * c
-    low = coef[0] + coef[1] * c + low_b * b
-    high_b = coef[6] + coef[7] * c
-    slopes[0] = coef[4] + coef[5] * c + high_b * b
-    slopes[1] = low_b + high_b * a
-    slopes[2] = coef[1] + coef[3] * b + (coef[5] + coef[7] * b) * a
-    return low + slopes[0] * a, slopes
 
 
 def _chunks(n: int) -> list[slice]:

@@ -164,6 +164,17 @@ def test_convex_where_claimed(kind: str) -> None:
     share = np.linspace(0.05, 0.95, 100)[:, None]
     between = model.value(share * a + (1 - share) * b)
     assert (between <= share[:, 0] * model.value(a) + (1 - share[:, 0]) * model.value(b) + 1e-9).all()
+    assert np.linalg.eigvalsh(model.hessian(a)).min() >= -1e-9
+
+
+def test_a_claim_belongs_to_a_model_and_not_to_its_kind() -> None:
+    assert dreba.QuadraticModel().convex
+    assert not dreba.QuadraticModel(curvature="any").convex
+    assert fitted("quadratic").convex
+    for free in (False, True):
+        model = dreba.QuadraticModel(curvature="any", free=free).fit(poses().angles, poses().reba)
+        assert model.convex == (np.linalg.eigvalsh(model.hessian(np.zeros(22))).min() >= 0)
+    assert not model.convex
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -249,6 +260,10 @@ def test_unmeasured_angles_are_refused_and_tables_are_read_by_name(kind: str) ->
         ("soft", {"updates": True}),
         ("convex", {"knots": True}),
         ("convex", {"width": None}),
+        ("graduated", {"first": "net"}),
+        ("graduated", {"ladder": ()}),
+        ("graduated", {"temperature": "warm"}),
+        ("graduated", {"updates": 0}),
         ("net", {"layers": (0,)}),
         ("net", {"epochs": 0}),
     ],
@@ -272,6 +287,46 @@ def test_files_with_wrong_joints_or_numbers_are_refused(kind: str, tmp_path: Pat
     path.write_text('{"format": "dreba-model", "version": ' + "9" * 5000 + "}")
     with pytest.raises(dreba.ModelError, match="damaged"):
         dreba.load(path)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_files_with_wrong_parameters_are_refused(kind: str) -> None:
+    data = json.loads(json.dumps(to_dict(fitted(kind))))
+    options = data["parameters"]["options"]
+    for change in ({"surprise": 1}, {"joints": ["trunk_flexion"]}, dict.fromkeys(dreba.KINDS[kind].allowed, "abc")):
+        broken = {**data, "parameters": {**data["parameters"], "options": {**options, **change}}}
+        with pytest.raises(dreba.ModelError) as caught:
+            from_dict(broken)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("angle", [1e9, -400.0, np.inf])
+def test_angles_that_no_body_has_are_refused(kind: str, angle: float) -> None:
+    model = fitted(kind)
+    wrong = some(20).copy()
+    wrong[7, 3] = angle
+    for ask in (model.value, model.gradient, model.hessian, model.value_and_gradient, model.predict):
+        with pytest.raises(dreba.ModelError, match=r"neck_flexion is .* in pose 7|infinity"):
+            ask(wrong)
+    with pytest.raises(dreba.ModelError, match=r"neck_flexion is .* in pose 7|infinity"):
+        clone(model).fit(wrong, np.ones(20))
+    assert np.isfinite(model.value(np.full(22, 360.0)))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_radians_are_warned_about_everywhere(kind: str) -> None:
+    model = fitted(kind)
+    small = np.radians(some(20))
+    for ask in (model.value, model.predict):
+        with pytest.warns(dreba.RadiansWarning, match="degrees") as caught:
+            ask(small)
+        assert len(caught) == 1
+    with pytest.warns(dreba.RadiansWarning) as caught:
+        dreba.evaluate(model, dreba.Poses(small, np.ones(20, np.uint8)))
+    assert len(caught) == 1
+    model.value(small[0])  # one pose may well be at rest
+    model.gradient(small)  # nor is an optimiser told again and again
 
 
 @pytest.mark.parametrize("kind", ["quadratic", "convex"])

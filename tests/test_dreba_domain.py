@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -98,3 +99,27 @@ def test_wrong_files_are_refused(tmp_path: Path, text: str, words: str) -> None:
 def test_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(dreba.DomainError, match="cannot be read"):
         dreba.domain_of(tmp_path / "no.toml")
+
+
+def test_plain_data_reads_back_equal(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(
+        'name = "own"\ntitle = "Bench"\nsource = "measured"\nload = [2, 8]\n'
+        "[bins]\ntrunk_flexion = { edges = [0, 30, 90], points = [1, 3] }\n"
+        "[limits]\nknee_flexion = [0, 20]\n"
+    )
+    for domain in (dreba.domain_of(path), *map(dreba.domain_of, DOMAINS)):
+        assert dreba.Domain.from_dict(json.loads(json.dumps(domain.to_dict()))) == domain
+
+
+def test_files_that_only_name_their_bins_are_read() -> None:
+    old = {key: value for key, value in dreba.domain_of("paper").to_dict().items() if key not in ("bins", "load")}
+    assert dreba.Domain.from_dict(old) == dreba.domain_of("paper")
+    with pytest.raises(dreba.DomainError, match="not whole"):
+        dreba.Domain.from_dict({"name": "paper"})
+
+
+def test_only_some_columns_move() -> None:
+    legs = dreba.domain_of("human").only(["knee_flexion_left", "trunk_flexion"])
+    assert legs.columns == ("trunk_flexion", "knee_flexion_left")
+    assert legs.limits["lower_arm_flexion_left"] == (80.0, 80.0)

@@ -1,0 +1,138 @@
+"""Poses from recordings that lack angles: joints named, others held, and never silently."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import dreba
+import reba
+from dreba.cells import true_scores
+from dreba.domain import BEST, Domain
+from dreba.recordings import columns_named
+from reba.posture import COLUMNS, INDEX
+
+RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
+REAL = {
+    "squat_opencap/squats1_videoAndMocap.mot": 13,
+    "running_opensim/subject02_running_arms_ik.mot": 13,
+    "cmu_walk/cmu_12_01_walk.bvh": 16,
+    "walking_qualisys/Qualisys.c3d": 20,
+    "front_box_camera_bvh/ResultFrontBox_Filtered.bvh": 12,
+}
+"""Recordings, and how many of the 22 angles they measure."""
+LACKING = ("shoulder_elevation_left", "shoulder_elevation_right", "neck_twist")
+
+
+@pytest.fixture
+def lifts(tmp_path: Path) -> Path:
+    """A table without `LACKING`, with a frame that lacks the trunk."""
+    poses = dreba.sample(600, rng=5)
+    data = pd.DataFrame(poses.angles, columns=list(COLUMNS)).drop(columns=list(LACKING))
+    data.insert(0, "time", np.arange(len(data)) * 0.1)
+    data.loc[3, "trunk_flexion"] = np.nan
+    path = tmp_path / "lifts.csv"
+    data.to_csv(path, index=False)
+    return path
+
+
+def test_lacking_columns_are_named_with_the_way_out(lifts: Path) -> None:
+    with pytest.raises(dreba.SampleError) as caught:
+        dreba.read_poses(lifts)
+    for word in (*LACKING, "joints 'measured'", "hold 'neutral'"):
+        assert word in str(caught.value)
+
+
+def test_others_than_the_joints_are_held_in_poses_and_scores(lifts: Path) -> None:
+    measured = dreba.read_poses(lifts, joints="measured")
+    assert len(measured) == 599
+    assert measured.provenance["held"] == {column: BEST[column] for column in COLUMNS if column in LACKING}
+    assert measured.provenance["left_out"] == 1
+    held = dreba.read_poses(lifts, hold="neutral")
+    assert np.array_equal(held.angles, measured.angles)
+    few = dreba.read_poses(lifts, joints=["trunk_flexion", "knee_flexion"])
+    rest = np.tile(list(BEST.values()), (len(few), 1))
+    moving = [INDEX[column] for column in ("trunk_flexion", "knee_flexion_left", "knee_flexion_right")]
+    rest[:, moving] = few.angles[:, moving]
+    assert np.array_equal(few.angles, rest)
+    assert np.array_equal(few.reba, reba.score_array(rest).reba)
+
+
+def test_angles_are_held_where_the_caller_says(lifts: Path) -> None:
+    held = dreba.read_poses(lifts, hold={"shoulder_elevation": 25.0, "neck_twist": 0.0})
+    assert set(held.angles[:, INDEX["shoulder_elevation_right"]]) == {25.0}
+    assert held.reba.mean() > dreba.read_poses(lifts, hold="neutral").reba.mean()
+    with pytest.raises(dreba.SampleError, match=r"not measured: neck_twist;"):
+        dreba.read_poses(lifts, hold={"shoulder_elevation": 25.0})
+
+
+def test_drawn_poses_can_be_held_too(tmp_path: Path) -> None:
+    path = tmp_path / "poses.parquet"
+    drawn = dreba.sample(300, domain="paper", rng=1)
+    drawn.save(path)
+    assert np.array_equal(dreba.read_poses(path).angles, drawn.angles)
+    held = dreba.read_poses(path, joints=["trunk_flexion"])
+    domain = Domain.from_dict(held.provenance["domain"])
+    assert domain.columns == ("trunk_flexion",)
+    assert np.array_equal(held.reba, true_scores(domain, held.angles, None))
+
+
+def test_the_domain_of_a_recording_is_the_range_of_its_angles(lifts: Path) -> None:
+    poses = dreba.read_poses(lifts, joints="measured")
+    domain = Domain.from_dict(poses.provenance["domain"])
+    assert domain.limits["trunk_flexion"] == (poses.angles[:, 0].min(), poses.angles[:, 0].max())
+    assert not set(LACKING) & set(domain.columns)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"joints": "all"}, "'measured' or a list"),
+        ({"joints": ["trunk_flexoin"]}, "did you mean 'trunk_flexion'"),
+        ({"joints": []}, "no joint is named"),
+        ({"hold": "rest"}, "'neutral'"),
+        ({"hold": {"wrist": 1.0}}, "unknown"),
+    ],
+)
+def test_wrong_requests_are_refused(lifts: Path, given: dict, words: str) -> None:
+    with pytest.raises(dreba.SampleError) as caught:
+        dreba.read_poses(lifts, **given)
+    assert words in str(caught.value)
+
+
+def test_names_without_a_side_stand_for_both() -> None:
+    assert columns_named(["wrist_twist", "neck_twist"]) == ("neck_twist", "wrist_twist_left", "wrist_twist_right")
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_recordings_give_models_on_what_they_measure(name: str) -> None:
+    path = RECORDINGS / name
+    if not path.is_file():
+        pytest.skip("recordings are not beside the checkout")
+    with pytest.raises(dreba.SampleError, match="not measured: "):
+        dreba.read_poses(path)
+    poses = dreba.read_poses(path, joints="measured")
+    joints = tuple(poses.provenance["joints"])
+    assert len(joints) == REAL[name]
+    assert np.array_equal(poses.reba, reba.score_array(poses.angles).reba)
+    train, held_out = poses.split(0.2, np.random.default_rng(0))
+    model = dreba.QuadraticModel(joints=joints)
+    dreba.fit_to(model, train, held_out, train.balancing_weights())
+    assert model.joints_ == joints
+    found = dreba.evaluate(model, held_out)
+    constant = float(np.sqrt(np.mean([(score - np.mean(list(found.classes))) ** 2 for score in found.classes])))
+    assert found.balanced_rmse < constant
+    held = dreba.read_poses(path, hold="neutral")
+    assert np.array_equal(held.reba, poses.reba)
+
+
+def test_whole_recordings_need_no_option() -> None:
+    path = RECORDINGS / "box_lift_xsens_bvh" / "MotionBox_XSens.bvh"
+    if not path.is_file():
+        pytest.skip("recordings are not beside the checkout")
+    poses = dreba.read_poses(path)
+    assert "held" not in poses.provenance
+    assert len(poses.counts) == 9
