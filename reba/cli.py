@@ -10,11 +10,11 @@ from typing import Any
 import click
 
 import reba
-from reba.batch import Options, Outcome, check_report, find_inputs, plan_outputs, score_many
+from reba.batch import Options, check_report, find_inputs, plan_output, score_many
 from reba.errors import RebaError
 from reba.factors import COUPLINGS, SUPPORTS
 from reba.rules import rules_of
-from reba.shell import GROUP, Stop, command_line, console, json_option, print_json, run
+from reba.shell import GROUP, Stop, command_line, console, json_option, print_json, run, where_options
 
 
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -75,40 +75,36 @@ def cli() -> None:
 @cli.command(epilog="Example: reba score shift.mcap --load 8 --coupling fair -o shift.parquet --report shift.html")
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
 @click.option(
-    "-o", "--output", metavar="OUT", help="Score table (.parquet .csv .mcap), or a folder for several inputs."
+    "-o", "--output", metavar="OUT", help="Score table (.parquet .csv .mcap), or a folder: a dataset that grows."
 )
 @click.option("--report", metavar="FILE.html", help="Write a self-contained HTML report.")
 @scoring_options
-@click.option("--jobs", type=click.IntRange(min=1), default=1, help="Recordings scored at the same time.")
+@where_options
 @json_option
 def score(
-    inputs: tuple[str, ...], output: str | None, report: str | None, jobs: int, as_json: bool, **given: Any
-) -> None:
-    """Score recordings: files, or folders of them."""
+    inputs: tuple[str, ...], output: str | None, report: str | None, jobs: int, scheduler: str | None, as_json: bool,
+    **given: Any,
+) -> None:  # fmt: skip
+    """Score recordings: files, or folders of them.
+
+    A folder as output is a Parquet dataset with one partition a recording. What is in it already, unchanged and by the
+    same rules, is not scored again; an interrupted run goes on where it was.
+    """
+    from reba import score_command
+
     options = options_of(given)
     rules_of(options.rules)
     paths = find_inputs(inputs)
-    outputs = plan_outputs(paths, output)
-    check_report(report, paths, outputs)
-    with _progress(len(paths)) as advance:
-        outcomes = score_many(paths, outputs, options, jobs=jobs, keep=report is not None, done=advance)
-    scored = [outcome for outcome in outcomes if outcome.summary is not None]
-    if not scored and len(outcomes) == 1:
-        raise RebaError(outcomes[0].error)
-    if report is not None and scored:
-        from reba.report import write_report
-
-        write_report(report, [outcome.scores for outcome in scored if outcome.scores], command=command_line("reba"))
-    if as_json:
-        failed = [{"input": outcome.input, "error": outcome.error} for outcome in outcomes if outcome.error is not None]
-        print_json({"recordings": [outcome.summary for outcome in scored], "failed": failed})
+    file, folder = plan_output(paths, output)
+    check_report(report, paths, file)
+    where: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "keep": report is not None}
+    if folder is not None:
+        failed = score_command.into_dataset(folder, paths, options, report, as_json, _progress(len(paths)), where)
     else:
-        from reba.terminal import show_outcomes
-
-        show_outcomes(console(), outcomes)
-        for place in [*(path for path in outputs if path is not None and path.exists()), *([report] if report else [])]:
-            click.echo(f"written: {place}", err=True)
-    if len(scored) < len(outcomes):
+        with _progress(len(paths)) as advance:
+            outcomes = score_many(paths, file, options, done=advance, **where)
+        failed = score_command.show(outcomes, file, report, as_json)
+    if failed:
         raise Stop(1)
 
 
@@ -266,17 +262,17 @@ class _progress:
         self.total = total
         self.bar: Any = None
 
-    def __enter__(self) -> Callable[[Outcome], None]:
+    def __enter__(self) -> Callable[[str], None]:
         if self.total < 2 or not sys.stderr.isatty():
-            return lambda outcome: None
+            return lambda name: None
         from rich.progress import Progress
 
         self.bar = Progress(console=console(stderr=True), transient=True)
         self.bar.start()
         task = self.bar.add_task("scoring", total=self.total)
 
-        def advance(outcome: Outcome) -> None:
-            self.bar.update(task, advance=1, description=Path(outcome.input).name)
+        def advance(name: str) -> None:
+            self.bar.update(task, advance=1, description=Path(name).name)
 
         return advance
 

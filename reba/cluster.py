@@ -57,7 +57,7 @@ class Cluster:
     def __enter__(self) -> Cluster:
         return self
 
-    def __exit__(self, kind: object, *_: object) -> None:
+    def __exit__(self, kind: object, /, *rest: object) -> None:
         with contextlib.suppress(OSError, TimeoutError, CancelledError):
             self._executor.shutdown(wait=kind is None)
         self._close()

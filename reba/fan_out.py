@@ -41,9 +41,9 @@ class Lost:
 class Pool(Protocol):
     """Where tasks run."""
 
-    def __enter__(self) -> Pool: ...
+    def __enter__(self) -> Any: ...
 
-    def __exit__(self, *error: object) -> None: ...
+    def __exit__(self, kind: object, /, *rest: object) -> None: ...
 
     def room(self) -> int:
         """Return how many tasks may be under way."""
@@ -147,7 +147,7 @@ class Processes:
     def __enter__(self) -> Processes:
         return self
 
-    def __exit__(self, kind: object, *_: object) -> None:
+    def __exit__(self, kind: object, /, *rest: object) -> None:
         self._pool.shutdown(wait=True, kill_workers=kind is not None)
 
     def room(self) -> int:

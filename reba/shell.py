@@ -9,6 +9,7 @@ import json
 import os
 import sys
 import warnings
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -22,6 +23,18 @@ GROUP: Final[dict[str, Any]] = {"help_option_names": ["-h", "--help"], "max_cont
 """Settings of a command group."""
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
+
+
+def where_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say where many pieces of work run, see `reba.fan_out`."""
+    for option in (
+        click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it, as tcp://HOST:8786."),
+        click.option(
+            "--jobs", default=1, type=click.IntRange(min=1), show_default=True, help="Processes on this machine."
+        ),
+    ):
+        command = option(command)
+    return command
 
 
 class Stop(Exception):

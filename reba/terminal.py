@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 WIDE = 120
 """Characters from which the names of recordings fit beside their figures."""
+FIRST_FAILED = 20
+"""Failures that are listed where recordings are not."""
 LEVEL_STYLES = ("green", "green", "yellow", "dark_orange", "red")
 
 
@@ -40,6 +42,32 @@ def show_outcomes(console: Console, outcomes: Sequence[Outcome]) -> None:
     for outcome in outcomes:
         if outcome.error is not None:
             console.print(Text(f"failed: {outcome.error}", style="red"))
+
+
+def show_totals(console: Console, outcomes: Iterable[Outcome]) -> None:
+    """Print many recordings as one: time at each action level over all of them, and the first that failed."""
+    recordings, seconds, undetermined = 0, 0.0, 0.0
+    levels = dict.fromkeys((str(level) for level in range(len(ACTION_LEVELS))), 0.0)
+    failed: list[str] = []
+    for outcome in outcomes:
+        if outcome.summary is None:
+            failed.append(str(outcome.error))
+            continue
+        recordings += 1
+        seconds += outcome.summary["seconds"]
+        undetermined += outcome.summary["seconds"] * outcome.summary["action_level_undetermined"]
+        for level, share in outcome.summary["action_levels"].items():
+            levels[level] += outcome.summary["seconds"] * share
+    console.print(f"{recordings} recordings, {seconds / 3600:.1f} h")
+    for level, (risk, action) in enumerate(ACTION_LEVELS):
+        share = levels[str(level)] / seconds if seconds else 0.0
+        console.print(Text(f"{_percent(share):>5} of the time at {risk} risk (action {action})", LEVEL_STYLES[level]))
+    if undetermined:
+        console.print(f"{_percent(undetermined / seconds):>5} of the time undetermined: not everything was measured")
+    for text in failed[:FIRST_FAILED]:
+        console.print(Text(f"failed: {text}", style="red"))
+    if len(failed) > FIRST_FAILED:
+        console.print(Text(f"failed: {len(failed) - FIRST_FAILED} more", style="red"))
 
 
 def _outcome_table(title: str, scored: Sequence[dict[str, Any]], labels: Sequence[str]) -> Table:

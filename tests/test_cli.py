@@ -84,7 +84,9 @@ def test_one_bad_file_does_not_stop_the_others(run: Run, tmp_path: Path) -> None
     assert code == 1
     assert [Path(r["input"]).name for r in result["recordings"]] == ["b_good.csv"]
     assert [Path(f["input"]).name for f in result["failed"]] == ["a_bad.csv"]
-    assert [p.name for p in (tmp_path / "out").iterdir()] == ["b_good.csv.scores.parquet"]
+    assert [str(p.relative_to(tmp_path / "out")) for p in (tmp_path / "out").rglob("*.parquet")] == [
+        "recording=b_good.csv/scores.parquet"
+    ]
     code, out, _ = run("score", tmp_path / "a_bad.csv", tmp_path / "b_good.csv")
     assert code == 1
     assert "failed: " in out

@@ -13,7 +13,8 @@ import pandas as pd
 import pytest
 
 import reba
-from reba.batch import SCORED_SUFFIX, check_report, find_inputs, plan_outputs
+from reba.batch import Options, check_report, find_inputs, plan_output
+from reba.dataset import Dataset, settings
 from reba.errors import RebaError
 
 TABLE = "time,trunk_flexion,neck_flexion\n0,10,5\n1,70,5\n2,30,5\n"
@@ -49,10 +50,10 @@ def test_a_report_never_replaces_a_recording(table: Path, command: str) -> None:
 
 def test_a_report_is_refused_before_the_work(tmp_path: Path) -> None:
     with pytest.raises(RebaError, match="score table"):
-        check_report("out.csv", ["a.mcap"], [Path("out.csv")])
+        check_report("out.csv", ["a.mcap"], Path("out.csv"))
     with pytest.raises(RebaError, match="one file"):
         check_report(str(tmp_path), ["a.mcap"])
-    check_report("new.html", ["a.mcap"], [None])
+    check_report("new.html", ["a.mcap"], None)
 
 
 def test_a_folder_may_link_to_itself_and_hold_its_scores(table: Path, tmp_path: Path) -> None:
@@ -62,16 +63,18 @@ def test_a_folder_may_link_to_itself_and_hold_its_scores(table: Path, tmp_path: 
     assert find_inputs([str(tmp_path)]) == [str(table)]
     for _ in range(2):
         assert start(["score", tmp_path, "-o", tmp_path / "scores"]).returncode == 0
-    assert [path.name for path in (tmp_path / "scores").iterdir()] == [f"shift.csv{SCORED_SUFFIX}"]
+    found = [path.relative_to(tmp_path) for path in (tmp_path / "scores").rglob("*.parquet")]
+    assert found == [Path("scores/recording=shift.csv/scores.parquet")]
 
 
 def test_an_empty_name_is_no_folder(monkeypatch: pytest.MonkeyPatch, table: Path) -> None:
     monkeypatch.chdir(table.parent)
     with pytest.raises(RebaError, match="empty name"):
         find_inputs([""])
-    (output,) = plan_outputs(["."], "out")
-    assert output is not None
-    assert output.name == f"{table.parent.name}{SCORED_SUFFIX}"
+    assert plan_output(["."], "out") == (None, Path("out"))
+    with Dataset("out") as dataset:
+        (part,) = dataset.due(["."], settings(Options()))
+    assert part.recording == table.parent.name
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
