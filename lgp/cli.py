@@ -84,10 +84,27 @@ def plan(
 @click.option("--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of all draws.")
 @click.option("--initial", default="rest", type=click.Choice(["rest", "random"]), help="First posture of the human.")
 @click.option("--cost", default=COST, metavar="MODEL.json|NAME", show_default=True, help="dREBA model.")
+@click.option(
+    "--sensitivity",
+    default=0,
+    type=click.IntRange(min=0),
+    metavar="RUNS",
+    help="Also vary each free choice of the scene by 20 %, with so many runs of each.",
+)
 @click.option("--jobs", default=1, type=click.IntRange(min=1), show_default=True, help="Processes.")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Results; an unfinished experiment goes on there.")
 @json_option
-def experiment(name: str, runs: int, seed: int, initial: str, cost: str, jobs: int, output: str, as_json: bool) -> None:
+def experiment(
+    name: str,
+    runs: int,
+    seed: int,
+    initial: str,
+    cost: str,
+    sensitivity: int,
+    jobs: int,
+    output: str,
+    as_json: bool,
+) -> None:
     """Run an experiment of the paper again: tables, figures and tests, ours beside theirs."""
     from lgp.experiments.screwdriver import experiment as make
 
@@ -101,7 +118,9 @@ def experiment(name: str, runs: int, seed: int, initial: str, cost: str, jobs: i
         initial=initial,
         cost=cost,
         jobs=jobs,
+        sensitivity=sensitivity,
         progress=progress,
+        tell=lambda words: click.echo(f"{name}: {words}", err=True),
         command=command_line("lgp"),
     )
     if as_json:

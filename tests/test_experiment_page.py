@@ -17,6 +17,7 @@ from lgp.experiments.page import p_value, write_results
 from lgp.experiments.postures import COMPARED, example
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES, empty
 from lgp.experiments.summary import summarise, write_summary
+from lgp.world.reachability import Reachability
 from reba.posture import COLUMNS
 
 RUNS = 12
@@ -199,11 +200,17 @@ class Balance(HTMLParser):
 @pytest.mark.parametrize("starts", [("rest",), ("random",), ("rest", "random")])
 def test_page_is_whole_and_needs_no_network(tmp_path, starts):
     scene = lgp.load_scene("screwdriver")
-    hands = pd.MultiIndex.from_tuples([("human.right_hand", "left"), ("baxter.left", "right")])
-    reach = pd.DataFrame([[1.0, 0.5], [0.0, np.nan]], index=hands, columns=[0.6, 1.6])
+    spots = pd.DataFrame(
+        [
+            {"hand": hand, "table": table, "height": height, "x": 0.5, "y": 0.1, "reached": hand < "c" or height < 1}
+            for hand in ("baxter.left", "human.right_hand")
+            for table, height in (("table.left", 0.6), ("table.left", 1.6), ("table.start", 0.9))
+        ]
+    )
+    reach = Reachability(spots.assign(miss=0.0))
     sensitivity = pd.DataFrame(
         [{"choice": "robots.baxter.position", "factor": 0.8, "condition": "ergonomic", "left": 20.0, "center": 50.0,
-          "right": 30.0, "n": 100}]
+          "right": 30.0, "n": 9, "of": 10, "remark": "the robot <stands> in a table"}]
     )  # fmt: skip
     write_results(
         tmp_path, *made(*starts), scene, settings={"cost": "<model>"}, command="lgp x", reach=reach,
@@ -214,6 +221,9 @@ def test_page_is_whole_and_needs_no_network(tmp_path, starts):
     parser.feed(html)
     assert parser.open == []
     assert not re.search(r"(src|href)=.?http", html)
+    assert "the robot &lt;stands&gt; in a table" in html
+    assert html.count("<title>50 % of the heights</title>") == html.count("<title>100 % of the heights</title>") == 1
+    assert json.loads((tmp_path / "summary.json").read_text())["sensitivity"][0]["center"] == 50.0
     assert ("Table II)" in html) == ("rest" in starts)
     assert ("Table III)" in html) == ("random" in starts)
     for choice in scene.choices:

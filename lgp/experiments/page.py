@@ -11,6 +11,7 @@ from lgp.experiments import published
 from lgp.experiments.figures import bars, profile
 from lgp.experiments.findings import findings
 from lgp.experiments.postures import example
+from lgp.experiments.reach_map import reach_map
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs
 from lgp.experiments.statistics import stars
 from lgp.experiments.summary import summarise, write_summary
@@ -19,6 +20,7 @@ from reba.writers import write_atomic, write_text
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lgp.world.reachability import Reachability
     from lgp.world.scene import Scene
 
 FIGURE_NUMBER = {"rest": 5, "random": 6}
@@ -33,7 +35,7 @@ def write_results(
     *,
     settings: Mapping[str, Any] | None = None,
     command: str = "",
-    reach: pd.DataFrame | None = None,
+    reach: Reachability | None = None,
     sensitivity: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
     """Write `summary.json`, `figure_5.svg` to `figure_7.svg` and `report.html` into a folder; return the summary.
@@ -44,21 +46,20 @@ def write_results(
         scene: what was planned for; its free choices are shown with their reasons.
         settings: how the runs were made, shown and kept in the summary.
         command: command line to show, so that the page can be made again.
-        reach: shares of table tops reached, as `lgp.world.reachability.Reachability.shares` returns them.
-        sensitivity: rows of `choice factor condition left center right n`: shares of tables [%] of feasible runs when a
-            free choice of the scene is multiplied by a factor.
+        reach: who reaches what in the scene.
+        sensitivity: as `lgp.experiments.sensitivity.sensitivity` returns it.
 
     Raises:
         LgpError: a table is not as expected, or statsmodels is not installed.
         RebaError: a file cannot be written.
     """
-    summary = summarise(runs, paths, settings)
+    summary = summarise(runs, paths, settings, sensitivity)
     place = Path(folder)
     write_summary(place / "summary.json", summary)
     plots = plots_of(summary, check_paths(paths))
     for name, svg in plots.items():
         _write(place / f"{name}.svg", svg + "\n")
-    html = render(summary, runs, paths, scene, plots, command=command, reach=reach, sensitivity=sensitivity)
+    html = render(summary, runs, paths, scene, plots, command=command, reach=reach)
     _write(place / "report.html", html)
     return summary
 
@@ -84,8 +85,7 @@ def render(
     plots: Mapping[str, str],
     *,
     command: str = "",
-    reach: pd.DataFrame | None = None,
-    sensitivity: pd.DataFrame | None = None,
+    reach: Reachability | None = None,
 ) -> str:
     """Return the page as HTML; arguments as in `write_results`, `plots` as `plots_of` returns them."""
     from jinja2 import Environment, StrictUndefined
@@ -109,8 +109,9 @@ def render(
         example=example(check_runs(runs), check_paths(paths)),
         Markup=Markup,
         scene=scene,
-        reach=None if reach is None else _reach(reach),
-        sensitivity=[] if sensitivity is None else sensitivity.to_dict("records"),
+        reach=None if reach is None else _reach(reach.shares()),
+        map=None if reach is None else Markup(reach_map(scene, reach.data)),
+        sensitivity=summary["sensitivity"] or [],
         command=command,
         version=__version__,
         style=Markup(_file("reba.report", "style.css")),

@@ -18,13 +18,15 @@ if TYPE_CHECKING:
 
 CONDITIONS: Final = ("non-ergonomic", "ergonomic", "re-optimized")
 TABLES: Final = ("left", "center", "right")
+PLACES: Final = (*TABLES, "start")
+"""Tables that the human may take the screwdriver from: one of the three, or the one where it lies at first."""
 STARTS: Final = ("rest", "random")
 
 RUN_COLUMNS: Final[dict[str, str]] = {
     "run": "int64",  # from 0; the same run has the same heights in all conditions and starts
     "seed": "int64",  # of the experiment
     "condition": "string",  # one of CONDITIONS
-    "table": "string",  # one of TABLES, missing where infeasible
+    "table": "string",  # one of PLACES, missing where infeasible
     "height_left": "float64",  # [m]
     "height_center": "float64",
     "height_right": "float64",
@@ -68,7 +70,7 @@ def check_runs(frame: pd.DataFrame) -> pd.DataFrame:
     _names(runs, "condition", CONDITIONS)
     _names(runs, "initial", STARTS)
     feasible = runs[runs["feasible"]]
-    _names(feasible, "table", TABLES)
+    _names(feasible, "table", PLACES)
     numbers = ["chosen_height", "reba_grasp", "reba_mean", "cost"]
     bad = feasible[~np.isfinite(feasible[numbers].to_numpy()).all(axis=1)]
     if len(bad):

@@ -7,7 +7,7 @@ actions of the plan without ("re-optimized"). Heights depend on seed and run alo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES
+from lgp.experiments.variations import AS_IT_IS, Variation
 from lgp.plan import COST, parse_sequence, plan_within, task_of
 from lgp.plan_record import Plan
 from lgp.search import Budget
@@ -26,11 +27,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lgp.path.ergonomics import Ergonomics
+    from lgp.path.problem import Weights
     from lgp.world.model import World
 
 Array = NDArray[np.float64]
 
 SCENE: Final = "screwdriver"
+GOAL_THING: Final = "screwdriver"
+"""What the human is to take."""
 DEPTH: Final = 4
 """Longest sequence; the shortest has three actions and the next five."""
 
@@ -43,7 +47,9 @@ def experiment(
     initial: str = "rest",
     cost: str = COST,
     jobs: int = 1,
+    sensitivity: int = 0,
     progress: Callable[[int, int], None] | None = None,
+    tell: Callable[[str], None] | None = None,
     command: str = "",
 ) -> dict[str, Any]:
     """Make the runs that a folder lacks, write its tables, figures and page, and return the summary.
@@ -52,7 +58,9 @@ def experiment(
         folder: of the results; runs that are in it stay, so a stopped experiment goes on.
         runs: how many there shall be.
         seed, initial, cost, jobs: as for `plan_runs`.
+        sensitivity: runs of each variation of a free choice, 0 for no variations.
         progress: told how many runs there are and how many there shall be, after each.
+        tell: told which variation is made.
         command: that made the results, for the page.
 
     Raises:
@@ -60,7 +68,10 @@ def experiment(
     """
     from lgp.experiments.page import write_results
     from lgp.experiments.run_store import RunStore
+    from lgp.experiments.sensitivity import sensitivity as vary
     from lgp.experiments.statistics import require
+    from lgp.world.model import World
+    from lgp.world.reachability import reachability
 
     require()
     settings = {"experiment": SCENE, "scene": SCENE, "seed": seed, "cost": cost, "depth": DEPTH}
@@ -71,11 +82,26 @@ def experiment(
         if progress is not None:
             progress(runs - len(missing) + number, runs)
     tables = store.finish()
-    return write_results(folder, *tables, load_scene(SCENE), settings=settings, command=command)
+    varied = vary(folder, sensitivity, settings, jobs, tell) if sensitivity else None
+    world = World(load_scene(SCENE))
+    return write_results(
+        folder,
+        *tables,
+        world.scene,
+        settings=settings,
+        command=command,
+        reach=reachability(world),
+        sensitivity=varied,
+    )
 
 
 def plan_run(
-    run: int, seed: int = 0, initial: str = "rest", cost: str = COST, slices: int | None = None
+    run: int,
+    seed: int = 0,
+    initial: str = "rest",
+    cost: str = COST,
+    slices: int | None = None,
+    variation: Variation | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the rows of one run: every condition (3, columns of `RUN_COLUMNS`), and their paths (`PATH_COLUMNS`).
 
@@ -85,6 +111,7 @@ def plan_run(
         initial: "rest" starts in the posture of lowest REBA score, "random" in one drawn inside the joint limits.
         cost: dREBA model of the conditions with ergonomics: a file or a shipped name.
         slices: per phase, the scene's by default.
+        variation: of the scene and the weights, none by default.
 
     Example:
         >>> runs, paths = plan_run(0)                                     # doctest: +SKIP
@@ -92,14 +119,17 @@ def plan_run(
     """
     import pandas as pd
 
+    from lgp.path.problem import Weights
     from lgp.world.starts import random_start
 
-    world, ergonomics = _prepared(cost)
+    changed = AS_IT_IS if variation is None else variation
+    world, ergonomics = _prepared(cost, changed)
     scene = world.scene.draw_heights(np.random.default_rng([seed, run]))
     world = world.with_scene(scene)
     start = world.start if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
     rows, paths = [], []
-    for condition, found in _conditions(scene, world, ergonomics, start, slices):
+    weights = Weights(ergonomics=changed.weight)
+    for condition, found in _conditions(scene, world, ergonomics, weights, start, slices):
         common = {"run": run, "condition": condition, "initial": initial}
         rows.append(_row(scene, found) | common | {"seed": seed})
         if found.feasible:
@@ -111,39 +141,46 @@ def plan_run(
 
 
 def plan_runs(
-    runs: Iterable[int], seed: int = 0, initial: str = "rest", cost: str = COST, jobs: int = 1
+    runs: Iterable[int],
+    seed: int = 0,
+    initial: str = "rest",
+    cost: str = COST,
+    jobs: int = 1,
+    variation: Variation | None = None,
 ) -> Iterator[tuple[pd.DataFrame, pd.DataFrame]]:
     """Yield `plan_run` of every run, in order, made by some processes at once.
 
     Args:
         runs: their numbers.
-        seed, initial, cost: as for `plan_run`.
+        seed, initial, cost, variation: as for `plan_run`.
         jobs: processes.
     """
     numbers = list(runs)
     if jobs == 1:
         for run in numbers:
-            yield plan_run(run, seed, initial, cost)
+            yield plan_run(run, seed, initial, cost, variation=variation)
         return
     from joblib import Parallel, delayed
 
-    made = Parallel(n_jobs=jobs, return_as="generator")(delayed(plan_run)(run, seed, initial, cost) for run in numbers)
+    made = Parallel(n_jobs=jobs, return_as="generator")(
+        delayed(plan_run)(run, seed, initial, cost, variation=variation) for run in numbers
+    )
     yield from made
 
 
-@cache
-def _prepared(cost: str) -> tuple[World, Ergonomics]:
-    """Return kinematics and cost, once for each process."""
+@lru_cache(maxsize=1)
+def _prepared(cost: str, variation: Variation) -> tuple[World, Ergonomics]:
+    """Return kinematics and cost; those of the last variation are kept in each process."""
     import dreba
     from lgp.path.ergonomics import Ergonomics
     from lgp.world.model import World
 
-    world = World(load_scene(SCENE))
+    world = World(variation.scene(SCENE))
     return world, Ergonomics(world, dreba.load(Path(cost) if Path(cost).is_file() else cost))
 
 
 def _conditions(
-    scene: Scene, world: World, ergonomics: Ergonomics, start: Array, slices: int | None
+    scene: Scene, world: World, ergonomics: Ergonomics, weights: Weights, start: Array, slices: int | None
 ) -> Iterator[tuple[str, Plan]]:
     """Yield each condition with its plan.
 
@@ -154,9 +191,9 @@ def _conditions(
 
     task, budget = task_of(scene), Budget(depth=DEPTH)
     without, with_, again = CONDITIONS
-    plain = plan_within(PathBounds(world, None, None, start, slices), task, budget=budget)
+    plain = plan_within(PathBounds(world, None, weights, start, slices), task, budget=budget)
     yield without, plain
-    bounds = PathBounds(world, ergonomics, None, start, slices)
+    bounds = PathBounds(world, ergonomics, weights, start, slices)
     sequence = parse_sequence(task, plain.actions) if plain.feasible else ()
     second = plan_within(bounds, task, sequence) if plain.feasible else plain
     yield with_, plan_within(bounds, task, None, budget, sequence)
@@ -175,7 +212,7 @@ def _row(scene: Scene, found: Plan) -> dict[str, Any]:
     scores = found.reba()
     if scores is None:
         return row | dict.fromkeys(("chosen_height", "reba_grasp", "reba_mean", "cost"), np.nan) | {"table": None}
-    table = _table(found)
+    table = _table(scene, found)
     reba = np.asarray(scores.reba, dtype=float)
     return row | {
         "table": table,
@@ -186,10 +223,11 @@ def _row(scene: Scene, found: Plan) -> dict[str, Any]:
     }
 
 
-def _table(found: Plan) -> str:
-    """Return the table from which the human takes the screwdriver."""
-    placed = [action for action in found.actions if action.startswith("place(")]
-    return placed[-1].rstrip(")").rpartition("table.")[2]
+def _table(scene: Scene, found: Plan) -> str:
+    """Return the table from which the human takes the screwdriver: where it was put last, or lies at first."""
+    placed = [action.rstrip(")").split(", ")[-1] for action in found.actions if action.startswith("place(")]
+    first = scene.things[GOAL_THING].on
+    return (placed[-1] if placed else first).removeprefix("table.")
 
 
 def _path(found: Plan, common: dict[str, Any]) -> pd.DataFrame:

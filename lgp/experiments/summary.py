@@ -32,13 +32,19 @@ PAIRS: Final = tuple(combinations(CONDITIONS, 2))
 PLAIN, ERGONOMIC = "non-ergonomic", "ergonomic"
 
 
-def summarise(runs: pd.DataFrame, paths: pd.DataFrame, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def summarise(
+    runs: pd.DataFrame,
+    paths: pd.DataFrame,
+    settings: Mapping[str, Any] | None = None,
+    sensitivity: pd.DataFrame | None = None,
+) -> dict[str, Any]:
     """Return the summary as plain data; NaN is None.
 
     Args:
         runs: with `lgp.experiments.runs.RUN_COLUMNS`, of one start or both.
         paths: with `PATH_COLUMNS`.
         settings: how the runs were made, kept as they are.
+        sensitivity: as `lgp.experiments.sensitivity.sensitivity` returns it, kept as it is.
 
     Raises:
         LgpError: a table is not as `check_runs` and `check_paths` expect, or statsmodels is not installed.
@@ -54,6 +60,7 @@ def summarise(runs: pd.DataFrame, paths: pd.DataFrame, settings: Mapping[str, An
         "settings": dict(settings or {}),
         "starts": {start: _start(runs, paths, start) for start in starts},
         "between_starts": _between(runs) if len(starts) == len(STARTS) else None,
+        "sensitivity": None if sensitivity is None else sensitivity.to_dict("records"),
     }
     plain: dict[str, Any] = _plain(found)
     return plain
@@ -74,6 +81,7 @@ def _start(runs: pd.DataFrame, paths: pd.DataFrame, start: str) -> dict[str, Any
     here = runs[runs["initial"] == start]
     heights = here.drop_duplicates("run")[[f"height_{table}" for table in TABLES]].to_numpy()
     tables = pivot(runs, "table", start)
+    tables = tables.where(tables.isin(TABLES))
     scores = {column: pivot(runs, column, start) for column in ("reba_grasp", "reba_mean", "chosen_height")}
     return {
         "runs": int(here["run"].nunique()),

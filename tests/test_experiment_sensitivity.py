@@ -1,0 +1,88 @@
+"""The varied scene: every free choice, by both factors, with what the change takes away."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from lgp_worlds import needs_robots
+
+import lgp
+from lgp.experiments import sensitivity as module
+from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, empty
+from lgp.experiments.screwdriver import plan_run
+from lgp.experiments.sensitivity import remarks, sensitivity
+from lgp.experiments.variations import AS_IT_IS, WEIGHT, Variation, variations
+
+pytestmark = needs_robots
+SETTINGS = {"seed": 0, "cost": "convex"}
+
+
+def test_every_free_choice_is_varied_both_ways() -> None:
+    scene = lgp.load_scene("screwdriver")
+    found = variations(scene)
+    assert found[0] == AS_IT_IS
+    words = " ".join(one.choice for one in found)
+    for choice in scene.choices:
+        for key in choice.keys:
+            assert all(part in words for part in key.split("."))
+    assert sorted({one.factor for one in found}) == [0.8, 1.0, 1.2]
+    assert len({one.name for one in found}) == len(found)
+    assert [one.weight for one in found if one.choice == WEIGHT] == [0.8, 1.2]
+    changed = next(one for one in found if one.choice == "tables start: position" and one.factor == 1.2)
+    position = changed.scene("screwdriver").tables["table.start"].position
+    assert position == pytest.approx(1.2 * np.array(scene.tables["table.start"].position))
+
+
+def test_a_start_table_in_reach_is_remarked_and_taken_from() -> None:
+    from lgp.world.model import World
+
+    near = Variation("tables start: position", 0.2, '{"tables.start.position": [0.3, -0.5]}')
+    assert "the human reaches the screwdriver without help" in remarks(World(near.scene("screwdriver")))
+    runs, _ = plan_run(0, slices=3, variation=near)
+    assert set(runs["table"]) == {"start"}
+    assert runs["actions"].str.startswith("grasp(1, human.right_hand").all()
+    assert np.allclose(runs["chosen_height"], 0.9)
+
+
+def test_a_start_table_far_away_is_remarked() -> None:
+    from lgp.world.model import World
+
+    far = Variation("tables start: position", 2.0, '{"tables.start.position": [2.9, 1.8]}')
+    assert "no robot hand reaches the screwdriver" in remarks(World(far.scene("screwdriver")))
+
+
+def made(run: int, table: str | None) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return rows of a run whose two searched conditions chose a table, or found no plan."""
+    numbers = {"chosen_height": 1.0, "reba_grasp": 2.0, "reba_mean": 2.0, "cost": 1.0}
+    row = {"run": run, "seed": 0, "initial": "rest", "table": table, "feasible": table is not None, "seconds": 1.0}
+    row |= {"actions": "", "reason": "", "height_left": 1.0, "height_center": 1.0, "height_right": 1.0}
+    row |= numbers if table else dict.fromkeys(numbers, np.nan)
+    runs = pd.DataFrame([row | {"condition": condition} for condition in CONDITIONS])
+    return runs[list(RUN_COLUMNS)].astype(RUN_COLUMNS), empty(PATH_COLUMNS)
+
+
+def test_rows_are_shares_of_feasible_runs_and_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, list[int]]] = []
+    tables = {0: "left", 1: "center", 2: None, 3: "start"}
+
+    def plan_runs(runs: list[int], seed: int, initial: str, cost: str, jobs: int, variation: Variation) -> object:
+        asked.append((variation.name, runs))
+        return [made(run, tables[run]) for run in runs]
+
+    wanted = (AS_IT_IS, Variation(WEIGHT, 0.8, weight=0.8))
+    monkeypatch.setattr(module, "plan_runs", plan_runs)
+    monkeypatch.setattr(module, "variations", lambda scene: wanted)
+    sensitivity(tmp_path, 2, SETTINGS)
+    found = sensitivity(tmp_path, 4, SETTINGS)
+    assert [runs for _, runs in asked] == [[0, 1], [0, 1], [2, 3], [2, 3]]
+    assert list(found["condition"]) == [*CONDITIONS[:2], *CONDITIONS[:2]]
+    first = found.iloc[0]
+    assert (first["n"], first["of"]) == (3, 4)
+    assert [first["left"], first["center"], first["right"]] == pytest.approx([100 / 3, 100 / 3, 0.0])
+    again = sensitivity(tmp_path, 1, SETTINGS)
+    assert list(again["left"]) == [100.0] * 4
+    with pytest.raises(lgp.LgpError, match="seed"):
+        sensitivity(tmp_path, 1, SETTINGS | {"seed": 1})
