@@ -69,9 +69,9 @@ class Person:
 
 
 def person(rng: np.random.Generator, vary: Variation = VARIATION) -> Person:
-    """Draw a participant."""
+    """Draw a participant; stature is known to the centimetre, as it is measured."""
     stature = float(np.clip(rng.normal(vary.stature, vary.stature_sd), *vary.statures))
-    return Person(stature, _spread(rng, vary.habit), float(np.exp(rng.normal(0.0, vary.speed))))
+    return Person(round(stature, 2), _spread(rng, vary.habit), float(np.exp(rng.normal(0.0, vary.speed))))
 
 
 def perform(

@@ -85,20 +85,24 @@ class Retarget:
         rested, _ = _places(world, plan.start[None, columns])
         away = np.linalg.norm((self.hands - rested).reshape(-1, 2, 3), axis=2) / WORKING
         share = np.clip(away, 0.0, 1.0)
+        self._courses: dict[float, Course] = {self.stature: self.planned}
         self.working: Array = np.repeat(share**2 * (3.0 - 2.0 * share), 3, axis=1)
 
     def course(self, stature: float) -> Course:
-        """Return the motion of a person of this stature [m].
+        """Return the motion of a person of this stature [m]; each stature is worked out once.
 
         Raises:
             SceneError: it is no adult's.
         """
+        if stature not in self._courses:
+            self._courses[stature] = self._course(stature)
+        return self._courses[stature]
+
+    def _course(self, stature: float) -> Course:
         from lgp.world.model import World
         from lgp.world.posture import PostureMap
         from lgp.world.solve import least_squares
 
-        if abs(stature - self.stature) < 1e-9:
-            return self.planned
         world = World(replace(self.scene, human=replace(self.human, stature=stature)))
         own, _ = _places(world, self.path)
         wanted = own + self.working * (self.hands - own)

@@ -105,7 +105,8 @@ def simulated(
     Raises:
         LgpError: a plan cannot be used, or an offset names no angle or condition.
     """
-    bodies = {condition: _retarget(plan) for condition, plan in plans.items()}
+    known: dict[str, Retarget] = {}
+    bodies = {condition: _retarget(plan, known) for condition, plan in plans.items()}
     shifts = {condition: _offset(condition, (offsets or {}).get(condition, {})) for condition in plans}
     if unknown := sorted(set(offsets or {}) - set(plans)):
         raise LgpError(f"offset for {unknown[0]!r}, which is no condition; there are {', '.join(plans)}")
@@ -131,10 +132,15 @@ def _draw(
             yield Log(label, who.stature, course, table)
 
 
-def _retarget(plan: Plan | str | Path | Retarget) -> Retarget:
+def _retarget(plan: Plan | str | Path | Retarget, known: dict[str, Retarget]) -> Retarget:
+    """Return the plan ready for other statures; the same folder is read once."""
     if isinstance(plan, Retarget):
         return plan
-    return Retarget(plan) if isinstance(plan, Plan) else Retarget(Plan.load(plan), str(plan))
+    if isinstance(plan, Plan):
+        return Retarget(plan)
+    if str(plan) not in known:
+        known[str(plan)] = Retarget(Plan.load(plan), str(plan))
+    return known[str(plan)]
 
 
 def _offset(condition: str, degrees: Mapping[str, float]) -> NDArray[np.float64]:

@@ -1,0 +1,191 @@
+"""What the statistics of a study find when nothing is there, and when something of known size is.
+
+Usage: python benchmarks/study_nulls.py [--studies 2000] [--files 100] [--people 10] [--seed 0] [--json FILE]
+
+Simulated studies of a planned motion (screwdriver scene, planned without ergonomics): people of varying stature, habit,
+speed and motor noise. Without an effect both conditions follow the same plan, and a test at 5 % must err in 5 % of the
+studies. With an effect one condition leans forward by some degrees more in every frame; the true difference of the mean
+REBA score is then that of all simulated people together. `--files` studies go the whole way through MCAP logs and
+`lgp study`; the others skip the files, all else is the same. Intervals are Wilson's at 95 %.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # small matrices: threads only cost time
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import json
+import time
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from machine import machine, stamp
+from scipy.stats import binomtest
+from statsmodels.stats.power import TTestPower
+
+import lgp
+import reba
+from lgp.experiments.statistics import anova, compare
+from lgp.study.assumptions import friedman
+from lgp.study.measures import PARTS, TOTAL
+from lgp.study.retarget import Retarget
+from lgp.study.scoring import by_condition, cells, row
+from lgp.study.simulate import simulate, simulated
+from lgp.study.study import study
+
+ALPHA = 0.05
+RATE = 10.0
+LEANS = (0.5, 1.0, 2.0, 4.0)
+"""[deg] Known effects: more flexion of the trunk."""
+FILE_LEAN = 4.0
+"""[deg] The one that goes the whole way through files."""
+HEIGHTS = {"left": 1.55, "center": 1.5, "right": 1.5}
+"""[m] High tables: postures that score, so that there is something to compare."""
+
+
+def planned() -> lgp.Plan:
+    """Return the plan that everybody follows."""
+    return lgp.plan(lgp.load_scene("screwdriver").with_heights(HEIGHTS), None)
+
+
+def population(body: Retarget, people: int, seed: int, leans: Mapping[str, float]) -> pd.DataFrame:
+    """Return participants x (measure, condition) of many people, scored without files.
+
+    Args:
+        body: the plan.
+        people: how many.
+        seed: of all draws.
+        leans: condition -> degrees that the trunk leans forward more.
+    """
+    offsets = {name: {"trunk_flexion": degrees} for name, degrees in leans.items() if degrees}
+    logs = simulated(dict.fromkeys(leans, body), participants=people, seed=seed, rate=RATE, offsets=offsets)
+    rows = [row("simulated", log.label, reba.score(log.table, missing="neutral")) for log in logs]
+    table = cells(pd.DataFrame(rows))
+    measured = (TOTAL, *PARTS)
+    return pd.concat({name: by_condition(table, name, list(leans)) for name in measured}, axis=1)
+
+
+def split(table: pd.DataFrame, people: int) -> list[pd.DataFrame]:
+    """Return studies of so many people each, nobody in two of them."""
+    return [table.iloc[first : first + people] for first in range(0, len(table) - people + 1, people)]
+
+
+def decide(one: pd.DataFrame, conditions: Sequence[str]) -> dict[str, float]:
+    """Return the p values of a study by test, and difference and interval of the first pair."""
+    pairs = list(combinations(conditions, 2))
+    total = compare(one[TOTAL], pairs)
+    found = {"t": total[0].p, "ranks": total[0].wilcoxon_p, "difference": total[0].difference}
+    found |= {"low": total[0].low, "high": total[0].high, "any pair": min(pair.p_holm for pair in total)}
+    # Holm rejects something exactly when the least p times the number of tests does.
+    family = [pair.p for part in PARTS for pair in compare(one[part], pairs) if pair.ties < pair.n]
+    found["any part"] = min(np.nanmin(family, initial=1.0) * len(family), 1.0)
+    if len(conditions) > 2:
+        ranks = friedman(one[TOTAL].to_numpy(float))
+        found |= {"anova": anova(one[TOTAL]).p_corrected, "friedman": ranks.p if ranks else np.nan}
+    return found
+
+
+def rate(p: Sequence[float]) -> dict[str, Any]:
+    """Return the share of p values below 5 % with its interval."""
+    known = np.asarray(p, float)
+    below, n = int(np.sum(known < ALPHA)), len(known)
+    interval = binomtest(below, n).proportion_ci(method="wilson")
+    return {"studies": n, "rate": below / n, "low": float(interval.low), "high": float(interval.high)}
+
+
+def nulls(body: Retarget, studies: int, people: int, seed: int, conditions: int) -> dict[str, Any]:
+    """Return false positive rates by test where every condition is the same."""
+    names = [f"c{number}" for number in range(conditions)]
+    table = population(body, studies * people, seed, dict.fromkeys(names, 0.0))
+    found = pd.DataFrame([decide(one, names) for one in split(table, people)])
+    tests = ("anova", "friedman", "any pair", "any part") if conditions > 2 else ("t", "ranks", "any part")
+    return {name: rate(found[name].tolist()) for name in tests}
+
+
+def effects(body: Retarget, studies: int, people: int, seed: int) -> list[dict[str, Any]]:
+    """Return, by size of the effect, power, coverage of the interval, and what theory gives."""
+    rows = []
+    for lean in LEANS:
+        table = population(body, studies * people, seed, {"lean": lean, "plan": 0.0})
+        differences = table[TOTAL]["lean"] - table[TOTAL]["plan"]
+        true, dz = float(differences.mean()), float(differences.mean() / differences.std())
+        found = pd.DataFrame([decide(one, ["lean", "plan"]) for one in split(table, people)])
+        covered = (found["low"] <= true) & (true <= found["high"])
+        rows.append(
+            {
+                "lean": lean, "true": true, "dz": dz, "t": rate(found["t"].tolist()),
+                "ranks": rate(found["ranks"].tolist()), "theory": float(TTestPower().power(dz, people, ALPHA)),
+                "coverage": rate(np.where(covered, 0.0, 1.0).tolist()),
+            }
+        )  # fmt: skip
+    return rows
+
+
+def through_files(plan: lgp.Plan, studies: int, people: int, seed: int, lean: float) -> dict[str, Any]:
+    """Return rates over studies that go through MCAP logs and the command's own function."""
+    offsets = {"lean": {"trunk_flexion": lean}}
+    p, ranks = [], []
+    for number in range(studies):
+        with TemporaryDirectory() as folder:
+            plans = {"lean": plan, "plan": plan}
+            simulate(plans, folder, participants=people, seed=seed + number, rate=RATE, offsets=offsets)
+            pair = study([folder]).summary[TOTAL]["pairs"][0]
+            p.append(pair["p"])
+            ranks.append(pair["wilcoxon_p"])
+    return {"t": rate(p), "ranks": rate(ranks)}
+
+
+def line(name: str, found: Mapping[str, Any]) -> str:
+    return f"{name:34}{found['studies']:8d}{found['rate']:8.3f}   {found['low']:.3f} to {found['high']:.3f}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--studies", type=int, default=2000)
+    parser.add_argument("--files", type=int, default=100)
+    parser.add_argument("--people", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    begin = time.perf_counter()
+    plan = planned()
+    body = Retarget(plan)
+    print(stamp())
+    print(f"{given.people} people a study, {RATE:g} frames a second, tests at {ALPHA:.0%}\n")
+    print(f"{'no effect: share that finds one':34}{'studies':>8}{'share':>8}   95 % interval")
+    result: dict[str, Any] = {"machine": machine(), "people": given.people, "seed": given.seed, "null": {}}
+    for conditions in (2, 3):
+        found = nulls(body, given.studies, given.people, given.seed, conditions)
+        result["null"][conditions] = found
+        for name, one in found.items():
+            print(line(f"  {conditions} conditions, {name}", one))
+    for lean in (0.0, FILE_LEAN) if given.files else ():
+        found = through_files(plan, given.files, given.people, given.seed + 10_000, lean)
+        result[f"files_{lean:g}"] = found
+        for name, one in found.items():
+            print(line(f"  through MCAP, {lean:g} deg, {name}", one))
+    print("\nknown effect: trunk leans forward more")
+    print(f"{'deg':>5}{'true':>8}{'d_z':>7}{'power t':>9}{'theory':>8}{'ranks':>7}   outside 95 % interval")
+    result["effects"] = effects(body, given.studies, given.people, given.seed + 20_000)
+    for one in result["effects"]:
+        missed = one["coverage"]
+        print(
+            f"{one['lean']:5.1f}{one['true']:8.3f}{one['dz']:7.2f}{one['t']['rate']:9.3f}{one['theory']:8.3f}"
+            f"{one['ranks']['rate']:7.3f}   {missed['rate']:.3f} ({missed['low']:.3f} to {missed['high']:.3f})"
+        )
+    result["seconds"] = time.perf_counter() - begin
+    print(f"\n{result['seconds']:.0f} s")
+    if given.json:
+        given.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
