@@ -29,7 +29,7 @@ from dreba.options import (
 from dreba.poses import Poses
 from dreba.recordings import read_poses
 from reba.posture import COLUMNS
-from reba.shell import GROUP, command_line, console, json_option, print_json, run
+from reba.shell import GROUP, command_line, console, json_option, print_json, run, where_options
 
 if TYPE_CHECKING:
     from dreba.model import Surrogate
@@ -183,10 +183,12 @@ def _enough(poses: Poses, path: str) -> Poses:
 @click.option(
     "--tasks", default=10, type=click.IntRange(min=0), show_default=True, help="Reach tasks to optimise; 0 for none."
 )
+@where_options
 @json_option
 def compare(
-    names: tuple[str, ...], poses_file: str | None, hold: str | None, tasks: int, as_json: bool, **given: Any
-) -> None:
+    names: tuple[str, ...], poses_file: str | None, hold: str | None, tasks: int, jobs: int, scheduler: str | None,
+    as_json: bool, **given: Any,
+) -> None:  # fmt: skip
     """Models beside the published Table I: error, time, and the true REBA that optimising them leads to.
 
     All are given the same poses, which no fit has seen, and the same reach tasks. Without MODEL, all shipped models.
@@ -197,7 +199,7 @@ def compare(
     loaded = {name: load(name) for name in names or models()}
     poses = _unseen(loaded, poses_file, hold, given)
     judged = str(poses.provenance.get("domain", {}).get("name", "unknown"))
-    rows = compare_models(loaded, poses)
+    rows = compare_models(loaded, poses, jobs=jobs, scheduler=scheduler)
     strangers = [f"{row['model']} ({row['domain']})" for row in rows if row["domain"] not in ("", judged)]
     if strangers:
         click.echo(
@@ -205,7 +207,7 @@ def compare(
             "judge them there with --domain, or one by one with dreba evaluate",
             err=True,
         )
-    reached = enable(loaded, tasks, seed=given["seed"]) if tasks else []
+    reached = enable(loaded, tasks, seed=given["seed"], jobs=jobs, scheduler=scheduler) if tasks else []
     if as_json:
         published = {str(score): rmse for score, rmse in PUBLISHED.items()}
         print_json({"published": published, "domain": judged, "models": rows, "enabler": reached})
