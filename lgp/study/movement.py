@@ -68,6 +68,22 @@ class Person:
     slowness: float
 
 
+@dataclass(frozen=True)
+class Movement:
+    """A simulated recording: time (n,) [s], angles (n, 22) [deg], load held (n,) [kg]."""
+
+    time: Array
+    angles: Array
+    load: Array
+
+    def table(self) -> pd.DataFrame:
+        """Return it as a posture table with a `load` column."""
+        import pandas as pd
+
+        table = pd.DataFrame(np.column_stack([self.time, self.angles, self.load]))
+        return table.set_axis(["time", *COLUMNS, "load"], axis=1)
+
+
 def person(rng: np.random.Generator, vary: Variation = VARIATION) -> Person:
     """Draw a participant; stature is known to the centimetre, as it is measured."""
     stature = float(np.clip(rng.normal(vary.stature, vary.stature_sd), *vary.statures))
@@ -82,8 +98,8 @@ def perform(
     rate: float = 30.0,
     vary: Variation = VARIATION,
     offset: Array | float = 0.0,
-) -> pd.DataFrame:
-    """Return one recording as a posture table with a `load` column.
+) -> Movement:
+    """Return one recording.
 
     Args:
         course: for the person's stature.
@@ -93,7 +109,6 @@ def perform(
         vary: how much this recording varies.
         offset: (22,) [deg] added to every frame: an effect of known size.
     """
-    import pandas as pd
     from scipy.interpolate import PchipInterpolator
 
     stretched = stretch(course, who.slowness * np.exp(rng.normal(0.0, vary.pace, int(course.phase.max()) + 1)))
@@ -105,7 +120,7 @@ def perform(
         for column in (INDEX[f"{name}_left"], INDEX[f"{name}_right"]):
             angles[:, column] = np.maximum(angles[:, column], 0.0)
     held = course.carried[np.clip(np.searchsorted(stretched, time, side="left"), 0, len(stretched) - 1)]
-    return pd.DataFrame({"time": time, **dict(zip(COLUMNS, angles.T, strict=True)), "load": held})
+    return Movement(time, angles, held)
 
 
 def stretch(course: Course, factors: Array) -> Array:

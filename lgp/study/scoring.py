@@ -7,7 +7,7 @@ took.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -108,22 +108,33 @@ def row(file: str, label: Label, scores: Scores) -> dict[str, Any]:
 
 
 def part_means(scores: Scores, weights: Array) -> dict[str, float]:
-    """Return the time-weighted mean of each part score: of the side that gives the total, and of both sides.
+    """Return the time-weighted mean of each part score: of the side that gives the total, and of both sides."""
+    sided = [f"{name}_{side}" for name in (TOTAL, *SIDED) for side in SIDES]
+    columns = {name: column(scores, name) for name in (*(name for name in PARTS if name not in SIDED), *sided)}
+    both = {name: columns[name] for name in sided if not name.startswith(TOTAL)}
+    parts = part_scores(columns, scores.rules.two_sides)
+    return {name: mean(values, weights) for name, values in {**parts, **both}.items()}
+
+
+def part_scores(columns: Mapping[str, Array], two_sides: str = "worse") -> dict[str, Array]:
+    """Return (n,) scores of each part, those with two sides of the arm that gives the total in a frame.
 
     Where both arms give the same total, the mean of the two stands for them.
+
+    Args:
+        columns: (n,) scores by the names of the score table, NaN where undetermined.
+        two_sides: of the rules: "worse", "left" or "right".
     """
-    two = scores.rules.two_sides
-    totals = [column(scores, f"reba_{side}") for side in SIDES]
-    left = np.sign(totals[0] - totals[1]) / 2.0 + 0.5
-    left = np.nan_to_num(left, nan=0.5) if two not in SIDES else np.full(len(weights), float(two == "left"))
-    found: dict[str, float] = {}
+    totals = [np.asarray(columns[f"{TOTAL}_{side}"], np.float64) for side in SIDES]
+    left = np.nan_to_num(np.sign(totals[0] - totals[1]) / 2.0 + 0.5, nan=0.5)
+    if two_sides in SIDES:
+        left = np.full(len(left), float(two_sides == SIDES[0]))
+    found: dict[str, Array] = {}
     for name in PARTS:
-        if name not in SIDED:
-            found[name] = mean(column(scores, name), weights)
-            continue
-        sides = [column(scores, f"{name}_{side}") for side in SIDES]
-        found[name] = mean(left * sides[0] + (1.0 - left) * sides[1], weights)
-        found |= {f"{name}_{side}": mean(values, weights) for side, values in zip(SIDES, sides, strict=True)}
+        if name in SIDED:
+            found[name] = left * columns[f"{name}_{SIDES[0]}"] + (1.0 - left) * columns[f"{name}_{SIDES[1]}"]
+        else:
+            found[name] = np.asarray(columns[name], np.float64)
     return found
 
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,12 @@ from numpy.typing import NDArray
 from lgp.errors import LgpError
 from lgp.plan_record import Plan
 from lgp.study.labels import RECORD, Label
-from lgp.study.movement import VARIATION, Variation, perform, person
+from lgp.study.movement import VARIATION, Movement, Variation, perform, person
 from lgp.study.retarget import Course, Retarget
 from reba.json_text import as_json
 from reba.posture import INDEX
 from reba.scores import table_of
 from reba.writers import write_postures
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SIMULATION: Final = "simulation"
 """Name of the metadata record that says how a log was made."""
@@ -33,12 +30,12 @@ SIMULATION: Final = "simulation"
 
 @dataclass(frozen=True)
 class Log:
-    """A simulated recording: its label, the person's stature [m], the course that was followed, and the postures."""
+    """A simulated recording: its label, the person's stature [m], the course that was followed, the movement."""
 
     label: Label
     stature: float
     course: Course
-    table: pd.DataFrame
+    movement: Movement
 
 
 def simulate(
@@ -81,11 +78,11 @@ def simulate(
     for log in logs:
         path = place / f"{log.label.participant}_{names[log.label.condition]}.mcap"
         records = {RECORD: log.label.record(), SIMULATION: _about(log, plans, seed, vary, offsets)}
-        write_postures(table_of(log.table), path, records=records)
+        write_postures(table_of(log.movement.table()), path, records=records)
         made.append(
             {
                 "file": path.name, "participant": log.label.participant, "condition": log.label.condition,
-                "stature": log.stature, "seconds": float(log.table["time"].iloc[-1]),
+                "stature": log.stature, "seconds": float(log.movement.time[-1]),
             }
         )  # fmt: skip
     return made
@@ -127,9 +124,9 @@ def _draw(
         for place, (condition, body) in enumerate(bodies.items()):
             course = body.course(who.stature)
             rng = np.random.default_rng([seed, number, place + 1])
-            table = perform(course, who, rng, rate=rate, vary=vary, offset=shifts[condition])
+            movement = perform(course, who, rng, rate=rate, vary=vary, offset=shifts[condition])
             label = Label(_name(number, width), condition, simulated=True)
-            yield Log(label, who.stature, course, table)
+            yield Log(label, who.stature, course, movement)
 
 
 def _retarget(plan: Plan | str | Path | Retarget, known: dict[str, Retarget]) -> Retarget:
