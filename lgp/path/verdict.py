@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 
 FINE = 1e-4
 """[m, rad] Violations below this are not worth a word."""
+TURNED = 1e-3
+"""[rad] Turns below this are not worth a word beside a distance."""
 
 
 def reason(problem: PathProblem, x: Array) -> str:
@@ -51,7 +53,7 @@ def _jump(problem: PathProblem, number: int, away: float, turned: float) -> str:
     at = f"in {by}" if by in problem.world.scene.hands else f"on {by}"
     if away > FINE:
         what = f"where {switch.thing} lies {at}" if switch.kind == "place" else f"{switch.thing} {at}"
-        more = f", turned by {np.degrees(turned):.1f} deg" if turned > FINE else ""
+        more = f", turned by {np.degrees(turned):.1f} deg" if turned > TURNED else ""
         return f"{switch.hand} stays {away:.3f} m away from {what}{more}"
     return f"{switch.hand} cannot turn as {switch.thing} lies {at}, {np.degrees(turned):.1f} deg are missing"
 
@@ -65,7 +67,7 @@ def _screw(problem: PathProblem, number: int, away: float, turned: float) -> str
 def _joint(problem: PathProblem, number: int, away: float, turned: float) -> str:
     switch = problem.phases.switches[number]
     places = [f"{part} on {problem.modes.holder(part, number).by}" for part in (switch.thing, switch.other)]
-    more = f" and {np.degrees(turned):.1f} deg" if turned > FINE else ""
+    more = f" and {np.degrees(turned):.1f} deg" if turned > TURNED else ""
     return f"{' and '.join(places)} stand {away:.3f} m{more} from where they are joined"
 
 
