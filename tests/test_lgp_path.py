@@ -147,16 +147,14 @@ def test_bends_are_second_derivatives_where_nothing_jumps(world: World, task: Ta
     def slope(at: np.ndarray) -> np.ndarray:
         return np.asarray(problem.linearise(at, 0.0 * y, rows).eq_jac.toarray().T @ y)
 
-    (columns,) = problem.rows.curved()
+    columns = problem.rows.curved()[0]
     limb = len(problem.rows.limb(number))
-    true = differences(slope, x)[np.ix_(columns, columns)][:limb]
+    true = differences(slope, x)[np.ix_(columns, columns)]
     (bend,) = problem.rows.bends(*problem.split(x), y)
-    assert bend[:limb, :limb] == pytest.approx(true[:, :limb], abs=2e-3)
+    assert bend[:limb, :limb] == pytest.approx(true[:limb, :limb], abs=2e-3)
     # How the hand holds is taken as joints that turn one after the other, which is near the truth.
-    assert bend[:limb, limb:] == pytest.approx(true[:, limb:], abs=0.1)
-    (convex,) = problem.rows.curvature(*problem.split(x), y)
-    assert np.linalg.eigvalsh(convex).min() > -1e-12
-    assert np.linalg.eigvalsh(convex - bend).min() > -1e-12
+    assert bend[:limb, limb:] == pytest.approx(true[:limb, limb:], abs=0.1)
+    assert bend[limb:, limb:] == pytest.approx(true[limb:, limb:], abs=0.1)
 
 
 def solved(bounds: PathBounds, skeleton: tuple[Action, ...]) -> dict[str, BoundResult]:

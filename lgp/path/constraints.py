@@ -14,13 +14,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from lgp.path.blocks import RowBlocks
+from lgp.path.legs import Legs
 from lgp.path.phases import Phases
 from lgp.path.switch_rows import Blocks, Row, SwitchRows
 from lgp.path.ties import ties
 from lgp.world import features
 from lgp.world.features import Feature
 from lgp.world.model import World
-from lgp.world.posture import PELVIS, PostureMap
 from lgp.world.switches import Modes
 
 Array = NDArray[np.float64]
@@ -62,7 +62,7 @@ class Constraints:
         ]
         self._soles = tuple(world.planted)
         human = world.scene.human
-        self._legs = PostureMap(world) if human is not None and human.legs == "solved" else None
+        self._legs = Legs(world) if human is not None and human.legs == "solved" else None
         self._lay_out(len(kept))
 
     def limb(self, number: int) -> Slices:
@@ -86,12 +86,9 @@ class Constraints:
             eq += [(6, at * nq + columns) for at in range(kept)]
             self.eq_rows += [Row("sole", unit, at, sole) for at in range(kept) for unit in ["m"] * 3 + ["rad"] * 3]
         if self._legs is not None:
-            self._pelvis = np.array(
-                [self.world.column[f"human.{n}"] for n in PELVIS if f"human.{n}" in self.world.column]
-            )
-            self._pelvis.sort()
-            ineq += [(2, at * nq + self._pelvis) for at in range(kept)]
-            self.in_rows += [Row("leg", "m", at, side) for at in range(kept) for side in ("left", "right")]
+            self._first_leg = len(self.in_rows)
+            ineq += [(1, at * nq + self._legs.columns) for at in range(kept)]
+            self.in_rows += [Row("leg", "m", at, "straighter") for at in range(kept)]
         self._eq, self._in = RowBlocks(eq, self.size), RowBlocks(ineq, self.size)
 
     def evaluate(self, q: Array, z: Array) -> Values:
@@ -104,9 +101,9 @@ class Constraints:
             eq_blocks.append(np.tile([-1.0, 1.0], len(first)))
         self._add_soles(q, equality, eq_blocks)
         if self._legs is not None:
-            beyond, by_human = self._legs.reach(q)
-            inequality.append(beyond.ravel())
-            in_blocks.append(by_human[:, :, np.searchsorted(self._legs.columns, self._pelvis)])
+            beyond, slopes = self._legs.evaluate(q)
+            inequality.append(beyond)
+            in_blocks.append(slopes)
         return Values(np.concatenate(equality), np.concatenate(inequality), eq_blocks, in_blocks)
 
     def jacobians(self, values: Values) -> tuple[sp.csr_matrix, sp.csr_matrix]:
@@ -134,16 +131,23 @@ class Constraints:
             blocks.append(there.jacobian[:, :, np.flatnonzero(self.world.support(sole))])
 
     def curved(self) -> list[Slices]:
-        """Return the unknowns of each block that `curvature` gives: the limb at each switch, how the hand holds."""
-        return self._switches.curved()
+        """Return the unknowns of each block of `bends`, then of `press`."""
+        nq, tail = self.world.nq, self.size - self.modes.size
+        found = self._switches.curved()
+        if self._legs is not None:
+            found.append(np.arange(tail // nq)[:, None] * nq + self._legs.columns)
+        return found
 
-    def curvature(self, q: Array, z: Array, y: Array) -> list[Array]:
-        """Return the convex part of each of `bends`: its negative eigenvalues are left out."""
-        blocks = []
-        for bend in self.bends(q, z, y):
-            values, vectors = np.linalg.eigh(bend)
-            blocks.append((vectors * np.maximum(values, 0.0)) @ vectors.T)
-        return blocks
+    def bending(self) -> list[Slices]:
+        """Return the unknowns of each block of rows that `bends` is about: the first blocks of the equalities."""
+        return [columns for _, columns in self._switches.eq]
+
+    def press(self, q: Array, y: Array) -> list[Array]:
+        """Return the convex part of sum_i y_i d2 row_i (P, p, p) of the legs, [] where no legs are solved."""
+        if self._legs is None:
+            return []
+        pressed = y[self._first_leg : self._first_leg + len(q)]
+        return [pressed[:, None, None] * self._legs.curvature(q)]
 
     def bends(self, q: Array, z: Array, y: Array) -> list[Array]:
         """Return for each hand at a switch sum_i y_i d2 row_i by its unknowns in `curved`, (m, m)."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lgp.path.acceleration import Condensed, condense, quadratic
 from lgp.path.blocks import UpperBlocks
 from lgp.path.constraints import Constraints, Values
+from lgp.path.convexity import Convexity
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.phases import Phases
 from lgp.sqp import Model
@@ -143,11 +144,13 @@ class PathProblem:
         values = self._rows(x)
         eq_jac, in_jac = self.rows.jacobians(values)
         gradient = np.concatenate([self._pull(q - self.start).ravel(), np.zeros(len(z))])
-        blocks = self.rows.curvature(q, z, y_eq)
+        bends = self.rows.bends(q, z, y_eq)
+        violation = float(np.abs(values.equality).max(initial=0.0))
+        blocks = self._convexity.convexify(bends, values.eq_blocks, violation) + self.rows.press(q, y_in)
         if self.ergonomics is not None:
-            _, slope, bend = self.ergonomics.model_at(q, self._loads, self.stage)
+            _, slope, bent = self.ergonomics.model_at(q, self._loads, self.stage)
             gradient[self._postures.ravel()] += self._rate * slope.ravel()
-            blocks.append(self._rate * bend)
+            blocks += [self._rate * bend for bend in bent]
         return Model(self._hessian.fill(blocks), gradient, eq_jac, values.equality, in_jac, values.inequality)
 
     def _rows(self, x: Array) -> Values:
@@ -192,8 +195,10 @@ class PathProblem:
         columns.append(tail)
         values.append(np.full(len(tail), HOLD))
         blocks = self.rows.curved()
+        bent = [block for block in blocks if block.ndim == 1]
+        self._convexity = Convexity(self._groups, bent, self.rows.bending(), (nq, self.modes.size))
         if self.ergonomics is not None:
             self._postures = np.arange(len(self.kept))[:, None] * nq + self.ergonomics.columns
-            blocks.append(self._postures)
+            blocks += [self._postures[:, part] for part in self.ergonomics.parts]
         constant = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
         self._hessian = UpperBlocks(constant, blocks, self.n)

@@ -12,7 +12,7 @@ from lgp.path.phases import Phases
 from lgp.world import features
 from lgp.world.fastening import Fastening
 from lgp.world.features import Feature
-from lgp.world.holders import Holder
+from lgp.world.holders import Holder, Pose
 from lgp.world.model import Kinematics, World
 from lgp.world.switches import Modes
 
@@ -22,6 +22,9 @@ Blocks = list[tuple[int, Slices]]
 
 AT_TABLES: Final = ("grasp", "place", "hold")
 """Kinds of switches in which a hand works on a table, so that its tilt counts."""
+
+STEP: Final = 1e-6
+"""[m, rad] Of the differences that give the second derivatives by a grip."""
 
 POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
 
@@ -208,7 +211,18 @@ def _held_bend(holder: Holder, limb: Slices, kinematics: Kinematics, z: Array, w
     bend = features.position_curvature(jacobian, weights[None, :3])[0]
     angular = jacobian[0, 3:]
     twist = np.triu(np.cross(turn[:, None], angular, axis=0).T @ angular, 1)
-    # The grip is a rotation vector itself: its parts do not come one after the other.
-    twist[len(limb) :, len(limb) :] = 0.0
     bend += 0.5 * (twist + twist.T)
+    # The grip is a rotation vector itself: its parts do not come one after the other.
+    bend[len(limb) :, len(limb) :] = _grip_bend(holder, kinematics, z, np.concatenate([weights[:3], turn]), held)
     return np.asarray(bend)
+
+
+def _grip_bend(holder: Holder, kinematics: Kinematics, z: Array, weights: Array, held: Pose) -> Array:
+    """Return the weighted second derivative (m, m) of the pose of a held object by its grip, by differences."""
+    grip = z[holder.variables]
+    slopes = np.empty((len(grip), len(grip)))
+    for part in range(len(grip)):
+        moved = grip.copy()
+        moved[part] += STEP
+        slopes[part] = weights @ (holder.pose(kinematics, moved).by_variables[0] - held.by_variables[0]) / STEP
+    return 0.5 * (slopes + slopes.T)

@@ -1,0 +1,119 @@
+"""What a path model is made of: the row of both legs, the curvature that is kept, the ergonomic Hessian in parts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from lgp_worlds import human_world
+
+import dreba
+from lgp.path.acceleration import Condensed, condense, quadratic
+from lgp.path.convexity import Convexity
+from lgp.path.ergonomics import Ergonomics
+from lgp.path.legs import BLEND, Legs
+from lgp.world.posture import PostureMap
+
+
+@pytest.fixture(scope="module")
+def standing() -> tuple[np.ndarray, Legs]:
+    world = human_world("solved")
+    legs, rng = Legs(world), np.random.default_rng(0)
+    q = np.tile(world.start, (40, 1))
+    q[:, legs.columns] += 0.02 * rng.normal(size=(40, len(legs.columns)))
+    q[:5, legs.columns] = world.start[legs.columns]
+    return q, legs
+
+
+def test_one_row_keeps_both_legs_long_enough(standing: tuple[np.ndarray, Legs]) -> None:
+    q, legs = standing
+    both = PostureMap(human_world("solved")).reach(q)[0]
+    value, _ = legs.evaluate(q)
+    assert (value >= both.max(axis=1)).all()
+    assert (value <= both.max(axis=1) + BLEND * np.log(2.0) + 1e-12).all()
+
+
+def test_the_row_has_the_slope_it_says_and_bends_upwards(standing: tuple[np.ndarray, Legs]) -> None:
+    q, legs = standing
+    _, slope = legs.evaluate(q)
+    for at, column in enumerate(legs.columns):
+        step = np.zeros(q.shape[1])
+        step[column] = 1e-7
+        difference = (legs.evaluate(q + step)[0] - legs.evaluate(q - step)[0]) / 2e-7
+        assert slope[:, at] == pytest.approx(difference, abs=1e-5)
+    assert np.linalg.eigvalsh(legs.curvature(q)).min() > -1e-9
+
+
+def convexity(joints: int = 3) -> tuple[Convexity, np.ndarray]:
+    """One switch in the last of four slices whose rows hold the first joint."""
+    condensed = condense(quadratic(4, 0.5, stop=True), np.array([3]))
+    columns = np.arange(joints)
+    stiff = 2.0 * float(condensed.cost[0, 0])
+    return Convexity([(columns, condensed)], [columns], [columns], (joints, 0)), np.full(joints, stiff)
+
+
+def test_curvature_is_kept_while_accelerations_or_rows_outweigh_it() -> None:
+    test, stiff = convexity()
+    jacobian = np.array([[1.0, 0.0, 0.0]])
+    kept = np.diag([-50.0 * stiff[0], -0.9 * stiff[1], 2.0])
+    assert test.convexify([kept], [jacobian], 0.0)[0] == pytest.approx(kept)
+    # The second joint is held by nothing: a quarter of this is what its stiffness outweighs.
+    steep = np.diag([0.0, -3.0 * stiff[1], 2.0])
+    assert test.convexify([steep], [jacobian], 0.0)[0] == pytest.approx(np.diag([0.0, -0.75 * stiff[1], 2.0]))
+    steeper = np.diag([0.0, -9.0 * stiff[1], 2.0])
+    assert test.convexify([steeper], [jacobian], 0.0)[0] == pytest.approx(np.diag([0.0, 0.0, 2.0]))
+
+
+def test_far_from_its_rows_a_model_keeps_no_negative_curvature() -> None:
+    test, stiff = convexity()
+    kept = np.diag([-0.5 * stiff[0], 1.0, 0.0])
+    assert test.convexify([kept], [np.eye(3)], 1.0)[0] == pytest.approx(np.diag([0.0, 1.0, 0.0]))
+
+
+def test_variables_that_nothing_costs_keep_no_negative_curvature() -> None:
+    condensed = Condensed(np.array([[1.0]]), np.array([[1.0]]))
+    test = Convexity([(np.array([0]), condensed)], [np.array([0, 1])], [np.array([0, 1])], (1, 1))
+    (found,) = test.convexify([np.diag([0.0, -1.0])], [np.array([[1.0, 0.0]])], 0.0)
+    assert found == pytest.approx(np.zeros((2, 2)))
+    # Rows that tie the variable to the joint hold it.
+    (found,) = test.convexify([np.diag([0.0, -1.0])], [np.array([[1.0, -1.0]])], 0.0)
+    assert found == pytest.approx(np.diag([0.0, -1.0]))
+
+
+@pytest.mark.parametrize(("kind", "sums"), [("convex", True), ("soft", False)])
+def test_the_ergonomic_hessian_comes_in_parts_that_are_convex(kind: str, sums: bool) -> None:
+    world = human_world("solved")
+    cost = Ergonomics(world, dreba.load(kind))
+    assert (len(cost.parts) > 5) == sums
+    assert sorted(np.concatenate(cost.parts).tolist()) == sorted(set(np.concatenate(cost.parts).tolist()))
+    q = np.tile(world.start, (6, 1))
+    q[:, cost.columns] += 0.1 * np.random.default_rng(1).normal(size=(6, len(cost.columns)))
+    q = np.clip(q, world.lower, world.upper)
+    value, gradient, bends = cost.model_at(q, np.zeros(6))
+    assert value == pytest.approx(cost.value(q, np.zeros(6)))
+    assert [bend.shape for bend in bends] == [(6, len(part), len(part)) for part in cost.parts]
+    assert all(np.linalg.eigvalsh(bend).min() > -1e-6 * np.abs(bend).max() for bend in bends)
+    for at, column in enumerate(cost.columns):
+        step = np.zeros(world.nq)
+        step[column] = 1e-6
+        difference = (cost.value(q + step, np.zeros(6)) - cost.value(q - step, np.zeros(6))) / 2e-6
+        assert gradient[:, at] == pytest.approx(difference, abs=1e-3 * max(1.0, np.abs(gradient).max()))
+
+
+def test_the_hessian_of_a_sum_holds_the_curvature_of_the_angles() -> None:
+    world = human_world("solved")
+    cost = Ergonomics(world, dreba.load("convex"))
+    q = world.start[None].copy()
+    # Away from the knots of the hinges, where second derivatives jump.
+    for name, value in (("clavicle_joint_X", 0.05), ("shoulder_Z", 0.65), ("shoulder_X", 0.33)):
+        q[0, world.column[f"human.right_{name}"]] = value
+    part = next(p for p in cost.parts if world.column["human.right_shoulder_Z"] in cost.columns[p])
+    number = [np.array_equal(part, other) for other in cost.parts].index(True)
+    columns = cost.columns[part]
+
+    def gradient(at: np.ndarray) -> np.ndarray:
+        return cost.model_at(at, np.zeros(1))[1][0, part]
+
+    true = np.array([(gradient(q + 1e-5 * row) - gradient(q - 1e-5 * row)) / 2e-5 for row in np.eye(world.nq)[columns]])
+    values, vectors = np.linalg.eigh(0.5 * (true + true.T))
+    clipped = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    assert cost.model_at(q, np.zeros(1))[2][number][0] == pytest.approx(clipped, abs=1e-2 * np.abs(values).max())
