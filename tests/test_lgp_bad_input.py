@@ -1,4 +1,4 @@
-"""Scenes and models that cannot be planned with, from the command line: one line that says what, where and by how much."""
+"""Scenes and models that cannot be planned with, from the command line: one line that says what, where, by how much."""
 
 from __future__ import annotations
 
