@@ -10,6 +10,7 @@ from dreba.errors import ModelError
 from dreba.evaluate import check_temperature
 from dreba.export_c import c_source
 from dreba.export_casadi import casadi_json
+from dreba.files import write
 from dreba.graduated import GraduatedModel
 from dreba.model import Surrogate
 from reba.errors import did_you_mean
@@ -65,11 +66,5 @@ def export(
     out = Path(path)
     if not out.suffix:
         out = out.with_suffix(suffix)
-    content = text(model, temperature=temperature, name=name)
-    part = out.with_name(out.name + ".part")
-    try:
-        part.write_text(content, encoding="utf-8")
-        part.replace(out)
-    except OSError as error:
-        raise ModelError(f"{out}: cannot be written ({error.strerror or error})") from error
+    write(out, text(model, temperature=temperature, name=name))
     return out

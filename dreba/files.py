@@ -16,7 +16,7 @@ import numpy as np
 from dreba.domain import Domain
 from dreba.errors import ModelError
 from dreba.parameters import check_parameters
-from reba.errors import did_you_mean
+from reba.errors import RebaError, did_you_mean
 from reba.posture import COLUMNS
 
 if TYPE_CHECKING:
@@ -132,14 +132,21 @@ def save(model: Surrogate, path: str | Path) -> None:
     Raises:
         ModelError: the model is not fitted, or the file cannot be written.
     """
-    target = Path(path)
-    text = json.dumps(to_dict(model), indent=1) + "\n"
-    part = target.with_name(target.name + ".part")
+    write(path, json.dumps(to_dict(model), indent=1) + "\n")
+
+
+def write(path: str | Path, text: str) -> None:
+    """Write a text file whole or not at all.
+
+    Raises:
+        ModelError: the file cannot be written.
+    """
+    from reba.writers import write_atomic, write_text
+
     try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(target)
-    except OSError as error:
-        raise ModelError(f"{target}: cannot be written ({error.strerror or error})") from error
+        write_atomic(Path(path), lambda part: write_text(part, text))
+    except RebaError as error:
+        raise ModelError(str(error)) from error
 
 
 def load(path: str | Path) -> Surrogate:

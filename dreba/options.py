@@ -68,7 +68,7 @@ def draw_poses(given: dict[str, Any], rng: Any, domain: str | Domain = "human", 
     names = [name.strip() for name in given["factors"].split(",") if name.strip()]
     return draw(
         given["n"],
-        classes_of(given["classes"] or classes),
+        classes_of(classes if given["classes"] is None else given["classes"]),
         domain=given["domain"] or domain,
         rng=rng,
         weights=given["weights"],

@@ -113,6 +113,7 @@ def test_compare_and_export(run: Run, model: Path, tmp_path: Path) -> None:
     ("words", "said"),
     [
         (["sample", "-n", 100, "--classes", "12:13", "-o", "x.parquet"], "class 12 cannot be reached"),
+        (["sample", "--classes", "", "-o", "x.parquet"], "FIRST:LAST"),
         (["sample", "--classes", "low", "-o", "x.parquet"], "FIRST:LAST"),
         (["sample", "-o", "x.csv"], ".parquet"),
         (["sample", "-n", 10**13, "-o", "x.parquet"], "at most 20,000,000"),

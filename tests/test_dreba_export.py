@@ -146,5 +146,6 @@ def test_kinds_without_an_export_and_bad_paths_are_refused(tmp_path: Path) -> No
             export(part, target, tmp_path / "cost")
     with pytest.raises(dreba.ModelError, match="no temperature"):
         export(model("quadratic"), "c", tmp_path / "cost", temperature=2.0)
+    (tmp_path / "file").touch()
     with pytest.raises(dreba.ModelError, match="cannot be written"):
-        export(model("quadratic"), "c", tmp_path / "missing" / "cost.c")
+        export(model("quadratic"), "c", tmp_path / "file" / "cost.c")
