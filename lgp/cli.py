@@ -9,7 +9,7 @@ import click
 
 import reba
 from lgp.errors import LgpError
-from lgp.plan import COST, DEPTH
+from lgp.plan import COST
 from lgp.plan import plan as make_plan
 from lgp.study.commands import simulate_study, study
 from lgp.world.scene_file import load_scene, shipped_scenes
@@ -31,7 +31,7 @@ def cli() -> None:
 @click.option("--cost", metavar="MODEL.json|NAME", help="dREBA model of the ergonomic cost; `convex` by default.")
 @click.option("--no-ergonomics", is_flag=True, help="Plan by accelerations alone.")
 @click.option("--sequence", metavar="FILE", help="Plan the motion of these actions, one a line, instead of searching.")
-@click.option("--depth", default=DEPTH, type=click.IntRange(1, 20), show_default=True, help="Longest sequence.")
+@click.option("--depth", type=click.IntRange(1, 40), help="Longest sequence; the scene's by default.")
 @click.option("--seconds", type=click.FloatRange(0, min_open=True), help="Stop the search after this time.")
 @click.option("--height", "heights", multiple=True, metavar="TABLE=M", help="Height of a table [m]; may be repeated.")
 @click.option("-o", "--output", metavar="DIR", help="Write plan.json, path.parquet and postures.parquet there.")
@@ -42,7 +42,7 @@ def plan(
     cost: str | None,
     no_ergonomics: bool,
     sequence: str | None,
-    depth: int,
+    depth: int | None,
     seconds: float | None,
     heights: tuple[str, ...],
     output: str | None,

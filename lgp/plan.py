@@ -33,8 +33,6 @@ Array = NDArray[np.float64]
 
 COST = "convex"
 """The shipped model that is planned with by default: it is convex, and least near rest."""
-DEPTH = 4
-"""Longest sequence by default."""
 
 
 def plan(
@@ -42,7 +40,7 @@ def plan(
     cost: Surrogate | Ergonomics | str | Path | None = COST,
     *,
     sequence: Iterable[str] | None = None,
-    depth: int = DEPTH,
+    depth: int | None = None,
     seconds: float = float("inf"),
     start: Array | None = None,
     slices: int | None = None,
@@ -57,7 +55,7 @@ def plan(
             of a world with the same agents saves preparing it again.
         sequence: actions to plan for instead of searching, as the paper prints them: `grasp(1, baxter.right, box)`, or
             without the step.
-        depth: longest sequence.
+        depth: longest sequence, the scene's by default.
         seconds: wall-clock time for the search; the best plan so far is returned.
         start: (nq,) first configuration [rad, m], in the order of `Plan.joints`; the scene's by default.
         slices: per phase, the scene's by default.
@@ -84,7 +82,7 @@ def plan(
     there = _world(chosen, world)
     first = _start(there, start)
     bounds = PathBounds(there, _ergonomics(there, cost), weights, first, slices)
-    return plan_within(bounds, task, wanted, Budget(depth=depth, seconds=seconds))
+    return plan_within(bounds, task, wanted, Budget(depth=chosen.depth if depth is None else depth, seconds=seconds))
 
 
 def plan_within(

@@ -35,7 +35,7 @@ def test_variables_are_named_and_bounded(modes: Modes) -> None:
     assert modes.upper[turns] == pytest.approx(0.1)
     assert modes.names[-3:] == ("2.box.x", "2.box.y", "2.box.yaw")
     # The box is 0.1 m wide, the table 0.6 x 0.4 m.
-    np.testing.assert_allclose(modes.upper[-3:], [0.25, 0.15, np.pi])
+    np.testing.assert_allclose(modes.upper[-3:], [0.25, 0.15, 2.0 * np.pi])
     np.testing.assert_allclose(modes.lower, -modes.upper)
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lgp.logic import Action
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.feasible import CLOSE, nearest
+from lgp.path.memory import Memory
 from lgp.path.phases import Phases
 from lgp.path.problem import Costs, PathProblem, Weights
 from lgp.path.stretch import Stretch
@@ -87,6 +88,7 @@ class PathBounds:
         self.slices = slices
         self._stretch = Stretch(world)
         self._known: dict[tuple[str, Skeleton], BoundResult] = {}
+        self._memory = Memory(world)
 
     def is_lower_bound(self, level: str) -> bool:
         """Return True: dropping slices, switches and the stop at the end only ever lowers the cost."""
@@ -141,37 +143,65 @@ class PathBounds:
             cost = warm.cost if warm is not None else 0.0
         return BoundResult(True, cost, seconds=seconds, payload=solution)
 
+    def reconsider(self) -> None:
+        """Forget sequences and paths, but not the best motions found: the next search starts everywhere from those."""
+        self._known = {key: found for key, found in self._known.items() if key[0] == "pose"}
+
     def _pose(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
         refused = self._stretch.refusal(phases)
         if refused:
             return None, refused
         before = np.zeros((0, self.world.nq)) if earlier is None else earlier.keys
-        first = self.start if earlier is None else before[-1]
-        problem = self.problem("pose", phases)
-        result, why = self._solve(problem, first[None], POSES)
-        if result is None:
-            return None, why
-        keys = np.concatenate([before, problem.split(result.x)[0]])
-        return Solution(keys, np.zeros(0), None, problem.costs(result.x), result), ""
+        known = self._memory.pose(phases)
+        if isinstance(known, str):
+            return None, known
+        if known is None or known.count != phases.count:
+            first = self.start[None] if earlier is None else before[-1:]
+            problem = self.problem("pose", phases)
+            result, why = self._solve(problem, [first] if known is None else [known.pose, first], POSES)
+            if result is None:
+                self._memory.refuse(phases, why)
+                return None, why
+            costs = problem.costs(result.x)
+            without = replace(costs, ergonomics=costs.ergonomics - self._carried(phases))
+            known = self._memory.note(phases, problem.split(result.x)[0], without, result)
+        costs = replace(known.costs, ergonomics=known.costs.ergonomics + self._carried(phases))
+        return Solution(np.concatenate([before, known.pose]), np.zeros(0), None, costs, known.result), ""
+
+    def _carried(self, phases: Phases) -> float:
+        """Return what carried loads cost in the phases of a sequence."""
+        if self.ergonomics is None:
+            return 0.0
+        return self.weights.ergonomics * phases.tau * float(self.ergonomics.payload(phases.loads()).sum())
 
     def _sequence(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
         first = np.tile(self.start, (phases.count, 1))
         if earlier is not None and len(earlier.keys) == phases.count:
             first = earlier.keys
         problem = self.problem("sequence", phases)
-        result, why = self._solve(problem, first, RELAXED)
+        known = self._memory.start(phases, self.start)
+        starts = [first] if known is None else [problem.join(*known), first]
+        result, why = self._solve(problem, starts, RELAXED)
         if result is None:
             return None, f"sequence: {why}"
         keys, variables = problem.split(result.x)
+        self._memory.keep(phases, result.cost, keys, variables)
         return Solution(keys, variables, None, problem.costs(result.x), result), ""
 
-    def _solve(self, problem: PathProblem, first: Array, options: Options) -> tuple[Result | None, str]:
-        """Solve a problem on few slices from some starts (P, nq); return the best success, or why there is none."""
+    def _solve(self, problem: PathProblem, known: list[Array], options: Options) -> tuple[Result | None, str]:
+        """Solve a problem on few slices from some starts; return the best success, or why there is none.
+
+        Args:
+            problem: the problem.
+            known: starts, x (n,) or configurations (P, nq); others are drawn around the last one.
+            options: of the solver.
+        """
         best: Result | None = None
         failed: tuple[float, str] = (math.inf, "")
-        sure, others = self._starts(first)
-        for number, candidate in enumerate([*sure, *others]):
-            if best is not None and number >= len(sure):
+        sure, others = self._starts(known[-1])
+        count = len(known) - 1 + len(sure)
+        for number, candidate in enumerate([*known[:-1], *sure, *others]):
+            if best is not None and number >= count:
                 break
             result, left, why = self._attempt(problem, candidate, options)
             if result is None:
@@ -181,11 +211,12 @@ class PathBounds:
         return best, failed[1]
 
     def _attempt(self, problem: PathProblem, candidate: Array, options: Options) -> tuple[Result | None, float, str]:
-        """Solve from one start (P, nq): the result, or the violation left and why."""
-        keys = np.broadcast_to(candidate[-1], (problem.phases.count, self.world.nq))
-        if len(candidate) == problem.phases.count:
-            keys = candidate
-        x, left = nearest(problem, problem.join(candidate, problem.modes.guess(keys)))
+        """Solve from one start, x (n,) or configurations (P, nq): the result, or the violation left and why."""
+        if candidate.ndim == 2:
+            whole = len(candidate) == problem.phases.count
+            keys = candidate if whole else np.broadcast_to(candidate[-1], (problem.phases.count, self.world.nq))
+            candidate = problem.join(candidate, problem.modes.guess(keys))
+        x, left = nearest(problem, candidate)
         if left > HOPELESS:
             return None, left, reason(problem, x)
         result = solve(problem, x, options=options)
@@ -238,12 +269,14 @@ class PathBounds:
 def _conflict(skeleton: tuple[Action, ...]) -> Skeleton:
     """Return the consecutive actions whose geometry alone makes the last pose infeasible, () if all before matter.
 
-    Whether a hand can put an object on a table depends on nothing before; whether it can take the object from a table
-    depends on the table only.
+    Whether a hand can put an object on a table, or two hands meet at it, depends on nothing before; whether a hand can
+    take or hold the object on a table depends on the table only.
     """
     last = skeleton[-1]
-    if last.name == "place":
+    if last.name in ("place", "handover"):
         return (last,)
+    if last.name not in ("grasp", "hold"):
+        return ()
     before = skeleton[-2] if len(skeleton) > 1 else None
     if before is not None and before.name == "place" and before.arguments[1] == last.arguments[1]:
         return (before, last)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+Payload = Literal["linear", "model"]
+PAYLOADS: Final = ("linear", "model")
+
 STARTS = 24
 """Random postures from which the least value of a surrogate is searched, besides the first one."""
 PROBES = 64
@@ -28,13 +31,16 @@ STEP = 1e-6
 class Ergonomics:
     """A surrogate on the configurations of a world.
 
-    Scores count from 0: where a surrogate dips below 0 its least value is subtracted, so that time spent never pays.
+    A carried load adds its mass / 5 kg (equation 4 of the paper), which makes light loads cost something: the classes
+    of the score itself begin at 5 kg. Scores count from 0: where a surrogate dips below 0 its least value is
+    subtracted, so that time spent never pays.
 
     Attributes:
         columns: columns of q that the cost depends on, (k,).
         floor: least score of any posture inside the joint limits without a load. A surrogate that is convex in the
             angles has one minimum; others are minimised from many postures: their floor is as sure as that search.
         shift: what is added to the surrogate's values.
+        form: "linear" adds equation 4, "model" leaves loads to the surrogate.
         stages: temperatures to minimise at one after another, (None,) for a surrogate without; the last one counts.
         parts: groups of `columns` whose second derivatives mix, as places in `columns`: one group of all of them, or,
             where the surrogate is a sum over angles, the joints that an angle shares.
@@ -44,13 +50,15 @@ class Ergonomics:
         WorldError: the world has no human.
     """
 
-    def __init__(self, world: World, model: Surrogate) -> None:
+    def __init__(self, world: World, model: Surrogate, payload: Payload = "linear") -> None:
+        if payload not in PAYLOADS:
+            raise LgpError(f"payload is {payload!r}, expected one of {', '.join(PAYLOADS)}")
         unknown = [name for name in model.joints_ if name not in INDEX]
         if unknown:
             raise LgpError(
                 f"cost model: joint {unknown[0]!r} is no posture angle of the human; fit it on columns of reba.COLUMNS"
             )
-        self.world, self.model = world, model
+        self.world, self.model, self.form = world, model, payload
         self.posture = PostureMap(world)
         self.columns = self.posture.columns
         self.stages: tuple[float | None, ...] = tuple(model.temperatures_) or (None,)
@@ -65,14 +73,25 @@ class Ergonomics:
         self.floor = least + self.shift
 
     def value(self, q: Array, loads: Array, stage: int = -1) -> Array:
-        """Return the surrogate's score (n,) of configurations (n, nq) with loads (n,) [kg]."""
+        """Return the surrogate's score (n,) of configurations (n, nq) with loads (n,) [kg], without `payload`."""
         angles, _ = self._angles(q)
-        return self.shift + np.asarray(self.model.value(angles, load=loads, temperature=self.stages[stage]))
+        given = {"load": self._own(loads), "temperature": self.stages[stage]}
+        return self.shift + np.asarray(self.model.value(angles, **given))
+
+    def payload(self, loads: Array) -> Array:
+        """Return what loads (n,) [kg] add to the scores of `value`, (n,)."""
+        from dreba.payload import delta_payload
+
+        return np.asarray(delta_payload(loads, "linear")) if self.form == "linear" else np.zeros(len(loads))
+
+    def _own(self, loads: Array) -> Array:
+        """Return the loads that the model itself is told of."""
+        return loads if self.form == "model" else np.zeros(len(loads))
 
     def model_at(self, q: Array, loads: Array, stage: int = -1) -> tuple[Array, Array, list[Array]]:
         """Return value (n,), gradient (n, k) by `columns`, and a convex Hessian (n, m, m) of each part."""
         angles, jacobian = self._angles(q)
-        given: dict[str, Any] = {"load": loads, "temperature": self.stages[stage]}
+        given: dict[str, Any] = {"load": self._own(loads), "temperature": self.stages[stage]}
         value, slope = self.model.value_and_gradient(angles, **given)
         gradient = np.matmul(slope[:, None, :], jacobian)[:, 0]
         if self._adds_up:

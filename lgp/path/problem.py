@@ -179,8 +179,10 @@ class PathProblem:
         ]
         self._rate = self.weights.ergonomics * self.phases.tau
         self._floor = 0.0
-        if self.ergonomics is not None and horizon > len(self.kept):
-            self._floor = self._rate * self.ergonomics.floor * (horizon - len(self.kept))
+        if self.ergonomics is not None:
+            # Loads are known in every slice, postures in those that are kept.
+            carried = float(self.ergonomics.payload(self.phases.loads()[:horizon]).sum())
+            self._floor = self._rate * (carried + self.ergonomics.floor * (horizon - len(self.kept)))
 
     def _patterns(self) -> None:
         nq = self.world.nq

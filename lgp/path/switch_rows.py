@@ -33,8 +33,8 @@ POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
 class Row:
     """What one row is about: its kind, its unit, the number of a switch or slice, and who or what.
 
-    Kinds: "jump", "screw", "joint", "rest" (of switches), "sole"; "tilt", "against" (of switches), "leg". A tilt is a
-    difference of cosines and the straightness of a screw is a cosine: they have no unit.
+    Kinds: "jump", "screw", "joint", "rest" (of switches), "sole"; "tilt" (of switches), "leg". A tilt is a
+    difference of cosines, which has no unit.
     """
 
     kind: str
@@ -86,9 +86,6 @@ class SwitchRows:
         for number in self._tilted:
             self.ineq.append((1, self._columns(number)))
             self.in_rows.append(Row("tilt", "", number, phases.switches[number].hand))
-        for number in self._screws:
-            self.ineq.append((1, self._columns(number, self._own[number])))
-            self.in_rows.append(Row("against", "", number, phases.switches[number].hand))
 
     def limb(self, number: int) -> Slices:
         """Return the columns of q that move the hands of a switch."""
@@ -119,7 +116,7 @@ class SwitchRows:
         kept = screw.rows(self.world.at(self.world.start[None], self.modes.frames))
         self._joined[number] = kept
         self.eq.append((5, self._columns(number, screw.variables)))
-        self.eq_rows += [Row("screw", unit, number, switch.hand) for unit in ("m", "m", "m", "", "")]
+        self.eq_rows += [Row("screw", unit, number, switch.hand) for unit in ("m", "m", "m", "rad", "rad")]
         self.eq.append((len(kept), self._columns(number, screw.variables)))
         self.eq_rows += [Row("joint", POSE_UNITS[row], number, switch.other) for row in kept]
 
@@ -136,10 +133,6 @@ class SwitchRows:
             tilt = features.tilt(kinematics[number].place(hand), self.world.scene.hands[hand].tilt)
             found.inequality.append(tilt.value[0])
             found.in_blocks.append(tilt.jacobian[0][:, self._limbs[number]])
-        for number, screw in self._screws.items():
-            against = screw.against(kinematics[number], z)
-            found.inequality.append(against.value[0])
-            found.in_blocks.append(self._block(number, against))
         return found
 
     def _kinematics(self, number: int, q: Array) -> Kinematics:

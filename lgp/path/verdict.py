@@ -37,9 +37,7 @@ def reason(problem: PathProblem, x: Array) -> str:
         say = {"jump": _jump, "screw": _screw, "joint": _joint}[kind]
         words.append((away + turned, f"{_where(problem, number)}: {say(problem, number, away, turned)}"))
     for row, value in zip(problem.rows.in_rows, values.inequality, strict=True):
-        if row.kind == "against":
-            words.append((value, f"{_where(problem, row.number)}: {row.name} points the wrong way"))
-        elif row.kind == "tilt":
+        if row.kind == "tilt":
             words.append((value, f"{_where(problem, row.number)}: {row.name} {_tilt(problem, row.name, value)}"))
         else:
             words.append((value, f"{_slice(problem, row.number)}: the {row.name} leg is too short by {value:.3f} m"))
@@ -60,7 +58,7 @@ def _jump(problem: PathProblem, number: int, away: float, turned: float) -> str:
 
 def _screw(problem: PathProblem, number: int, away: float, turned: float) -> str:
     switch = problem.phases.switches[number]
-    skew = f", {np.degrees(np.arcsin(min(turned, 1.0))):.1f} deg aslant" if turned > FINE else ""
+    skew = f", {np.degrees(turned):.1f} deg aslant" if turned > FINE else ""
     return f"{switch.hand} stays {away:.3f} m away from its place behind the screw{skew}"
 
 

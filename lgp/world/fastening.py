@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 UPRIGHT = (0, 1, 5)
 """Rows of a pose difference that matter where both objects stand on tables of one height: x, y and yaw."""
 
+SMALL = 1e-3
+"""Sine below which its series stands for an angle."""
+
 LEVEL = 1e-9
 """[m, rad] Differences below this count as standing alike."""
 
@@ -68,49 +71,64 @@ class Fastening:
         return UPRIGHT if level else tuple(range(6))
 
     def reach(self, kinematics: Kinematics, z: Array) -> Feature:
-        """Return how far the hand is from its place behind the screw [m] and from its axis, (n, 5), by (q, z).
+        """Return how far the hand is from its place behind the screw [m] and from its axis [rad], (n, 5), by (q, z).
 
-        The last two values are the cosines between the axis of the screw and the axes across the tool: 0 if aligned.
+        The last two values are the rotation vector from the tool to the screw, about the axes across the tool.
         """
-        part = self._screwed(kinematics, z)
-        hand = self._hand(kinematics)
+        part = self.first.pose(kinematics, z[self.first.variables]).spread(self.size)
+        place = kinematics.place(self.hand.full)
+        nothing = np.zeros((len(kinematics), 6, 0))
+        hand = Pose(place.rotation, place.position, place.jacobian, nothing, slice(0, 0)).spread(self.size)
         along, by_along = _direction(part, np.array(self.joint.along))
-        place, by_place = _point(part, np.array(self.joint.screw) - self.joint.tool * np.array(self.joint.along))
-        values, jacobians = [hand.position - place], [hand.jacobian[:, :3] - by_place]
-        for axis in (axis for axis in range(3) if axis != self.tool_axis):
-            value, jacobian = self._cosine(hand, axis, along, by_along)
-            values.append(value)
-            jacobians.append(jacobian)
-        return Feature(np.concatenate(values, axis=1), np.concatenate(jacobians, axis=1))
-
-    def against(self, kinematics: Kinematics, z: Array) -> Feature:
-        """Return minus the cosine between tool and screw, (n, 1): <= 0 where the tool points the right way."""
-        along, by_along = _direction(self._screwed(kinematics, z), np.array(self.joint.along))
-        value, jacobian = self._cosine(self._hand(kinematics), self.tool_axis, along, by_along)
-        return Feature(-value, -jacobian)
+        behind, by_behind = _point(part, np.array(self.joint.screw) - self.joint.tool * np.array(self.joint.along))
+        slant, by_slant = _slant(*_seen(hand, along, by_along), self.tool_axis)
+        return Feature(
+            np.concatenate([hand.position - behind, slant], axis=1),
+            np.concatenate([hand.jacobian[:, :3] - by_behind, by_slant], axis=1),
+        )
 
     def curvature(self, kinematics: Kinematics, z: Array, y: Array) -> Array:
-        """Return sum_i y_i d2 reach_i by the configuration, (n, nq, nq), for (5,) weights."""
+        """Return sum_i y_i d2 reach_i by the configuration near an aligned tool, (n, nq, nq), for (5,) weights."""
         hand = kinematics.place(self.hand.full)
-        along, _ = _direction(self._screwed(kinematics, z), np.array(self.joint.along))
+        part = self.first.pose(kinematics, z[self.first.variables]).spread(self.size)
+        along, _ = _direction(part, np.array(self.joint.along))
         bend = features.position_curvature(hand.jacobian, np.broadcast_to(y[:3], (len(kinematics), 3)))
-        for weight, axis in zip(y[3:], (axis for axis in range(3) if axis != self.tool_axis), strict=True):
+        for weight, axis in zip(y[3:], _across(self.tool_axis), strict=True):
             bend = bend + features.axis_curvature(hand.jacobian, hand.axis(axis), weight * along)
         return bend
 
-    def _screwed(self, kinematics: Kinematics, z: Array) -> Spread:
-        return self.first.pose(kinematics, z[self.first.variables]).spread(self.size)
 
-    def _hand(self, kinematics: Kinematics) -> Spread:
-        place = kinematics.place(self.hand.full)
-        nothing = np.zeros((len(kinematics), 6, 0))
-        return Pose(place.rotation, place.position, place.jacobian, nothing, slice(0, 0)).spread(self.size)
+def _across(axis: int) -> tuple[int, ...]:
+    return tuple(other for other in range(3) if other != axis)
 
-    def _cosine(self, hand: Spread, axis: int, along: Array, by_along: Array) -> tuple[Array, Array]:
-        own = features.axis(hand, axis)
-        value = np.einsum("ni,ni->n", own.value, along)
-        jacobian = np.einsum("ni,nij->nj", along, own.jacobian) + np.einsum("ni,nij->nj", own.value, by_along)
-        return value[:, None], jacobian[:, None]
+
+def _seen(hand: Spread, along: Array, by_along: Array) -> tuple[Array, Array]:
+    """Return a direction (n, 3) in the frame of a hand, and its Jacobian (n, 3, columns)."""
+    inverse = np.swapaxes(hand.rotation, 1, 2)
+    # d(R'a) = R'(da - omega x a)
+    return np.einsum("nij,nj->ni", inverse, along), inverse @ (by_along - cross(hand.jacobian[:, 3:], along))
+
+
+def _slant(seen: Array, by_seen: Array, axis: int) -> tuple[Array, Array]:
+    """Return the angle between an axis and a unit direction as two parts (n, 2) [rad], and its Jacobian.
+
+    The parts are those of the direction across the axis, scaled from the sine to the angle: 0 where both agree only.
+    """
+    sides = list(_across(axis))
+    across, by_across = seen[:, sides], by_seen[:, sides]
+    cosine, by_cosine = seen[:, axis], by_seen[:, axis]
+    sine = np.linalg.norm(across, axis=1)
+    half_square = np.einsum("ni,nij->nj", across, by_across)
+    small = (sine < SMALL) & (cosine > 0.0)
+    safe = np.where(small, 1.0, np.maximum(sine, 1e-9))
+    angle = np.arctan2(sine, cosine)
+    scale = np.where(small, 1.0 + sine**2 / 6.0, angle / safe)
+    by_sine = half_square / safe[:, None]
+    by_scale = (cosine[:, None] * by_sine - sine[:, None] * by_cosine) / safe[:, None] - (angle / safe**2)[
+        :, None
+    ] * by_sine
+    by_scale = np.where(small[:, None], half_square / 3.0, by_scale)
+    return scale[:, None] * across, scale[:, None, None] * by_across + across[:, :, None] * by_scale[:, None, :]
 
 
 def _point(base: Spread, point: Array) -> tuple[Array, Array]:

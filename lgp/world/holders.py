@@ -150,10 +150,10 @@ def fixed_in(hand: Hand, thing: Thing) -> Holder:
 
 
 def placed(table: Table, thing: Thing, start: int) -> Holder:
-    """Return a table that an object is put on: x, y anywhere on the top, any yaw."""
+    """Return a table that an object is put on: x, y anywhere on the top, any yaw (twice around: no yaw is a border)."""
     margin = min(thing.size[:2]) / 2.0
     reach = np.maximum(np.array(table.size) / 2.0 - margin, 0.0)
-    lower, upper = np.array([*-reach, -np.pi]), np.array([*reach, np.pi])
+    lower, upper = np.array([*-reach, -2.0 * np.pi]), np.array([*reach, 2.0 * np.pi])
     variables = slice(start, start + 3)
     top = _about_z(np.radians(table.yaw))
 
