@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
-from lgp_worlds import anywhere, human_world
+from lgp_worlds import anywhere, differences, human_world
 
 from lgp.errors import WorldError
+from lgp.world.features import Feature
 from lgp.world.model import World
+from lgp.world.scene_file import read_scene
 from lgp.world.switches import Modes, Switch
 
 RIGHT, LEFT = "human.right_hand", "human.left_hand"
@@ -121,3 +124,151 @@ def test_unknown_phases_and_objects_are_refused() -> None:
         modes.holder("box", 4)
     with pytest.raises(WorldError, match="no object 'bx'"):
         modes.holder("bx", 0)
+
+
+# Two boards that lie flat on one table, and the joint between them.
+BOARDS = {
+    "domain": "toolbox",
+    "initial": ["on_table(handle)", "on_table(side)", "free(human.right_hand)", "fit(handle, side)"],
+    "goal": ["screwed(handle, side)"],
+    "human": {"hands": ["left_hand", "right_hand"]},
+    "tables": {"near": {"position": [0.6, 0.0], "size": [0.6, 0.8], "height": 0.9, "yaw": 30}},
+    "objects": {
+        "handle": {
+            "size": [0.36, 0.018, 0.24],
+            "mass": 1.0,
+            "on": "table.near",
+            "up": "y",
+            "grips": {"human_hand": {"at": [0.0, 0.009, 0.02], "along": [0, -1, 0], "slide": 0.05}},
+        },
+        "side": {"size": [0.22, 0.018, 0.16], "mass": 0.4, "on": "table.near", "at": [0.1, 0.2, 0]},
+    },
+    "joints": [
+        {
+            "parts": ["handle", "side"],
+            "position": [-0.189, 0.0, -0.04],
+            "yaw": 90,
+            "screw": [-0.198, 0.0, 0.0],
+            "along": [1, 0, 0],
+            "tool": 0.15,
+        }
+    ],
+}
+ASSEMBLE = (
+    Switch("grasp", LEFT, "handle"),
+    Switch("handover", RIGHT, "handle", giver=LEFT),
+    Switch("place", RIGHT, "handle", "table.near"),
+    Switch("grasp", RIGHT, "side"),
+    Switch("place", RIGHT, "side", "table.near"),
+    Switch("hold", LEFT, "handle"),
+    Switch("screw", RIGHT, "handle", other="side"),
+    Switch("release", LEFT, "handle"),
+)
+
+
+@cache
+def boards() -> Modes:
+    return Modes(World(read_scene(BOARDS)), ASSEMBLE)
+
+
+def test_a_board_lies_flat_and_stands_where_it_is_placed() -> None:
+    modes = boards()
+    kinematics = modes.world.at(modes.world.start[None], modes.frames)
+    z = np.zeros(modes.size)
+    flat, upright = (modes.pose("handle", phase, kinematics, z) for phase in (0, 3))
+    np.testing.assert_allclose(flat.rotation[0, :, 1], [0, 0, 1], atol=1e-12)
+    assert flat.position[0, 2] == pytest.approx(0.909)
+    np.testing.assert_allclose(upright.rotation[0, :, 2], [0, 0, 1], atol=1e-12)
+    assert upright.position[0, 2] == pytest.approx(1.02)
+    # A hand that is not turned points its palm the way of the grip, and has the grip's point.
+    held = modes.pose("handle", 1, kinematics, z)
+    palm = kinematics.place(LEFT)
+    np.testing.assert_allclose(-held.rotation[0, :, 1], palm.axis(2)[0], atol=1e-12)
+    point = held.position[0] + held.rotation[0] @ [0.0, 0.009, 0.02]
+    np.testing.assert_allclose(point, palm.position[0], atol=1e-12)
+
+
+def test_a_handover_changes_the_holder_and_a_hold_does_not() -> None:
+    modes = boards()
+    by = [modes.holder("handle", phase).by for phase in range(len(ASSEMBLE) + 1)]
+    assert by == ["table.near", LEFT, RIGHT, *["table.near"] * 6]
+    assert [holder.by for holder in modes.contact(1) or ()] == [RIGHT, LEFT]
+    assert [holder.by for holder in modes.contact(5) or ()] == [LEFT, "table.near"]
+    assert modes.contact(6) is None
+    assert modes.contact(7) is None
+    assert modes.stills == ((LEFT, 5, 7),)
+
+
+@pytest.mark.parametrize("number", [0, 1, 2, 5])
+def test_jumps_between_hands_by_differences(number: int) -> None:
+    modes = boards()
+    world, nq = modes.world, modes.world.nq
+    z = 0.2 * np.random.default_rng(1).uniform(modes.lower, modes.upper)
+    x = np.concatenate([anywhere(world, 1, seed=number)[0], z])
+
+    def jump(at: np.ndarray) -> np.ndarray:
+        return np.concatenate(
+            [modes.jump(number, world.at(row[None, :nq], modes.frames), row[nq:]).value for row in at]
+        )
+
+    found = modes.jump(number, world.at(x[None, :nq], modes.frames), z).jacobian
+    np.testing.assert_allclose(found, differences(jump, x[None]), atol=2e-7)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_screws_by_differences(seed: int) -> None:
+    modes = boards()
+    world, nq = modes.world, modes.world.nq
+    screw = modes.fastening(6)
+    z = np.random.default_rng(seed).uniform(modes.lower, modes.upper)
+    x = np.concatenate([anywhere(world, 1, seed=seed)[0], z])
+    for feature in (screw.reach, screw.apart):
+
+        def value(at: np.ndarray, feature: Feature = feature) -> np.ndarray:
+            return np.concatenate([feature(world.at(row[None, :nq], modes.frames), row[nq:]).value for row in at])
+
+        found = feature(world.at(x[None, :nq], modes.frames), z).jacobian
+        np.testing.assert_allclose(found, differences(value, x[None]), atol=3e-7)
+
+
+def test_the_slant_of_a_tool_is_its_angle() -> None:
+    modes = boards()
+    world = modes.world
+    screw = modes.fastening(6)
+    q = anywhere(world, 20)
+    kinematics = world.at(q, modes.frames)
+    z = np.random.default_rng(0).uniform(modes.lower, modes.upper)
+    along = modes.pose("handle", 6, kinematics, z).rotation[:, :, 0]
+    cosine = np.einsum("ni,ni->n", kinematics.place(RIGHT).axis(0), along)
+    slant = np.linalg.norm(screw.reach(kinematics, z).value[:, 3:], axis=1)
+    np.testing.assert_allclose(np.cos(slant), cosine, atol=1e-9)
+
+
+def test_parts_on_one_table_are_joined_by_place_and_yaw() -> None:
+    modes = boards()
+    kinematics = modes.world.at(modes.world.start[None], modes.frames)
+    screw = modes.fastening(6)
+    assert screw.rows(kinematics) == (0, 1, 5)
+    z = np.zeros(modes.size)
+    z[screw.first.variables] = [0.05, 0.1, 0.4]
+    z[screw.second.variables] = [0.05 - 0.189 * np.cos(0.4), 0.1 - 0.189 * np.sin(0.4), 0.4 + np.pi / 2]
+    np.testing.assert_allclose(screw.apart(kinematics, z).value, 0.0, atol=1e-12)
+    # Before the handle stands on the table it cannot be joined: all rows are kept.
+    lying = Modes(modes.world, (Switch("screw", RIGHT, "handle", other="side"),))
+    assert lying.fastening(0).rows(kinematics) == tuple(range(6))
+
+
+@pytest.mark.parametrize(
+    ("switches", "text"),
+    [
+        (
+            [Switch("handover", RIGHT, "handle", giver=LEFT)],
+            "human.left_hand hands over handle, which is held by table",
+        ),
+        ([Switch("screw", RIGHT, "handle", other="handle")], "have no joint"),
+        ([Switch("screw", RIGHT, "handle", other="sid")], "unknown other 'sid'"),
+    ],
+)
+def test_impossible_assemblies_are_refused(switches: list[Switch], text: str) -> None:
+    with pytest.raises(WorldError, match=text):
+        Modes(boards().world, switches)

@@ -75,7 +75,7 @@ class Ergonomics:
     def value(self, q: Array, loads: Array, stage: int = -1) -> Array:
         """Return the surrogate's score (n,) of configurations (n, nq) with loads (n,) [kg], without `payload`."""
         angles, _ = self._angles(q)
-        given = {"load": self._own(loads), "temperature": self.stages[stage]}
+        given: dict[str, Any] = {"load": self._own(loads), "temperature": self.stages[stage]}
         return self.shift + np.asarray(self.model.value(angles, **given))
 
     def payload(self, loads: Array) -> Array:
