@@ -238,7 +238,9 @@ def count(parts: Iterable[Part]) -> dict[str, int]:
 
 def _quoted(recording: str) -> str:
     """Return a name as it stands in a path; readers of hive layouts turn it back."""
-    return quote(recording, safe=" ", errors="surrogateescape")
+    text = quote(recording, safe=" ", errors="surrogateescape")
+    # A folder that ends like a file would be found by `**/*.parquet`.
+    return f"{text.removesuffix('.parquet')}%2Eparquet" if text.endswith(".parquet") else text
 
 
 def _digest(data: bytes) -> str:

@@ -71,9 +71,13 @@ class Manifest:
         self._synced = time.monotonic()
         try:
             self._file = self.path.open("a+b")
-            self._read()
         except OSError as error:
             raise RebaError(f"{self.path}: cannot be used ({error.strerror or error}); choose another place") from error
+        try:
+            self._read()
+        except BaseException:
+            self._file.close()
+            raise
 
     def append(self, line: dict[str, Any]) -> None:
         """Add a line; it survives the end of this process when this returns.

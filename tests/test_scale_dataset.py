@@ -1,0 +1,234 @@
+"""A dataset of scores: complete, scored once, and whole after every kind of interruption."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow.dataset as ds
+import pytest
+from scale_work import HERE, write_recordings
+
+import reba
+from reba.batch import Options
+from reba.content import content_hash, stamp
+from reba.dataset import Dataset, settings
+from reba.dataset_run import DatasetRun, score_into
+from reba.errors import RebaError
+from reba.manifest import MANIFEST
+
+KILLED = 12
+"""Times that a run is killed before it may end."""
+
+DRIVER = """
+import os, random, signal, sys, time
+from pathlib import Path
+from reba.batch import Options, find_inputs
+from reba.dataset import Dataset
+from reba.dataset_run import score_into
+folder, output, seed = sys.argv[1:]
+inputs = find_inputs([folder])
+Options().read_and_score(inputs[0]).summary()  # loads everything
+rng = random.Random(int(seed))
+manifest = Path(output, "_manifest.jsonl")
+def lines():
+    return manifest.read_bytes().count(b"\\n") if manifest.exists() else 0
+for _ in range({killed}):
+    goal = lines() + rng.randint(0, 4)
+    child = os.fork()
+    if child == 0:
+        with Dataset(output) as dataset:
+            score_into(dataset, inputs, Options())
+        os._exit(0)
+    while lines() < min(goal, len(inputs)):
+        time.sleep(0.001)
+    time.sleep(rng.uniform(0.0, 0.05))
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+"""
+
+
+def run(folder: Path, inputs: list[str], **options: Any) -> DatasetRun:
+    with Dataset(folder) as dataset:
+        return score_into(dataset, inputs, Options(**options))
+
+
+def lines(folder: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (folder / MANIFEST).read_text().splitlines()]
+
+
+def parts(folder: Path) -> dict[str, int]:
+    return {str(path.relative_to(folder)): path.stat().st_mtime_ns for path in folder.rglob("*.parquet")}
+
+
+def part(folder: Path, name: str) -> Path:
+    return folder / f"recording={Path(name).stem}%2Eparquet" / "scores.parquet"
+
+
+@pytest.fixture
+def inputs(tmp_path: Path) -> list[str]:
+    return write_recordings(tmp_path / "in", 4)
+
+
+def test_pandas_and_pyarrow_read_it_as_one_table(inputs: list[str], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert run(out, inputs).scored == {"new": 4}
+    whole = pd.read_parquet(out)
+    assert set(whole["recording"].unique()) == {Path(name).name for name in inputs}
+    one = ds.dataset(out, partitioning="hive").to_table(filter=ds.field("recording") == "shift002.parquet").to_pandas()
+    expected = reba.score(reba.read(inputs[2])).data
+    pd.testing.assert_frame_equal(one.drop(columns="recording"), expected, check_dtype=False)
+
+
+def test_the_manifest_says_what_became_of_each(inputs: list[str], tmp_path: Path) -> None:
+    bad = tmp_path / "in" / "bad.csv"
+    bad.write_text("time,trunk_flexion\n0,abc\n")
+    run(tmp_path / "out", [*inputs, str(bad)])
+    first, *_, last = lines(tmp_path / "out")
+    assert first["input"] == str(Path(inputs[0]).resolve())
+    assert (first["size"], first["modified"]) == stamp(inputs[0])
+    assert first["hash"] == content_hash(inputs[0])
+    assert (first["version"], first["rules"], first["outcome"]) == (reba.__version__, "measured", "scored")
+    assert first["options"]["missing"] == "range"
+    assert (tmp_path / "out" / first["output"]).is_file()
+    assert first["frames"] == first["summary"]["frames"] == 200
+    assert first["seconds"] > 0
+    assert (last["outcome"], last["output"]) == ("failed", None)
+    assert "abc" in last["error"]
+
+
+def test_nothing_is_scored_twice(inputs: list[str], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run(out, inputs[:2])
+    before = parts(out)
+    again = run(out, inputs)
+    assert (dict(again.scored), again.unchanged) == ({"new": 2}, 2)
+    assert before.items() <= parts(out).items()
+    third = run(out, [inputs[0], *inputs])
+    assert (third.scored.total(), third.unchanged) == (0, 4)
+    assert len(lines(out)) == 4
+
+
+def test_what_changed_is_scored_again_and_said(inputs: list[str], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run(out, inputs)
+    pd.read_parquet(inputs[0]).iloc[:100].to_parquet(inputs[0])
+    os.utime(inputs[1], (1e9, 1e9))  # touched: the content is the same
+    part(out, inputs[2]).unlink()
+    again = run(out, inputs)
+    assert dict(again.scored) == {"the file changed": 1, "its scores are gone": 1}
+    assert again.unchanged == 2
+    assert len(pd.read_parquet(out)) == 3 * 200 + 100
+    assert run(out, inputs).scored.total() == 0
+    assert dict(run(out, inputs, rules="paper").scored) == {"other rules": 4}
+    assert dict(run(out, inputs, rules="paper", factors={"load": 12.0}).scored) == {"other options": 4}
+
+
+def test_a_rules_file_counts_by_what_is_in_it(inputs: list[str], tmp_path: Path) -> None:
+    file = tmp_path / "ours.toml"
+    file.write_text('name = "ours"\nabduction = 45.0\n')
+    before = settings(Options(rules=str(file)))
+    file.write_text('name = "ours"\nabduction = 50.0\n')
+    assert settings(Options(rules=str(file)))["rules_hash"] != before["rules_hash"]
+
+
+def test_failures_leave_no_scores_and_are_tried_again(inputs: list[str], tmp_path: Path) -> None:
+    out, broken = tmp_path / "out", Path(inputs[0])
+    run(out, inputs)
+    whole = broken.read_bytes()
+    broken.write_bytes(whole[:1000])
+    first = run(out, inputs)
+    assert (dict(first.scored), first.failed) == ({"the file changed": 1}, 1)
+    assert not part(out, inputs[0]).parent.exists()
+    assert dict(run(out, inputs).scored) == {"failed before": 1}
+    broken.write_bytes(whole)
+    mended = run(out, inputs)
+    assert (dict(mended.scored), mended.failed) == ({"failed before": 1}, 0)
+    assert len(pd.read_parquet(out)) == 800
+
+
+def test_files_of_one_name_stay_apart(tmp_path: Path) -> None:
+    names = [*write_recordings(tmp_path / "line 1", 1), *write_recordings(tmp_path / "line 2", 1)]
+    odd = tmp_path / "line 1" / "a=b, c%20#ü.parquet"
+    Path(names[0]).rename(odd)
+    out = tmp_path / "out"
+    run(out, [*names[1:], *write_recordings(tmp_path / "line 3", 1), str(odd)])
+    found = set(pd.read_parquet(out)["recording"].unique())
+    assert {"shift000.parquet", odd.name} < found
+    assert len(found) == 3
+    assert run(out, [str(odd)]).unchanged == 1
+
+
+def test_a_broken_end_of_the_manifest_is_cut_and_damage_is_told(inputs: list[str], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run(out, inputs)
+    manifest = out / MANIFEST
+    whole = manifest.read_bytes()
+    manifest.write_bytes(whole[:-30])
+    again = run(out, inputs)
+    assert (dict(again.scored), again.unchanged) == ({"new": 1}, 3)
+    manifest.write_bytes(b"{}\n" + whole)
+    with pytest.raises(RebaError, match="line 1 is damaged"):
+        run(out, inputs)
+
+
+def test_one_command_at_a_time(inputs: list[str], tmp_path: Path) -> None:
+    with Dataset(tmp_path / "out"), pytest.raises(RebaError, match="another command is writing"):
+        Dataset(tmp_path / "out")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RebaError, match="cannot be written to"):
+        Dataset(tmp_path / "file")
+
+
+def whole_and_once(folder: Path, inputs: list[str]) -> None:
+    """Check that every recording was scored, written down once, and is right."""
+    found = lines(folder)
+    assert sorted(line["input"] for line in found) == sorted(str(Path(name).resolve()) for name in inputs)
+    assert {line["outcome"] for line in found} == {"scored"}
+    assert sorted(parts(folder)) == sorted(line["output"] for line in found)
+    assert not list(folder.rglob("*.part"))
+    for name in inputs:
+        scores = pd.read_parquet(part(folder, name), partitioning=None)
+        pd.testing.assert_frame_equal(scores, reba.score(reba.read(name)).data, check_dtype=False)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_killed_at_any_point_it_goes_on_and_scores_nothing_twice(tmp_path: Path) -> None:
+    inputs = write_recordings(tmp_path / "in", 40, frames=60)
+    out = tmp_path / "out"
+    code = DRIVER.format(killed=KILLED)
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "in"), str(out), "1"], check=True, timeout=120)
+    # What was written down before the end is not touched any more.
+    before = {line["output"]: (out / line["output"]).stat().st_mtime_ns for line in lines(out)}
+    assert before
+    run(out, inputs)
+    assert before.items() <= parts(out).items()
+    whole_and_once(out, inputs)
+
+
+def test_the_command_and_its_processes_killed_together_or_alone(tmp_path: Path) -> None:
+    inputs = write_recordings(tmp_path / "in", 16)
+    out = tmp_path / "out"
+    code = "import sys; from reba.cli import main; sys.argv[0] = 'reba'; main()"
+    command = [sys.executable, "-c", code, "score", str(tmp_path / "in"), "-o", f"{out}/", "--json", "--jobs", "2"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=HERE.parent)
+    deadline = time.monotonic() + 120.0
+    while not (out / MANIFEST).exists() or len(lines(out)) < 3:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    done = subprocess.run(command, capture_output=True, text=True, cwd=HERE.parent, check=True)
+    result = json.loads(done.stdout)
+    assert result["failed"] == []
+    assert [recording["input"] for recording in result["recordings"]] == inputs
+    assert result["dataset"]["unchanged"] >= 3
+    assert result["dataset"]["unchanged"] + result["dataset"]["scored"]["new"] == 16
+    whole_and_once(out, inputs)

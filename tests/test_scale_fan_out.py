@@ -1,0 +1,96 @@
+"""Many pieces of work at once: complete, bounded, and clear about what cannot be used."""
+
+from __future__ import annotations
+
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+from scale_work import die_at, refuse, square
+
+from reba import cluster
+from reba.batch import sees
+from reba.errors import RebaError
+from reba.fan_out import WAITING, Lost, fan_out
+
+
+def test_in_this_process_by_default() -> None:
+    assert list(fan_out(square, range(5))) == [(number, number * number) for number in range(5)]
+    with pytest.raises(RebaError, match="expected another number"):
+        list(fan_out(refuse, range(5)))
+
+
+def test_every_task_comes_back_once_and_is_taken_in_a_window() -> None:
+    taken = 0
+
+    def tasks() -> Iterator[int]:
+        nonlocal taken
+        for number in range(60):
+            taken += 1
+            yield number
+
+    found, ahead = {}, []
+    for given, (task, result) in enumerate(fan_out(square, tasks(), jobs=2)):
+        time.sleep(0.002)
+        found[task] = result
+        ahead.append(taken - given)
+    assert found == {number: number * number for number in range(60)}
+    assert max(ahead) <= 2 * WAITING * 2
+
+
+def test_a_task_that_kills_its_process_is_told_and_stops_no_other() -> None:
+    found = dict(fan_out(partial(die_at, poison=3), range(12), jobs=2))
+    lost = found.pop(3)
+    assert isinstance(lost, Lost)
+    assert "died" in lost.reason
+    assert found == {number: number * number for number in range(12) if number != 3}
+
+
+def test_errors_of_the_work_are_raised() -> None:
+    with pytest.raises(RebaError, match="expected another number"):
+        list(fan_out(refuse, range(5), jobs=2))
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "", "127.0.0.1:99999", "ftp://x:1"])
+def test_an_address_without_a_scheduler_is_one_line_in_seconds(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "CONNECT", 0.5)
+    with pytest.raises(RebaError, match="no Dask scheduler answers there") as error:
+        list(fan_out(square, range(3), scheduler=address))
+    assert "\n" not in str(error.value)
+
+
+def test_a_server_that_is_no_scheduler_is_one_line() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n" * 4)
+
+        threading.Thread(target=answer, daemon=True).start()
+        port = server.getsockname()[1]
+        with pytest.raises(RebaError, match="no Dask scheduler"):
+            list(fan_out(square, range(3), scheduler=f"tcp://127.0.0.1:{port}"))
+
+
+def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(RebaError, match=r"dreba\[cluster\]"):
+        list(fan_out(square, range(3), scheduler="tcp://127.0.0.1:1"))
+
+
+def test_what_a_worker_cannot_reach_is_named(tmp_path: Path) -> None:
+    here = tmp_path / "a.csv"
+    here.write_text("time\n")
+    mark = tmp_path / "mark"
+    mark.write_text("this one")
+    assert sees(str(here)) == ""
+    assert "cannot read" in sees(str(tmp_path / "nothing.csv"))
+    assert "cannot write" in sees(str(here), str(tmp_path / "nothing"))
+    assert sees(str(here), str(tmp_path), str(mark), "this one") == ""
+    assert "another folder" in sees(str(here), str(tmp_path), str(mark), "that one")
