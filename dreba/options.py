@@ -111,15 +111,14 @@ def hold_of(text: str | None) -> str | dict[str, float] | None:
         return text
     held: dict[str, float] = {}
     for item in text.split(","):
-        name, equals, angle = item.partition("=")
+        name, _, angle = item.partition("=")
         try:
-            held |= dict.fromkeys(columns_named([name.strip()]), float(angle))
+            degrees = float(angle)
         except ValueError as error:
-            if equals and not isinstance(error, SampleError):
-                raise SampleError(f"hold is {item!r}; expected degrees, such as wrist_twist=0") from error
-            if not equals:
-                raise SampleError(f"hold is {item!r}; expected {NEUTRAL}, or COLUMN=DEGREES by commas") from error
-            raise
+            raise SampleError(
+                f"hold is {item!r}; expected {NEUTRAL} alone, or COLUMN=DEGREES by commas, such as wrist_twist=0"
+            ) from error
+        held |= dict.fromkeys(columns_named([name.strip()]), degrees)
     return held
 
 

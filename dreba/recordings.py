@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import reba
 from dreba.cells import true_scores
+from dreba.checks import LARGEST
 from dreba.domain import BEST, COLUMNS_OF, Domain
 from dreba.errors import SampleError
 from dreba.poses import METADATA, Poses
@@ -134,6 +135,8 @@ def _held(joints: Joints, hold: Hold, measured: tuple[str, ...], path: str) -> d
         held |= {column: best for column, best in BEST.items() if column not in measured}
     elif hold is not None:
         for name, angle in hold.items():
+            if not abs(angle) <= LARGEST:
+                raise SampleError(f"{name} is held at {angle}; expected degrees from -{LARGEST:g} to {LARGEST:g}")
             held |= dict.fromkeys(columns_named([name]), float(angle))
     return {column: held[column] for column in COLUMNS if column in held}
 

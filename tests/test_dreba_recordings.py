@@ -95,6 +95,7 @@ def test_the_domain_of_a_recording_is_the_range_of_its_angles(lifts: Path) -> No
         ({"joints": []}, "no joint is named"),
         ({"hold": "rest"}, "'neutral'"),
         ({"hold": {"wrist": 1.0}}, "unknown"),
+        ({"hold": {"wrist_twist": np.nan}}, "held at nan"),
     ],
 )
 def test_wrong_requests_are_refused(lifts: Path, given: dict, words: str) -> None:
