@@ -9,6 +9,7 @@ import click
 
 import reba
 from lgp.errors import LgpError
+from lgp.execution.commands import run_command
 from lgp.plan import COST
 from lgp.plan import plan as make_plan
 from lgp.study.commands import simulate_study, study
@@ -143,6 +144,7 @@ def scenes(as_json: bool) -> None:
 
 cli.add_command(study)
 cli.add_command(simulate_study)
+cli.add_command(run_command)
 
 
 def _height(text: str) -> tuple[str, float]:

@@ -1,0 +1,95 @@
+"""What it cost to move one motion instead of planning anew: both rolled out from the same moment.
+
+The greedy rest is the moved motion, and every later action moved in its turn, solved one after the other from where the
+one before ends; the other is a full new plan. Both are measured by the same path problem on the same scene.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.errors import LgpError
+from lgp.execution.executive import Shift
+from lgp.execution.grippers import grips_after
+from lgp.execution.observation import Observation, Sighting, View
+from lgp.execution.planner import Phase, Planner
+from lgp.path.phases import Phases
+from lgp.path.problem import PathProblem
+from lgp.world.scene import Scene
+from lgp.world.switches import Modes
+
+Array = NDArray[np.float64]
+
+
+def compare(planner: Planner, shift: Shift, seconds: float) -> dict[str, Any]:
+    """Return the costs of a moved motion with its greedy rest, of a new plan, and their difference.
+
+    Args:
+        planner: of the run.
+        shift: the motion that was moved.
+        seconds: wall-clock time for the new plan.
+
+    Returns:
+        action, greedy, anew, extra (greedy - anew), share (extra / anew), actions of the new plan, whether they differ
+        from those that were left; costs are None where there is no such path.
+    """
+    own = copy.copy(planner)
+    own.use(shift.motion)
+    scene = shift.phase.scene
+    left = [str(action) for action in own.actions[shift.number :]]
+    found: dict[str, Any] = {"action": own.actions[shift.number].at(shift.number + 1), "extra": None, "share": None}
+    if scene is None:
+        return found
+    start = shift.phase.segment.knots[0]
+    greedy = _greedy(own, shift.number, shift.phase, scene)
+    new = own.anew(scene, start, len(left), seconds)
+    anew = float(new.costs["total"]) if new.feasible else None
+    labels = [label.replace(f"({at + 1}, ", "(") for at, label in enumerate(new.actions)]
+    found |= {"greedy": greedy, "anew": anew, "actions": list(new.actions), "same_actions": labels == left}
+    if greedy is not None and anew is not None:
+        found |= {"extra": greedy - anew, "share": (greedy - anew) / anew}
+    return found
+
+
+def _greedy(planner: Planner, number: int, phase: Phase, scene: Scene) -> float | None:
+    """Return the cost of the moved motion and all later ones, each moved in its turn; None if one is infeasible."""
+    knots, at = [phase.segment.knots], phase
+    for later in range(number + 1, len(planner.actions)):
+        view = _after(planner, later - 1, at)
+        found = planner.retarget(later, planner.scene(later, view), view.now.q)
+        if isinstance(found, str):
+            return None
+        at = found
+        knots.append(at.segment.knots[1:])
+    whole = np.concatenate(knots)
+    world = planner.motion.world.with_scene(scene)
+    phases = Phases.of(scene, planner.actions[number:], planner.motion.phases.slices)
+    problem = PathProblem(world, phases, ergonomics=planner.ergonomics(), start=whole[0])
+    return problem.costs(problem.join(whole[1:], np.zeros(problem.modes.size))).total
+
+
+def _after(planner: Planner, number: int, phase: Phase) -> View:
+    """Return the world as it is after a moved motion, as if it had been tracked at rest for a while."""
+    scene, action = phase.scene, planner.actions[number]
+    if scene is None:
+        raise LgpError("only a motion that was moved knows the world it ends in")
+    world, q = planner.motion.world.with_scene(scene), phase.segment.knots[-1]
+    modes = Modes(world, Phases.of(scene, (action,)).switches)
+    kinematics = world.at(q[None], modes.frames)
+    poses = {}
+    for name in scene.things:
+        pose = modes.pose(name, 1, kinematics, phase.variables)
+        poses[name] = pose.rotation[0], pose.position[0]
+    view = View(world)
+    closed = {thing.hand for thing in scene.things.values() if thing.hand and not thing.hand.startswith("human.")}
+    for time in (0.0, view.tolerances.window):
+        things = {name: Sighting(*pose, time) for name, pose in poses.items()}
+        view.add(Observation(time, q, things, frozenset(closed)))
+        for hand, shut in grips_after(planner.task, action, view):
+            (closed.add if shut else closed.discard)(hand)
+    view.add(Observation(view.now.time, q, view.now.things, frozenset(closed)))
+    return view

@@ -1,0 +1,123 @@
+"""The log of a run: one MCAP file with everything that happened, readable up to the moment of any crash.
+
+Topics, times in seconds since the run began plus its first wall-clock time:
+    /plan                     JSON  the plan that is followed from now on, as plan.json holds it
+    /scene                    JSON  the scene it is for
+    /events                   JSON  what happened (`Event`)
+    /predicates               JSON  start or end predicates of the current action, whenever a verdict changes
+    /state                    JSON  what a restart needs, see `resume.checkpoint`
+    /comparison               JSON  what moving a motion cost against a new plan
+    /ergonomics/posture       JSON  posture angles [deg] and carried load [kg] of the human; `reba score` reads them
+    /human/joint_states       sensor_msgs/JointState, joints of human.urdf
+    /<robot>/joint_states     sensor_msgs/JointState, joints of its URDF
+    /<robot>/trajectory       trajectory_msgs/JointTrajectory, each motion as it was commanded
+    /tf                       tf2_msgs/TFMessage: tracked objects and the pelvis (`middle_pelvis`) in `world`
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import IO, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.errors import LgpError
+from lgp.execution.cdr import encode
+from lgp.execution.messages import DEFINITIONS, JOINT_STATE, TRAJECTORY, TRANSFORMS
+from reba.json_text import as_json
+
+Array = NDArray[np.float64]
+
+CHUNK: Final = 16_384
+"""[bytes] A chunk is written when it is as large, which is a quarter of a second of a run."""
+JSON_SCHEMAS: Final = {
+    "/plan": "lgp.Plan",
+    "/scene": "lgp.Scene",
+    "/events": "lgp.Event",
+    "/predicates": "lgp.Predicates",
+    "/state": "lgp.Checkpoint",
+    "/comparison": "lgp.Comparison",
+    "/ergonomics/posture": "reba.Posture",
+}
+
+
+class RunLog:
+    """Writes the log of a run.
+
+    Args:
+        file: where; what is there is replaced.
+        epoch: wall-clock time at which the run began [s].
+        about: kept as metadata `run`.
+
+    Raises:
+        LgpError: the file cannot be written.
+
+    Example:
+        >>> with RunLog(Path("run.mcap"), time.time(), {}) as log:         # doctest: +SKIP
+        ...     log.json("/events", 0.0, {"text": "begins"})
+    """
+
+    def __init__(self, file: Path, epoch: float, about: Mapping[str, str]) -> None:
+        from mcap.writer import CompressionType, Writer
+
+        self.epoch = epoch
+        try:
+            self._stream: IO[bytes] = file.open("wb")
+        except OSError as error:
+            raise LgpError(f"{file}: cannot be written ({error.strerror or error}); give another folder") from error
+        self._writer = Writer(self._stream, chunk_size=CHUNK, compression=CompressionType.ZSTD)
+        self._writer.start(profile="", library="dreba")
+        self._writer.add_metadata("run", dict(about))
+        self._channels: dict[tuple[str, str], int] = {}
+
+    def __enter__(self) -> RunLog:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def json(self, topic: str, time: float, value: Mapping[str, Any]) -> None:
+        """Write plain data on one of the JSON topics."""
+        name = JSON_SCHEMAS[topic]
+        channel = self._channel(topic, "json", name, "jsonschema", json.dumps({"title": name, "type": "object"}))
+        self.raw(channel, self.stamp(time), as_json(value).encode())
+
+    def message(self, topic: str, kind: str, time: float, value: dict[str, Any]) -> None:
+        """Write a ROS 2 message of a type in `messages.DEFINITIONS`."""
+        channel = self._channel(topic, "cdr", kind, "ros2msg", DEFINITIONS[kind])
+        self.raw(channel, self.stamp(time), encode(kind, value))
+
+    def copy(self, topic: str, encoding: str, schema: tuple[str, str, bytes], stamp: int, data: bytes) -> None:
+        """Write a message of another log as it is."""
+        name, kind, text = schema
+        self.raw(self._channel(topic, encoding, name, kind, text.decode()), stamp, data)
+
+    def stamp(self, time: float) -> int:
+        """Return a time of the run in nanoseconds since 1970."""
+        return round((self.epoch + time) * 1e9)
+
+    def raw(self, channel: int, stamp: int, data: bytes) -> None:
+        """Write one message."""
+        self._writer.add_message(channel, stamp, data, stamp)
+
+    def flush(self) -> None:
+        """Hand finished chunks to the system, so that they outlive the process."""
+        self._stream.flush()
+
+    def close(self) -> None:
+        """Write what is left and the summary."""
+        if not self._stream.closed:
+            self._writer.finish()
+            self._stream.close()
+
+    def _channel(self, topic: str, encoding: str, name: str, kind: str, text: str) -> int:
+        if (topic, name) not in self._channels:
+            schema = self._writer.register_schema(name, kind, text.encode())
+            self._channels[topic, name] = self._writer.register_channel(topic, encoding, schema)
+        return self._channels[topic, name]
+
+
+__all__ = ["CHUNK", "JOINT_STATE", "JSON_SCHEMAS", "TRAJECTORY", "TRANSFORMS", "RunLog"]

@@ -1,0 +1,133 @@
+"""ROS 2 messages that a run is logged in: their definitions, and values of them as plain data.
+
+Definitions: sensor_msgs, trajectory_msgs, tf2_msgs, geometry_msgs and std_msgs of ROS 2 (Apache-2.0), comments left
+out; concatenated as https://mcap.dev/spec/registry#ros2msg asks for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.execution.segment import Segment
+
+Array = NDArray[np.float64]
+
+_LINE = "\n" + "=" * 80 + "\n"
+_HEADER = "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+_TIME = "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+_DURATION = "MSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec\n"
+_VECTOR = "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
+_QUATERNION = "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+_TRANSFORM = "MSG: geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"
+_STAMPED = (
+    "MSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\n"
+    "geometry_msgs/Transform transform\n"
+)
+_POINT = (
+    "MSG: trajectory_msgs/JointTrajectoryPoint\nfloat64[] positions\nfloat64[] velocities\nfloat64[] accelerations\n"
+    "float64[] effort\nbuiltin_interfaces/Duration time_from_start\n"
+)
+JOINT_STATE: Final = "sensor_msgs/msg/JointState"
+TRAJECTORY: Final = "trajectory_msgs/msg/JointTrajectory"
+TRANSFORMS: Final = "tf2_msgs/msg/TFMessage"
+
+DEFINITIONS: Final[dict[str, str]] = {
+    JOINT_STATE: _LINE.join(
+        (
+            "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
+            _HEADER,
+            _TIME,
+        )
+    ),
+    TRAJECTORY: _LINE.join(
+        (
+            "std_msgs/Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint[] points\n",
+            _HEADER,
+            _TIME,
+            _POINT,
+            _DURATION,
+        )
+    ),
+    TRANSFORMS: _LINE.join(
+        (
+            "geometry_msgs/TransformStamped[] transforms\n",
+            _STAMPED,
+            _HEADER,
+            _TIME,
+            _TRANSFORM,
+            _VECTOR,
+            _QUATERNION,
+        )
+    ),
+}
+"""Type -> definition."""
+
+STEP = 0.05
+"""[s] Between points of a trajectory."""
+
+
+def joint_state(stamp: int, names: Sequence[str], position: Array) -> dict[str, Any]:
+    """Return a joint state; `stamp` in nanoseconds since 1970."""
+    return {
+        "header": _header(stamp, ""),
+        "name": list(names),
+        "position": np.asarray(position).tolist(),
+        "velocity": [],
+        "effort": [],
+    }
+
+
+def transforms(stamp: int, poses: Mapping[str, tuple[Array, Array]]) -> dict[str, Any]:
+    """Return poses (rotation (3, 3), position (3,)) of frames in the world."""
+    return {
+        "transforms": [
+            {
+                "header": _header(stamp, "world"),
+                "child_frame_id": name,
+                "transform": {
+                    "translation": dict(zip("xyz", position.tolist(), strict=True)),
+                    "rotation": dict(zip("xyzw", quaternion(rotation).tolist(), strict=True)),
+                },
+            }
+            for name, (rotation, position) in poses.items()
+        ]
+    }
+
+
+def trajectory(stamp: int, names: Sequence[str], segment: Segment, columns: NDArray[np.intp]) -> dict[str, Any]:
+    """Return the motion of some joints, from rest to rest, with velocities and accelerations."""
+    count = max(int(np.ceil(segment.duration / STEP)), 1)
+    times = np.linspace(0.0, segment.duration, count + 1)
+    return {
+        "header": _header(stamp, ""),
+        "joint_names": list(names),
+        "points": [
+            {
+                "positions": segment.at(t)[columns].tolist(),
+                "velocities": segment.velocity(t)[columns].tolist(),
+                "accelerations": segment.acceleration(t)[columns].tolist(),
+                "effort": [],
+                "time_from_start": _seconds(round(t * 1e9)),
+            }
+            for t in times
+        ],
+    }
+
+
+def quaternion(rotation: Array) -> Array:
+    """Return x, y, z, w of a rotation (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(rotation).as_quat())
+
+
+def _header(stamp: int, frame: str) -> dict[str, Any]:
+    return {"stamp": _seconds(stamp), "frame_id": frame}
+
+
+def _seconds(nanoseconds: int) -> dict[str, int]:
+    return {"sec": nanoseconds // 1_000_000_000, "nanosec": nanoseconds % 1_000_000_000}

@@ -1,0 +1,211 @@
+"""Motions that fit the world as it is: one phase moved to where things are, or the whole rest planned anew.
+
+Moving one phase is the greedy re-targeting of Busch, Toussaint & Lopes (2018), section IV.B: a path problem of one
+action from the present configuration, with every object at its tracked pose. It may be worse than a new plan, as the
+order of actions stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.errors import LgpError
+from lgp.execution.observation import View
+from lgp.execution.segment import Segment
+from lgp.execution.state import atoms_now, carrier, in_hand, kept_still, scene_now
+from lgp.logic import Action
+from lgp.motion import Motion
+from lgp.plan import COST, plan, task_of
+from lgp.plan_record import Plan
+from lgp.world.rotations import logarithm
+from lgp.world.scene import Scene
+
+if TYPE_CHECKING:
+    from lgp.path.ergonomics import Ergonomics
+
+Array = NDArray[np.float64]
+
+FURTHER = (1, 3)
+"""A new plan may have so many actions more than were left; the second only if there is none with the first."""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """The motion of one action.
+
+    Attributes:
+        segment: configurations of everybody over time; those of the human are a guess.
+        cost: of a path that was made anew, on the scale of the plan; None for the planned one.
+        scene: the world that it was made for; None for the planned one.
+        variables: how objects lie in hands and on tables at its end, as the path problem has them.
+    """
+
+    segment: Segment
+    cost: float | None = None
+    scene: Scene | None = None
+    variables: Array = field(default_factory=lambda: np.zeros(0))
+
+
+class Planner:
+    """Everything that is planned during a run.
+
+    Args:
+        plan: what is followed.
+        cost: dREBA model of new motions, None without ergonomics; that of `lgp plan` where the plan has ergonomics.
+
+    Attributes:
+        plan, motion: what is followed, and as moving things.
+        task: its symbolic task.
+        states: what holds before each action and after the last, as bits of the task.
+    """
+
+    def __init__(self, plan: Plan, cost: str | Path | None = COST) -> None:
+        self._cost = cost if plan.costs.get("ergonomics", 0.0) > 0.0 else None
+        self._prepared: Ergonomics | None = None
+        self.use(Motion(plan))
+
+    def use(self, motion: Motion) -> None:
+        """Follow the plan of a motion from now on."""
+        self.motion, self.plan = motion, motion.plan
+        self.task = task_of(motion.plan.scene)
+        self.states = [self.task.initial]
+        for action in motion.phases.actions:
+            self.states.append(action.apply(self.states[-1]))
+
+    @property
+    def actions(self) -> tuple[Action, ...]:
+        """The actions of the plan."""
+        return self.motion.phases.actions
+
+    def planned(self, number: int) -> Phase:
+        """Return the motion of an action as it was planned."""
+        slices = self.motion.phases.slices
+        knots = self.motion.path[number * slices : (number + 1) * slices + 1]
+        return Phase(Segment(knots, self.motion.phases.seconds))
+
+    def deviations(self, number: int, view: View) -> list[str]:
+        """Return in words what is not where the planned motion of an action begins."""
+        row = number * self.motion.phases.slices
+        first = self.motion.path[row]
+        off = np.abs(view.now.q - first)
+        off[self._human_columns()] = 0.0
+        found = []
+        if off.max() > view.tolerances.joints:
+            found.append(f"{self.motion.world.joints[int(off.argmax())]} is {off.max():.2f} rad off")
+        for name in self._things(number):
+            away, turned = self._away(name, number, view)
+            if away > view.tolerances.moved or turned > view.tolerances.turned:
+                found.append(f"{name} is {away:.3f} m and {np.degrees(turned):.0f} deg off")
+        return found
+
+    def scene(self, number: int, view: View) -> Scene:
+        """Return the world as it is before an action, as a scene.
+
+        Raises:
+            OutOfPlace: an object is where no motion can begin.
+        """
+        state = self.states[number]
+        atoms = atoms_now(view, self.task, state)
+        return scene_now(self.plan.scene, view, kept_still(self.task, state), atoms)
+
+    def retarget(self, number: int, scene: Scene, start: Array) -> Phase | str:
+        """Return the motion of one action from the world as it is, or why there is none.
+
+        Args:
+            number: of the action.
+            scene: the world, see `scene`.
+            start: (nq,) present configuration.
+        """
+        from lgp.path.bounds import PathBounds
+
+        world = self.motion.world.with_scene(scene)
+        first = np.clip(start, world.lower, world.upper)
+        bounds = PathBounds(world, self.ergonomics(), start=first, slices=self.motion.phases.slices)
+        found = bounds.solve("path", (self.actions[number],), None)
+        if not found.feasible:
+            return found.reason
+        knots = np.concatenate([first[None], found.payload.path])
+        return Phase(Segment(knots, self.motion.phases.seconds), found.cost, scene, found.payload.variables)
+
+    def anew(self, scene: Scene, start: Array, left: int, seconds: float) -> Plan:
+        """Return a new plan from a scene and a configuration; `feasible` says whether there is one.
+
+        Args:
+            scene: the world as it is, see `state.scene_now`.
+            start: (nq,) configuration.
+            left: actions that were left of the old plan.
+            seconds: wall-clock time of the search.
+        """
+        world = self.motion.world.with_scene(scene)
+        first = np.clip(start, world.lower, world.upper)
+        slices = self.motion.phases.slices
+        for more in FURTHER:
+            found = plan(
+                scene, self.ergonomics(), depth=left + more, seconds=seconds, start=first, slices=slices, world=world
+            )
+            if found.feasible:
+                break
+        return found
+
+    def follow(self, plan: Plan) -> None:
+        """Follow another plan of the same agents from now on.
+
+        Raises:
+            LgpError: it is not feasible.
+        """
+        self.use(Motion(plan, self.motion.world))
+
+    def ergonomics(self) -> Ergonomics | None:
+        """Return the ergonomic cost, prepared once."""
+        if self._prepared is None and self._cost is not None and self.plan.scene.human is not None:
+            import dreba
+            from lgp.path.ergonomics import Ergonomics as Cost
+
+            self._prepared = Cost(self.motion.world, dreba.load(self._cost))
+        return self._prepared
+
+    def _human_columns(self) -> NDArray[np.intp]:
+        if self.plan.scene.human is None:
+            return np.zeros(0, np.intp)
+        return self.motion.world.columns("human")
+
+    def _things(self, number: int) -> Iterable[str]:
+        return [name for name in self.actions[number].arguments if name in self.plan.scene.things]
+
+    def _away(self, name: str, number: int, view: View) -> tuple[float, float]:
+        """Return by how much [m, rad] an object is not where the planned motion of an action begins."""
+        row = number * self.motion.phases.slices
+        seen = view.mean(name)
+        if seen is None:
+            return 0.0, 0.0
+        poses = self.motion.thing(name)
+        rotation, position = poses.rotation[row], poses.position[row]
+        hand = "" if name in kept_still(self.task, self.states[number]) else carrier(view, name)
+        if hand:
+            # In a hand it counts how it lies there: the hand itself may be somewhere else.
+            frame = self.motion.frames([hand])[hand]
+            position = frame.rotation[row].T @ (position - frame.position[row])
+            rotation = frame.rotation[row].T @ rotation
+            now = in_hand(view.hand(hand), view.now.things[name])
+        else:
+            now = seen.rotation, seen.position
+        turned = logarithm((rotation.T @ now[0])[None])[0]
+        return float(np.linalg.norm(now[1] - position)), float(np.linalg.norm(turned))
+
+
+def load_plan(folder: str | Path) -> Plan:
+    """Return a plan that can be followed.
+
+    Raises:
+        LgpError: none is there, or it is not feasible.
+    """
+    found = Plan.load(folder)
+    if not found.feasible:
+        raise LgpError(f"{folder}: the plan is not feasible ({found.reason}); plan again and run that")
+    return found

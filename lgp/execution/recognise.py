@@ -1,0 +1,141 @@
+"""What the atoms of a domain mean in the tracked world: one small function each.
+
+After the predicates that Busch, Toussaint & Lopes (2018), section IV.B recognise finished actions with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from lgp.execution.observation import View
+from lgp.logic.atom import Atom
+
+TOGETHER = 0.04
+"""[m] Parts that are to be screwed together stand this near to where their joint has them."""
+
+
+class Verdict(NamedTuple):
+    """Whether an atom holds (None: it cannot be told) and why not."""
+
+    holds: bool | None
+    why: str = ""
+
+
+def grasped(view: View, hand: str, thing: str) -> Verdict:
+    """Return whether a hand has an object: it is at the grasping point and moves with the hand."""
+    if _unsure(view, thing):
+        return Verdict(None, _unsure(view, thing))
+    if view.gap(hand, thing) > view.tolerances.reach:
+        return Verdict(False, f"{thing} is {view.gap(hand, thing):.2f} m away from {hand}")
+    if not _human(view, hand):
+        if hand not in view.now.closed:
+            return Verdict(False, f"{hand} is open")
+    elif _in_gripper(view, thing):
+        return Verdict(False, f"{thing} is still in a gripper")
+    if not view.moves_with(thing, hand):
+        return Verdict(False, f"{thing} does not move with {hand}")
+    return Verdict(True)
+
+
+def free(view: View, hand: str) -> Verdict:
+    """Return whether a hand has nothing: a gripper is open, a human hand is at no object that is off the tables."""
+    if not _human(view, hand):
+        return Verdict(hand not in view.now.closed, f"{hand} is closed")
+    for thing in view.world.scene.things:
+        if view.seen(thing) is None or view.gap(hand, thing) > view.tolerances.reach:
+            continue
+        if not view.table_under(thing) and not _in_gripper(view, thing):
+            return Verdict(False, f"{hand} has {thing}")
+    return Verdict(True)
+
+
+def on_table(view: View, thing: str) -> Verdict:
+    """Return whether an object rests on any table."""
+    if _unsure(view, thing):
+        return Verdict(None, _unsure(view, thing))
+    if not view.table_under(thing):
+        return Verdict(False, f"{thing} lies on no table")
+    return Verdict(view.rests(thing), f"{thing} moves")
+
+
+def placed(view: View, thing: str, table: str) -> Verdict:
+    """Return whether an object rests on a certain table."""
+    found = on_table(view, thing)
+    if found.holds and view.table_under(thing) != table:
+        return Verdict(False, f"{thing} lies on {view.table_under(thing)}, not on {table}")
+    return found
+
+
+def holding(view: View, hand: str, thing: str) -> Verdict:
+    """Return whether a hand keeps an object where it stands."""
+    if _unsure(view, thing):
+        return Verdict(None, _unsure(view, thing))
+    if view.gap(hand, thing) > view.tolerances.reach:
+        return Verdict(False, f"{hand} is {view.gap(hand, thing):.2f} m away from {thing}")
+    if not _human(view, hand) and hand not in view.now.closed:
+        return Verdict(False, f"{hand} is open")
+    return Verdict(view.moves_with(thing, hand), f"{hand} is not at rest at {thing}")
+
+
+def held(view: View, thing: str) -> Verdict:
+    """Return whether any hand keeps an object where it stands."""
+    found = [holding(view, hand, thing) for hand in view.world.scene.hands]
+    return next((one for one in found if one.holds), Verdict(found[0].holds, f"no hand holds {thing}"))
+
+
+def screwed(view: View, first: str, second: str) -> Verdict:
+    """Return whether a human hand rests at the screw of two parts that stand as their joint has them."""
+    for joint in view.world.scene.joints:
+        if set(joint.parts) != {first, second}:
+            continue
+        base, other = view.seen(joint.parts[0]), view.seen(joint.parts[1])
+        if base is None or other is None:
+            return Verdict(None, f"{joint.parts[0] if base is None else joint.parts[1]} is not seen")
+        apart = np.linalg.norm(base.position + base.rotation @ np.array(joint.position) - other.position)
+        if apart > TOGETHER:
+            return Verdict(False, f"{joint.parts[1]} stands {apart:.2f} m away from where it is screwed on")
+        screw = base.position + base.rotation @ np.array(joint.screw)
+        reach = joint.tool + view.tolerances.reach
+        for hand in view.world.scene.hands:
+            near = np.linalg.norm(view.hand(hand).position - screw) <= reach
+            if _human(view, hand) and near and view.moves_with(joint.parts[0], hand):
+                return Verdict(True)
+        return Verdict(False, "no hand is at the screw")
+    return Verdict(None, f"nothing is known about how {first} and {second} are joined")
+
+
+RECOGNISERS: Final[dict[str, Callable[..., Verdict]]] = {
+    "grasped": grasped,
+    "free": free,
+    "on_table": on_table,
+    "placed": placed,
+    "holding": holding,
+    "held": held,
+    "screwed": screwed,
+}
+"""Predicate of a domain -> what it means; others are taken as the plan has them."""
+
+
+def recognise(view: View, atom: Atom) -> Verdict | None:
+    """Return whether an atom holds in the tracked world, None if its predicate has no geometry."""
+    known = RECOGNISERS.get(atom.predicate)
+    return None if known is None else known(view, *atom.arguments)
+
+
+def _unsure(view: View, thing: str) -> str:
+    """Return why nothing can be said about an object, "" if something can."""
+    if view.seen(thing) is None:
+        return f"{thing} is not seen"
+    return "" if view.watched(thing) else f"{thing} was seen for a moment only"
+
+
+def _human(view: View, hand: str) -> bool:
+    return view.world.scene.hands[hand].agent == "human"
+
+
+def _in_gripper(view: View, thing: str) -> bool:
+    """Return whether a closed gripper is at an object."""
+    return any(view.gap(hand, thing) <= view.tolerances.reach for hand in view.now.closed)

@@ -1,0 +1,203 @@
+"""The live page: its files, and server-sent events that tell it what is current.
+
+A browser that was cut off sends the number of the last event it saw and gets what it missed; numbers go on over a
+restart of the run. https://html.spec.whatwg.org/multipage/server-sent-events.html
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import threading
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lgp.errors import LgpError
+from lgp.execution.events import Event, Hub
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
+
+HOST = "127.0.0.1"
+"""Nobody else sees the page unless asked for."""
+LOOK = 0.05
+"""[s] Between looks for new events."""
+KEEP_ALIVE = 10.0
+"""[s] After which a comment shows proxies and browsers that the connection lives."""
+LINGER = 1.5
+"""[s] Longest wait for browsers to take the last event before the server stops."""
+
+
+class PageServer:
+    """Serves a page and the events of a run from a thread of its own.
+
+    Args:
+        page: folder with `index.html`; `show` changes it.
+        hub: the events.
+        host: address to listen at.
+        port: 0 for any free one.
+
+    Attributes:
+        address: where the page is.
+
+    Raises:
+        LgpError: the server is not installed, or the address is taken.
+
+    Example:
+        >>> with PageServer(Path("plan/page"), hub) as server:              # doctest: +SKIP
+        ...     print(server.address)
+        http://127.0.0.1:8642/
+    """
+
+    def __init__(self, page: Path, hub: Hub, host: str = HOST, port: int = 0) -> None:
+        try:
+            import uvicorn
+        except ImportError as error:
+            raise LgpError("the live page needs a server; pip install 'dreba[run]', or use --no-page") from error
+        self.hub = hub
+        self._readers = Readers()
+        self._socket = _bind(host, port)
+        bound, number = self._socket.getsockname()[:2]
+        self.address = f"http://{f'[{bound}]' if ':' in bound else bound}:{number}/"
+        self._files = Files(page)
+        app = application(self._files, hub, self._readers)
+        config = uvicorn.Config(app, log_level="error", lifespan="off", timeout_graceful_shutdown=1)
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._server.run, args=([self._socket],), daemon=True)
+
+    def __enter__(self) -> PageServer:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def show(self, page: Path) -> None:
+        """Serve the page in another folder from now on."""
+        self._files.show(page)
+
+    def close(self) -> None:
+        """Let readers take the last event, then stop."""
+        last = self.hub.last
+        if self._thread.is_alive() and last is not None:
+            self._readers.wait(last.number, LINGER)
+        self._readers.over.set()
+        self._server.should_exit = True
+        if self._thread.is_alive():
+            self._thread.join(5.0)
+        self._socket.close()
+
+
+class Files:
+    """The files of a folder that may change while they are served, as an ASGI application."""
+
+    def __init__(self, folder: Path) -> None:
+        self.show(folder)
+
+    def show(self, folder: Path) -> None:
+        """Serve another folder from now on."""
+        from starlette.staticfiles import StaticFiles
+
+        self._files = StaticFiles(directory=folder, html=True)
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        await self._files(scope, receive, send)
+
+
+class Readers:
+    """Up to which event each connected reader was served."""
+
+    def __init__(self) -> None:
+        self.over = threading.Event()
+        self._served: dict[int, int] = {}
+        self._changed = threading.Condition()
+
+    def served(self, reader: int, number: int | None) -> None:
+        """Note the last event of a reader, None when it leaves."""
+        with self._changed:
+            if number is None:
+                self._served.pop(reader, None)
+            else:
+                self._served[reader] = number
+            self._changed.notify_all()
+
+    def wait(self, number: int, seconds: float) -> None:
+        """Wait until all readers have an event, at most some seconds."""
+        with self._changed:
+            self._changed.wait_for(lambda: all(at >= number for at in self._served.values()), seconds)
+
+
+def application(files: Files, hub: Hub, readers: Readers) -> Starlette:
+    """Return the ASGI application: `/events`, and the files of the page."""
+    from starlette.applications import Starlette as App
+    from starlette.requests import Request
+    from starlette.responses import StreamingResponse
+    from starlette.routing import Mount, Route
+
+    async def events(request: Request) -> StreamingResponse:
+        stream = follow(hub, readers, _number(request.headers.get("last-event-id")))
+        headers = {"Cache-Control": "no-cache", "X-Accel-Buffering": "no"}
+        return StreamingResponse(stream, media_type="text/event-stream", headers=headers)
+
+    return App(routes=[Route("/events", events), Mount("/", files)])
+
+
+async def follow(hub: Hub, readers: Readers, seen: int | None) -> AsyncIterator[str]:
+    """Yield server-sent events: what a reader missed, at least the present state at once, then all that follow."""
+    reader = id(asyncio.current_task())
+    last = hub.last
+    first = hub.after(seen) if seen is not None else []
+    for event in first or ([last] if last is not None else []):
+        yield sent(event)
+    number = last.number if last is not None else 0
+    readers.served(reader, number)
+    quiet = 0.0
+    try:
+        while not readers.over.is_set():
+            new = hub.after(number)
+            for event in new:
+                yield sent(event)
+                number = event.number
+            readers.served(reader, number)
+            quiet = 0.0 if new else quiet + LOOK
+            if quiet >= KEEP_ALIVE:
+                quiet = 0.0
+                yield ": still here\n\n"
+            await asyncio.sleep(LOOK)
+    finally:
+        readers.served(reader, None)
+
+
+def sent(event: Event) -> str:
+    """Return an event as it goes over the wire.
+
+    >>> print(sent(Event(7, 1.5, 0, "running", "started", "The robot moves")), end="")
+    id: 7
+    data: {"action": 0, "state": "running", "text": "The robot moves", "time": 1.5, "plan": 0}
+    <BLANKLINE>
+    """
+    return f"id: {event.number}\ndata: {json.dumps(event.page())}\n\n"
+
+
+def _number(text: str | None) -> int | None:
+    return int(text) if text is not None and text.isdecimal() else None
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    """Return a listening socket.
+
+    Raises:
+        LgpError: the address is taken or not of this machine.
+    """
+    try:
+        found: list[Any] = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        family, kind, protocol, _, address = found[0]
+        listening = socket.socket(family, kind, protocol)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(address)
+    except OSError as error:
+        what = error.strerror or error
+        raise LgpError(f"cannot listen at {host} port {port}: {what}; choose another with --port") from error
+    return listening
