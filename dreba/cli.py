@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 import reba
-from dreba.domain import Domain
+from dreba.domain import Domain, domain_of
 from dreba.errors import RadiansWarning, SampleError
 from dreba.evaluate import PUBLISHED, check_temperature, fit_to
 from dreba.evaluate import evaluate as evaluate_model
@@ -24,6 +24,7 @@ from dreba.options import (
     joints_of,
     joints_option,
     poses_options,
+    refuse_drawing,
     unfitted,
 )
 from dreba.poses import Poses
@@ -91,6 +92,7 @@ def fit(
     A recording that lacks angles needs --joints measured (the model then works on those it has) or --hold neutral.
     """
     apart({"-o": output, "--report": report}, poses_file, given["domain"])
+    refuse_drawing(poses_file, "domain")
     chosen, held = joints_of(joints), hold_of(hold)
     weights = None
     if poses_file is None:
@@ -101,11 +103,12 @@ def fit(
     else:
         import numpy as np
 
-        unfitted(kind, options, given["domain"], None)  # wrong options are told before a long file is read
+        domain = None if given["domain"] is None else domain_of(given["domain"])
+        unfitted(kind, options, domain, None)  # wrong options are told before a long file is read
         poses = _enough(read_poses(poses_file, joints=chosen, hold=held), poses_file)
         drawn_from = Domain.from_dict(poses.provenance["domain"]) if "recording" not in poses.provenance else None
         columns = None if joints is None else tuple(poses.provenance.get("joints", COLUMNS))
-        model = unfitted(kind, options, given["domain"] or drawn_from, columns)
+        model = unfitted(kind, options, domain or drawn_from, columns)
         train, held_out = poses.split(HELD_SHARE, np.random.default_rng(given["seed"]))
         weights = train.balancing_weights()
     fit_to(model, train, held_out, weights, command=command_line("dreba"))
@@ -151,6 +154,7 @@ def _show_evaluation(
 
 def _unseen(models_: dict[str, Surrogate], poses_file: str | None, hold: str | None, given: dict[str, Any]) -> Poses:
     """Return the poses of a file, or poses drawn with a seed of their own from the domain that all models share."""
+    refuse_drawing(poses_file)
     held = hold_of(hold)
     if poses_file is not None:
         joints = {model.joints_ for model in models_.values()}

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
+from click.core import ParameterSource
 
 from dreba.cells import WEIGHTS
 from dreba.domain import DOMAINS, Domain, domain_of
@@ -61,6 +62,21 @@ def poses_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+def refuse_drawing(poses_file: str | None, *fine: str) -> None:
+    """Refuse options that say how poses are drawn where a file gives them, but for `fine` ones.
+
+    Raises:
+        SampleError: one of them was given.
+    """
+    if poses_file is None:
+        return
+    context = click.get_current_context()
+    for name in ("n", "classes", "domain", "weights", "stratified", "factors", "arms", "adjustments"):
+        if name not in fine and context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            option = "-n" if name == "n" else f"--{name}"
+            raise SampleError(f"{option} says how poses are drawn, but {poses_file} gives them; leave it out")
 
 
 def draw_poses(given: dict[str, Any], rng: Any, domain: str | Domain = "human", classes: str = CLASSES) -> Poses:
