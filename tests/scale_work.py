@@ -60,9 +60,12 @@ def cluster(folder: Path, workers: int = 2, prelude: str = "") -> Iterator[str]:
         workers: how many processes with one thread.
         prelude: Python that the workers run first.
     """
+    from distributed import Client
+
     file = folder / "scheduler.json"
     log = (folder / "cluster.log").open("w")
-    env = {**os.environ, "PYTHONPATH": str(HERE), "DASK_DISTRIBUTED__WORKER__PRELOAD": ""}
+    # A task is given up after two deaths: each takes seconds until the worker is there again.
+    env = {**os.environ, "PYTHONPATH": str(HERE), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
     common = ["--scheduler-file", str(file), "--no-dashboard"]
     start = "import sys; {} from distributed.cli.dask_{} import main; main()"
 
@@ -78,7 +81,10 @@ def cluster(folder: Path, workers: int = 2, prelude: str = "") -> Iterator[str]:
         deadline = time.monotonic() + 30.0
         while not file.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
-        yield str(pd.read_json(file, typ="series")["address"])
+        address = str(pd.read_json(file, typ="series")["address"])
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(workers, timeout=60)
+        yield address
     finally:
         for process in reversed(processes):
             process.terminate()
