@@ -56,6 +56,7 @@ def main() -> None:
 def times(poses: int) -> tuple[float, float]:
     """Return seconds to draw 100,000 poses, and to draw `poses` and fit the paper's form; the refit comes first."""
     import dreba
+    import dreba.kinds  # loaded on first use otherwise: an import, not a fit
 
     start = time.perf_counter()
     drawn = dreba.sample(poses, domain="paper", rng=1)
