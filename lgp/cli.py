@@ -14,7 +14,7 @@ from lgp.plan import COST
 from lgp.plan import plan as make_plan
 from lgp.study.commands import simulate_study, study
 from lgp.world.scene_file import load_scene, shipped_scenes
-from reba.shell import GROUP, command_line, console, json_option, print_json, run
+from reba.shell import GROUP, command_line, console, json_option, print_json, run, where_options
 
 
 @click.group(context_settings=GROUP)
@@ -92,7 +92,7 @@ def plan(
     metavar="RUNS",
     help="Also vary each free choice of the scene by 20 %, with so many runs of each.",
 )
-@click.option("--jobs", default=1, type=click.IntRange(min=1), show_default=True, help="Processes.")
+@where_options
 @click.option("-o", "--output", required=True, metavar="DIR", help="Results; an unfinished experiment goes on there.")
 @json_option
 def experiment(
@@ -103,6 +103,7 @@ def experiment(
     cost: str,
     sensitivity: int,
     jobs: int,
+    scheduler: str | None,
     output: str,
     as_json: bool,
 ) -> None:
@@ -119,6 +120,7 @@ def experiment(
         initial=initial,
         cost=cost,
         jobs=jobs,
+        scheduler=scheduler,
         sensitivity=sensitivity,
         progress=progress,
         tell=lambda words: click.echo(f"{name}: {words}", err=True),
@@ -128,6 +130,25 @@ def experiment(
         print_json(summary)
     else:
         click.echo(f"results are in {output}: report.html, summary.json, runs.parquet, paths.parquet")
+
+
+@cli.command(epilog="Example: lgp plan screwdriver -o plan/ && lgp page plan/")
+@click.argument("folder", metavar="DIR")
+@click.option("-o", "--output", metavar="OUT", help="Folder of the page; `page` in DIR by default.")
+@click.option("--pictures/--no-pictures", default=True, help="Also draw stills and films for where WebGL is missing.")
+@json_option
+def page(folder: str, output: str | None, pictures: bool, as_json: bool) -> None:
+    """Write the presentation of the plan in DIR for the worker: what to do next, shown and played."""
+    from lgp.page import write_page
+    from lgp.plan_record import Plan
+
+    found = Plan.load(folder)
+    index = write_page(found, Path(folder) / "page" if output is None else output, pictures=pictures)
+    size = sum(file.stat().st_size for file in index.parent.rglob("*") if file.is_file())
+    if as_json:
+        print_json({"output": str(index), "actions": list(found.actions), "bytes": size})
+    else:
+        click.echo(f"{index}: {len(found.actions)} actions, {size / 1e6:.1f} MB; open it in any browser")
 
 
 @cli.command()

@@ -7,13 +7,14 @@ actions of the plan without ("re-optimized"). Heights depend on seed and run alo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lgp.errors import LgpError
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES
 from lgp.experiments.variations import AS_IT_IS, Variation
 from lgp.plan import COST, parse_sequence, plan_within, task_of
@@ -21,6 +22,7 @@ from lgp.plan_record import Plan
 from lgp.search import Budget
 from lgp.world.scene import Scene
 from lgp.world.scene_file import load_scene
+from reba.fan_out import Lost, fan_out
 from reba.posture import COLUMNS
 
 if TYPE_CHECKING:
@@ -47,6 +49,7 @@ def experiment(
     initial: str = "rest",
     cost: str = COST,
     jobs: int = 1,
+    scheduler: str | None = None,
     sensitivity: int = 0,
     progress: Callable[[int, int], None] | None = None,
     tell: Callable[[str], None] | None = None,
@@ -57,7 +60,7 @@ def experiment(
     Args:
         folder: of the results; runs that are in it stay, so a stopped experiment goes on.
         runs: how many there shall be.
-        seed, initial, cost, jobs: as for `plan_runs`.
+        seed, initial, cost, jobs, scheduler: as for `plan_runs`.
         sensitivity: runs of each variation of a free choice, 0 for no variations.
         progress: told how many runs there are and how many there shall be, after each.
         tell: told which variation is made.
@@ -77,12 +80,12 @@ def experiment(
     settings = {"experiment": SCENE, "scene": SCENE, "seed": seed, "cost": cost, "depth": DEPTH}
     store = RunStore(folder, settings)
     missing = sorted(set(range(runs)) - store.done(initial))
-    for number, made in enumerate(plan_runs(missing, seed, initial, cost, jobs), 1):
+    for number, made in enumerate(plan_runs(missing, seed, initial, cost, jobs, scheduler=scheduler), 1):
         store.append(*made)
         if progress is not None:
             progress(runs - len(missing) + number, runs)
     tables = store.finish()
-    varied = vary(folder, sensitivity, settings, jobs, tell) if sensitivity else None
+    varied = vary(folder, sensitivity, settings, jobs, tell, scheduler) if sensitivity else None
     world = World(load_scene(SCENE))
     return write_results(
         folder,
@@ -147,25 +150,33 @@ def plan_runs(
     cost: str = COST,
     jobs: int = 1,
     variation: Variation | None = None,
+    scheduler: str | None = None,
 ) -> Iterator[tuple[pd.DataFrame, pd.DataFrame]]:
-    """Yield `plan_run` of every run, in order, made by some processes at once.
+    """Yield `plan_run` of every run, as they finish.
 
     Args:
         runs: their numbers.
         seed, initial, cost, variation: as for `plan_run`.
-        jobs: processes.
-    """
-    numbers = list(runs)
-    if jobs == 1:
-        for run in numbers:
-            yield plan_run(run, seed, initial, cost, variation=variation)
-        return
-    from joblib import Parallel, delayed
+        jobs, scheduler: where they are planned, see `reba.fan_out.fan_out`.
 
-    made = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(plan_run)(run, seed, initial, cost, variation=variation) for run in numbers
-    )
-    yield from made
+    Raises:
+        LgpError: the process of a run died each time.
+        RebaError: the cluster cannot be used.
+    """
+    cost = str(Path(cost).resolve()) if Path(cost).is_file() else cost  # workers may be in another folder
+    work = partial(plan_run, seed=seed, initial=initial, cost=cost, variation=variation)
+    for run, made in fan_out(work, runs, jobs=jobs, scheduler=scheduler, probe=partial(_lacks, cost)):
+        if isinstance(made, Lost):
+            raise LgpError(f"run {run}: {made.reason}; what is done is safe, run the same command with fewer --jobs")
+        yield made
+
+
+def _lacks(cost: str) -> str:
+    """Return what this process lacks to plan, "" if nothing."""
+    from dreba.files import models
+
+    known = cost in models() or Path(cost).is_file()
+    return "" if known else f"cannot read {cost}; keep the model where every worker finds it under the same path"
 
 
 @lru_cache(maxsize=1)

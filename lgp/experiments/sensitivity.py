@@ -38,6 +38,7 @@ def sensitivity(
     settings: Mapping[str, Any],
     jobs: int = 1,
     progress: Callable[[str], None] | None = None,
+    scheduler: str | None = None,
 ) -> pd.DataFrame:
     """Make the runs that the variations lack; return one row per variation and condition.
 
@@ -45,7 +46,7 @@ def sensitivity(
         folder: of the experiment.
         runs: of every variation.
         settings: of the experiment, with its `seed` and `cost`; all runs start at rest.
-        jobs: processes.
+        jobs, scheduler: where they are made, see `reba.fan_out.fan_out`.
         progress: told what is made next.
 
     Returns:
@@ -62,7 +63,7 @@ def sensitivity(
         missing = sorted(set(range(runs)) - store.done("rest"))
         if missing and progress is not None:
             progress(f"{variation.choice} x {variation.factor:g}: {len(missing)} runs")
-        for made in plan_runs(missing, settings["seed"], "rest", settings["cost"], jobs, variation):
+        for made in plan_runs(missing, settings["seed"], "rest", settings["cost"], jobs, variation, scheduler):
             store.append(*made)
         found, _ = store.finish()
         rows += _rows(variation, found[found["run"] < runs])
