@@ -1,0 +1,111 @@
+"""A view as plain data for the page's script: whole numbers in base64, which a script file holds without a server."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.page.camera import ANGLE, ROOM
+from lgp.page.mesh import Mesh
+from lgp.page.shots import Shot
+from lgp.page.view import View
+
+Array = NDArray[np.float64]
+
+FULL = 32767
+"""Largest of the whole numbers that stand for lengths."""
+DIRECTIONS = 2000
+"""In which the points that frame a shot are outermost."""
+
+
+def packed(view: View) -> dict[str, Any]:
+    """Return a view as data that JSON holds.
+
+    Positions are whole numbers times a scale, little-endian; quaternions x, y, z, w times 32767.
+
+    Example:
+        >>> packed(view(motion))["time"][:2]                             # doctest: +SKIP
+        [0.0, 0.05]
+    """
+    position = view.place[:, :, :3, 3]
+    return {
+        "angle": ANGLE,
+        "room": ROOM,
+        "meshes": [_mesh(mesh) for mesh in view.meshes],
+        "bodies": [
+            {"mesh": body.mesh, "frame": body.frame, "place": _rounded(body.place.T.ravel())} for body in view.bodies
+        ],
+        "skin": _skin(view),
+        "frames": list(view.frames),
+        "time": _rounded(view.time),
+        "position": _lengths(position, np.zeros(3)),
+        "rotation": _text((_quaternions(view.place[:, :, :3, :3]) * FULL).round().astype("<i2")),
+        "ends": view.ends.tolist(),
+        "shots": [_shot(shot) for shot in view.shots],
+    }
+
+
+def _mesh(mesh: Mesh) -> dict[str, Any]:
+    middle = (mesh.vertices.max(axis=0) + mesh.vertices.min(axis=0)) / 2.0
+    palette, index = np.unique(mesh.colours, axis=0, return_inverse=True)
+    if len(palette) > 256:
+        raise ValueError(f"a mesh has {len(palette)} colours, expected 256 or fewer")
+    wide = "<u4" if len(mesh.vertices) > 0xFFFF else "<u2"
+    return {
+        "vertices": _lengths(mesh.vertices, middle),
+        "faces": _text(mesh.faces.astype(wide)),
+        "wide": wide == "<u4",
+        "palette": palette.tolist(),
+        "colours": _text(index.reshape(-1).astype("u1")),
+        "gloss": mesh.gloss,
+    }
+
+
+def _skin(view: View) -> dict[str, Any] | None:
+    if view.skin is None:
+        return None
+    skin, frames = view.skin
+    return {
+        "mesh": _mesh(skin.mesh),
+        "frames": frames.tolist(),
+        "inverse": [_rounded(inverse.T.ravel()) for inverse in skin.inverse],
+        "index": _text(skin.index.astype("u1")),
+        "weight": _text((skin.weight * 255.0).round().astype("u1")),
+    }
+
+
+def _shot(shot: Shot) -> dict[str, Any]:
+    """Return a shot; of its points those that are outermost in some direction, which frame it the same."""
+    spread = np.random.default_rng(0).normal(size=(DIRECTIONS, 3))
+    chosen = np.unique((shot.points @ spread.T).argmax(axis=0))
+    return {"points": _rounded(shot.points[chosen].ravel()), "towards": _rounded(shot.towards)}
+
+
+def _lengths(values: Array, middle: Array) -> dict[str, Any]:
+    scale = max(float(np.abs(values - middle).max(initial=0.0)), 1e-6) / FULL
+    return {
+        "data": _text(((values - middle) / scale).round().astype("<i2")),
+        "scale": scale,
+        "middle": _rounded(middle),
+    }
+
+
+def _quaternions(rotation: Array) -> Array:
+    """Return (T, F, 4) from (T, F, 3, 3), without jumps of sign from moment to moment."""
+    from scipy.spatial.transform import Rotation
+
+    found = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat().reshape(*rotation.shape[:2], 4)
+    jumps = np.where((found[1:] * found[:-1]).sum(axis=2) < 0.0, -1.0, 1.0)
+    found[1:] *= np.cumprod(jumps, axis=0)[:, :, None]
+    return np.asarray(found)
+
+
+def _rounded(values: Array) -> list[float]:
+    return [float(value) for value in np.round(values, 6)]
+
+
+def _text(values: NDArray[Any]) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")

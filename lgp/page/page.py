@@ -1,0 +1,134 @@
+"""A plan as a folder that any browser opens: the presentation, what it needs, and pictures for those without WebGL."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
+
+from lgp.errors import LgpError
+from lgp.motion import Motion
+from lgp.page.libraries import check, library_files
+from lgp.page.pack import packed
+from lgp.page.pictures import write_pictures
+from lgp.page.ribbon import Run, risk, runs
+from lgp.page.sentences import Line, humanised, sentences
+from lgp.page.view import View, view
+from lgp.plan_record import Plan
+from reba.report.words import LEVEL_COLOURS
+
+ASSETS = "assets"
+PICTURES = "pictures"
+RING = 0.08
+"""[m] Smallest radius of the ring around the object of an action."""
+SCRIPTS = ("stage.js", "player.js", "live.js")
+
+
+def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path:
+    """Write the presentation of a plan.
+
+    The same plan gives the same files. Served over HTTP, the page follows a running plan: it listens to `events`
+    beside it, server-sent events whose data are `{"action": number from 0 or null, "state": "waiting" | "running" |
+    "done" | "failed" | "finished", "text": "...", "time": seconds}`.
+
+    Args:
+        plan: a feasible one.
+        folder: made if it is not there; what else lies there stays.
+        pictures: also draw the stills and films that stand in where there is no WebGL.
+
+    Returns:
+        The page, `index.html` in the folder.
+
+    Raises:
+        LgpError: there is no motion, a package is missing, or the folder cannot be written.
+
+    Example:
+        >>> write_page(lgp.Plan.load("plan"), "plan/page")               # doctest: +SKIP
+        PosixPath('plan/page/index.html')
+    """
+    check()
+    out = Path(folder)
+    motion = Motion(plan)
+    seen = view(motion)
+    lines = sentences(plan.scene, motion.phases.switches)
+    try:
+        assets = out / ASSETS
+        assets.mkdir(parents=True, exist_ok=True)
+        for name, file in library_files().items():
+            shutil.copyfile(file, assets / name)
+        for name in ("page.css", *SCRIPTS):
+            (assets / name).write_text(_template(name), encoding="utf-8")
+        _write_data(assets / "plan.js", {"view": packed(seen), **_facts(plan, motion, seen, lines)})
+        if pictures:
+            write_pictures(seen, out / PICTURES)
+        else:
+            shutil.rmtree(out / PICTURES, ignore_errors=True)
+        index = out / "index.html"
+        index.write_text(_html(plan, lines, pictures), encoding="utf-8")
+    except OSError as error:
+        raise LgpError(f"{out}: cannot be written ({error.strerror or error}); give another folder") from error
+    return index
+
+
+def _write_data(path: Path, data: dict[str, Any]) -> None:
+    """Write data as a script, because pages from a file may not read other files."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    path.write_text(f"window.PLAN = {text};\n", encoding="utf-8")
+
+
+def _facts(plan: Plan, motion: Motion, seen: View, lines: tuple[Line, ...]) -> dict[str, Any]:
+    """Return what the player knows beside the view."""
+    things = [switch.thing for switch in motion.phases.switches]
+    return {
+        "actions": [
+            {
+                "text": line.text,
+                "you": line.you,
+                "frame": seen.frames.index(thing),
+                "radius": max(RING, round(0.6 * max(plan.scene.things[thing].size), 3)),
+            }
+            for line, thing in zip(lines, things, strict=True)
+        ],
+        "runs": [
+            {"start": run.start, "end": run.end, "score": run.score, "risk": risk(run.level), "colour": run.colour}
+            for run in runs(plan)
+        ],
+    }
+
+
+def _html(plan: Plan, lines: tuple[Line, ...], pictures: bool) -> str:
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    ribbon = runs(plan)
+    total = float(plan.time[-1])
+    template = environment.from_string(_template("index.html"))
+    return template.render(
+        title=humanised(plan.scene.name).capitalize(),
+        lines=lines,
+        labels=plan.actions,
+        ribbon=[_bar(run, total) for run in ribbon],
+        marks=[100.0 * number / len(lines) for number in range(len(lines))],
+        levels=[(risk(level), colour) for level, colour in enumerate(LEVEL_COLOURS)],
+        reba=plan.summary()["reba"],
+        seconds=total,
+        scripts=SCRIPTS,
+        assets=ASSETS,
+        pictures=PICTURES if pictures else "",
+    )
+
+
+def _bar(run: Run, total: float) -> dict[str, Any]:
+    return {
+        "left": round(100.0 * run.start / total, 3),
+        "width": round(100.0 * (run.end - run.start) / total, 3),
+        "height": round(38 + 62 * (run.score - 1) / 14, 1),
+        "run": run,
+        "risk": risk(run.level),
+    }
+
+
+def _template(name: str) -> str:
+    return (resources.files("lgp.page") / "template" / name).read_text(encoding="utf-8")

@@ -1,0 +1,150 @@
+"""The person as bodies to look at: a skin that bends with the bones, a head, hands and shoes."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.page.mesh import Mesh, Solid, painted, surface
+from lgp.world import human
+from reba.posture import SIDES
+
+Array = NDArray[np.float64]
+
+TABLE = Path(__file__).parent / "data" / "person.toml"
+INFLUENCES = 4
+"""Bones that may pull at one place of the skin."""
+SOFT = 0.012
+"""[m] How fast a bone's hold on the skin fades with the distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """A mesh that follows several bones.
+
+    Attributes:
+        mesh: where it was bound, in the axes of the person's place.
+        bones: names of the joints.
+        inverse: (B, 4, 4) from there into each bone.
+        index: (n, 4) bones of each vertex.
+        weight: (n, 4), rows sum to 1.
+    """
+
+    mesh: Mesh
+    bones: tuple[str, ...]
+    inverse: Array
+    index: NDArray[np.int64]
+    weight: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A person: the skin, and stiff parts as (joint, mesh) in the axes of the joint."""
+
+    skin: Skin
+    parts: tuple[tuple[str, Mesh], ...]
+
+
+@cache
+def figure(stature: float, sex: str) -> Figure:
+    """Return the figure of a person.
+
+    Args:
+        stature: [m].
+        sex: "male" or "female".
+
+    Raises:
+        SceneError: nobody is that tall, or the sex is unknown.
+
+    Example:
+        >>> figure(1.75, "male").skin.weight.shape[1]                    # doctest: +SKIP
+        4
+    """
+    table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    shape = _Shape(table, stature, sex)
+    parts = [("head", "")] + [(part, side) for part in ("hand", "shoe") for side in SIDES]
+    return Figure(shape.skin(), tuple(shape.part(part, side) for part, side in parts))
+
+
+class _Shape:
+    """Solids of the table, placed on the joints of a person who stands as `bind` says."""
+
+    def __init__(self, table: dict[str, Any], stature: float, sex: str) -> None:
+        import pinocchio as pin
+
+        self.table, self.scale = table, stature / table["stature"]
+        self.ankle = human.lengths(stature, sex)["ankle_height"]
+        model = human.human_model(stature, sex)
+        data, q = model.createData(), np.zeros(model.nq)
+        for pattern, degrees in table["bind"].items():
+            for side in SIDES:
+                q[model.joints[model.getJointId(pattern.format(side=side))].idx_q] = np.radians(degrees)
+        pin.forwardKinematics(model, data, q)
+        self.place = {name: data.oMi[number].copy() for number, name in enumerate(model.names)}
+
+    def skin(self) -> Skin:
+        entries = [(entry, side) for entry in self.table["body"]["solids"] for side in _sides(entry)]
+        solids = [self.solid(entry, side) for entry, side in entries]
+        mesh = self.mesh(self.table["body"], solids)
+        distance = np.stack([solid.distance(mesh.vertices) for solid in solids], axis=1)
+        bones = tuple(dict.fromkeys(solid.bone for solid in solids))
+        nearest = np.stack(
+            [distance[:, [solid.bone == bone for solid in solids]].min(axis=1) for bone in bones], axis=1
+        )
+        hold = np.exp(-(nearest - nearest.min(axis=1, keepdims=True)) / (SOFT * self.scale))
+        index = np.argsort(-hold, axis=1, kind="stable")[:, :INFLUENCES]
+        weight = np.take_along_axis(hold, index, axis=1)
+        return Skin(
+            mesh,
+            bones,
+            np.stack([self.place[bone].inverse().homogeneous for bone in bones]),
+            index,
+            weight / weight.sum(axis=1, keepdims=True),
+        )
+
+    def part(self, name: str, side: str) -> tuple[str, Mesh]:
+        """Return the joint and the mesh of a stiff part; the left one is the right one in a mirror."""
+        entry = self.table[name]
+        joint = entry["joint"].format(side="right")
+        solids = [self.solid(solid, which) for solid in entry["solids"] for which in _sides(solid) or ("right",)]
+        floor = self.place[joint].translation[2] - self.ankle if entry.get("flat") else -np.inf
+        mesh = self.mesh(entry, solids, floor)
+        local, faces = (mesh.vertices - self.place[joint].translation) @ self.place[joint].rotation, mesh.faces
+        if side == "left":
+            local, faces = local * (1.0, 1.0, -1.0), faces[:, ::-1]
+        return entry["joint"].format(side=side), Mesh(local, faces, mesh.colours, mesh.gloss)
+
+    def mesh(self, entry: dict[str, Any], solids: list[Solid], floor: float = -np.inf) -> Mesh:
+        skin = surface(solids, entry["voxel"] * self.scale, entry["blend"] * self.scale, floor)
+        return painted(skin, solids, self.table["colours"], entry["gloss"])
+
+    def solid(self, entry: dict[str, Any], side: str) -> Solid:
+        start, end = (self.point(entry.get(key, entry["from"]), side) for key in ("from", "to"))
+        joint = entry["from"][0].format(side=side)
+        return Solid(
+            entry.get("bone", entry["from"][0]).format(side=side),
+            entry["colour"],
+            start,
+            end,
+            tuple(radius * self.scale for radius in entry["radii"]),
+            self.place[joint].rotation,
+        )
+
+    def point(self, entry: list[Any], side: str) -> Array:
+        joint, toward, share, *offset = entry
+        place = self.place[joint.format(side=side)]
+        mirror = np.array([1.0, 1.0, -1.0 if side == "left" else 1.0])
+        point = place.translation + place.rotation @ (np.array(offset) * mirror * self.scale)
+        if toward:
+            point = point + share * (self.place[toward.format(side=side)].translation - place.translation)
+        return np.asarray(point)
+
+
+def _sides(entry: dict[str, Any]) -> tuple[str, ...]:
+    return SIDES if entry.get("sided") else ("right",)

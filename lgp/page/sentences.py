@@ -1,0 +1,120 @@
+"""What a worker reads: each action of a plan in a sentence."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from lgp.world.scene import Human, Scene
+from lgp.world.switches import Switch
+
+TABLE = Path(__file__).parent / "data" / "sentences.toml"
+
+
+@dataclass(frozen=True)
+class Line:
+    """An action in words.
+
+    Attributes:
+        text: the sentence.
+        short: a few words.
+        you: whether the reader acts; else a robot does.
+    """
+
+    text: str
+    short: str
+    you: bool
+
+
+def sentences(scene: Scene, switches: Sequence[Switch]) -> tuple[Line, ...]:
+    """Return the lines of a sequence of actions.
+
+    Args:
+        scene: where they happen.
+        switches: the actions as geometry, in order.
+
+    Example:
+        >>> from lgp.world.scene_file import load_scene
+        >>> from lgp.world.switches import Switch
+        >>> scene = load_scene("screwdriver")
+        >>> print(sentences(scene, [Switch("grasp", "baxter.left", "screwdriver")])[0].text)
+        The robot, using its left arm, picks up the screwdriver from the start table.
+    """
+    lies: dict[str, str] = {name: thing.on for name, thing in scene.things.items()}
+    lines = []
+    for switch in switches:
+        lines.append(_line(scene, switch, lies.get(switch.thing, "")))
+        if switch.kind == "place":
+            lies[switch.thing] = switch.table
+        elif switch.kind in ("grasp", "handover"):
+            lies[switch.thing] = ""
+    return tuple(lines)
+
+
+def humanised(name: str) -> str:
+    """Return a name of a plan as people say it.
+
+    >>> humanised("toolbox/side.left"), humanised("table.start"), humanised("right_hand")
+    ('left toolbox side', 'start table', 'right hand')
+    """
+    words = [word for word in re.split(r"[/._\s-]+", name) if word]
+    words = [part for word in words for part in re.sub(r"(?<=[a-z])(?=[A-Z0-9])", " ", word).split()]
+    first = [word for word in words if word in table()["words"]["first"]]
+    return " ".join([*first, *(word for word in words if word not in first)])
+
+
+@cache
+def table() -> dict[str, Any]:
+    """Return the table of sentences (read once)."""
+    return tomllib.loads(TABLE.read_text(encoding="utf-8"))
+
+
+def _line(scene: Scene, switch: Switch, lies: str) -> Line:
+    words, actor = table()["words"], switch.giver or switch.hand
+    you, takes = _is_human(scene, actor), _is_human(scene, switch.hand)
+    names = {
+        "thing": f"the {humanised(switch.thing)}",
+        "other": f"the {humanised(switch.other)}",
+        "table": f"the {humanised(switch.table)}",
+        "from": words["from"].format(table=f"the {humanised(lies)}") if lies else "",
+        "hand": humanised(scene.hands[switch.hand].name),
+        "giver": humanised(scene.hands[actor].name),
+        "robot": _robot(scene, actor),
+        "arm": _arm(scene, actor),
+        "taker": words["taker"].format(robot=_robot(scene, switch.hand), arm=_limb(scene, switch.hand)),
+    }
+    kind = f"handover_to_{'human' if takes else 'robot'}" if switch.kind == "handover" else switch.kind
+    text = table()["human" if you else "robot"][kind].format(**names)
+    return Line(text[0].upper() + text[1:], table()["short"][switch.kind].format(**names), you)
+
+
+def _is_human(scene: Scene, hand: str) -> bool:
+    return isinstance(_agent(scene, hand), Human)
+
+
+def _agent(scene: Scene, hand: str) -> Any:
+    return next(agent for agent in scene.agents if agent.name == scene.hands[hand].agent)
+
+
+def _robot(scene: Scene, hand: str) -> str:
+    words = table()["words"]
+    return str(
+        words["robot"] if len(scene.robots) <= 1 else words["robots"].format(name=humanised(_agent(scene, hand).name))
+    )
+
+
+def _arm(scene: Scene, hand: str) -> str:
+    """Return which arm a robot uses, "" if it has one only."""
+    if len(_agent(scene, hand).hands) <= 1:
+        return ""
+    return str(table()["words"]["arm"].format(arm=_limb(scene, hand)))
+
+
+def _limb(scene: Scene, hand: str) -> str:
+    name = scene.hands[hand].name
+    return str(table()["words"]["arms"].get(name, humanised(name)))

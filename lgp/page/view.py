@@ -1,0 +1,219 @@
+"""A plan as what is seen of it: meshes, the frames they move with, and where these are from moment to moment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.motion import Motion
+from lgp.page.mesh import Mesh, scattered
+from lgp.page.person import Skin, figure
+from lgp.page.robots import parts
+from lgp.page.shots import Shot
+from lgp.page.subjects import shots_of
+from lgp.page.things import table_mesh, thing_mesh
+from lgp.plan_record import Plan
+from lgp.world import human
+from lgp.world.scene import Human
+
+Array = NDArray[np.float64]
+
+RATE = 20.0
+"""[Hz] Moments at least; players interpolate between them."""
+
+APART = 0.03
+"""[m] Between the points that are looked at for what hides what."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A mesh (its number) that moves with a frame (its number, None for one that stands still), (4, 4) place in it."""
+
+    mesh: int
+    frame: int | None
+    place: Array
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What is seen of a plan.
+
+    Attributes:
+        meshes: each once.
+        bodies: what is stiff.
+        skin: of the human and the frames (B,) of its bones, None without a human.
+        frames: their names.
+        time: (T,) moments [s].
+        place: (T, F, 4, 4) of the frames in the world [m].
+        ends: (K,) number of the last moment of each action.
+        shots: of the start, then of each action.
+    """
+
+    meshes: tuple[Mesh, ...]
+    bodies: tuple[Body, ...]
+    skin: tuple[Skin, NDArray[np.intp]] | None
+    frames: tuple[str, ...]
+    time: Array
+    place: Array
+    ends: NDArray[np.intp]
+    shots: tuple[Shot, ...]
+
+
+def view(motion: Motion) -> View:
+    """Return what is seen of a plan, interpolated between its slices by splines of the joints.
+
+    Args:
+        motion: of a feasible plan.
+
+    Raises:
+        LgpError: the meshes of a robot cannot be read.
+    """
+    dense, steps = _dense(motion)
+    stage = _Stage(dense)
+    stage.tables()
+    stage.things()
+    stage.robots()
+    skin = stage.person() if dense.plan.scene.human else None
+    place = np.stack(list(stage.place.values()), axis=1)
+    ends = (np.arange(dense.phases.count) + 1) * dense.phases.slices
+    points = [scattered(mesh, APART) for mesh in stage.meshes]
+    solid = [_solid(stage, skin, points, place[end]) for end in (0, *ends)]
+    return View(
+        tuple(stage.meshes),
+        tuple(stage.bodies),
+        skin,
+        tuple(stage.place),
+        dense.time,
+        place,
+        ends,
+        shots_of(dense, dict(zip(stage.place, range(len(stage.place)), strict=True)), place, solid, steps),
+    )
+
+
+def _dense(motion: Motion) -> tuple[Motion, int]:
+    """Return the same motion in shorter slices, and how many of them are one slice of the plan."""
+    from scipy.interpolate import CubicSpline
+
+    plan = motion.plan
+    longest = float(np.diff(motion.time).max())
+    steps = max(1, int(np.ceil(longest * RATE - 1e-9)))
+    at = np.interp(np.arange(1, steps * len(plan.time) + 1) / steps, np.arange(len(motion.time)), motion.time)
+    path = CubicSpline(motion.time, motion.path, bc_type="clamped")(at)
+    path = np.clip(path, motion.world.lower, motion.world.upper)
+    finer: Plan = replace(plan, path=path, time=at, phase=np.repeat(plan.phase, steps))
+    return Motion(finer, motion.world), steps
+
+
+def _solid(stage: _Stage, skin: tuple[Skin, NDArray[np.intp]] | None, points: list[Array], place: Array) -> Array:
+    """Return points (k, 3) all over the bodies at a moment; those of each mesh are given."""
+    found = []
+    for body in stage.bodies:
+        at = body.place if body.frame is None else place[body.frame] @ body.place
+        found.append(points[body.mesh] @ at[:3, :3].T + at[:3, 3])
+    if skin is not None:
+        found.append(skinned(skin[0], place[skin[1]]))
+    return np.concatenate(found)
+
+
+class _Stage:
+    """Collects meshes, frames and bodies."""
+
+    def __init__(self, motion: Motion) -> None:
+        self.motion, self.scene = motion, motion.plan.scene
+        self.meshes: list[Mesh] = []
+        self.bodies: list[Body] = []
+        self.place: dict[str, Array] = {}
+        self._known: dict[str, int] = {}
+
+    def tables(self) -> None:
+        for name, table in self.scene.tables.items():
+            place = _standing((*table.position, 0.0), table.yaw)
+            self.bodies.append(Body(self.mesh(name, table_mesh(table)), None, place))
+
+    def things(self) -> None:
+        for number, (name, thing) in enumerate(self.scene.things.items()):
+            poses = self.motion.thing(name)
+            frame = self.frame(name, _matrices(poses.rotation, poses.position))
+            self.bodies.append(Body(self.mesh(name, thing_mesh(thing, number)), frame, np.eye(4)))
+
+    def robots(self) -> None:
+        for robot in self.scene.robots.values():
+            seen = parts(robot)
+            links = list(dict.fromkeys(f"{robot.name}.{part.link}" for part in seen))
+            poses = self.motion.frames(links)
+            frames: dict[str, tuple[int | None, Array]] = {}
+            for link in links:
+                place = _matrices(poses[link].rotation, poses[link].position)
+                still = bool(np.ptp(place, axis=0).max() < 1e-9)
+                frames[link] = (None, place[0]) if still else (self.frame(link, place), np.eye(4))
+            for part in seen:
+                number, place = frames[f"{robot.name}.{part.link}"]
+                self.bodies.append(Body(self.mesh(part.key, part.mesh), number, place @ part.place))
+
+    def person(self) -> tuple[Skin, NDArray[np.intp]]:
+        person = self.scene.human
+        if person is None:
+            raise ValueError("the scene has no human, and one was to be drawn")
+        shape = figure(person.stature, person.sex)
+        joints = list(dict.fromkeys([*shape.skin.bones, *(joint for joint, _ in shape.parts)]))
+        numbers = {
+            joint: self.frame(f"human.{joint}", place)
+            for joint, place in _joints(person, self.motion.human, joints).items()
+        }
+        for joint, mesh in shape.parts:
+            self.bodies.append(Body(self.mesh(f"human.{joint}", mesh), numbers[joint], np.eye(4)))
+        return shape.skin, np.array([numbers[bone] for bone in shape.skin.bones])
+
+    def frame(self, name: str, place: Array) -> int:
+        self.place[name] = place
+        return len(self.place) - 1
+
+    def mesh(self, key: str, mesh: Mesh) -> int:
+        if key not in self._known:
+            self._known[key] = len(self.meshes)
+            self.meshes.append(mesh)
+        return self._known[key]
+
+
+def _joints(person: Human, values: Mapping[str, Array], names: list[str]) -> dict[str, Array]:
+    """Return joint -> (T, 4, 4) in the world, from the values of all joints (T,) [rad, m]."""
+    import pinocchio as pin
+
+    model = human.human_model(person.stature, person.sex)
+    data = model.createData()
+    ground = _standing(person.position, person.yaw)
+    columns = {name: model.joints[model.getJointId(name)].idx_q for name in values}
+    q = np.empty((len(next(iter(values.values()))), model.nq))
+    for name, column in columns.items():
+        q[:, column] = values[name]
+    found = np.empty((len(names), len(q), 4, 4))
+    for row, configuration in enumerate(q):
+        pin.forwardKinematics(model, data, configuration)
+        for number, name in enumerate(names):
+            found[number, row] = ground @ data.oMi[model.getJointId(name)].homogeneous
+    return dict(zip(names, found, strict=True))
+
+
+def skinned(skin: Skin, place: Array) -> Array:
+    """Return the vertices (n, 3) of a skin whose bones are at (B, 4, 4) in the world [m]."""
+    points = np.concatenate([skin.mesh.vertices, np.ones((len(skin.mesh.vertices), 1))], axis=1)
+    blended = np.einsum("nk,nkij->nij", skin.weight, (place @ skin.inverse)[skin.index])
+    return np.asarray(np.einsum("nij,nj->ni", blended[:, :3], points))
+
+
+def _standing(position: tuple[float, ...], yaw: float) -> Array:
+    turn = np.radians(yaw)
+    place = np.eye(4)
+    place[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+    place[:3, 3] = position
+    return place
+
+
+def _matrices(rotation: Array, position: Array) -> Array:
+    """Return (T, 4, 4) from (T, 3, 3) and (T, 3)."""
+    place = np.zeros((len(rotation), 4, 4))
+    place[:, :3, :3], place[:, :3, 3], place[:, 3, 3] = rotation, position, 1.0
+    return place
