@@ -34,6 +34,12 @@ RELAXED = replace(OPTIONS, kkt=1e-4, decrease=1e-6, longest_step=1.0)
 """Of sequences, which are bounds and first guesses; longer steps end in poorer minima."""
 POSES = replace(RELAXED, longest_step=0.6)
 """Of poses."""
+SOFTER = replace(OPTIONS, kkt=1e-3, decrease=1e-4, iterations=12)
+"""Of paths at all stages of a graduated cost but the last, which only lead to the next."""
+SHARP = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
+"""Of paths at the last stage: its edges leave no smooth way to more digits, only ever shorter steps."""
+SHORT = 25
+"""Iterations of a sequence with a graduated cost, for the same reason."""
 HOPELESS = 0.03
 """[m, rad] A pose whose nearest point violates its constraints by more is refused without asking the solver."""
 TRIES = 3
@@ -181,7 +187,8 @@ class PathBounds:
         problem = self.problem("sequence", phases)
         known = self._memory.start(phases, self.start)
         starts = [first] if known is None else [problem.join(*known), first]
-        result, why = self._solve(problem, starts, RELAXED)
+        options = RELAXED if self._stages == 1 else replace(RELAXED, iterations=SHORT)
+        result, why = self._solve(problem, starts, options)
         if result is None:
             return None, f"sequence: {why}"
         keys, variables = problem.split(result.x)
@@ -232,12 +239,14 @@ class PathBounds:
         sequence = self.problem("sequence", phases)
         path = sequence.path(sequence.join(earlier.keys, earlier.variables))
         variables = earlier.variables
-        stages = 1 if self.ergonomics is None else len(self.ergonomics.stages)
         result: Result | None = None
-        for stage in range(stages):
+        for stage in range(self._stages):
             problem = self.problem("path", phases, stage)
+            options = self.options
+            if self._stages > 1:
+                options = SOFTER if stage < self._stages - 1 else SHARP
             # Scores get sharper from stage to stage; the multipliers of the last one start the next.
-            result = solve(problem, problem.join(path, variables), options=self.options, warm=result)
+            result = solve(problem, problem.join(path, variables), options=options, warm=result)
             path, variables = problem.split(result.x)
         if result is None:
             return None, "path: the cost has no stage to minimise"
@@ -249,6 +258,10 @@ class PathBounds:
             return None, f"path: {reason(problem, x) or result.status.value}"
         path, variables = problem.split(x)
         return Solution(path[phases.keys], variables, path, problem.costs(x), result), ""
+
+    @property
+    def _stages(self) -> int:
+        return 1 if self.ergonomics is None else len(self.ergonomics.stages)
 
     def _starts(self, first: Array) -> tuple[list[Array], list[Array]]:
         """Return the starts (P, nq) that are always tried, and random ones for when those fail.
