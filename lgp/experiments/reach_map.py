@@ -47,7 +47,7 @@ def reach_map(scene: Scene, spots: pd.DataFrame) -> str:
         parts.append(_text(x, top - 6, name.removeprefix("table."), INK))
     for (x, y), share in zip(at(_spots(spots)[["x", "y"]].to_numpy()), _spots(spots)["share"], strict=True):
         parts.append(
-            f'<circle cx="{x:.0f}" cy="{y:.0f}" r="7" fill="#1f6fa8" fill-opacity="{0.08 + 0.82 * share:.2f}" '
+            f'<circle cx="{x:.0f}" cy="{y:.0f}" r="5" fill="#1f6fa8" fill-opacity="{0.08 + 0.82 * share:.2f}" '
             f'stroke="{SOFT}" stroke-width="0.6"><title>{100 * share:.0f} % of the heights</title></circle>'
         )
     for agent, (x, y) in zip(scene.agents, at(feet), strict=True):
@@ -57,7 +57,8 @@ def reach_map(scene: Scene, spots: pd.DataFrame) -> str:
         parts.append(
             f'<line x1="{x:.0f}" y1="{y:.0f}" x2="{nose[0]:.0f}" y2="{nose[1]:.0f}" stroke="{INK}" stroke-width="5"/>'
         )
-        parts.append(_text(x, y + 28, agent.name, INK))
+        # The name stands behind the back.
+        parts.append(_text(x, y + 28 if nose[1] <= y else y - 18, agent.name, INK))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
         f'aria-label="The scene from above with the share of heights that are reached" font-family="sans-serif">'
