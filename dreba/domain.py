@@ -162,11 +162,11 @@ class Domain:
         """
         name = data.get("name")
         try:
-            bins = data.get("bins", {})
-            if data["scored_by"] == "own bins" and not bins and name in DOMAINS:  # files that name them only
+            if data["scored_by"] == "own bins" and "bins" not in data and name in DOMAINS:  # named only
                 own = domain_of(name).bins
             else:
-                own = {column: Bins(tuple(b["edges"]), tuple(b["points"])) for column, b in bins.items()}
+                own = _bins(data.get("bins", {}))
+            low, high = data.get("load", LOAD)
             return Domain(
                 name=str(name),
                 limits={column: (float(low), float(high)) for column, (low, high) in data["limits"].items()},
@@ -175,9 +175,9 @@ class Domain:
                 title=str(data.get("title", "")),
                 bins=own,
                 sides=data["sides"],
-                load=(float(data.get("load", LOAD)[0]), float(data.get("load", LOAD)[1])),
+                load=(float(low), float(high)),
             )
-        except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise DomainError(f"domain {name!r} is not whole ({error}); give --domain or --poses") from error
 
     @staticmethod
@@ -226,10 +226,7 @@ def _parse(text: str, where: str) -> Domain:
     try:
         rules = given.get("rules", "measured")
         chosen = rules_of(rules) if isinstance(rules, str) else Rules().replace(**rules)
-        bins = {
-            column: Bins(tuple(float(edge) for edge in own["edges"]), tuple(own["points"]))
-            for column, own in _both_sides(given.get("bins", {})).items()
-        }
+        bins = _bins(_both_sides(given.get("bins", {})))
         limits = {column: (own.edges[0], own.edges[-1]) for column, own in bins.items()}
         for column, (low, high) in _both_sides(given.get("limits", {})).items():
             limits[column] = (float(low), float(high))
@@ -250,6 +247,12 @@ def _parse(text: str, where: str) -> Domain:
         raise DomainError(
             f"{where}: a limit, bin or load is not as expected ({error}); write COLUMN = [low, high] in degrees"
         ) from error
+
+
+def _bins(given: dict[str, Any]) -> dict[str, Bins]:
+    return {
+        column: Bins(tuple(float(edge) for edge in own["edges"]), tuple(own["points"])) for column, own in given.items()
+    }
 
 
 def _both_sides(given: dict[str, Any]) -> dict[str, Any]:

@@ -115,8 +115,10 @@ def test_plain_data_reads_back_equal(tmp_path: Path) -> None:
 def test_files_that_only_name_their_bins_are_read() -> None:
     old = {key: value for key, value in dreba.domain_of("paper").to_dict().items() if key not in ("bins", "load")}
     assert dreba.Domain.from_dict(old) == dreba.domain_of("paper")
-    with pytest.raises(dreba.DomainError, match="not whole"):
-        dreba.Domain.from_dict({"name": "paper"})
+    bins = {"neck_twist": {"edges": ["a", "b"], "points": [1]}}
+    for damaged in ({"name": "paper"}, {**old, "bins": bins}, {**old, "load": 3}, {**old, "limits": []}):
+        with pytest.raises(dreba.DomainError, match="not whole"):
+            dreba.Domain.from_dict(damaged)
 
 
 def test_only_some_columns_move() -> None:
