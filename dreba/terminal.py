@@ -41,7 +41,7 @@ def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]], domain:
         title=f"RMSE per REBA class, domain {domain}", title_justify="left", header_style="bold", box=SIMPLE_HEAD
     )
     table.add_column("REBA", no_wrap=True)
-    for heading in ("published, Table I", *(row["model"] for row in rows)):
+    for heading in ("Table I", *(row["model"] for row in rows)):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for score in scores:
         errors = [row["classes"].get(str(score)) for row in rows]

@@ -102,7 +102,7 @@ def test_compare_and_export(run: Run, model: Path, tmp_path: Path) -> None:
     code, out, _ = run("compare", model, "-n", 500, "--tasks", 1)
     assert code == 0
     words = " ".join(out.split())
-    assert "published, Table I" in words
+    assert "published Table I" in words
     assert "true REBA reached" in words
     code, _, _ = run("export", model, "--to", "c", "-o", tmp_path / "reba.c")
     assert code == 0
