@@ -212,7 +212,7 @@ class _Search:
                     break
                 node, level = self._pop()
                 if self._beaten(node.bound):
-                    self._prune(node, "cannot beat the best path")
+                    self._prune(node, f"costs {node.bound:.4g} or more, the best path {self._incumbent():.4g}")
                 else:
                     self._advance(node, level)
         except KeyboardInterrupt:
@@ -233,14 +233,17 @@ class _Search:
     def _open_bound(self) -> float:
         """Return the lowest bound of everything that was not excluded."""
         waiting = [self.nodes[number].bound for number in self.waiting]
-        best = math.inf if self.best is None else self.best.costs[self.bounds.levels[-1]]
-        return min([best, *waiting, *self._skipped_bounds()])
+        return min([self._incumbent(), *waiting, *self._skipped_bounds()])
 
     def _skipped_bounds(self) -> list[float]:
         return [node.bound for node in self.nodes if node.verdict == "over budget"]
 
+    def _incumbent(self) -> float:
+        """Return the cost of the best path so far."""
+        return math.inf if self.best is None else self.best.costs[self.bounds.levels[-1]]
+
     def _beaten(self, bound: float) -> bool:
-        return self.best is not None and bound >= self.best.costs[self.bounds.levels[-1]]
+        return self.best is not None and bound >= self._incumbent()
 
     def _push(self, node: Node, level: int) -> None:
         self.waiting[node.number] = level
@@ -279,7 +282,7 @@ class _Search:
         if last or self.bounds.is_lower_bound(name):
             node.bound = max(node.bound, result.cost)
         if last:
-            if self.best is None or result.cost < self.best.costs[name]:
+            if self.best is None or result.cost < self._incumbent():
                 self.best = node
         elif node.goal:
             self._push(node, level + 1)

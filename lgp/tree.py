@@ -9,7 +9,7 @@ from typing import Final
 
 from lgp.search import Node
 
-BOX: Final = (300, 64)
+BOX: Final = (300, 78)
 """Width and height of a box."""
 GAP: Final = (60, 18)
 """Space between boxes: across levels, along one."""
@@ -21,8 +21,12 @@ STYLES: Final[dict[str, tuple[str, str]]] = {
     "over budget": ("#fff8e1", "#b8860b"),
 }
 """Verdict -> fill and line."""
-LINE: Final = 52
+LINE: Final = 54
 """Characters of the small print that fit into a box."""
+ROWS: Final = 3
+"""Rows of small print that fit into a box; the rest is in the title that a pointer shows."""
+KEY: Final = (("best", "the plan"), ("", "examined or still open"), ("infeasible", "cannot be done"),
+              ("pruned", "cannot be the best"), ("over budget", "left when the budget ran out"))  # fmt: skip
 
 
 def draw(nodes: Sequence[Node], best: Sequence[object] = ()) -> str:
@@ -36,8 +40,11 @@ def draw(nodes: Sequence[Node], best: Sequence[object] = ()) -> str:
     True
     """
     places = _places(nodes)
-    height = max((y for _, y in places.values()), default=0) + BOX[1] + GAP[1]
-    width = max((x for x, _ in places.values()), default=0) + BOX[0] + GAP[1]
+    foot = max((y for _, y in places.values()), default=0) + BOX[1] + GAP[1]
+    verdicts = {"best", *(node.verdict for node in nodes)}
+    key, across = _key([entry for entry in KEY if entry[0] in verdicts], foot)
+    height = foot + GAP[1] + 16
+    width = max(max((x for x, _ in places.values()), default=0) + BOX[0] + GAP[1], across)
     on_way = {node.number for node in nodes if best and node.skeleton == tuple(best)[: len(node.skeleton)]}
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
@@ -47,7 +54,18 @@ def draw(nodes: Sequence[Node], best: Sequence[object] = ()) -> str:
         if node.parent in places:
             parts.append(_edge(places[node.parent], places[node.number], node.number in on_way, node.verdict))
     parts += [_box(node, places[node.number], node.number in on_way) for node in nodes]
-    return "\n".join([*parts, "</svg>"]) + "\n"
+    return "\n".join([*parts, *key, "</svg>"]) + "\n"
+
+
+def _key(entries: Sequence[tuple[str, str]], y: float) -> tuple[list[str], float]:
+    """Return what the colours mean as a row at a height, and how wide it is."""
+    parts, x = [], float(GAP[1])
+    for verdict, words in entries:
+        fill, line = STYLES[verdict]
+        parts.append(f'<path d="M {x:g} {y:g} h 18 v 12 h -18 z" fill="{fill}" stroke="{line}"/>')
+        parts.append(f'<text x="{x + 25:g}" y="{y + 10.5:g}" font-size="11.5" fill="#333">{escape(words)}</text>')
+        x += 45 + 6.3 * len(words)
+    return parts, x
 
 
 def _places(nodes: Sequence[Node]) -> dict[int, tuple[float, float]]:
@@ -92,10 +110,10 @@ def _edge(parent: tuple[float, float], child: tuple[float, float], thick: bool, 
 def _box(node: Node, at: tuple[float, float], thick: bool) -> str:
     fill, line = STYLES["best" if thick else node.verdict]
     title = str(node.action.at(len(node.skeleton))) if node.action is not None else "start"
-    costs = "  ".join(f"{level} {cost:.3g}" for level, cost in node.costs.items())
-    small = textwrap.wrap(node.reason, LINE) or ([costs] if costs else [])
-    if len(small) > 2:
-        small = [small[0], small[1][: LINE - 3] + "..."]
+    costs = ", ".join(f"{level} {cost:.4g}" for level, cost in node.costs.items())
+    small = ([f"cost: {costs}"] if costs else []) + textwrap.wrap(_said(node), LINE)
+    if len(small) > ROWS:
+        small = [*small[: ROWS - 1], small[ROWS - 1][: LINE - 3] + "..."]
     texts = [
         f'<text x="{at[0] + 8:g}" y="{at[1] + 20:g}" font-size="12.5" font-weight="bold">{escape(title)}</text>',
         *(
@@ -108,3 +126,9 @@ def _box(node: Node, at: tuple[float, float], thick: bool) -> str:
         f'<g><title>{whole}</title><rect x="{at[0]:g}" y="{at[1]:g}" width="{BOX[0]}" height="{BOX[1]}" rx="6" '
         f'fill="{fill}" stroke="{line}" stroke-width="{2.5 if thick else 1.2}"/>{"".join(texts)}</g>'
     )
+
+
+def _said(node: Node) -> str:
+    """Return the reason without the step that the box is about anyway."""
+    step = f"phase {len(node.skeleton)}, {node.action.at(len(node.skeleton))}: " if node.action is not None else ""
+    return node.reason.removeprefix(step)
