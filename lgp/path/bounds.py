@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 OPTIONS = Options(violation=1e-6, kkt=1e-5, decrease=1e-7, iterations=60)
 """Of paths: violations of a micrometre, costs to seven digits."""
-RELAXED = replace(OPTIONS, kkt=1e-4, decrease=1e-6, longest_step=1.0)
+RELAXED = replace(OPTIONS, violation=2e-5, kkt=1e-4, decrease=1e-6, longest_step=1.0)
 """Of sequences, which are bounds and first guesses; longer steps end in poorer minima."""
 POSES = replace(RELAXED, longest_step=0.6)
 """Of poses."""
