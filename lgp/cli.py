@@ -31,6 +31,7 @@ def cli() -> None:
 @click.argument("scene")
 @click.option("--cost", metavar="MODEL.json|NAME", help="dREBA model of the ergonomic cost; `convex` by default.")
 @click.option("--no-ergonomics", is_flag=True, help="Plan by accelerations alone.")
+@click.option("--no-collisions", is_flag=True, help="Let bodies pass through each other.")
 @click.option("--sequence", metavar="FILE", help="Plan the motion of these actions, one a line, instead of searching.")
 @click.option("--depth", type=click.IntRange(1, 40), help="Longest sequence; the scene's by default.")
 @click.option("--seconds", type=click.FloatRange(0, min_open=True), help="Stop the search after this time.")
@@ -42,6 +43,7 @@ def plan(
     scene: str,
     cost: str | None,
     no_ergonomics: bool,
+    no_collisions: bool,
     sequence: str | None,
     depth: int | None,
     seconds: float | None,
@@ -63,6 +65,7 @@ def plan(
         sequence=lines,
         depth=depth,
         seconds=float("inf") if seconds is None else seconds,
+        collisions=not no_collisions,
     )
     if output is not None:
         found.save(output)

@@ -46,6 +46,7 @@ def plan(
     slices: int | None = None,
     weights: Weights | None = None,
     world: World | None = None,
+    collisions: bool = True,
 ) -> Plan:
     """Return the best sequence of actions and the motion of everybody.
 
@@ -61,6 +62,7 @@ def plan(
         slices: per phase, the scene's by default.
         weights: of the terms of the cost.
         world: kinematics of this scene's agents, to save building them again.
+        collisions: whether bodies are kept apart; `residuals["penetration"]` says how far they touch either way.
 
     Returns:
         A plan; `feasible` says whether there is one, `reason` why not.
@@ -81,7 +83,7 @@ def plan(
     wanted = None if sequence is None else parse_sequence(task, sequence)
     there = _world(chosen, world)
     first = _start(there, start)
-    bounds = PathBounds(there, _ergonomics(there, cost), weights, first, slices)
+    bounds = PathBounds(there, _ergonomics(there, cost), weights, first, slices, collisions=collisions)
     return plan_within(bounds, task, wanted, Budget(depth=chosen.depth if depth is None else depth, seconds=seconds))
 
 
@@ -233,11 +235,14 @@ def _record(scene: Scene, bounds: PathBounds, found: SearchResult) -> Plan:
 
 
 def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) -> dict[str, Any]:
+    from lgp.path.collision_rows import CollisionRows
+
     phases = bounds.phases(tuple(skeleton))
     problem = bounds.problem("path", phases)
     path = solution.keys if solution.path is None else solution.path
     x = problem.join(path, solution.variables)
     costs = problem.costs(x)
+    touching = CollisionRows(bounds.world, phases, bounds.start).worst(*problem.split(x))
     posture = np.zeros((0, 0))
     if bounds.world.scene.human is not None:
         from lgp.world.posture import PostureMap
@@ -252,7 +257,7 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
         "posture": posture,
         "carried": phases.loads(),
         "costs": {"total": costs.total, "acceleration": costs.acceleration, "ergonomics": costs.ergonomics},
-        "residuals": problem.rows.residuals(*problem.split(x)),
+        "residuals": problem.rows.residuals(*problem.split(x)) | {"penetration": touching[0]},
         "solver": {
             "status": solution.result.status.name.lower(),
             "kkt": solution.result.kkt,

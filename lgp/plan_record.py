@@ -42,7 +42,8 @@ class Plan:
         posture: (T, 22) angles of the human [deg] as `reba` defines them, (0, 0) without a human.
         carried: (T,) mass the human holds [kg].
         costs: total, acceleration, ergonomics.
-        residuals: largest violations recomputed from the path: equality, inequality, and by unit (metres, radians).
+        residuals: largest violations recomputed from the path: equality, inequality, by unit (metres, radians), and how
+            far any two bodies go into each other (penetration [m], between slices too).
         solver: how the path was solved: status, kkt, iterations, seconds.
         search: expanded, pruned, poses, sequences, paths, seconds, bound, gap, and each level's numbers.
         tree: nodes of the searched tree; not saved.

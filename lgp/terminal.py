@@ -23,6 +23,8 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
         f"cost {cost['total']:.3f}: acceleration {cost['acceleration']:.3f}, ergonomics {cost['ergonomics']:.3f}; "
         f"constraints hold within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"
     )
+    if residuals.get("penetration"):
+        console.print(f"bodies go up to {residuals['penetration']:.3f} m into each other")
     if summary["reba"]["mean"] is not None:
         console.print(f"REBA: mean {summary['reba']['mean']:.2f}, max {summary['reba']['max']}")
     gap = found["gap"]

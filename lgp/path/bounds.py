@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.logic import Action
+from lgp.path.apart import apart
+from lgp.path.collision_rows import CollisionRows
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.feasible import CLOSE, nearest
 from lgp.path.memory import Memory
@@ -75,6 +77,7 @@ class PathBounds:
         start: (nq,) first configuration, of the world by default.
         slices: per phase, of the scene by default.
         options: of the solver.
+        collisions: whether paths keep bodies apart; poses and sequences never do, which keeps them lower bounds.
     """
 
     levels = ("pose", "sequence", "path")
@@ -87,8 +90,10 @@ class PathBounds:
         start: Array | None = None,
         slices: int | None = None,
         options: Options = OPTIONS,
+        collisions: bool = False,
     ) -> None:
         self.world, self.ergonomics, self.options = world, ergonomics, options
+        self.collisions = collisions
         self.weights = Weights() if weights is None else weights
         self.start = world.start if start is None else np.asarray(start, dtype=float)
         self.slices = slices
@@ -104,13 +109,14 @@ class PathBounds:
         """Return a sequence laid out in time."""
         return Phases.of(self.world.scene, skeleton, self.slices)
 
-    def problem(self, level: str, phases: Phases, stage: int = -1) -> PathProblem:
+    def problem(self, level: str, phases: Phases, stage: int = -1, apart: CollisionRows | None = None) -> PathProblem:
         """Return the problem of a level.
 
         Args:
             level: "pose", "sequence" or "path".
             phases: the sequence.
             stage: of the ergonomic cost.
+            apart: rows that keep bodies apart, at the level "path" only.
         """
         last = phases.count - 1
         return PathProblem(
@@ -123,6 +129,7 @@ class PathBounds:
             weights=self.weights,
             start=self.start,
             stage=stage,
+            apart=apart,
         )
 
     def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
@@ -250,6 +257,9 @@ class PathBounds:
             path, variables = problem.split(result.x)
         if result is None:
             return None, "path: the cost has no stage to minimise"
+        if self.collisions:
+            rows = CollisionRows(self.world, phases, self.start)
+            problem, result = apart(lambda r: self.problem("path", phases, apart=r), rows, result, self.options)
         x, left = result.x, result.violation
         if CLOSE > left > self.options.violation:
             # The budget ran out just before the constraints held: the nearest path that meets them is as good.

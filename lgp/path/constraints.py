@@ -2,7 +2,7 @@
 
 Equalities: no object jumps at a switch, screws go in where parts are joined, the limbs that take part rest there, hands
 that hold stand still, planted soles stay. Inequalities: a hand that works on a table is not tilted too far, no leg is
-stretched beyond its length. Joint limits and the borders of the table tops are bounds of the unknowns.
+stretched beyond its length, bodies stay apart. Joint limits and borders of table tops are bounds of the unknowns.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from lgp.path.blocks import RowBlocks
+from lgp.path.collision_rows import CollisionRows
 from lgp.path.legs import Legs
 from lgp.path.phases import Phases
 from lgp.path.switch_rows import Blocks, Row, SwitchRows
@@ -46,9 +47,18 @@ class Constraints:
         modes: its attachments.
         kept: (P,) slices that are unknowns.
         enforced: numbers of the switches whose rows are kept; their slices must be.
+        apart: rows that keep bodies apart, where all slices are kept; they must not change afterwards.
     """
 
-    def __init__(self, world: World, phases: Phases, modes: Modes, kept: Slices, enforced: tuple[int, ...]) -> None:
+    def __init__(
+        self,
+        world: World,
+        phases: Phases,
+        modes: Modes,
+        kept: Slices,
+        enforced: tuple[int, ...],
+        apart: CollisionRows | None = None,
+    ) -> None:
         self.world, self.phases, self.modes = world, phases, modes
         self.enforced = enforced
         self.size = len(kept) * world.nq + modes.size
@@ -63,6 +73,7 @@ class Constraints:
         self._soles = tuple(world.planted)
         human = world.scene.human
         self._legs = Legs(world) if human is not None and human.legs == "solved" else None
+        self._apart = apart
         self._lay_out(len(kept))
 
     def limb(self, number: int) -> Slices:
@@ -89,6 +100,9 @@ class Constraints:
             self._first_leg = len(self.in_rows)
             ineq += [(1, at * nq + self._legs.columns) for at in range(kept)]
             self.in_rows += [Row("leg", "m", at, "straighter") for at in range(kept)]
+        if self._apart is not None:
+            ineq += self._apart.blocks(kept * nq)
+            self.in_rows += self._apart.names()
         self._eq, self._in = RowBlocks(eq, self.size), RowBlocks(ineq, self.size)
 
     def evaluate(self, q: Array, z: Array) -> Values:
@@ -104,6 +118,10 @@ class Constraints:
             beyond, slopes = self._legs.evaluate(q)
             inequality.append(beyond)
             in_blocks.append(slopes)
+        if self._apart is not None:
+            value, blocks = self._apart.evaluate(q, z)
+            inequality.append(value)
+            in_blocks += blocks
         return Values(np.concatenate(equality), np.concatenate(inequality), eq_blocks, in_blocks)
 
     def jacobians(self, values: Values) -> tuple[sp.csr_matrix, sp.csr_matrix]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lgp.path.acceleration import Condensed, condense, quadratic
 from lgp.path.blocks import UpperBlocks
+from lgp.path.collision_rows import CollisionRows
 from lgp.path.constraints import Constraints, Values
 from lgp.path.convexity import Convexity
 from lgp.path.ergonomics import Ergonomics
@@ -70,6 +71,7 @@ class PathProblem:
         weights: of the terms.
         start: (nq,) first configuration, of the world by default.
         stage: of the ergonomic cost, see `Ergonomics.stages`.
+        apart: rows that keep bodies apart, where all slices are kept; they must not change afterwards.
 
     Example:
         >>> problem = PathProblem(world, phases)            # doctest: +SKIP
@@ -88,6 +90,7 @@ class PathProblem:
         weights: Weights | None = None,
         start: Array | None = None,
         stage: int = -1,
+        apart: CollisionRows | None = None,
     ) -> None:
         self.world, self.phases = world, phases
         self.modes = Modes(world, phases.switches)
@@ -97,7 +100,7 @@ class PathProblem:
         self.ergonomics = ergonomics if self.weights.ergonomics > 0.0 else None
         self.stage = stage
         switches = tuple(range(phases.count)) if enforced is None else tuple(enforced)
-        self.rows = Constraints(world, phases, self.modes, self.kept, switches)
+        self.rows = Constraints(world, phases, self.modes, self.kept, switches, apart)
         self.n = self.rows.size
         self.lower = np.concatenate([np.tile(world.lower, len(self.kept)), self.modes.lower])
         self.upper = np.concatenate([np.tile(world.upper, len(self.kept)), self.modes.upper])

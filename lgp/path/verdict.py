@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lgp.path.collision_rows import MARGIN
 from lgp.path.problem import PathProblem
 
 Array = NDArray[np.float64]
@@ -39,6 +40,8 @@ def reason(problem: PathProblem, x: Array) -> str:
     for row, value in zip(problem.rows.in_rows, values.inequality, strict=True):
         if row.kind == "tilt":
             words.append((value, f"{_where(problem, row.number)}: {row.name} {_tilt(problem, row.name, value)}"))
+        elif row.kind == "collision":
+            words.append((value, f"{_slice(problem, row.number)}: {_touch(row.name, value)}"))
         else:
             words.append((value, f"{_slice(problem, row.number)}: the {row.name} leg is too short by {value:.3f} m"))
     amount, text = max(words, default=(0.0, ""))
@@ -73,6 +76,13 @@ def _tilt(problem: PathProblem, hand: str, value: float) -> str:
     limit = problem.world.scene.hands[hand].tilt
     tilted = np.degrees(np.arccos(np.clip(np.cos(np.radians(limit)) - value, -1.0, 1.0)))
     return f"must tilt by {tilted:.0f} deg, {tilted - limit:.1f} deg more than it may"
+
+
+def _touch(name: str, value: float) -> str:
+    first, _, second = name.partition(" and ")
+    if value > MARGIN:
+        return f"{first} goes {value - MARGIN:.3f} m into {second}"
+    return f"{first} comes {value:.3f} m nearer to {second} than the {MARGIN:g} m that are kept"
 
 
 def _where(problem: PathProblem, number: int) -> str:

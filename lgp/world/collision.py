@@ -23,6 +23,10 @@ from lgp.world.switches import Modes
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
+TOUCH = 0.02
+"""[m] A hand that works on a table goes this far into its top: fingers and the heel of a palm are softer than capsules.
+"""
+
 
 @dataclass(frozen=True)
 class Distances:
@@ -71,6 +75,7 @@ class Collisions:
         self._radii = np.array([body.radius for body in self.bodies])
         self._halves = np.array([body.half for body in self.bodies])
         self._rims = np.array([body.rim for body in self.bodies])
+        self._slack: dict[int, Array] = {}
         self._request = coal.DistanceRequest()
         self._request.enable_signed_distance = True
 
@@ -78,8 +83,8 @@ class Collisions:
         """Return how messages call a pair."""
         return " and ".join(self.bodies[side].name for side in self.pairs[pair])
 
-    def near(self, kinematics: Kinematics, phases: Sequence[int], z: Array, within: float) -> tuple[Rows, Rows]:
-        """Return slices (m,) and pairs (m,) that may be nearer than `within` [m]; no nearer one is left out.
+    def near(self, kinematics: Kinematics, phases: Sequence[int] | Rows, z: Array, within: float) -> tuple[Rows, Rows]:
+        """Return slices (m,) and pairs (m,) that may be nearer than `within` - `slack` [m]; no nearer one is left out.
 
         Args:
             kinematics: of n slices, holding `frames`.
@@ -91,19 +96,20 @@ class Collisions:
         apart = (
             np.linalg.norm(centres[:, first] - centres[:, second], axis=2) - self._radii[first] - self._radii[second]
         )
-        slices, pairs = np.nonzero((apart < within) & self._allowed(np.asarray(phases)))
-        close = np.ones(len(slices), dtype=bool)
+        allowed = self.slack(phases)
+        slices, pairs = np.nonzero(apart + allowed < within)
+        close, slack = np.ones(len(slices), dtype=bool), allowed[slices, pairs]
         # Of what is left, the sphere of each body against the other's core (a segment or a box, plus its rim).
         for one, other in ((0, 1), (1, 0)):
             sphere, core = self._sides[pairs, one], self._sides[pairs, other]
             away = centres[slices, sphere] - centres[slices, core]
             inside = np.abs(np.einsum("mji,mj->mi", rotations[slices, core], away)) - self._halves[core]
             gap = np.linalg.norm(np.maximum(inside, 0.0), axis=1) - self._rims[core] - self._radii[sphere]
-            close &= gap < within
+            close &= gap + slack < within
         return slices[close], pairs[close]
 
     def distances(
-        self, kinematics: Kinematics, phases: Sequence[int], z: Array, slices: Rows, pairs: Rows
+        self, kinematics: Kinematics, phases: Sequence[int] | Rows, z: Array, slices: Rows, pairs: Rows
     ) -> Distances:
         """Return the signed distances of given rows, see `near`."""
         phase = np.asarray(phases)
@@ -131,6 +137,20 @@ class Collisions:
                 by_variables[rows] += sense * np.einsum("ni,nij->nj", normals[rows], varied)
         return Distances(slices, pairs, value, by_q, by_variables)
 
+    def depends(self, pair: int, phase: int) -> tuple[Rows, Rows]:
+        """Return the joints and the variables that move the bodies of a pair in a phase."""
+        joints, variables = np.zeros(self.world.nq, dtype=bool), [np.zeros(0, np.intp)]
+        for side in self.pairs[pair]:
+            body = self.bodies[side]
+            frame = body.frame
+            if body.kind == "object":
+                holder = self.modes.holder(body.owner, phase)
+                variables.append(np.arange(holder.variables.start, holder.variables.stop))
+                frame = holder.by if holder.by in self.world.scene.hands else ""
+            if frame:
+                joints |= self.world.support(frame) > 0.0
+        return np.flatnonzero(joints), np.concatenate(variables)
+
     def _poses(self, kinematics: Kinematics, phases: Rows, z: Array) -> tuple[Array, Array]:
         """Return rotations (n, B, 3, 3) and centres (n, B, 3) of all bodies."""
         n = len(kinematics)
@@ -149,21 +169,50 @@ class Collisions:
                 rotations[:, number], centres[:, number] = body.rotation, body.position
         return rotations, centres
 
-    def _allowed(self, phases: Rows) -> NDArray[np.bool_]:
-        """Return (n, pairs) False where an object meets what holds it in this phase, the one before or the next."""
-        allowed = np.ones((len(phases), len(self.pairs)), dtype=bool)
+    def slack(self, phases: Sequence[int] | Rows) -> Array:
+        """Return how far [m] each pair may go into each other in each slice, (n, pairs): inf where it may touch anyhow.
+
+        An object meets what holds it in this phase, the one before or the next; a hand that works on a table meets it.
+        """
+        found = np.empty((len(phases), len(self.pairs)))
+        for phase in np.unique(np.asarray(phases)):
+            if phase not in self._slack:
+                self._slack[phase] = self._slack_in(int(phase))
+            found[np.asarray(phases) == phase] = self._slack[phase]
+        return found
+
+    def _slack_in(self, phase: int) -> Array:
         last = len(self.modes.switches)
+        around = range(max(phase - 1, 0), min(phase + 1, last) + 1)
+        working = self._working(phase)
+        slack = np.zeros(len(self.pairs))
         for number, (first, second) in enumerate(self.pairs):
-            thing, other = self.bodies[second], self.bodies[first]
-            if thing.kind != "object":
-                continue
-            for phase in np.unique(phases):
-                around = range(max(int(phase) - 1, 0), min(int(phase) + 1, last) + 1)
-                holders = {self.modes.holder(thing.owner, near).by for near in around}
+            one, other = self.bodies[first], self.bodies[second]
+            if other.kind == "object":
+                holders = {self.modes.holder(other.owner, near).by for near in around}
                 # A table is a holder itself; a link touches what any hand of its agent holds.
-                if other.name in holders or other.owner in {holder.partition(".")[0] for holder in holders} - {"table"}:
-                    allowed[phases == phase, number] = False
-        return allowed
+                agents = {holder.partition(".")[0] for holder in holders} - {"table"}
+                slack[number] = np.inf if one.name in holders or one.owner in agents else 0.0
+            elif working & {(one.frame, other.name), (other.frame, one.name), (one.frame, other.frame)}:
+                slack[number] = TOUCH
+        return slack
+
+    def _working(self, phase: int) -> set[tuple[str, str]]:
+        """Return (frame, table) of hands that come from a table or go to one, (frame, frame) of two that meet."""
+        found = set()
+        for number in (phase - 1, phase):
+            if not 0 <= number < len(self.modes.switches):
+                continue
+            switch = self.modes.switches[number]
+            tables = {self.modes.holder(switch.thing, near).by for near in (number, number + 1)}
+            hands = [self._carrier(hand) for hand in switch.hands]
+            found |= {(hand, other) for hand in hands for other in [*tables, *hands]}
+        return found
+
+    def _carrier(self, hand: str) -> str:
+        """Return the frame of the body next to a hand: that of the joint that carries it."""
+        model = self.world.model
+        return str(model.names[model.frames[self.world.frame(hand)].parentJoint])
 
     def _speeds(
         self, side: int, kinematics: Kinematics, phases: Rows, z: Array, slices: Rows, points: Array

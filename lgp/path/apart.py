@@ -1,0 +1,57 @@
+"""Solve a path so that no bodies touch: rows where bodies are near, a few steps, rows where they have come near since.
+
+Between two choices of rows the pattern is fixed. What was learnt about the rows so far, multipliers and active set,
+goes on to the next round. A path may stay in contact where its surroundings leave no way out that small steps find;
+the caller sees it in the rows that are left violated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from lgp.path.collision_rows import CollisionRows
+from lgp.path.problem import PathProblem
+from lgp.sqp import Options, Result, Solver, Status
+
+ROUNDS = 8
+"""Choices of rows."""
+STEPS = 8
+"""Iterations between them."""
+LONGEST = 0.3
+"""[rad, m] Distances bend too much to trust longer steps."""
+
+
+def apart(
+    make: Callable[[CollisionRows], PathProblem], rows: CollisionRows, free: Result, options: Options
+) -> tuple[PathProblem, Result]:
+    """Return the last problem and its result.
+
+    Args:
+        make: the path problem with given rows.
+        rows: none yet.
+        free: result of the problem without rows; found first, it leads to better paths than a cruder start.
+        options: of the solver; its budget holds for the last round.
+    """
+    problem, result, budget = make(rows), free, options.iterations
+    for number in range(ROUNDS):
+        violated = rows.extend(*problem.split(result.x))
+        if not violated and budget == options.iterations:
+            break
+        if violated:
+            problem = make(rows)
+        budget = STEPS if violated and number < ROUNDS - 1 else options.iterations
+        limited = replace(options, iterations=budget, longest_step=min(LONGEST, options.longest_step))
+        result = Solver(limited).solve(problem, result.x, warm=_longer(result, problem))
+        if result.status is Status.INFEASIBLE or len(result.iterations) <= budget:
+            # It ended by itself: nothing is left to do for these rows.
+            budget = options.iterations
+    return problem, result
+
+
+def _longer(warm: Result, problem: PathProblem) -> Result:
+    """Return a result with multipliers 0 for rows that are new; new rows come last."""
+    new = len(problem.rows.in_rows) - len(warm.y_in)
+    return replace(warm, y_in=np.concatenate([warm.y_in, np.zeros(new)]))

@@ -1,0 +1,140 @@
+"""Inequalities that keep bodies apart: chosen where bodies are near each other, kept while a path is solved.
+
+Few of the pairs of bodies ever come near, so a path starts without rows and gets those it needs, see `lgp.path.apart`.
+A row says margin - distance <= 0 in one slice or between two, on the joints that move its two bodies and the variables
+of how an object among them is held.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.path.phases import Phases
+from lgp.path.switch_rows import Blocks, Row
+from lgp.world.collision import Collisions, Distances
+from lgp.world.model import World
+from lgp.world.switches import Modes
+
+Array = NDArray[np.float64]
+Slices = NDArray[np.intp]
+
+MARGIN = 0.01
+"""[m] Distance that is kept at the slices, so that little is left to touch between them."""
+AHEAD = 0.02
+"""[m] Where a row is missing, all pairs nearer than the margin and this get one in their slices."""
+TOLERATED = 1e-3
+"""[m] A margin that is missed by less where there is no row calls for none."""
+FINER = 4
+"""Points looked at per slice, joints moving evenly between slices: an arm moves 10 cm or more from one to the next."""
+
+
+class CollisionRows:
+    """The rows chosen so far for the slices of one sequence.
+
+    Args:
+        world: the kinematics.
+        phases: the sequence.
+        start: (nq,) first configuration; what is nearer there than the margin need not part within the first phase.
+        margin: [m].
+
+    Attributes:
+        points: (m,) where each row is, counted in steps of 1 / FINER slices; new rows come last.
+        pairs: (m,) which pair of bodies it keeps apart.
+
+    Example:
+        >>> rows = CollisionRows(world, phases, world.start)              # doctest: +SKIP
+        >>> rows.extend(path, variables)                                  # doctest: +SKIP
+        12
+    """
+
+    def __init__(self, world: World, phases: Phases, start: Array, margin: float = MARGIN) -> None:
+        self.world, self.phases, self.start, self.margin = world, phases, start, margin
+        self.collisions = Collisions(world, Modes(world, phases.switches))
+        self.points, self.pairs = np.zeros(0, np.intp), np.zeros(0, np.intp)
+        self._columns: list[tuple[Slices, Slices]] = []
+        self._phase = np.repeat(np.arange(phases.count), phases.slices * FINER)
+        self._limits = margin - self.collisions.slack(self._phase)
+        near = self._near(start[None], np.zeros(1, np.intp), np.zeros(self.collisions.modes.size), margin)
+        first = self._limits[: phases.slices * FINER]
+        first[:, near.pairs] = np.minimum(first[:, near.pairs], near.value)
+
+    def extend(self, q: Array, z: Array) -> int:
+        """Add rows if bodies of a path (T, nq) are too near where there are none; return in how many places."""
+        near = self._near(self._between(q, np.arange(len(self._phase))), self._phase, z, self.margin + AHEAD)
+        count = len(self.collisions.pairs)
+        over = near.value - self._limits[near.slices, near.pairs]
+        new = ~np.isin(near.slices * count + near.pairs, self.points * count + self.pairs)
+        violated = int(np.count_nonzero(new & (over < -TOLERATED)))
+        if not violated:
+            return 0
+        new &= (over < 0.0) | ((over < AHEAD) & (near.slices % FINER == FINER - 1))
+        self.points = np.concatenate([self.points, near.slices[new]])
+        self.pairs = np.concatenate([self.pairs, near.pairs[new]])
+        self._columns += [
+            self.collisions.depends(int(pair), int(self._phase[at]))
+            for at, pair in zip(near.slices[new], near.pairs[new], strict=True)
+        ]
+        return violated
+
+    def blocks(self, tail: int) -> Blocks:
+        """Return the unknowns of each row: configurations (T, nq) first, then from `tail` on the variables."""
+        nq = self.world.nq
+        found: Blocks = []
+        for point, (joints, variables) in zip(self.points.tolist(), self._columns, strict=True):
+            parts = [at * nq + joints for at, _ in _shares(point)]
+            found.append((1, np.concatenate([*parts, tail + variables])))
+        return found
+
+    def names(self) -> list[Row]:
+        """Return what each row is about."""
+        return [
+            Row("collision", "m", point // FINER, self.collisions.name(pair))
+            for point, pair in zip(self.points.tolist(), self.pairs.tolist(), strict=True)
+        ]
+
+    def evaluate(self, q: Array, z: Array) -> tuple[Array, list[Array]]:
+        """Return the rows (m,) at a path (T, nq) and variables (nz,), and the block (1, k) of each."""
+        if not len(self.points):
+            return np.zeros(0), []
+        used, places = np.unique(self.points, return_inverse=True)
+        kinematics = self.world.at(self._between(q, used), self.collisions.frames)
+        found = self.collisions.distances(kinematics, self._phase[used], z, places, self.pairs)
+        blocks = []
+        for row, (joints, variables) in enumerate(self._columns):
+            by_q = found.by_q[row, joints]
+            parts = [share * by_q for _, share in _shares(int(self.points[row]))]
+            blocks.append(-np.concatenate([*parts, found.by_variables[row, variables]])[None])
+        return self._limits[self.points, self.pairs] - found.value, blocks
+
+    def worst(self, q: Array, z: Array) -> tuple[float, str]:
+        """Return the deepest penetration [m] of any pair along a path (T, nq), between slices too, and what it is.
+
+        0 and "" where nothing touches more than it may.
+        """
+        near = self._near(self._between(q, np.arange(len(self._phase))), self._phase, z, 0.0)
+        depth = self._limits[near.slices, near.pairs] - self.margin - near.value
+        if not len(depth) or depth.max() <= 0.0:
+            return 0.0, ""
+        deepest = int(depth.argmax())
+        first, second = (self.collisions.bodies[side].name for side in self.collisions.pairs[near.pairs[deepest]])
+        phase = int(self._phase[near.slices[deepest]]) + 1
+        return float(depth[deepest]), f"phase {phase}: {first} goes {depth[deepest]:.3f} m into {second}"
+
+    def _between(self, q: Array, points: Slices) -> Array:
+        """Return the configurations (m, nq) at given points of a path (T, nq)."""
+        last = points // FINER
+        share = ((points % FINER + 1) / FINER)[:, None]
+        before = np.concatenate([self.start[None], q])[last]
+        return np.asarray((1.0 - share) * before + share * q[last])
+
+    def _near(self, q: Array, phases: Slices, z: Array, within: float) -> Distances:
+        """Return the distances of all pairs that may be nearer than `within` [m] beyond their slack."""
+        kinematics = self.world.at(q, self.collisions.frames)
+        return self.collisions.distances(kinematics, phases, z, *self.collisions.near(kinematics, phases, z, within))
+
+
+def _shares(point: int) -> list[tuple[int, float]]:
+    """Return the slices that a point lies between, and the share of each; the start before the first is no unknown."""
+    at, share = point // FINER, (point % FINER + 1) / FINER
+    return [(at, share)] if share == 1.0 or at == 0 else [(at - 1, 1.0 - share), (at, share)]
