@@ -50,7 +50,7 @@ class Settings:
     reminder: float = 2.0
     grace: float = 1.0
     attempts: int = 2
-    search: float = 30.0
+    search: float = 20.0
     slow_down: bool = True
 
 
@@ -219,7 +219,8 @@ class Executive:
         self._expected = {
             name: at for name in action.arguments if name in scene.things and (at := self.view.mean(name)) is not None
         }
-        self._carried = {name: hand for name in scene.things if (hand := carrier(self.view, name))}
+        believed = self.planner.believed(self.number)
+        self._carried = {name: hand for name in scene.things if (hand := carrier(self.view, name, believed))}
         self._enter("moving")
         self.robots.follow(phase.segment)
         self._line = sentences(scene, self.planner.motion.phases.switches)[self.number]

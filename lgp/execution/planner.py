@@ -10,19 +10,22 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lgp.errors import LgpError
-from lgp.execution.observation import View
+from lgp.execution.observation import Sighting, View
+from lgp.execution.pinned import PinnedBounds
 from lgp.execution.segment import Segment
-from lgp.execution.state import atoms_now, carrier, in_hand, kept_still, scene_now
+from lgp.execution.state import atoms_now, carrier, in_hand, on_table, scene_now
 from lgp.logic import Action
+from lgp.logic.atom import Atom
 from lgp.motion import Motion
 from lgp.plan import COST, plan, task_of
 from lgp.plan_record import Plan
+from lgp.world.holders import resting
 from lgp.world.rotations import logarithm
 from lgp.world.scene import Scene
 
@@ -31,8 +34,18 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+OFF = 0.02
+"""[rad] Joints farther from the plan than this do not move as planned."""
 FURTHER = (1, 3)
 """A new plan may have so many actions more than were left; the second only if there is none with the first."""
+
+
+class Spot(NamedTuple):
+    """A place on the top of a table: x, y [m], yaw [rad]."""
+
+    x: float
+    y: float
+    yaw: float
 
 
 @dataclass(frozen=True)
@@ -110,28 +123,89 @@ class Planner:
         Raises:
             OutOfPlace: an object is where no motion can begin.
         """
-        state = self.states[number]
-        atoms = atoms_now(view, self.task, state)
-        return scene_now(self.plan.scene, view, kept_still(self.task, state), atoms)
+        believed = self.believed(number)
+        return scene_now(self.plan.scene, view, believed, atoms_now(view, self.task, believed))
 
-    def retarget(self, number: int, scene: Scene, start: Array) -> Phase | str:
+    def believed(self, number: int) -> frozenset[Atom]:
+        """Return what the plan has before an action."""
+        return frozenset(self.task.holding(self.states[number]))
+
+    def retarget(self, number: int, scene: Scene, start: Array, spot: Spot | None = None) -> Phase | str:
         """Return the motion of one action from the world as it is, or why there is none.
+
+        The object ends up as the plan has it if that is possible: in the same grip, at the same place. Robot arms that
+        take no part and are where they should be move as planned.
 
         Args:
             number: of the action.
             scene: the world, see `scene`.
             start: (nq,) present configuration.
+            spot: where a placed object is put instead.
         """
-        from lgp.path.bounds import PathBounds
-
         world = self.motion.world.with_scene(scene)
         first = np.clip(start, world.lower, world.upper)
-        bounds = PathBounds(world, self.ergonomics(), start=first, slices=self.motion.phases.slices)
-        found = bounds.solve("path", (self.actions[number],), None)
-        if not found.feasible:
-            return found.reason
-        knots = np.concatenate([first[None], found.payload.path])
-        return Phase(Segment(knots, self.motion.phases.seconds), found.cost, scene, found.payload.variables)
+        slices, action = self.motion.phases.slices, self.actions[number]
+        pins, free = self._pins(number, scene, spot)
+        for fixed in (pins, {}) if free else (pins,):
+            bounds = PinnedBounds(world, self.ergonomics(), start=first, slices=slices, pins=fixed)
+            found = bounds.solve("path", (action,), None)
+            if found.feasible:
+                knots = self._others(number, np.concatenate([first[None], found.payload.path]))
+                segment = Segment(knots, self.motion.phases.seconds)
+                return Phase(segment, found.cost, scene, found.payload.variables)
+        return found.reason
+
+    def planned_spot(self, number: int) -> Spot:
+        """Return where the plan puts the object of a placement."""
+        switch = self.motion.phases.switches[number]
+        return self._on(switch.table, self._pose(switch.thing, (number + 1) * self.motion.phases.slices))
+
+    def _pins(self, number: int, scene: Scene, spot: Spot | None) -> tuple[dict[str, float], bool]:
+        """Return the planned variables of an action, and whether others will do as well.
+
+        How parts that are to be joined lie and stand matters later. One that is to be joined with another that stands
+        already is put beside it, wherever that is.
+        """
+        switch = self.motion.phases.switches[number]
+        mine = f"{number}.{switch.thing}."
+        pins = {name.partition(".")[2]: at for name, at in self.plan.variables.items() if name.startswith(mine)}
+        joints = [joint for joint in self.plan.scene.joints if switch.thing in joint.parts]
+        if switch.kind != "place" or (not joints and spot is None):
+            return pins if joints else {}, True
+        others = [scene.things[joint.parts[joint.parts[0] == switch.thing]] for joint in joints]
+        row = (number + 1) * self.motion.phases.slices
+        for other in others if spot is None else ():
+            if other.on == switch.table and not other.hand:
+                x, y, yaw = other.at
+                now, place = resting(scene.tables[other.on], other, x, y, np.radians(yaw), other.up)
+                was, goal = self._pose(other.name, row), self._pose(switch.thing, row)
+                turn = now @ was.rotation.T
+                moved = Sighting(turn @ goal.rotation, place + turn @ (goal.position - was.position), 0.0)
+                spot = self._on(switch.table, moved)
+        if spot is not None:
+            pins = {f"{switch.thing}.{name}": value for name, value in spot._asdict().items()}
+        return pins, not joints
+
+    def _others(self, number: int, knots: Array) -> Array:
+        """Return a motion in which robot arms without a part in it move as planned where they start as planned."""
+        world = self.motion.world
+        planned = self.planned(number).segment.knots
+        acting = np.zeros(world.nq)
+        for name in self.actions[number].arguments:
+            if name in self.plan.scene.hands:
+                acting += world.support(name)
+        idle = (acting == 0.0) & (np.abs(knots[0] - planned[0]) < OFF)
+        idle[self._human_columns()] = False
+        return np.where(idle, planned, knots)
+
+    def _on(self, table: str, at: Sighting) -> Spot:
+        x, y, yaw, _ = on_table(self.plan.scene.tables[table], at)
+        return Spot(x, y, float(np.radians(yaw)))
+
+    def _pose(self, name: str, row: int) -> Sighting:
+        """Return where a row of the planned motion has an object."""
+        poses = self.motion.thing(name)
+        return Sighting(poses.rotation[row], poses.position[row], 0.0)
 
     def anew(self, scene: Scene, start: Array, left: int, seconds: float) -> Plan:
         """Return a new plan from a scene and a configuration; `feasible` says whether there is one.
@@ -184,9 +258,8 @@ class Planner:
         seen = view.mean(name)
         if seen is None:
             return 0.0, 0.0
-        poses = self.motion.thing(name)
-        rotation, position = poses.rotation[row], poses.position[row]
-        hand = "" if name in kept_still(self.task, self.states[number]) else carrier(view, name)
+        rotation, position, _ = vars(self._pose(name, row)).values()
+        hand = carrier(view, name, self.believed(number))
         if hand:
             # In a hand it counts how it lies there: the hand itself may be somewhere else.
             frame = self.motion.frames([hand])[hand]

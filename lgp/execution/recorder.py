@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Set as AbstractSet
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,7 @@ from lgp.execution.observation import View
 from lgp.execution.recognise import Verdict
 from lgp.execution.segment import Segment
 from lgp.execution.state import carrier
+from lgp.logic.atom import Atom
 from lgp.motion import human_joints
 from lgp.plan_record import Plan
 from lgp.world.human import ISB
@@ -63,8 +66,13 @@ class Recorder:
             message = trajectory(self.log.stamp(time), self._joints(name), segment, columns)
             self.log.message(f"/{name}/trajectory", TRAJECTORY, time, message)
 
-    def moment(self, view: View) -> None:
-        """Write joints, tracked poses and the posture of the present moment."""
+    def moment(self, view: View, believed: AbstractSet[Atom]) -> None:
+        """Write joints, tracked poses and the posture of the present moment.
+
+        Args:
+            view: the tracked world.
+            believed: what the plan has, which decides where a hand is at an object on a table.
+        """
         now = view.now
         stamp = self.log.stamp(now.time)
         poses = {name: (at.rotation, at.position) for name, at in now.things.items() if view.seen(name)}
@@ -75,7 +83,7 @@ class Recorder:
             at = self.world.at(now.q[None], ["human.pelvis_tilt"])
             poses[PELVIS] = at.rotation[0, 0] @ ISB, at.position[0, 0]
             angles = dict(zip(COLUMNS, self._posture.angles(now.q[None])[0].tolist(), strict=True))
-            self.log.json("/ergonomics/posture", now.time, {"time": now.time, **angles, "load": load(view)})
+            self.log.json("/ergonomics/posture", now.time, {"time": now.time, **angles, "load": load(view, believed)})
         for name, columns in self._columns.items():
             message = joint_state(stamp, self._joints(name), now.q[columns])
             self.log.message(f"/{name}/joint_states", JOINT_STATE, now.time, message)
@@ -86,8 +94,8 @@ class Recorder:
         return [self.world.joints[column].partition(".")[2] for column in self._columns[robot]]
 
 
-def load(view: View) -> float:
+def load(view: View, believed: AbstractSet[Atom]) -> float:
     """Return the mass that the human holds [kg]."""
     scene = view.world.scene
-    hands = {name: carrier(view, name) for name in scene.things}
+    hands = {name: carrier(view, name, believed) for name in scene.things}
     return float(sum(scene.things[name].mass for name, hand in hands.items() if hand.startswith("human.")))

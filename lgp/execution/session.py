@@ -197,7 +197,7 @@ class Session:
             for text in self.faults.step(self._time):
                 self._report(self.events[-1].state, "fault", text, {})
         self.view.add(self.source.observe())
-        self.recorder.moment(self.view)
+        self.recorder.moment(self.view, self.planner.believed(self.executive.number))
         self.executive.step()
         self.recorder.predicates(self._time, self.executive.number, self.executive.verdicts)
         if self._time - self._saved >= STATE:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable
+from collections.abc import Set as AbstractSet
 from typing import Any
 
 import numpy as np
@@ -11,54 +12,58 @@ from numpy.typing import NDArray
 
 from lgp.errors import LgpError
 from lgp.execution.observation import Sighting, View
-from lgp.execution.recognise import grasped, recognise
+from lgp.execution.recognise import TOGETHER, grasped, recognise
 from lgp.logic import Task
 from lgp.logic.atom import Atom
-from lgp.world.holders import UPRIGHT
+from lgp.world.holders import UPRIGHT, resting
 from lgp.world.rotations import logarithm
 from lgp.world.scene import Scene, Table
 from lgp.world.scene_file import read_scene
 
 Array = NDArray[np.float64]
 
+LASTING = ("placed", "screwed")
+"""Predicates that stay true once they were."""
+
 
 class OutOfPlace(LgpError):
     """An object is where no motion can begin: lost from tracking, or neither in a hand nor on a table."""
 
 
-def scene_now(scene: Scene, view: View, kept: Iterable[str] = (), atoms: Iterable[Atom] | None = None) -> Scene:
+def scene_now(scene: Scene, view: View, believed: AbstractSet[Atom], atoms: Iterable[Atom]) -> Scene:
     """Return a scene with its objects where they are seen.
 
     Args:
         scene: who and what is there.
         view: the tracked world.
-        kept: objects that hands only keep where they stand, see `kept_still`.
-        atoms: what holds, see `atoms_now`; the scene's own by default.
+        believed: what the plan has.
+        atoms: what holds, see `atoms_now`.
 
     Raises:
-        OutOfPlace: an object is lost, or neither in a hand nor on a table.
+        OutOfPlace: an object is lost, moves, or is neither in a hand nor on a table.
     """
     values: dict[str, Any] = copy.deepcopy(dict(scene.values))
     for name in scene.things:
-        hand = "" if name in kept else carrier(view, name)
-        values["objects"][name] = _placed(scene, view, name, hand, values["objects"][name])
-    if atoms is not None:
-        values["initial"] = [str(atom) for atom in atoms]
-    return read_scene(values, scene.name)
+        values["objects"][name] = _placed(scene, view, name, carrier(view, name, believed), values["objects"][name])
+    values["initial"] = [str(atom) for atom in atoms]
+    return _joined(read_scene(values, scene.name), values)
 
 
-def atoms_now(view: View, task: Task, state: int) -> tuple[Atom, ...]:
+def atoms_now(view: View, task: Task, believed: AbstractSet[Atom]) -> tuple[Atom, ...]:
     """Return the atoms that hold: seen where they have geometry, else as the plan has them.
 
-    `placed` is kept as it is where an object lies on no table: it says where it was put last.
+    Where an object was put last and what is screwed together stays so, whatever is seen.
     """
-    believed = set(task.holding(state))
     found = []
     for atom in task.atoms:
         verdict = recognise(view, atom)
-        lasting = atom.predicate in ("placed", "screwed")
-        if verdict is None or verdict.holds is None or (lasting and not verdict.holds):
+        if verdict is None or verdict.holds is None or (atom.predicate in LASTING and not verdict.holds):
             holds = atom in believed
+        elif atom.predicate == "grasped":
+            hand, thing = atom.arguments
+            holds = carrier(view, thing, believed) == hand
+        elif atom.predicate == "on_table":
+            holds = verdict.holds and not carrier(view, atom.arguments[0], believed)
         else:
             holds = verdict.holds
         if holds:
@@ -66,18 +71,20 @@ def atoms_now(view: View, task: Task, state: int) -> tuple[Atom, ...]:
     return tuple(found)
 
 
-def carrier(view: View, thing: str) -> str:
-    """Return the hand that has an object, "" if none."""
+def carrier(view: View, thing: str, believed: AbstractSet[Atom]) -> str:
+    """Return the hand that has an object, "" if none.
+
+    A hand at an object on a table has it if the plan has it so, or, where the plan has no hand keeping it where it
+    stands, if a gripper is closed on it.
+    """
     lies = view.seen(thing) is not None and view.table_under(thing)
+    kept = any(atom.predicate in ("held", "holding") and atom.arguments[-1] == thing for atom in believed)
     for hand in view.world.scene.hands:
-        if grasped(view, hand, thing).holds and not (lies and hand not in view.now.closed):
-            return hand
+        if grasped(view, hand, thing).holds:
+            sure = Atom("grasped", (hand, thing)) in believed
+            if sure or not lies or (hand in view.now.closed and not kept):
+                return hand
     return ""
-
-
-def kept_still(task: Task, state: int) -> frozenset[str]:
-    """Return the objects that a hand only keeps where they stand."""
-    return frozenset(atom.arguments[-1] for atom in task.holding(state) if atom.predicate in ("held", "holding"))
 
 
 def in_hand(hand: Sighting, at: Sighting) -> tuple[Array, Array]:
@@ -93,6 +100,26 @@ def on_table(table: Table, at: Sighting) -> tuple[float, float, float, str]:
     x, y = top.T @ (at.position[:2] - np.array(table.position))
     turned = top.T @ (at.rotation @ UPRIGHT[up].T)[:2, 0]
     return float(x), float(y), float(np.degrees(np.arctan2(turned[1], turned[0]))), up
+
+
+def _joined(scene: Scene, values: dict[str, Any]) -> Scene:
+    """Return a scene in which parts that stand nearly as their joint has them do so exactly.
+
+    A screw asks for that, and nobody stands parts up to a fraction of a millimetre.
+    """
+    for joint in scene.joints:
+        base, other = (scene.things[name] for name in joint.parts)
+        if base.hand or other.hand or base.on != other.on or base.up != "z" or other.up != "z":
+            continue
+        table = scene.tables[base.on]
+        rotation, position = resting(table, base, *base.at[:2], np.radians(base.at[2]))
+        goal = position + rotation @ np.array(joint.position)
+        if np.linalg.norm(goal - resting(table, other, *other.at[:2], np.radians(other.at[2]))[1]) <= TOGETHER:
+            yaw = np.radians(joint.yaw)
+            turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+            x, y, turned, _ = on_table(table, Sighting(rotation @ turn, goal, 0.0))
+            values["objects"][other.name]["at"] = [x, y, turned]
+    return read_scene(values, scene.name)
 
 
 def _placed(scene: Scene, view: View, name: str, hand: str, values: dict[str, Any]) -> dict[str, Any]:

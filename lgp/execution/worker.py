@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lgp.errors import LgpError
-from lgp.execution.planner import Phase, Planner
+from lgp.execution.planner import Phase, Planner, Spot
 from lgp.execution.segment import Segment
 from lgp.execution.simulation import SimulatedWorld
 from lgp.logic import Action
-from lgp.world.scene import Scene
-from lgp.world.scene_file import read_scene
 
 Array = NDArray[np.float64]
 
@@ -22,8 +19,6 @@ CORRECTIONS = 3
 """A hand that missed an object reaches for it this often again."""
 SWINGS = 3
 """Waves that the sway of a motion is made of."""
-SPOT = 0.01
-"""[m] Size of the top that stands for one spot on a table."""
 
 
 @dataclass(frozen=True)
@@ -68,16 +63,21 @@ class Worker:
         self._planner: Planner | None = None
         self._number = -1
         self._segment: Segment | None = None
+        self._next: tuple[Planner, int, Phase] | None = None
         self._floor_since: dict[str, float] = {}
 
     def told(self, planner: Planner, number: int, phase: Phase) -> None:
-        """See the current action and its motion on the page; begin after a while.
+        """See the current action and its motion on the page; begin after a while, and after what is in hand is done.
 
         Args:
             planner: what is followed.
             number: of the action.
             phase: its motion.
         """
+        action = self._action()
+        if self._segment is not None and action is not None and self._hand(action) and not self.stuck:
+            self._next = planner, number, phase
+            return
         self._planner, self._number = planner, number
         spread = np.exp(self.rng.normal(0.0, 0.3))
         self._tries = 0
@@ -96,7 +96,10 @@ class Worker:
         self.simulation.q[self.columns] = np.clip(q, world.lower[self.columns], world.upper[self.columns])
         if part >= 1.0:
             self._segment = None
-            self._arrive(time)
+            self._arrive()
+            if self._next is not None and self._segment is None:
+                waiting, self._next = self._next, None
+                self.told(*waiting)
 
     def _begin(self, segment: Segment, delay: float) -> None:
         self._segment = segment
@@ -106,18 +109,26 @@ class Worker:
         self._sway = self.rng.normal(0.0, self.habits.sway / SWINGS, (SWINGS, len(self.columns)))
 
     def _own(self, phase: Phase) -> Phase:
-        """Return the motion with the person's own idea of where to put a thing."""
-        action = self._action()
-        if action is None or action.name != "place" or self._hand(action) == "" or self.habits.spot <= 0.0:
+        """Return the motion with the person's own idea of where to put a thing, and to where things truly are."""
+        planner, action = self._planner, self._action()
+        if planner is None or action is None or not self._hand(action):
             return phase
-        thing, table = action.arguments[1:3]
-        try:
-            there = self._planner.scene(self._number, self.simulation.view) if self._planner is not None else None
-        except LgpError:
-            there = None
-        return phase if there is None else self._again(self._around(there, action, phase, thing, table)) or phase
+        spot = None
+        if action.name == "place" and self.habits.spot > 0.0 and not self._joined(action.arguments[1]):
+            x, y, yaw = planner.planned_spot(self._number)
+            x, y = self.rng.normal((x, y), self.habits.spot)
+            spot = Spot(float(x), float(y), yaw)
+        if spot is None and not planner.deviations(self._number, self.simulation.view):
+            return phase
+        return self._again(spot) or phase
 
-    def _arrive(self, time: float) -> None:
+    def _joined(self, thing: str) -> bool:
+        """Return whether a thing is put beside one that it is to be joined with, which leaves no choice."""
+        scene, under = self.simulation.world.scene, self.simulation.view.table_under
+        others = [name for joint in scene.joints if thing in joint.parts for name in joint.parts if name != thing]
+        return any(under(name) not in ("", scene.things[name].on) for name in others)
+
+    def _arrive(self) -> None:
         """Do with the hand what the action wants of it, or reach again."""
         action = self._action()
         hand = "" if action is None else self._hand(action)
@@ -133,42 +144,21 @@ class Worker:
             done = self.simulation.gap(hand, action.arguments[1]) <= self.simulation.view.tolerances.reach
         if not done and self._tries < CORRECTIONS:
             self._tries += 1
-            phase = self._again(None)
+            phase = self._again()
             if phase is not None:
                 self._begin(phase.segment, self.habits.delay)
 
-    def _again(self, scene: Scene | None) -> Phase | None:
+    def _again(self, spot: Spot | None = None) -> Phase | None:
         """Return the motion to where things truly are, None if there is none."""
-        if self._planner is None:
+        planner = self._planner
+        if planner is None:
             return None
         try:
-            there = self._planner.scene(self._number, self.simulation.view) if scene is None else scene
+            scene = planner.scene(self._number, self.simulation.view)
         except LgpError:
             return None
-        found = self._planner.retarget(self._number, there, self.simulation.q)
+        found = planner.retarget(self._number, scene, self.simulation.q, spot)
         return found if isinstance(found, Phase) else None
-
-    def _around(self, scene: Scene, action: Action, phase: Phase, thing: str, table: str) -> Scene:
-        """Return the scene in which a table is only as large as the spot where the person puts a thing.
-
-        The spot lies around the one where the given motion puts it.
-        """
-        values = copy.deepcopy(dict(scene.values))
-        key = table.partition(".")[2]
-        top = scene.tables[table]
-        at = self.simulation.things[thing]
-        end = self.simulation.world.at(phase.segment.knots[-1:], [action.arguments[0]])
-        goal = end.position[0, 0] + end.rotation[0, 0] @ at.position
-        yaw = np.radians(top.yaw)
-        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-        spot = turn.T @ (goal[:2] - np.array(top.position)) + self.rng.normal(0.0, self.habits.spot, 2)
-        room = np.array(top.size) / 2.0 - min(scene.things[thing].size[:2]) / 2.0
-        centre = np.array(top.position) + turn @ np.clip(spot, -np.maximum(room, 0.0), np.maximum(room, 0.0))
-        values["tables"][key] |= {"position": centre.tolist(), "size": [SPOT, SPOT]}
-        for other in values["objects"].values():
-            if other["on"] == table:
-                other["at"] = [0.0, 0.0, 0.0]
-        return read_scene(values, scene.name)
 
     def _help(self, time: float) -> None:
         """Put back what has lain on the floor for a while, onto the table where it lay at first."""
