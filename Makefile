@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup demo test lint bench constraints
+.PHONY: setup demo test lint docs bench constraints
 setup: .venv/.ready
 
 .venv/.ready: pyproject.toml constraints.txt
@@ -25,6 +25,10 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: setup
+	$(BIN)/sphinx-build -W --keep-going -q docs out/docs
+	@echo "Open out/docs/index.html in a browser."
 
 # Each prints its table; `python benchmarks/NAME.py --help` says what can be chosen.
 BENCHMARKS := correctness scoring reading whole_command quadratic soft surrogate_speed enabler sqp
