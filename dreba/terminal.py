@@ -37,9 +37,8 @@ def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]], domain:
     """
     scores = sorted({int(score) for row in rows for score in row["classes"]} | set(PUBLISHED))
     # One column a model: classes as columns would not fit a terminal of 80 characters.
-    table = Table(
-        title=f"RMSE per REBA class, domain {domain}", title_justify="left", header_style="bold", box=SIMPLE_HEAD
-    )
+    title = f"RMSE per REBA class, domain {domain}, beside the published Table I"
+    table = Table(title=title, title_justify="left", header_style="bold", box=SIMPLE_HEAD)
     table.add_column("REBA", no_wrap=True)
     for heading in ("Table I", *(row["model"] for row in rows)):
         table.add_column(Text(heading), justify="right", overflow="fold")
