@@ -34,8 +34,8 @@ OPTIONS = Options(violation=1e-6, kkt=1e-5, decrease=1e-7, iterations=60)
 """Of paths: violations of a micrometre, costs to seven digits."""
 RELAXED = replace(OPTIONS, violation=2e-5, kkt=1e-4, decrease=1e-6, longest_step=1.0)
 """Of sequences, which are bounds and first guesses; longer steps end in poorer minima."""
-POSES = replace(RELAXED, longest_step=0.6)
-"""Of poses."""
+POSES = replace(RELAXED, longest_step=0.6, iterations=25)
+"""Of poses, whose cost is seldom near that of a path: not worth many iterations."""
 SOFTER = replace(OPTIONS, kkt=1e-3, decrease=1e-4, iterations=12)
 """Of paths at all stages of a graduated cost but the last, which only lead to the next."""
 SHARP = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
