@@ -96,16 +96,22 @@ def split(table: pd.DataFrame, people: int) -> list[pd.DataFrame]:
 def decide(one: pd.DataFrame, conditions: Sequence[str]) -> dict[str, float]:
     """Return the p values of a study by test, and difference and interval of the first pair."""
     pairs = list(combinations(conditions, 2))
-    total = compare(one[TOTAL], pairs)
-    found = {"t": total[0].p, "ranks": total[0].wilcoxon_p, "difference": total[0].difference}
-    found |= {"low": total[0].low, "high": total[0].high, "any pair": min(pair.p_holm for pair in total)}
-    # Holm rejects something exactly when the least p times the number of tests does.
-    family = [pair.p for part in PARTS for pair in compare(one[part], pairs) if pair.ties < pair.n]
-    found["any part"] = min(np.nanmin(family, initial=1.0) * len(family), 1.0)
+    total = [compare(one[TOTAL], [pair])[0] for pair in pairs]
+    first = total[0]
+    found = {"t": first.p, "ranks": first.wilcoxon_p, "difference": first.difference}
+    found |= {"low": first.low, "high": first.high, "any pair": least([pair.p for pair in total])}
+    of_parts = [compare(one[part], [pair])[0] for part in PARTS for pair in pairs]
+    found["any part"] = least([pair.p for pair in of_parts if pair.ties < pair.n])
     if len(conditions) > 2:
         ranks = friedman(one[TOTAL].to_numpy(float))
         found |= {"anova": anova(one[TOTAL]).p_corrected, "friedman": ranks.p if ranks else np.nan}
     return found
+
+
+def least(p: Sequence[float]) -> float:
+    """Return the least p value after Holm: it is the least one times the number of tests, 1 without any test."""
+    known = [value for value in p if np.isfinite(value)]
+    return min([1.0, *(value * len(known) for value in known)])
 
 
 def rate(p: Sequence[float]) -> dict[str, Any]:

@@ -40,8 +40,11 @@ def analyse(cells: pd.DataFrame, conditions: Sequence[str]) -> dict[str, Any]:
     pairs = list(combinations(conditions, 2))
     tables = {name: by_condition(cells, name, conditions) for name in (TOTAL, *PARTS, *EXTRA, *LEVELS)}
     found: dict[str, Any] = {TOTAL: measure(tables[TOTAL], pairs)}
+    _correct(found[TOTAL]["pairs"])
     found["parts"] = {name: measure(tables[name], pairs) for name in PARTS}
-    _correct_together(found["parts"])
+    for one in found["parts"].values():
+        one["constant"] = all(pair["ties"] == pair["n"] for pair in one["pairs"])
+    _correct([pair for one in found["parts"].values() if not one["constant"] for pair in one["pairs"]])
     found["described"] = {name: measure(tables[name], pairs, tested=False) for name in EXTRA}
     found["levels"] = {name: means(tables[name]) for name in LEVELS}
     return found
@@ -53,9 +56,9 @@ def measure(table: pd.DataFrame, pairs: Sequence[tuple[str, str]], *, tested: bo
     Args:
         table: participants x conditions, NaN where there is no recording.
         pairs: conditions to compare.
-        tested: whether p values are given beside the intervals.
+        tested: whether p values are given beside the intervals; they are not corrected here.
     """
-    compared = compare(table, pairs)
+    compared = [compare(table, [pair])[0] for pair in pairs]
     found: dict[str, Any] = {
         "conditions": means(table),
         "participants": {str(name): dict(zip(table.columns, row, strict=True)) for name, row in _rows(table)},
@@ -93,6 +96,7 @@ def _pair(table: pd.DataFrame, one: Comparison, tested: bool) -> dict[str, Any]:
     gap = table[one.first] - table[one.second]
     known = gap.dropna().to_numpy(np.float64)
     found = {name: value for name, value in asdict(one).items() if name != "d"}
+    found |= {"p_holm": float("nan"), "wilcoxon_p_holm": float("nan")}
     if not tested:
         dropped = ("t", "p", "p_holm", "wilcoxon_p", "wilcoxon_p_holm")
         found = {name: value for name, value in found.items() if name not in dropped}
@@ -102,14 +106,8 @@ def _pair(table: pd.DataFrame, one: Comparison, tested: bool) -> dict[str, Any]:
     return found | {"lower": lower, "higher": higher, "left_out": [str(name) for name in gap.index[gap.isna()]]}
 
 
-def _correct_together(parts: dict[str, Any]) -> None:
-    """Correct the p values of all parts and pairs as one family; a part that is the same everywhere is not tested."""
-    family: list[dict[str, Any]] = []
-    for one in parts.values():
-        one["constant"] = all(pair["ties"] == pair["n"] for pair in one["pairs"])
-        family += [] if one["constant"] else one["pairs"]
-        for pair in one["pairs"]:
-            pair |= {"p_holm": float("nan"), "wilcoxon_p_holm": float("nan")}
+def _correct(family: Sequence[dict[str, Any]]) -> None:
+    """Correct the p values of pairs that are decided together."""
     for name in ("p", "wilcoxon_p"):
         for pair, corrected in zip(family, holm([pair[name] for pair in family]), strict=True):
             pair[f"{name}_holm"] = corrected

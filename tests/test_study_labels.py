@@ -1,0 +1,179 @@
+"""Whose recording of what: metadata records, manifests, file names, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import reba
+from lgp.errors import LgpError
+from lgp.study.labels import Label, Pattern, label_of, recorded_label
+from lgp.study.manifest import read_manifest
+from lgp.study.sources import find_sources
+from reba.errors import RebaError
+from reba.scores import table_of
+
+
+def log(path: Path, record: dict[str, str] | None = None, trunk: float = 10.0) -> Path:
+    """Write a short posture log, with a `study` record if one is given."""
+    frames = pd.DataFrame({"time": [0.0, 0.1, 0.2], "trunk_flexion": trunk})
+    path.parent.mkdir(parents=True, exist_ok=True)
+    reba.write_postures(table_of(frames), path, records=None if record is None else {"study": record})
+    return path
+
+
+@pytest.mark.parametrize(
+    "label", [Label("p01", "ergonomic"), Label("P 1 ü", "a<b>", "2", simulated=True), Label("x", "y", "first")]
+)
+def test_a_record_is_read_back(tmp_path: Path, label: Label) -> None:
+    assert recorded_label(log(tmp_path / "a.mcap", label.record())) == label
+
+
+def test_other_recordings_have_no_record(tmp_path: Path) -> None:
+    assert recorded_label(log(tmp_path / "a.mcap")) is None
+    assert recorded_label(log(tmp_path / "a.csv")) is None
+
+
+def test_a_record_without_a_condition_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LgpError, match="condition is missing"):
+        recorded_label(log(tmp_path / "a.mcap", {"participant": "p01"}))
+    with pytest.raises(LgpError, match="participant is empty"):
+        label_of({"participant": "  ", "condition": "x"}, "here")
+
+
+def test_only_mcap_carries_records(tmp_path: Path) -> None:
+    with pytest.raises(RebaError, match=r"only an \.mcap"):
+        log(tmp_path / "a.csv", {"participant": "p"})
+
+
+def test_splits_of_a_recording_must_agree(tmp_path: Path) -> None:
+    for number, who in enumerate(("p1", "p1", "p2")):
+        log(tmp_path / f"bag_{number}.mcap", Label(who, "a").record())
+    with pytest.raises(LgpError, match="labelled p1 / a and p2 / a"):
+        recorded_label(tmp_path)
+    (tmp_path / "bag_2.mcap").unlink()
+    assert recorded_label(tmp_path) == Label("p1", "a")
+
+
+def test_a_cut_recording_keeps_its_label(tmp_path: Path) -> None:
+    path = log(tmp_path / "a.mcap", Label("p1", "a").record())
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) - 60])
+    assert recorded_label(path) == Label("p1", "a")
+
+
+@pytest.mark.parametrize(
+    ("pattern", "path", "label"),
+    [
+        ("{participant}_{condition}", "logs/p01_non_ergonomic.mcap", Label("p01", "non_ergonomic")),
+        ("{participant}_{condition}_{trial}", "p01_a_3.mcap.zstd", Label("p01", "a", "3")),
+        ("{participant}/{condition}", "study/p01/a.csv", Label("p01", "a")),
+        ("study-{condition}-{participant}", "study-x-7", Label("7", "x")),
+        ("{participant}_{condition}", "p01.mcap", None),
+    ],
+)
+def test_patterns(pattern: str, path: str, label: Label | None) -> None:
+    assert Pattern(pattern).label(path) == label
+
+
+@pytest.mark.parametrize(
+    ("pattern", "said"),
+    [
+        ("{participant}", "participant.*condition"),
+        ("{participant}{participant}{condition}", "once each"),
+        ("{participant}_{conditon}", "did you mean 'condition'"),
+    ],
+)
+def test_bad_patterns(pattern: str, said: str) -> None:
+    with pytest.raises(LgpError, match=said):
+        Pattern(pattern)
+
+
+def manifest(folder: Path, text: str) -> Path:
+    path = folder / "who.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_manifest_names_orders_and_plans(tmp_path: Path) -> None:
+    log(tmp_path / "b.csv"), log(tmp_path / "a.csv")
+    path = manifest(tmp_path, "File,participant,condition,trial\nb.csv,p1,late,\n\na.csv,p1,early,2\n,p2,late,\n")
+    lines = read_manifest(path)
+    assert [line.label for line in lines] == [Label("p1", "late"), Label("p1", "early", "2"), Label("p2", "late")]
+    found = find_sources([], path)
+    assert found.conditions == ("late", "early")
+    assert found.absent == (Label("p2", "late"),)
+    only = find_sources([str(tmp_path / "a.csv")], path)
+    assert [label for _, label in only.named] == [Label("p1", "early", "2")]
+    assert set(only.absent) == {Label("p1", "late"), Label("p2", "late")}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "is empty"),
+        ("file,participant,condition\n", "names no recording"),
+        ("file,participant\na.csv,p1\n", "column 'condition' is missing"),
+        ("file,participant,condtion\na.csv,p1,x\n", "did you mean 'condtion'"),
+        ("file,participant,condition\na.csv,p1\n", "line 2: 2 fields, expected 3"),
+        ("file,participant,condition\na.csv,,x\n", "line 2: participant is empty"),
+        ("file,participant,condition\na.csv,p1,x\na.csv,p2,x\n", "name each file once"),
+        ("file,participant,condition,file\na.csv,p1,x,a\n", "stands twice"),
+        ('file,participant,condition\n"a.csv,p1,x\n', "cannot be read"),
+    ],
+)
+def test_bad_manifests(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(LgpError, match=said):
+        read_manifest(manifest(tmp_path, text))
+
+
+def test_a_manifest_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(LgpError, match="cannot be read"):
+        read_manifest(tmp_path / "none.csv")
+
+
+def test_semicolons_part_fields_too(tmp_path: Path) -> None:
+    (line,) = read_manifest(manifest(tmp_path, "\ufefffile;participant;condition\na.csv;p1;x\n"))
+    assert line.label == Label("p1", "x")
+
+
+def test_unnamed_recordings_are_failures_and_stop_no_other(tmp_path: Path) -> None:
+    log(tmp_path / "a.mcap", Label("p1", "x").record())
+    log(tmp_path / "b.mcap")
+    found = find_sources([str(tmp_path)])
+    assert [label for _, label in found.named] == [Label("p1", "x")]
+    (failure,) = found.unnamed
+    assert "no metadata record 'study'" in failure.error
+    (tmp_path / "a.mcap").unlink()
+    with pytest.raises(LgpError, match="none of the 1 recordings is labelled"):
+        find_sources([str(tmp_path)])
+
+
+def test_the_same_label_twice_is_refused(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        log(tmp_path / f"{name}.mcap", Label("p1", "x").record())
+    with pytest.raises(LgpError, match="give each a trial"):
+        find_sources([str(tmp_path)])
+
+
+def test_names_that_differ_in_case_are_refused(tmp_path: Path) -> None:
+    log(tmp_path / "a.mcap", Label("p1", "Ergonomic").record())
+    log(tmp_path / "b.mcap", Label("p2", "ergonomic").record())
+    with pytest.raises(LgpError, match="spelled 'Ergonomic' and 'ergonomic'"):
+        find_sources([str(tmp_path)])
+
+
+def test_nothing_or_too_much_is_refused() -> None:
+    with pytest.raises(LgpError, match="no recording was given"):
+        find_sources([])
+    with pytest.raises(LgpError, match="both given"):
+        find_sources(["x"], "m.csv", "{participant}_{condition}")
+
+
+def test_results_are_no_inputs(tmp_path: Path) -> None:
+    log(tmp_path / "p1_x.csv")
+    log(tmp_path / "results" / "p2_x.csv")
+    found = find_sources([str(tmp_path)], pattern="{participant}_{condition}", without=tmp_path / "results")
+    assert [label.participant for _, label in found.named] == ["p1"]
