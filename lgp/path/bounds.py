@@ -77,6 +77,8 @@ class PathBounds:
         start: (nq,) first configuration, of the world by default.
         slices: per phase, of the scene by default.
         options: of the solver.
+        like: bounds of the same scene and start with another ergonomic cost, solved before: robots start from their
+            motions there.
         collisions: whether paths keep bodies apart; poses and sequences never do, which keeps them lower bounds.
     """
 
@@ -90,13 +92,14 @@ class PathBounds:
         start: Array | None = None,
         slices: int | None = None,
         options: Options = OPTIONS,
+        like: PathBounds | None = None,
         collisions: bool = False,
     ) -> None:
         self.world, self.ergonomics, self.options = world, ergonomics, options
         self.collisions = collisions
         self.weights = Weights() if weights is None else weights
         self.start = world.start if start is None else np.asarray(start, dtype=float)
-        self.slices = slices
+        self.slices, self.like = slices, like
         self._stretch = Stretch(world)
         self._known: dict[tuple[str, Skeleton], BoundResult] = {}
         self._memory = Memory(world)
@@ -169,7 +172,7 @@ class PathBounds:
         if isinstance(known, str):
             return None, known
         if known is None or known.count != phases.count:
-            first = self.start[None] if earlier is None else before[-1:]
+            first = self._with_robots("pose", phases, self.start[None] if earlier is None else before[-1:])
             problem = self.problem("pose", phases)
             result, why = self._solve(problem, [first] if known is None else [known.pose, first], POSES)
             if result is None:
@@ -181,6 +184,17 @@ class PathBounds:
         costs = replace(known.costs, ergonomics=known.costs.ergonomics + self._carried(phases))
         return Solution(np.concatenate([before, known.pose]), np.zeros(0), None, costs, known.result), ""
 
+    def _with_robots(self, level: str, phases: Phases, keys: Array) -> Array:
+        """Return configurations (P, nq) in which robots are where they were with the other cost, if that is known."""
+        found = None if self.like is None else self.like._known.get((level, phases.actions))
+        if found is None or not isinstance(found.payload, Solution):
+            return keys
+        keys = keys.copy()
+        for name in self.world.scene.robots:
+            columns = self.world.columns(name)
+            keys[:, columns] = found.payload.keys[-len(keys) :, columns]
+        return keys
+
     def _carried(self, phases: Phases) -> float:
         """Return what carried loads cost in the phases of a sequence."""
         if self.ergonomics is None:
@@ -190,7 +204,7 @@ class PathBounds:
     def _sequence(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
         first = np.tile(self.start, (phases.count, 1))
         if earlier is not None and len(earlier.keys) == phases.count:
-            first = earlier.keys
+            first = self._with_robots("sequence", phases, earlier.keys)
         problem = self.problem("sequence", phases)
         known = self._memory.start(phases, self.start)
         starts = [first] if known is None else [problem.join(*known), first]
