@@ -196,15 +196,16 @@ def _conditions(
     """Yield each condition with its plan.
 
     The two conditions with ergonomics ask the same problems, each of which is solved once: the search starts with the
-    re-optimized path as the cost to beat.
+    re-optimized path as the cost to beat. Robots start from their motions without ergonomics.
     """
     from lgp.path.bounds import PathBounds
 
     task, budget = task_of(scene), Budget(depth=DEPTH)
     without, with_, again = CONDITIONS
-    plain = plan_within(PathBounds(world, None, weights, start, slices), task, budget=budget)
+    before = PathBounds(world, None, weights, start, slices)
+    plain = plan_within(before, task, budget=budget)
     yield without, plain
-    bounds = PathBounds(world, ergonomics, weights, start, slices)
+    bounds = PathBounds(world, ergonomics, weights, start, slices, like=before)
     sequence = parse_sequence(task, plain.actions) if plain.feasible else ()
     second = plan_within(bounds, task, sequence) if plain.feasible else plain
     yield with_, plan_within(bounds, task, None, budget, sequence)
