@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import PurePath
 from typing import Any, Final
@@ -35,6 +35,8 @@ def render(found: Mapping[str, Any], *, command: str = "") -> str:
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"p": p_value, "number": number, "mark": _mark, "file": _name, "percent": _percent}
+    files = [one["input"] for one in (*found["recordings"], *found["failed"])]
+    environment.filters["short"] = lambda text: _short(text, files)
     conditions = found["conditions"]
     return environment.from_string(_file("lgp.study", "study.html")).render(
         found=found,
@@ -69,6 +71,13 @@ def _percent(share: float | None) -> str:
 def _name(path: str) -> str:
     """Return the name of a file with its folder, which may hold the participant; not where it lies on a machine."""
     return "/".join(PurePath(path.replace("\\", "/")).parts[-2:])
+
+
+def _short(text: str, files: Sequence[str]) -> str:
+    """Return text with the names of files instead of where they lie."""
+    for file in sorted(files, key=len, reverse=True):
+        text = text.replace(file, _name(file))
+    return text
 
 
 def _file(package: str, name: str) -> str:

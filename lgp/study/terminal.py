@@ -23,7 +23,8 @@ def show_study(console: Console, found: Mapping[str, Any]) -> None:
     rows = [("REBA", found[TOTAL]), *((PARTS[name], one) for name, one in found["parts"].items())]
     for title, one in rows:
         means = [_mean(one["conditions"][name]) for name in conditions]
-        tests = [_test(pair, one.get("constant", False)) for pair in one["pairs"]] or [[""] * 5]
+        tests = [_test(pair, len(conditions) > 2) for pair in one["pairs"]] or [[""] * 5]
+        tests = [["no difference", "", "", "", ""]] if one.get("constant") else tests
         for place, test in enumerate(tests):
             first = [title, *means] if not place else [""] * (len(means) + 1)
             table.add_row(*map(Text, [*first, *test]))
@@ -40,9 +41,8 @@ def _mean(one: Mapping[str, Any]) -> str:
     return f"{number(one['mean'])} ± {number(one['se'])}" if one["n"] else "no recording"
 
 
-def _test(pair: Mapping[str, Any], constant: bool) -> list[str]:
-    if constant:
-        return ["no difference", "", "", "", ""]
+def _test(pair: Mapping[str, Any], named: bool) -> list[str]:
     interval = f"{number(pair['low'])} to {number(pair['high'])}"
     values = (p_value(pair["p_holm"]), p_value(pair["wilcoxon_p_holm"]), number(pair["g"]))
-    return [number(pair["difference"]), interval, *values]
+    names = f"{pair['first']} - {pair['second']}: " if named else ""
+    return [names + number(pair["difference"]), interval, *values]
