@@ -14,6 +14,9 @@ ANGLE = 30.0
 ROOM = 1.08
 """How much wider the picture is than what must be in it."""
 
+NEAREST = 0.3
+"""[m] From the eye to what it sees, at least."""
+
 
 class Camera(NamedTuple):
     """An eye (3,) that looks at a target (3,), up along z."""
@@ -41,11 +44,12 @@ def framed(points: Array, towards: Array, aspect: float, angle: float = ANGLE) -
     across, above, near = points @ right, points @ up, points @ towards
     tall = np.tan(np.radians(angle) / 2.0)
     # Planes through the eye bound the picture: of all points, the outermost of each side decides.
-    eye = ROOM * max(
+    needed = max(
         float(((offset + slope * near).max() - (offset - slope * near).min()) / (2.0 * slope))
         for offset, slope in ((across, tall * aspect), (above, tall))
     )
     centre = float(near.mean())
+    eye = max(centre + ROOM * (needed - centre), float(near.max()) + NEAREST)
     target = _middle(across, eye - near) * right + _middle(above, eye - near) * up + centre * towards
     return Camera(target + (eye - centre) * towards, target)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lgp.page.camera import ANGLE, ROOM
+from lgp.page.camera import ANGLE, NEAREST, ROOM
 from lgp.page.mesh import Mesh
 from lgp.page.shots import Shot
 from lgp.page.view import View
@@ -34,6 +34,7 @@ def packed(view: View) -> dict[str, Any]:
     return {
         "angle": ANGLE,
         "room": ROOM,
+        "nearest": NEAREST,
         "meshes": [_mesh(mesh) for mesh in view.meshes],
         "bodies": [
             {"mesh": body.mesh, "frame": body.frame, "place": _rounded(body.place.T.ravel())} for body in view.bodies

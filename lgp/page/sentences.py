@@ -62,6 +62,8 @@ def humanised(name: str) -> str:
     >>> humanised("toolbox/side.left"), humanised("table.start"), humanised("right_hand")
     ('left toolbox side', 'start table', 'right hand')
     """
+    if name in table()["names"]:
+        return str(table()["names"][name])
     words = [word for word in re.split(r"[/._\s-]+", name) if word]
     words = [part for word in words for part in re.sub(r"(?<=[a-z])(?=[A-Z0-9])", " ", word).split()]
     first = [word for word in words if word in table()["words"]["first"]]

@@ -183,7 +183,7 @@ class Stage {
 }
 
 // As `framed` of the program that wrote the page: the nearest eye that sees all points.
-function framed(seen, direction, aspect, { angle, room }) {
+function framed(seen, direction, aspect, { angle, room, nearest }) {
   const towards = new THREE.Vector3().fromArray(direction);
   const right = new THREE.Vector3(0, 0, 1).cross(towards).normalize();
   const up = towards.clone().cross(right);
@@ -195,9 +195,10 @@ function framed(seen, direction, aspect, { angle, room }) {
     const low = Math.min(...offsets.map((value, number) => value - slope * near[number]));
     return (high - low) / (2 * slope);
   };
-  const away = room * Math.max(needed(across, tall * aspect), needed(above, tall));
-  const depth = near.map((value) => away - value);
   const centre = near.reduce((sum, value) => sum + value, 0) / near.length;
+  const enough = Math.max(needed(across, tall * aspect), needed(above, tall));
+  const away = Math.max(centre + room * (enough - centre), Math.max(...near) + nearest);
+  const depth = near.map((value) => away - value);
   const target = right.multiplyScalar(middle(across, depth)).addScaledVector(up, middle(above, depth));
   target.addScaledVector(towards, centre);
   return { target, eye: target.clone().addScaledVector(towards, away - centre) };
