@@ -4,7 +4,8 @@
 
 Writes posture tables with real angles inside (the recordings of `datasets/`, and of ../shared/recordings where that is
 there, at another pace, from another moment, with noise) to a temporary folder, scores them with
-`reba score DIR -o OUT/` and looks at the processes twice a second. The full run takes about ten minutes on two cores and 8 GB of disk.
+`reba score DIR -o OUT/` and looks at the processes twice a second. The full run takes about ten minutes on two idle
+cores, and 8 GB of disk.
 """
 
 from __future__ import annotations
@@ -12,12 +13,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -25,8 +27,7 @@ from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "datasets"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "datasets"))
 
 import psutil
 import pyarrow as pa
@@ -39,6 +40,7 @@ from reba.errors import RebaError
 from reba.fan_out import fan_out
 from reba.manifest import MANIFEST
 
+ROOT = Path(__file__).resolve().parents[1]
 RATE = 60
 """Frames per second, as inertial suits record."""
 NOISE = 0.3
@@ -55,11 +57,13 @@ class Measured:
 
     Attributes:
         seconds: from start to end, start of Python included.
+        cpu: seconds of processor time of the command and its processes.
         result: `dataset` of its JSON.
         memory: (looks, 3): seconds, MB of the command, MB of its largest worker.
     """
 
     seconds: float
+    cpu: float
     result: dict[str, Any]
     memory: np.ndarray
 
@@ -122,7 +126,7 @@ def score(inputs: Path, output: Path, *words: str, workers: list[int] | None = N
     command = [sys.executable, "-c", CODE, "score", str(inputs), "-o", f"{output}/", "--json", *words]
     looks = []
     with tempfile.TemporaryFile("w+") as told:
-        start = time.perf_counter()
+        start, before = time.perf_counter(), cpu()
         process = psutil.Popen(command, stdout=told, stderr=subprocess.PIPE, text=True)
         while process.poll() is None:
             looks.append((time.perf_counter() - start, megabytes(process.pid), largest(process, workers)))
@@ -131,7 +135,13 @@ def score(inputs: Path, output: Path, *words: str, workers: list[int] | None = N
         if process.returncode:
             raise SystemExit(f"reba score ended with {process.returncode}: {process.stderr.read()}")
         told.seek(0)
-        return Measured(seconds, json.load(told)["dataset"], np.array(looks))
+        return Measured(seconds, cpu() - before, json.load(told)["dataset"], np.array(looks))
+
+
+def cpu() -> float:
+    """Return the processor time of all processes that ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def megabytes(pid: int) -> float:
@@ -170,12 +180,14 @@ def on_cluster(inputs: Path, output: Path, jobs: int) -> Measured:
     """Score on a Dask cluster of this machine with the same number of processes."""
     from distributed import Client, LocalCluster
 
+    before = cpu()
     with (
         LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
         Client(cluster) as client,
     ):
         pids = list(client.run(os.getpid).values())
-        return score(inputs, output, "--scheduler", cluster.scheduler_address, workers=pids)
+        measured = score(inputs, output, "--scheduler", cluster.scheduler_address, workers=pids)
+    return replace(measured, cpu=cpu() - before)
 
 
 def some(folder: Path, source: Path, number: int) -> Path:
@@ -193,6 +205,7 @@ def show(name: str, recordings: int, frames: int, jobs: int, measured: Measured)
         "recordings": recordings,
         "jobs": jobs,
         "seconds": measured.seconds,
+        "cpu_seconds_per_recording": measured.cpu / recordings,
         "recordings_per_second": recordings / measured.seconds,
         "frames_per_second_and_job": recordings * frames / measured.seconds / jobs,
         "parent_mb": float(measured.memory[:, 1].max()),
@@ -200,7 +213,8 @@ def show(name: str, recordings: int, frames: int, jobs: int, measured: Measured)
     }
     print(
         f"{name:26} {recordings:6d} {jobs:5d} {row['seconds']:9.1f} {row['recordings_per_second']:9.2f} "
-        f"{row['frames_per_second_and_job']:13,.0f} {row['parent_mb']:10.0f} {row['worker_mb']:10.0f}",
+        f"{row['cpu_seconds_per_recording']:10.3f} {row['frames_per_second_and_job']:13,.0f} "
+        f"{row['parent_mb']:10.0f} {row['worker_mb']:10.0f}",
         flush=True,
     )
     return row
@@ -218,8 +232,8 @@ def measure(folder: Path, given: argparse.Namespace) -> dict[str, Any]:
         f"written in {time.perf_counter() - start:.0f} s"
     )
     print(
-        f"{'':26} {'recs':>6} {'jobs':>5} {'seconds':>9} {'recs/s':>9} {'frames/s/job':>13} {'parent MB':>10} "
-        f"{'worker MB':>10}"
+        f"{'':26} {'recs':>6} {'jobs':>5} {'seconds':>9} {'recs/s':>9} {'CPU s/rec':>10} {'frames/s/job':>13} "
+        f"{'parent MB':>10} {'worker MB':>10}"
     )
     few = some(folder / "few", inputs, given.subset)
     count = len(list(few.iterdir()))
