@@ -68,7 +68,9 @@ def test_rows_are_shares_of_feasible_runs_and_made_once(tmp_path: Path, monkeypa
     asked: list[tuple[str, list[int]]] = []
     tables = {0: "left", 1: "center", 2: None, 3: "start"}
 
-    def plan_runs(runs: list[int], seed: int, initial: str, cost: str, jobs: int, variation: Variation) -> object:
+    def plan_runs(
+        runs: list[int], seed: int, initial: str, cost: str, jobs: int, variation: Variation, *_: object
+    ) -> object:
         asked.append((variation.name, runs))
         return [made(run, tables[run]) for run in runs]
 
