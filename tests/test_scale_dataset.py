@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import json
 import os
 import signal
@@ -197,6 +198,13 @@ def whole_and_once(folder: Path, inputs: list[str]) -> None:
     for name in inputs:
         scores = pd.read_parquet(part(folder, name), partitioning=None)
         pd.testing.assert_frame_equal(scores, reba.score(reba.read(name)).data, check_dtype=False)
+
+
+def test_the_guide_prints_what_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(HERE.parent)
+    result = doctest.testfile(str(HERE.parent / "docs" / "scale.md"), module_relative=False)
+    assert result.attempted >= 8
+    assert result.failed == 0
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
