@@ -7,6 +7,7 @@ one before ends; the other is a full new plan. Both are measured by the same pat
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,9 @@ from lgp.execution.executive import Shift
 from lgp.execution.grippers import grips_after
 from lgp.execution.observation import Observation, Sighting, View
 from lgp.execution.planner import Phase, Planner
+from lgp.path.bounds import PathBounds
 from lgp.path.phases import Phases
-from lgp.path.problem import PathProblem
+from lgp.search import BoundResult
 from lgp.world.scene import Scene
 from lgp.world.switches import Modes
 
@@ -28,10 +30,13 @@ Array = NDArray[np.float64]
 def compare(planner: Planner, shift: Shift, seconds: float) -> dict[str, Any]:
     """Return the costs of a moved motion with its greedy rest, of a new plan, and their difference.
 
+    The new plan is the better of two: what a search finds, and the greedy rest optimised as a whole, as solutions of
+    path problems are local.
+
     Args:
         planner: of the run.
         shift: the motion that was moved.
-        seconds: wall-clock time for the new plan.
+        seconds: wall-clock time for the search.
 
     Returns:
         action, greedy, anew, extra (greedy - anew), share (extra / anew), actions of the new plan, whether they differ
@@ -39,50 +44,64 @@ def compare(planner: Planner, shift: Shift, seconds: float) -> dict[str, Any]:
     """
     own = copy.copy(planner)
     own.use(shift.motion)
-    scene = shift.phase.scene
+    phase, scene = shift.phase, shift.phase.scene
     left = [str(action) for action in own.actions[shift.number :]]
     found: dict[str, Any] = {"action": own.actions[shift.number].at(shift.number + 1), "extra": None, "share": None}
     if scene is None:
         return found
-    start = shift.phase.segment.knots[0]
-    greedy = _greedy(own, shift.number, shift.phase, scene)
-    new = own.anew(scene, start, len(left), seconds)
-    anew = float(new.costs["total"]) if new.feasible else None
+    rest = _greedy(own, shift.number, phase)
+    greedy, whole = (None, None) if rest is None else _costs(own, shift.number, scene, rest)
+    new = own.anew(scene, phase.segment.knots[0], len(left), seconds)
     labels = [label.replace(f"({at + 1}, ", "(") for at, label in enumerate(new.actions)]
-    found |= {"greedy": greedy, "anew": anew, "actions": list(new.actions), "same_actions": labels == left}
+    anew = float(new.costs["total"]) if new.feasible else None
+    if whole is not None and (anew is None or whole < anew):
+        anew, labels = whole, left
+    found |= {"greedy": greedy, "anew": anew, "actions": labels, "same_actions": labels == left}
     if greedy is not None and anew is not None:
         found |= {"extra": greedy - anew, "share": (greedy - anew) / anew}
     return found
 
 
-def _greedy(planner: Planner, number: int, phase: Phase, scene: Scene) -> float | None:
-    """Return the cost of the moved motion and all later ones, each moved in its turn; None if one is infeasible."""
-    knots, at = [phase.segment.knots], phase
+def _greedy(planner: Planner, number: int, phase: Phase) -> list[Phase] | None:
+    """Return the moved motion and all later ones, each moved in its turn; None if one is infeasible."""
+    found = [phase]
     for later in range(number + 1, len(planner.actions)):
-        view = _after(planner, later - 1, at)
-        found = planner.retarget(later, planner.scene(later, view), view.now.q)
-        if isinstance(found, str):
+        view = _after(planner, later - 1, found[-1])
+        following = planner.retarget(later, planner.scene(later, view), view.now.q, pause=True)
+        if isinstance(following, str):
             return None
-        at = found
-        knots.append(at.segment.knots[1:])
-    whole = np.concatenate(knots)
-    world = planner.motion.world.with_scene(scene)
-    phases = Phases.of(scene, planner.actions[number:], planner.motion.phases.slices)
-    problem = PathProblem(world, phases, ergonomics=planner.ergonomics(), start=whole[0])
-    return problem.costs(problem.join(whole[1:], np.zeros(problem.modes.size))).total
+        found.append(following)
+    return found
+
+
+def _costs(planner: Planner, number: int, scene: Scene, rest: list[Phase]) -> tuple[float, float | None]:
+    """Return the cost of motions one after the other, and when they are optimised as a whole (None: it failed)."""
+    solutions = [phase.solution for phase in rest if phase.solution is not None]
+    keys = np.stack([phase.segment.knots[-1] for phase in rest])
+    variables = np.concatenate([solution.variables for solution in solutions])
+    path = np.concatenate([phase.segment.knots[1:] for phase in rest])
+    world, start = planner.motion.world.with_scene(scene), rest[0].segment.knots[0]
+    slices = planner.motion.phases.slices
+    bounds = PathBounds(world, planner.ergonomics(), start=start, slices=slices, collisions=planner.apart)
+    actions = planner.actions[number:]
+    problem = bounds.problem("path", bounds.phases(actions))
+    greedy = problem.costs(problem.join(path, variables)).total
+    first = replace(solutions[-1], keys=keys, variables=variables)
+    found = bounds.solve("path", actions, BoundResult(True, greedy, payload=first))
+    return greedy, found.cost if found.feasible else None
 
 
 def _after(planner: Planner, number: int, phase: Phase) -> View:
     """Return the world as it is after a moved motion, as if it had been tracked at rest for a while."""
     scene, action = phase.scene, planner.actions[number]
-    if scene is None:
+    if scene is None or phase.solution is None:
         raise LgpError("only a motion that was moved knows the world it ends in")
     world, q = planner.motion.world.with_scene(scene), phase.segment.knots[-1]
     modes = Modes(world, Phases.of(scene, (action,)).switches)
     kinematics = world.at(q[None], modes.frames)
     poses = {}
     for name in scene.things:
-        pose = modes.pose(name, 1, kinematics, phase.variables)
+        pose = modes.pose(name, 1, kinematics, phase.solution.variables)
         poses[name] = pose.rotation[0], pose.position[0]
     view = View(world)
     closed = {thing.hand for thing in scene.things.values() if thing.hand and not thing.hand.startswith("human.")}

@@ -51,6 +51,7 @@ class RunLog:
         file: where; what is there is replaced.
         epoch: wall-clock time at which the run began [s].
         about: kept as metadata `run`.
+        profile: "ros2" where every topic holds ROS 2 messages.
 
     Raises:
         LgpError: the file cannot be written.
@@ -60,7 +61,7 @@ class RunLog:
         ...     log.json("/events", 0.0, {"text": "begins"})
     """
 
-    def __init__(self, file: Path, epoch: float, about: Mapping[str, str]) -> None:
+    def __init__(self, file: Path, epoch: float, about: Mapping[str, str], profile: str = "") -> None:
         from mcap.writer import CompressionType, Writer
 
         self.epoch = epoch
@@ -69,7 +70,7 @@ class RunLog:
         except OSError as error:
             raise LgpError(f"{file}: cannot be written ({error.strerror or error}); give another folder") from error
         self._writer = Writer(self._stream, chunk_size=CHUNK, compression=CompressionType.ZSTD)
-        self._writer.start(profile="", library="dreba")
+        self._writer.start(profile=profile, library="dreba")
         self._writer.add_metadata("run", dict(about))
         self._channels: dict[tuple[str, str], int] = {}
 

@@ -120,9 +120,9 @@ def trajectory(stamp: int, names: Sequence[str], segment: Segment, columns: NDAr
 
 def quaternion(rotation: Array) -> Array:
     """Return x, y, z, w of a rotation (3, 3)."""
-    from scipy.spatial.transform import Rotation
+    import pinocchio as pin
 
-    return np.asarray(Rotation.from_matrix(rotation).as_quat())
+    return np.asarray(pin.Quaternion(np.ascontiguousarray(rotation)).coeffs())
 
 
 def _header(stamp: int, frame: str) -> dict[str, Any]:

@@ -9,10 +9,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lgp.path.bounds import PathBounds
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+
+Columns = NDArray[np.intp]
 
 SLACK = 1e-5
 """[m, rad] Room around a pinned value, so that bounds do not become equations."""
@@ -23,12 +26,14 @@ class PinnedBounds(PathBounds):
 
     Args:
         pins: name of a variable without its number, such as `box.yaw` -> value [m, rad].
+        resting: columns of q that stay where they start in the first slice.
         more: as `PathBounds` takes it.
     """
 
-    def __init__(self, *args: Any, pins: Mapping[str, float], **more: Any) -> None:
+    def __init__(self, *args: Any, pins: Mapping[str, float], resting: Columns | None = None, **more: Any) -> None:
         super().__init__(*args, **more)
         self.pins = pins
+        self.resting = np.zeros(0, np.intp) if resting is None else resting
 
     def problem(self, level: str, phases: Phases, *args: Any, **more: Any) -> PathProblem:
         """Return the problem of a level with narrow bounds around the pinned values."""
@@ -39,4 +44,7 @@ class PinnedBounds(PathBounds):
             if value is not None and name.startswith("0."):
                 inside = float(np.clip(value, problem.lower[at], problem.upper[at]))
                 problem.lower[at], problem.upper[at] = inside - SLACK, inside + SLACK
+        if level == "path":
+            problem.lower[self.resting] = self.start[self.resting] - SLACK
+            problem.upper[self.resting] = self.start[self.resting] + SLACK
         return problem

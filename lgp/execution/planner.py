@@ -8,7 +8,7 @@ order of actions stays.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -30,12 +30,15 @@ from lgp.world.rotations import logarithm
 from lgp.world.scene import Scene
 
 if TYPE_CHECKING:
+    from lgp.path.bounds import Solution
     from lgp.path.ergonomics import Ergonomics
 
 Array = NDArray[np.float64]
 
 OFF = 0.02
 """[rad] Joints farther from the plan than this do not move as planned."""
+TOUCH = 1e-3
+"""[m] Bodies that reach deeper into each other were not kept apart."""
 FURTHER = (1, 3)
 """A new plan may have so many actions more than were left; the second only if there is none with the first."""
 
@@ -56,13 +59,13 @@ class Phase:
         segment: configurations of everybody over time; those of the human are a guess.
         cost: of a path that was made anew, on the scale of the plan; None for the planned one.
         scene: the world that it was made for; None for the planned one.
-        variables: how objects lie in hands and on tables at its end, as the path problem has them.
+        solution: of its path problem; None for the planned one.
     """
 
     segment: Segment
     cost: float | None = None
     scene: Scene | None = None
-    variables: Array = field(default_factory=lambda: np.zeros(0))
+    solution: Solution | None = None
 
 
 class Planner:
@@ -75,12 +78,15 @@ class Planner:
     Attributes:
         plan, motion: what is followed, and as moving things.
         task: its symbolic task.
+        apart: whether bodies are kept apart.
         states: what holds before each action and after the last, as bits of the task.
     """
 
     def __init__(self, plan: Plan, cost: str | Path | None = COST) -> None:
         self._cost = cost if plan.costs.get("ergonomics", 0.0) > 0.0 else None
         self._prepared: Ergonomics | None = None
+        # A plan whose bodies touch was made without keeping them apart; new motions then do not either.
+        self.apart = plan.residuals.get("penetration", 0.0) <= TOUCH
         self.use(Motion(plan))
 
     def use(self, motion: Motion) -> None:
@@ -130,7 +136,9 @@ class Planner:
         """Return what the plan has before an action."""
         return frozenset(self.task.holding(self.states[number]))
 
-    def retarget(self, number: int, scene: Scene, start: Array, spot: Spot | None = None) -> Phase | str:
+    def retarget(
+        self, number: int, scene: Scene, start: Array, spot: Spot | None = None, pause: bool = False
+    ) -> Phase | str:
         """Return the motion of one action from the world as it is, or why there is none.
 
         The object ends up as the plan has it if that is possible: in the same grip, at the same place. Robot arms that
@@ -141,18 +149,28 @@ class Planner:
             scene: the world, see `scene`.
             start: (nq,) present configuration.
             spot: where a placed object is put instead.
+            pause: whether the hands of the action before rest for a slice, as they do within a plan.
         """
+        resting = self._acting(number - 1) if pause else None
         world = self.motion.world.with_scene(scene)
         first = np.clip(start, world.lower, world.upper)
         slices, action = self.motion.phases.slices, self.actions[number]
         pins, free = self._pins(number, scene, spot)
         for fixed in (pins, {}) if free else (pins,):
-            bounds = PinnedBounds(world, self.ergonomics(), start=first, slices=slices, pins=fixed)
+            bounds = PinnedBounds(
+                world,
+                self.ergonomics(),
+                start=first,
+                slices=slices,
+                collisions=self.apart,
+                pins=fixed,
+                resting=resting,
+            )
             found = bounds.solve("path", (action,), None)
             if found.feasible:
                 knots = self._others(number, np.concatenate([first[None], found.payload.path]))
                 segment = Segment(knots, self.motion.phases.seconds)
-                return Phase(segment, found.cost, scene, found.payload.variables)
+                return Phase(segment, found.cost, scene, found.payload)
         return found.reason
 
     def planned_spot(self, number: int) -> Spot:
@@ -188,15 +206,17 @@ class Planner:
 
     def _others(self, number: int, knots: Array) -> Array:
         """Return a motion in which robot arms without a part in it move as planned where they start as planned."""
-        world = self.motion.world
         planned = self.planned(number).segment.knots
-        acting = np.zeros(world.nq)
-        for name in self.actions[number].arguments:
-            if name in self.plan.scene.hands:
-                acting += world.support(name)
-        idle = (acting == 0.0) & (np.abs(knots[0] - planned[0]) < OFF)
+        idle = np.abs(knots[0] - planned[0]) < OFF
+        idle[self._acting(number)] = False
         idle[self._human_columns()] = False
         return np.where(idle, planned, knots)
+
+    def _acting(self, number: int) -> NDArray[np.intp]:
+        """Return the columns of q that move the hands of an action."""
+        world, hands = self.motion.world, self.plan.scene.hands
+        masks = [world.support(name) for name in self.actions[number].arguments if name in hands]
+        return np.flatnonzero(np.sum(masks, axis=0))
 
     def _on(self, table: str, at: Sighting) -> Spot:
         x, y, yaw, _ = on_table(self.plan.scene.tables[table], at)
@@ -221,7 +241,14 @@ class Planner:
         slices = self.motion.phases.slices
         for more in FURTHER:
             found = plan(
-                scene, self.ergonomics(), depth=left + more, seconds=seconds, start=first, slices=slices, world=world
+                scene,
+                self.ergonomics(),
+                depth=left + more,
+                seconds=seconds,
+                start=first,
+                slices=slices,
+                world=world,
+                collisions=self.apart,
             )
             if found.feasible:
                 break

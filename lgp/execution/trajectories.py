@@ -51,7 +51,8 @@ def export(plan: Plan, file: Path, *, slow_down: bool = False) -> dict[str, Any]
             factor *= more
         segments.append(segment)
         rows.append({"label": label, "seconds": segment.duration, "factor": factor})
-    with RunLog(file, 0.0, {"scene": plan.scene.name, "what": "planned motion of the robots"}) as log:
+    about = {"scene": plan.scene.name, "what": "planned motion of the robots"}
+    with RunLog(file, 0.0, about, "ros2") as log:
         recorder, time = Recorder(log, world), 0.0
         for segment in segments:
             recorder.command(time, segment)

@@ -1,0 +1,45 @@
+"""A small plan to execute, made once: a robot brings the screwdriver, the human takes it."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import lgp
+from lgp.execution.events import Event
+from lgp.execution.faults import parse_fault
+from lgp.execution.session import Run, Session
+from lgp.execution.worker import EXACT
+
+SEQUENCE = (
+    "grasp(baxter.right, screwdriver)",
+    "place(baxter.right, screwdriver, table.left)",
+    "grasp(human.right_hand, screwdriver)",
+)
+
+
+@cache
+def small_plan() -> lgp.Plan:
+    """Return a plan without ergonomics, which is planned anew in no time."""
+    scene = lgp.load_scene("screwdriver").with_heights({"left": 0.9, "center": 1.0, "right": 1.2})
+    return lgp.plan(scene, None, sequence=SEQUENCE, slices=4)
+
+
+def saved(folder: Path) -> Path:
+    """Return a folder with the plan."""
+    small_plan().save(folder)
+    return folder
+
+
+def went(folder: Path, *faults: str, **more: Any) -> tuple[dict[str, Any], list[Event]]:
+    """Run the plan in a folder as fast as possible; return the summary and all events."""
+    events: list[Event] = []
+    chosen = {"speed": 0.0, "compare": False, "habits": EXACT, **more}
+    run = Run(faults=tuple(map(parse_fault, faults)), **chosen)
+    return Session(folder, run, events.append).go(), events
+
+
+def kinds(events: list[Event]) -> list[str]:
+    """Return what happened, one word each."""
+    return [event.kind for event in events]
