@@ -197,9 +197,7 @@ def main() -> None:
         for name, one in found.items():
             print(line(f"  through MCAP, {lean:g} deg, {name}", one))
     print("\nknown effect: trunk leans forward more")
-    print(
-        f"{'deg':>5}{'true':>8}{'d_z':>7}{'power t':>9}{'theory':>8}{'ranks':>7}   true difference inside the 95 % interval"
-    )
+    print(f"{'deg':>5}{'true':>8}{'d_z':>7}{'power t':>9}{'theory':>8}{'ranks':>7}   truth in 95 % interval")
     result["effects"] = effects(body, given.studies, given.people, given.seed + 20_000)
     for one in result["effects"]:
         inside = one["coverage"]
