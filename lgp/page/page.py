@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from importlib import resources
@@ -23,6 +24,8 @@ from reba.report.words import LEVEL_COLOURS
 
 ASSETS = "assets"
 PICTURES = "pictures"
+NARROW = 3.0
+"""[%] Shorter runs of the ribbon have no number in them."""
 RING = 0.08
 """[m] Smallest radius of the ring around the object of an action."""
 SCRIPTS = ("stage.js", "player.js", "live.js")
@@ -33,7 +36,8 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
 
     The same plan gives the same files. Served over HTTP, the page follows a running plan: it listens to `events`
     beside it, server-sent events whose data are `{"action": number from 0 or null, "state": "waiting" | "running" |
-    "done" | "failed" | "finished", "text": "...", "time": seconds}`.
+    "done" | "failed" | "finished", "text": "...", "time": seconds, "plan": number}`; it loads itself anew when `plan`
+    changes.
 
     Args:
         plan: a feasible one.
@@ -62,22 +66,22 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
             shutil.copyfile(file, assets / name)
         for name in ("page.css", *SCRIPTS):
             (assets / name).write_text(_template(name), encoding="utf-8")
-        _write_data(assets / "plan.js", {"view": packed(seen), **_facts(plan, motion, seen, lines)})
+        data = _script({"view": packed(seen), **_facts(plan, motion, seen, lines)})
+        (assets / "plan.js").write_text(data, encoding="utf-8")
         if pictures:
             write_pictures(seen, out / PICTURES)
         else:
             shutil.rmtree(out / PICTURES, ignore_errors=True)
         index = out / "index.html"
-        index.write_text(_html(plan, lines, pictures), encoding="utf-8")
+        index.write_text(_html(plan, lines, pictures, data), encoding="utf-8")
     except OSError as error:
         raise LgpError(f"{out}: cannot be written ({error.strerror or error}); give another folder") from error
     return index
 
 
-def _write_data(path: Path, data: dict[str, Any]) -> None:
-    """Write data as a script, because pages from a file may not read other files."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    path.write_text(f"window.PLAN = {text};\n", encoding="utf-8")
+def _script(data: dict[str, Any]) -> str:
+    """Return data as a script, because pages from a file may not read other files."""
+    return f"window.PLAN = {json.dumps(data, separators=(',', ':'), allow_nan=False)};\n"
 
 
 def _facts(plan: Plan, motion: Motion, seen: View, lines: tuple[Line, ...]) -> dict[str, Any]:
@@ -100,7 +104,7 @@ def _facts(plan: Plan, motion: Motion, seen: View, lines: tuple[Line, ...]) -> d
     }
 
 
-def _html(plan: Plan, lines: tuple[Line, ...], pictures: bool) -> str:
+def _html(plan: Plan, lines: tuple[Line, ...], pictures: bool, data: str) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     ribbon = runs(plan)
     total = float(plan.time[-1])
@@ -115,15 +119,19 @@ def _html(plan: Plan, lines: tuple[Line, ...], pictures: bool) -> str:
         reba=plan.summary()["reba"],
         seconds=total,
         scripts=SCRIPTS,
+        # A page of another plan at the same address is not shown with the data of the former one.
+        version=hashlib.sha256(data.encode()).hexdigest()[:12],
         assets=ASSETS,
         pictures=PICTURES if pictures else "",
     )
 
 
 def _bar(run: Run, total: float) -> dict[str, Any]:
+    width = 100.0 * (run.end - run.start) / total
     return {
         "left": round(100.0 * run.start / total, 3),
-        "width": round(100.0 * (run.end - run.start) / total, 3),
+        "width": round(width, 3),
+        "number": str(run.score) if width >= NARROW else "",
         "height": round(38 + 62 * (run.score - 1) / 14, 1),
         "run": run,
         "risk": risk(run.level),

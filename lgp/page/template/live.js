@@ -3,7 +3,7 @@
 
 const AGAIN = 2000; // [ms]
 const banner = find(".banner");
-const follow = { heard: false, action: undefined };
+const follow = { heard: false };
 window.follow = follow;
 
 const SAYS = {
@@ -23,7 +23,11 @@ function tell(kind, state, words) {
   if (stage) stage.fit(find("figure", player.slide));
 }
 
-function hear({ action, state, text }) {
+function hear({ action, state, text, plan: made }) {
+  // The run goes on with a plan that was made anew: its page has the same address.
+  if (follow.made !== undefined && made !== undefined && made !== follow.made) location.reload();
+  follow.made = made;
+  follow.state = state;
   const known = Number.isInteger(action) && plan.actions[action];
   const yours = Boolean(known && known.you);
   if (state !== "done") {
@@ -50,11 +54,15 @@ function listen() {
     hear(JSON.parse(event.data));
   };
   source.onerror = () => {
-    // A plain file server has no events: the page stays in the reader's hands.
-    if (follow.heard) tell("lost", "Connection lost", "Trying again …");
+    // A plain file server has no events: the page stays in the reader's hands. After the end there is nothing to hear.
+    if (!follow.heard || follow.state === "finished") {
+      source.close();
+      return;
+    }
+    if (follow.state !== "failed") tell("lost", "Connection lost", "Trying again …");
     if (source.readyState !== EventSource.CLOSED) return;
     source.close();
-    if (follow.heard) setTimeout(listen, AGAIN);
+    setTimeout(listen, AGAIN);
   };
 }
 
