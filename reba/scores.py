@@ -251,8 +251,17 @@ def _activity(
         walking = np.broadcast_to(used.support, len(data)) == SUPPORTS[2]
         found = activity_.detect(data["time"].to_numpy(np.float64), angles, rules, walking)
         return {kind: getattr(found, kind) for kind in ACTIVITIES}, found.causes
+    return {**named_activity(activity)}, {}
+
+
+def named_activity(activity: str) -> dict[str, bool]:
+    """Return which kinds of activity "none" or a comma list of them names.
+
+    Raises:
+        PostureError: a kind is unknown.
+    """
     words = [] if activity == "none" else [word.strip() for word in str(activity).split(",")]
     for word in words:
         if word not in ACTIVITIES:
             raise PostureError(f"activity {word!r} is unknown; use auto, none or some of {', '.join(ACTIVITIES)}")
-    return {kind: kind in words for kind in ACTIVITIES}, {}
+    return {kind: kind in words for kind in ACTIVITIES}

@@ -12,30 +12,25 @@ from reba.errors import ProfileError, ReadError
 from reba.posture import COLUMNS, INDEX, PostureTable, Quality
 from reba.readers.checks import (
     beyond_limits,
-    dead_columns,
     empty_columns,
     find_gaps,
     first_frame_alien,
     frozen_warning,
-    impossible_columns,
     median_rate,
     patchy_columns,
 )
-from reba.readers.collect import Samples, collect, in_order
+from reba.readers.collect import collect, in_order
+from reba.readers.correct import correct
 from reba.readers.formats import file_hash
 from reba.readers.frames import AXES
-from reba.readers.joints import some
-from reba.readers.mapping import Mapper, mapper_for
+from reba.readers.mapping import mapper_for
 from reba.readers.neutral import apply_neutral
 from reba.readers.profile import Profile
 from reba.readers.recognise import Match
 from reba.readers.root import RootPose, read_root
-from reba.readers.stream import ReadLog, Recording
+from reba.readers.stream import ReadLog, Recording, Stream
 
 Array = NDArray[np.float64]
-
-BENT = 10.0
-"""[deg] A hinge that bends the other way by more is not hyperextended, its sign is."""
 
 
 def finish(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:
@@ -63,7 +58,7 @@ def finish(recording: Recording, match: Match, *, neutral: str = "none", strict:
     if posed and first_frame_alien(samples.angles):
         samples.log.warn("the first frame does not belong to the movement (T-pose or zeros) and was left out")
         samples.table = samples.table[1:]
-    reasons = _hide(samples, mapper, profile, match, neutral)
+    reasons = correct(samples, mapper, profile, match.stream.kind, neutral).reasons
     unmeasured = empty_columns(samples.angles)
     if len(unmeasured) == len(COLUMNS):
         why = "; ".join(dict.fromkeys(reasons.values())) or "no sample holds a whole segment"
@@ -125,16 +120,20 @@ def _table(match: Match, log: ReadLog) -> pd.DataFrame:
 
 def _root(recording: Recording, match: Match, profile: Profile) -> RootPose | None:
     """Return the pose of the pelvis from a stream of frames of the same recording, if there is one."""
+    return read_root(profile, root_streams(recording, match, profile), AXES[profile.root_axes])
+
+
+def root_streams(recording: Recording, match: Match, profile: Profile) -> list[tuple[Stream, str]]:
+    """Return the streams of frames that may carry the pelvis of a joints profile, and its name in each."""
     if profile.kind != "joints" or not profile.root:
-        return None
+        return []
     wanted = [name.replace("{id}", match.body) for name in profile.root if match.body or "{id}" not in name]
-    streams = [
+    return [
         (stream, name)
         for stream in recording.streams
         for name in wanted
         if stream.kind == "frames" and name in stream.names
     ]
-    return read_root(profile, streams, AXES[profile.root_axes])
 
 
 def _refuse(recording: Recording, log: ReadLog, frames: int, strict: bool) -> None:
@@ -144,42 +143,6 @@ def _refuse(recording: Recording, log: ReadLog, frames: int, strict: bool) -> No
     if not frames:
         first = f": {log.first_skipped}" if log.first_skipped else ""
         raise ReadError(recording.path, f"no sample can be used{first}", hint="see `reba info`")
-
-
-def _hide(samples: Samples, mapper: Mapper, profile: Profile, match: Match, neutral: str) -> dict[str, str]:
-    """Blank the columns that were not measured; return the reason for every column without a value."""
-    angles = samples.angles
-    reasons = {
-        **dead_columns(angles, samples.seconds, match.stream.kind, profile.dummies),
-        **mapper.dead(samples.seconds),
-    }
-    if neutral == "none":
-        for column in profile.needs_neutral:
-            reasons[column] = "it has no zero of its own: give a neutral posture (neutral='first:3s')"
-    _upright_sign(angles, profile.sign_from_range, mapper)
-    if match.stream.kind != "joints":
-        reasons |= impossible_columns(angles)
-    elif wrong := [column for column in impossible_columns(angles) if column not in reasons]:
-        mapper.warnings.append(f"most frames are impossible in {some(wrong)}: another convention than {profile.name}?")
-    reasons |= profile.cannot
-    for column in reasons:
-        angles[:, INDEX[column]] = np.nan
-    for column in empty_columns(angles):
-        reasons.setdefault(column, "no value in any frame")
-    return reasons
-
-
-def _upright_sign(angles: Array, columns: tuple[str, ...], mapper: Mapper) -> None:
-    """Turn the sign of hinges round if the largest bend of all of them is negative: a limb bends one way only."""
-    at = [INDEX[column] for column in columns]
-    values = angles[:, at]
-    lowest, highest = (float(pick(values, initial=0.0)) for pick in (np.nanmin, np.nanmax))
-    if at and lowest < -BENT and -lowest > highest:
-        angles[:, at] = -values
-        span = f"{lowest:.0f} .. {highest:.0f}"
-        mapper.assumed.append(
-            f"{', '.join(columns)}: flexion is negative in this source ({span} deg); sign turned round"
-        )
 
 
 def _beyond(angles: Array) -> list[str]:

@@ -45,6 +45,22 @@ def parse_neutral(spec: str) -> Window | None:
     return lambda time: np.abs(time - seconds) <= AROUND
 
 
+def neutral_offsets(angles: Array) -> dict[int, float]:
+    """Return the position of each column that has no zero of its own -> its median [deg] in (n, 22) angles."""
+    known = {index: angles[np.isfinite(angles[:, index]), index] for index in range(len(COLUMNS))}
+    return {
+        index: float(np.median(values))
+        for index, values in known.items()
+        if len(values) and not COLUMNS[index].startswith(KEPT)
+    }
+
+
+def subtract(angles: Array, offsets: dict[int, float]) -> None:
+    """Subtract the neutral posture from (n, 22) angles [deg] in place."""
+    for index, offset in offsets.items():
+        angles[:, index] = np.round(angles[:, index] - offset, 9) + 0.0
+
+
 def apply_neutral(time: Array, angles: Array, spec: str) -> str:
     """Subtract the median posture of the stretch from (n, 22) angles [deg] in place; return what was done.
 
@@ -58,15 +74,8 @@ def apply_neutral(time: Array, angles: Array, spec: str) -> str:
     if not chosen.any():
         span = f"{time[0]:.2f} to {time[-1]:.2f} s" if len(time) else "no frames"
         raise RebaError(f"neutral {spec!r} holds no frame; the recording has {span}: choose a time within")
-    parts = []
-    for index, column in enumerate(COLUMNS):
-        values = angles[chosen, index]
-        values = values[np.isfinite(values)]
-        if column.startswith(KEPT) or not len(values):
-            continue
-        offset = float(np.median(values))
-        angles[:, index] = np.round(angles[:, index] - offset, 9) + 0.0
-        if abs(offset) >= 5.0:
-            parts.append(f"{column} {offset:.1f}")
+    offsets = neutral_offsets(angles[chosen])
+    subtract(angles, offsets)
+    parts = [f"{COLUMNS[index]} {offset:.1f}" for index, offset in offsets.items() if abs(offset) >= 5.0]
     shifts = f": {', '.join(parts)} deg" if parts else ""
     return f"neutral posture from {int(chosen.sum())} frames ({spec}) subtracted{shifts}"

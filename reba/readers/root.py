@@ -11,7 +11,7 @@ from reba.angles import unit
 from reba.readers.framepose import FramePoses, matrices
 from reba.readers.orient import Orientation
 from reba.readers.profile import Profile
-from reba.readers.stream import ReadLog, Stream
+from reba.readers.stream import Block, ReadLog, Stream
 
 Array = NDArray[np.float64]
 
@@ -51,6 +51,13 @@ class RootPose:
         return np.matmul(matrices(unit(mixed)), self.axes)
 
 
+def root_samples(poses: FramePoses, stream: Stream, name: str, block: Block) -> Array:
+    """Return the (m, 5) times [s] and quaternions of a frame in a block, those without a pose left out."""
+    quaternions, _ = poses.world(block, name)
+    rows = np.column_stack([block.time + stream.epoch, quaternions])
+    return rows[np.isfinite(rows).all(axis=1)]
+
+
 def read_root(profile: Profile, streams: list[tuple[Stream, str]], axes: Array) -> RootPose | None:
     """Return the pelvis' pose from the first stream that holds it, or None.
 
@@ -63,9 +70,7 @@ def read_root(profile: Profile, streams: list[tuple[Stream, str]], axes: Array) 
         poses = FramePoses(stream, (name,))
         parts: list[Array] = []
         for block in stream.blocks(ReadLog(), poses.wanted):
-            quaternions, _ = poses.world(block, name)
-            part = np.column_stack([block.time + stream.epoch, quaternions])
-            parts.append(part[np.isfinite(part).all(axis=1)])
+            parts.append(root_samples(poses, stream, name, block))
         samples = np.concatenate(parts) if parts else np.empty((0, 5))
         if not len(samples):
             continue

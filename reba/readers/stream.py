@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import pandas as pd
 
+    from reba.readers.mcap.streams import Intake
+
 Kind = Literal["joints", "frames", "points", "angles"]
 """joints: one number per name (joint coordinate, in `Stream.unit`).
 frames: a pose per name: x y z [m] and the quaternion qx qy qz qw, relative to the parent named beside it.
@@ -94,6 +96,7 @@ class Stream:
         up: "x", "y", "z", "-y" ... if the format fixes the vertical axis, else "" (found from the body).
         rest: frames only: (k, 7) pose of each frame in its parent when all rotations are zero (BVH offsets), else None.
         read: `read(log, names)` iterates over blocks; `names` limits the signals (None: all).
+        follow: takes the segments of a recording one by one as they are written (MCAP), see `reba.live`.
         table: angles only: the whole table, `time` in seconds since `epoch`, text and bool factor columns included.
     """
 
@@ -109,6 +112,7 @@ class Stream:
     up: str = ""
     rest: NDArray[np.float64] | None = None
     table: Callable[[], pd.DataFrame] | None = None
+    follow: Callable[[ReadLog, Sequence[str] | None], Intake] | None = None
 
     def blocks(self, log: ReadLog | None = None, names: Sequence[str] | None = None) -> Iterator[Block]:
         """Iterate over the samples in time order, block by block."""

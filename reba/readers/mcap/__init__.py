@@ -7,20 +7,20 @@ No summary, index or declared length is trusted: see `container`. Format: https:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from reba.errors import ReadError
-from reba.readers.mcap.container import Container
-from reba.readers.mcap.records import Channel
+from reba.readers.mcap.container import Container, Store
 from reba.readers.mcap.source import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.streams import StreamReader, first_look
 from reba.readers.mcap.topics import Part, Unused, classify, recording_files
 from reba.readers.stream import ReadLog, Recording, Stream, Topic
 
-__all__ = ["open_mcap", "sniff"]
+__all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
 
-_MAX_CHUNK = 1 << 30
+MAX_CHUNK = 1 << 30
+"""[bytes] The largest chunk, record or unpacked file that is accepted."""
 
 
 def sniff(path: Path) -> bool:
@@ -35,7 +35,7 @@ def sniff(path: Path) -> bool:
     return head == MAGIC or (head.startswith(ZSTD_MAGIC) and ".mcap" in path.name)
 
 
-def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = _MAX_CHUNK) -> Recording:
+def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK) -> Recording:
     """Open a recording, or a folder with the splits of one.
 
     Args:
@@ -52,17 +52,28 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
         ReadError: no recording, or damaged so that data would be wrong or missing without a word.
     """
     log = ReadLog()
-    parts: list[Part] = []
-    unused: list[Unused] = []
-    for container, channels in _open_files(path, strict, check_crc, limit_bytes, log):
+    channels: list[Part | Unused] = []
+    for container, found in _open_files(path, strict, check_crc, limit_bytes, log):
         _note(container, log, path.is_dir())
-        for channel in channels:
-            if isinstance(channel, Part):
-                parts.append(channel)
-            else:
-                unused.append(channel)
+        channels += found
     if strict and log.ended_abnormally:
         raise ReadError(path, log.ended_abnormally, hint="read it without strict to use what is there")
+    return gathered(path, channels, log, strict=strict)
+
+
+def gathered(path: Path, channels: Iterable[Part | Unused], log: ReadLog, *, strict: bool = False) -> Recording:
+    """Return the recording that channels make, of one or more files.
+
+    Raises:
+        ReadError: a chunk is damaged.
+    """
+    parts: list[Part] = []
+    unused: list[Unused] = []
+    for channel in channels:
+        if isinstance(channel, Part):
+            parts.append(channel)
+        else:
+            unused.append(channel)
     streams, topics = _streams(parts, log, strict)
     topics += [Topic(item.topic, item.type, item.container.counts[item.channel], False, item.why) for item in unused]
     return Recording(str(path), "mcap", tuple(streams), tuple(_by_topic(topics)), log)
@@ -77,7 +88,7 @@ def _open_files(
     for file in files:
         try:
             container = Container(file, check_crc=check_crc, limit_bytes=limit_bytes)
-            opened.append((container, [classify(container, known) for known in _channels(container)]))
+            opened.append((container, classified(container)))
             container.release()
         except ReadError as error:
             if strict or len(files) == 1:
@@ -88,8 +99,13 @@ def _open_files(
     return sorted(opened, key=lambda pair: pair[0].segments[0].start if pair[0].segments else 0)
 
 
-def _channels(container: Container) -> list[Channel]:
-    return [container.channels[number] for number in sorted(container.channels)]
+def classified(container: Store) -> list[Part | Unused]:
+    """Return what each channel of a file holds.
+
+    Raises:
+        ReadError: a chunk is damaged, or messages are compressed one by one.
+    """
+    return [classify(container, container.channels[number]) for number in sorted(container.channels)]
 
 
 def _note(container: Container, log: ReadLog, named: bool) -> None:

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 from mcap.opcode import Opcode
 
@@ -63,8 +63,29 @@ class Loaded:
         return f"byte {at} of the chunk at byte {self.segment.offset}"
 
 
+class Store(Protocol):
+    """What streams are read from: segments of messages and the channels they belong to.
+
+    Attributes: as of `Container`.
+    """
+
+    path: Path
+    segments: list[Segment]
+    schemas: dict[int, Schema]
+    channels: dict[int, Channel]
+    counts: Counter[int]
+
+    def load(self, segment: Segment) -> Loaded:
+        """Return the records of a segment, checked."""
+
+    def release(self) -> None:
+        """Let go of the segment at hand."""
+
+
 @dataclass
-class _Summary:
+class Summary:
+    """What stands behind the data section, and where the file ends."""
+
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: dict[int, int] | None = None
@@ -102,6 +123,7 @@ class Container:
         self.span: tuple[int, int] | None = None
         self._last: Loaded | None = None
         self._ahead = (0, b"")
+        self._at = len(MAGIC)
         self._index()
 
     def load(self, segment: Segment) -> Loaded:
@@ -170,13 +192,13 @@ class Container:
             raise BadRecord(0, f"{Opcode(opcode).name.lower()} {new.id} is defined twice, differently")
 
     def _index(self) -> None:
-        summary = _Summary()
+        summary = Summary()
         closed = self._ends_with_magic()
         try:
             for at, opcode, length in self._walk(closed):
                 self._note(summary, at, opcode, length)
         except BadRecord as error:
-            raise ReadError(self.path, error.what, hint=_RECORD_AGAIN, offset=error.offset) from error
+            raise self._damaged(error) from error
         if self.source.size == len(MAGIC):
             raise ReadError(
                 self.path, "the recording holds nothing", hint="record it again; the recorder wrote nothing"
@@ -199,15 +221,22 @@ class Container:
             self.warnings.append("chunks are not in the order of time in the file; they are read by start time")
             self.segments.sort(key=lambda segment: segment.start)
 
+    def _damaged(self, error: BadRecord) -> ReadError:
+        return ReadError(self.path, error.what, hint=_RECORD_AGAIN, offset=error.offset)
+
     def _ends_with_magic(self) -> bool:
         size = self.source.size
         return size >= 2 * len(MAGIC) and self.source.read_at(size - len(MAGIC), len(MAGIC)) == MAGIC
 
     def _walk(self, closed: bool) -> Iterator[tuple[int, int, int]]:
-        """Yield (offset of content, opcode, length) of every top-level record; note where the file breaks off."""
-        at, end = len(MAGIC), self.source.size
+        """Yield (offset of content, opcode, length) of every top-level record, of a run of messages for the first one.
+
+        Where the file breaks off is noted.
+        """
+        end = self.source.size
         opcode = -1
-        while at < end and opcode != Opcode.FOOTER:
+        while self._at < end and opcode != Opcode.FOOTER:
+            at = self._at
             head = self._window(at, records.HEAD)
             opcode, length = (head[0], int.from_bytes(head[1:9], "little")) if len(head) >= 9 else (-1, 0)
             stop = at + records.HEAD + length
@@ -217,11 +246,8 @@ class Container:
                     raise BadRecord(at, f"{what}, although the file was closed properly")
                 self.ended_abnormally = what
                 return
-            if opcode == Opcode.MESSAGE:
-                at = self._bare(at)
-            else:
-                yield at + records.HEAD, opcode, length
-                at = stop
+            self._at = self._bare(at) if opcode == Opcode.MESSAGE else stop
+            yield at + records.HEAD, opcode, length
 
     @staticmethod
     def _break(at: int, opcode: int, length: int, end: int) -> str:
@@ -260,7 +286,7 @@ class Container:
             first, last = int(found.times.min()), int(found.times.max())
             self.span = (first, last) if self.span is None else (min(first, self.span[0]), max(last, self.span[1]))
 
-    def _note(self, summary: _Summary, at: int, opcode: int, length: int) -> None:
+    def _note(self, summary: Summary, at: int, opcode: int, length: int) -> None:
         """Take from one top-level record what is needed."""
         after_data = summary.start > 0
         if opcode == Opcode.CHUNK:
@@ -292,13 +318,13 @@ class Container:
         if length > self.limit_bytes:
             raise BadRecord(at, f"a record of {length} bytes exceeds the limit of {self.limit_bytes} (limit_bytes)")
 
-    def _note_footer(self, summary: _Summary, at: int, length: int) -> None:
+    def _note_footer(self, summary: Summary, at: int, length: int) -> None:
         if length == _FOOTER:
             fields = records.Fields(self._window(at, length))
             summary.footer = (fields.u64(), fields.u64(), fields.u32())
             summary.footer_at = at - records.HEAD
 
-    def _note_definition(self, summary: _Summary | None, opcode: int, content: bytes, at: int) -> None:
+    def _note_definition(self, summary: Summary | None, opcode: int, content: bytes, at: int) -> None:
         """Take a definition of the data section, or one of the summary, which may be wrong without harm."""
         try:
             if summary is None:
@@ -317,7 +343,7 @@ class Container:
                 raise BadRecord(at, error.what) from error
             summary.counts = None
 
-    def _summary_holds(self, summary: _Summary) -> bool:
+    def _summary_holds(self, summary: Summary) -> bool:
         """Say whether the summary may stand for the data section: complete, and its CRC given and right."""
         if summary.footer is None or summary.counts is None:
             return False
@@ -340,10 +366,14 @@ class Container:
     def _count(self) -> None:
         """Unpack every chunk once to learn channels and counts, where no summary tells them."""
         for segment in self.segments:
-            if segment.chunk is not None:
-                found = self.load(segment).scan
-                self._tally(found)
-                segment.channels = dict(Counter(found.channels.tolist()))
+            self._count_one(segment)
+
+    def _count_one(self, segment: Segment) -> None:
+        """Count the messages of a chunk; those of a bare run were counted when it was found."""
+        if segment.chunk is not None:
+            found = self.load(segment).scan
+            self._tally(found)
+            segment.channels = dict(Counter(found.channels.tolist()))
 
     def _until(self) -> str:
         return f", the last {(self.span[1] - self.span[0]) / 1e9:.3f} s after the first" if self.span else ""

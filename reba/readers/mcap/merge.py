@@ -148,6 +148,18 @@ class Merger:
             time, names, values if self._frames else values[:, :, 0], tuple(self._parents) if self._frames else ()
         )
 
+    def newest_whole(self) -> bool:
+        """Return whether the newest row gathered has every signal; another message can only repeat it."""
+        if not self._pieces:
+            return False
+        newest = max(float(times[-1]) for times, _, _ in self._pieces)
+        since = newest - (TOGETHER if self._frames else 0.0)
+        there = {self._columns[name] for name in self._static}
+        for times, columns, _ in self._pieces:
+            if times[-1] >= since:
+                there.update(columns.tolist())
+        return len(there) == len(self._columns)
+
     def _keep(self, time: float) -> None:
         """Keep what came at this time or so for the next block: of each set of columns the last sample."""
         kept: dict[bytes, tuple[NDArray[np.float64], NDArray[np.intp], Values]] = {}

@@ -22,6 +22,8 @@ Stamp = tuple[Value, Value]
 TEXTS: Final = frozenset({"name", "child_frame_id", "parent_frame_id", "frame_id"})
 """Text fields that decide what numbers mean; other text may differ between messages of one layout."""
 POSE: Final = 7
+LATEST: Final = 1e10
+"""[s] Times as numbers count seconds up to here, the year 2286; larger ones count something else."""
 _XYZ, _XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
 
 
@@ -81,10 +83,16 @@ def _numbers(values: list[Any]) -> list[Value]:
     return values if set(map(type, values)) == {float} else [number(value) for value in values]
 
 
-def _stamp(tree: Mapping[str, Any]) -> Stamp | None:
-    """Return the time of a message: ROS `header.stamp`, Foxglove `timestamp` or a bare `stamp`."""
+def stamp_of(tree: Mapping[str, Any]) -> Stamp | None:
+    """Return the time of a message: ROS `header.stamp`, Foxglove `timestamp`, a bare `stamp`, or `time`.
+
+    JSON may give it as a number of seconds.
+    """
     header = tree.get("header")
-    stamp = header.get("stamp") if isinstance(header, dict) else tree.get("timestamp", tree.get("stamp"))
+    bare = next((tree[key] for key in ("timestamp", "stamp", "time") if key in tree), None)
+    stamp = header.get("stamp") if isinstance(header, dict) else bare
+    if isinstance(stamp, int | float) and not isinstance(stamp, bool) and abs(stamp) < LATEST:
+        return 0, round(stamp * 1e9)
     if not isinstance(stamp, dict):
         return None
     seconds = next((stamp[key] for key in ("sec", "secs", "seconds") if key in stamp), None)
@@ -113,7 +121,7 @@ def pick_joints(tree: Any) -> list[Pick]:
         Undecodable: it holds no joints, or not one position for each name.
     """
     joints = tree if isinstance(tree, list) else _fields(tree).get("joints")
-    stamp = _stamp(tree) if isinstance(tree, dict) else None
+    stamp = stamp_of(tree) if isinstance(tree, dict) else None
     if isinstance(joints, list):
         items: list[Any] = joints if set(map(type, joints)) == {dict} else [_fields(joint) for joint in joints]
         names: Any = [item.get("name", "") for item in items]
@@ -155,7 +163,7 @@ def _transform(item: Mapping[str, Any]) -> Pick:
         raise Undecodable("a transform names no child frame")
     inner = item.get("transform", item)
     values = _pose(_fields(inner).get("translation", {}), _fields(inner).get("rotation", {}))
-    return Pick(_stamp(item), (child,), (_name(parent, "a frame name").strip("/"),), values)
+    return Pick(stamp_of(item), (child,), (_name(parent, "a frame name").strip("/"),), values)
 
 
 def _pose(position: Any, rotation: Any) -> tuple[Value, ...]:
@@ -183,7 +191,7 @@ def pick_links(tree: Any) -> list[Pick]:
         names.append(name)
         values.extend(_pose(pose.get("position"), pose.get("orientation")))
     # The stamps of the segments of one message differ by microseconds in some drivers; they are one frame.
-    return [Pick(_stamp(fields) or _stamp(states[0]), tuple(names), ("",) * len(names), tuple(values))]
+    return [Pick(stamp_of(fields) or stamp_of(states[0]), tuple(names), ("",) * len(names), tuple(values))]
 
 
 def pick_angles(tree: Any) -> list[Pick]:

@@ -57,6 +57,11 @@ class Source:
     def _end(self) -> int:
         return self._file.seek(0, 2)
 
+    def refresh(self) -> bool:
+        """Take up what was appended to the file; return whether its size changed."""
+        before, self.size = self.size, self._end()
+        return self.size != before
+
     def read_at(self, offset: int, count: int) -> bytes:
         """Return up to `count` bytes from `offset`, fewer only at the end of the file.
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from reba.errors import ReadError
-from reba.readers.mcap.container import Container, Segment
+from reba.readers.mcap.container import Segment, Store
 from reba.readers.mcap.decode import NO_STAMP, Decoder, Piece, load_json
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.merge import MOST_SIGNALS, Clock, Merger
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 PEEK: Final = 1000
 """Messages of each channel that are looked at on opening."""
 _PEEK_SEGMENTS: Final = 16
+_PEEK_BYTES: Final = 1 << 24
+"""So much is looked through on opening; a recording that is being written may stand in many small segments."""
 _JUMP_BACK: Final = 500_000_000
 """Stamps that run back by more than this [ns] are not used as time; less is jitter between publishers."""
 
@@ -78,11 +80,13 @@ def peek(parts: Sequence[Part], kind: Kind, log: ReadLog) -> Peek | None:
 
 def _first_pieces(part: Part, decoder: Decoder, log: ReadLog) -> list[Piece]:
     pieces, seen = [], 0
-    for segment in segments_of(part.container, part.channel)[:_PEEK_SEGMENTS]:
+    looked = 0
+    for number, segment in enumerate(segments_of(part.container, part.channel), 1):
         batch = batch_of(part.container, segment, part.channel)
         pieces.extend(decoder.decode(batch, log))
         seen += len(batch.starts)
-        if seen >= PEEK:
+        looked += segment.chunk.size if segment.chunk else segment.size
+        if seen >= PEEK or (number >= _PEEK_SEGMENTS and looked >= _PEEK_BYTES):
             break
     return pieces
 
@@ -101,6 +105,85 @@ def _clock(pieces: Sequence[Piece], stamped: str) -> Clock:
         # Rows of a posture table keep the time they were written with; the log says when that was.
         return Clock(stamped, 0, int(log.min()) - first)
     return Clock(stamped, first, first)
+
+
+class Intake:
+    """Turns segments of the channels of one stream into blocks, one segment after the other.
+
+    Args:
+        parts: channels.
+        kind: as in `Stream`.
+        first: what peeking found.
+        log: where notes go.
+        wanted: names to keep, None for all.
+    """
+
+    def __init__(
+        self, parts: Sequence[Part], kind: Kind, first: Peek, log: ReadLog, wanted: frozenset[str] | None
+    ) -> None:
+        kept = [at for at, name in enumerate(first.names) if wanted is None or name in wanted]
+        self._parts = parts
+        self._log = log
+        self._clock = Clock(first.clock.source, first.clock.zero, first.clock.epoch)
+        self._merger = Merger(
+            [first.names[at] for at in kept],
+            [first.parents[at] for at in kept] if first.parents else [],
+            self._clock,
+            log,
+            frames=kind == "frames",
+        )
+        self._decoders = {id(part): part.make(wanted) for part in parts}
+        for part in parts:
+            if part.static:
+                for piece in _first_pieces(part, self._decoders[id(part)], ReadLog()):
+                    self._merger.add(piece, static=True)
+
+    def take(self, container: Store, segment: Segment) -> None:
+        """Take up the messages of a segment.
+
+        Raises:
+            ReadError: it is damaged.
+        """
+        for part in self._parts:
+            if part.container is container:
+                batch = batch_of(container, segment, part.channel)
+                self._log.messages += len(batch.starts)
+                for piece in self._decoders[id(part)].decode(batch, self._log):
+                    self._merger.add(piece, static=part.static)
+
+    @property
+    def full(self) -> bool:
+        """Whether enough is gathered for a block."""
+        return self._merger.full
+
+    def flush(self, *, last: bool = False) -> Block | None:
+        """Return what is gathered as a block, but for the newest row unless this is the `last`, see `Merger`."""
+        return self._merger.flush(last=last)
+
+    def flush_whole(self) -> Block | None:
+        """Return what is gathered; the newest row only if it has every signal, so that no more of it can come."""
+        return self._merger.flush(last=self._merger.newest_whole())
+
+    def rows(self, container: Store, segment: Segment) -> list[dict[str, Any]]:
+        """Return the rows of posture tables in a segment, text columns included.
+
+        Raises:
+            ReadError: it is damaged.
+        """
+        rows = []
+        for part in self._parts:
+            if part.container is container:
+                batch = batch_of(container, segment, part.channel)
+                for index, time in enumerate(batch.times.tolist()):
+                    try:
+                        row = load_json(batch.payload(index))
+                    except Undecodable:
+                        continue
+                    if isinstance(row, dict):
+                        if self._clock.source == "log_time":
+                            row["time"] = (time - self._clock.zero) / 1e9
+                        rows.append(row)
+        return rows
 
 
 class StreamReader:
@@ -137,59 +220,32 @@ class StreamReader:
             epoch=clock.epoch / 1e9,
             count=sum(counts) if self._kind != "frames" and len(counts) == 1 else None,
             table=self.table if self._kind == "angles" else None,
+            follow=self.follow,
         )
 
     def read(self, log: ReadLog, names: Sequence[str] | None) -> Iterator[Block]:
         """Iterate over the blocks, holding one chunk and one block in memory."""
-        self._begin(log)
-        wanted = None if names is None else frozenset(names)
-        first = self._first
-        kept = [at for at, name in enumerate(first.names) if wanted is None or name in wanted]
-        clock = Clock(first.clock.source, first.clock.zero, first.clock.epoch)
-        merger = Merger(
-            [first.names[at] for at in kept],
-            [first.parents[at] for at in kept] if first.parents else [],
-            clock,
-            log,
-            frames=self._kind == "frames",
-        )
-        decoders = {id(part): part.make(wanted) for part in self._parts}
-        for part in self._parts:
-            if part.static:
-                for piece in _first_pieces(part, decoders[id(part)], ReadLog()):
-                    merger.add(piece, static=True)
+        intake = self.follow(log, names)
         for container, segment in self._segments(log):
-            for part in self._parts:
-                if part.container is container:
-                    batch = batch_of(container, segment, part.channel)
-                    log.messages += len(batch.starts)
-                    for piece in decoders[id(part)].decode(batch, log):
-                        merger.add(piece, static=part.static)
-            if merger.full and (block := merger.flush()) is not None:
+            intake.take(container, segment)
+            if intake.full and (block := intake.flush()) is not None:
                 yield block
-        if (block := merger.flush(last=True)) is not None:
+        if (block := intake.flush(last=True)) is not None:
             yield block
+
+    def follow(self, log: ReadLog, names: Sequence[str] | None) -> Intake:
+        """Return what turns segments into blocks, for whoever hands it one segment after the other."""
+        self._begin(log)
+        return Intake(self._parts, self._kind, self._first, log, None if names is None else frozenset(names))
 
     def table(self) -> pd.DataFrame:
         """Return all rows of posture tables, text columns included; `time` in seconds since the epoch."""
         import pandas as pd
 
-        rows = []
-        log = ReadLog()
-        for container, segment in self._segments(log):
-            for part in self._parts:
-                if part.container is container:
-                    batch = batch_of(container, segment, part.channel)
-                    for index, time in enumerate(batch.times.tolist()):
-                        try:
-                            row = load_json(batch.payload(index))
-                        except Undecodable:
-                            continue
-                        if isinstance(row, dict):
-                            if self._first.clock.source == "log_time":
-                                row["time"] = (time - self._first.clock.zero) / 1e9
-                            rows.append(row)
-        return pd.DataFrame(rows)
+        intake = self.follow(ReadLog(), None)
+        return pd.DataFrame(
+            [row for container, segment in self._segments(ReadLog()) for row in intake.rows(container, segment)]
+        )
 
     def _begin(self, log: ReadLog) -> None:
         log.time_source = self._first.clock.source
@@ -197,7 +253,7 @@ class StreamReader:
         for warning in self._opened.warnings:
             log.warn(warning)
 
-    def _segments(self, log: ReadLog) -> Iterator[tuple[Container, Segment]]:
+    def _segments(self, log: ReadLog) -> Iterator[tuple[Store, Segment]]:
         """Yield the segments of all files; a file of several that is damaged on the way is left there."""
         containers = list(dict.fromkeys(part.container for part in self._parts))
         for container in containers:

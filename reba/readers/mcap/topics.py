@@ -11,7 +11,7 @@ from typing import Final
 from reba.errors import ReadError
 from reba.readers.mcap import cdr, protobuf
 from reba.readers.mcap import schema as ros
-from reba.readers.mcap.container import Container, Segment
+from reba.readers.mcap.container import Segment, Store
 from reba.readers.mcap.decode import Batch, ColumnDecoder, Decoder, JsonDecoder, load_json
 from reba.readers.mcap.layout import Undecodable, Walked
 from reba.readers.mcap.picks import PICKERS, TEXTS, Picker, kind_of_json, pick_transforms
@@ -41,7 +41,7 @@ class Part:
         static: whether it holds transforms for the whole recording.
     """
 
-    container: Container
+    container: Store
     channel: int
     topic: str
     type: str
@@ -56,20 +56,20 @@ class Part:
 class Unused:
     """A channel that no stream is made of, and why."""
 
-    container: Container
+    container: Store
     channel: int
     topic: str
     type: str
     why: str
 
 
-def segments_of(container: Container, channel: int) -> list[Segment]:
+def segments_of(container: Store, channel: int) -> list[Segment]:
     """Return the segments that hold a channel by the indexes in the file, or all if those name none."""
     hinted = [seg for seg in container.segments if seg.channels is None or channel in seg.channels]
     return hinted or container.segments
 
 
-def batch_of(container: Container, segment: Segment, channel: int) -> Batch:
+def batch_of(container: Store, segment: Segment, channel: int) -> Batch:
     """Return the messages of a channel in a segment."""
     loaded = container.load(segment)
     found = loaded.scan
@@ -78,7 +78,7 @@ def batch_of(container: Container, segment: Segment, channel: int) -> Batch:
     return batch if mine.all() else batch[mine]
 
 
-def first_message(container: Container, channel: int) -> bytes | None:
+def first_message(container: Store, channel: int) -> bytes | None:
     """Return the first message of a channel, None if it has none."""
     if container.counts[channel] == 0:
         return None
@@ -89,7 +89,7 @@ def first_message(container: Container, channel: int) -> bytes | None:
     return None
 
 
-def classify(container: Container, channel: Channel) -> Part | Unused:
+def classify(container: Store, channel: Channel) -> Part | Unused:
     """Say what a channel holds.
 
     Raises:
@@ -117,7 +117,7 @@ def classify(container: Container, channel: Channel) -> Part | Unused:
     return _part(container, channel, shown, meaning, f"{form} {shown}", make)
 
 
-def _decoder(container: Container, channel: Channel, schema: Schema, pick: Picker) -> tuple[Make, str]:
+def _decoder(container: Store, channel: Channel, schema: Schema, pick: Picker) -> tuple[Make, str]:
     """Return the maker of a decoder and the name of the encoding.
 
     Raises:
@@ -147,7 +147,7 @@ def _walk_protobuf(types: protobuf.Types, name: str, message: bytes) -> Walked:
     return protobuf.walk(types, name, message, TEXTS)
 
 
-def _refuse_packed(container: Container, channel: Channel) -> None:
+def _refuse_packed(container: Store, channel: Channel) -> None:
     message = first_message(container, channel.id)
     if message is not None and message.startswith(ZSTD_MAGIC):
         raise ReadError(
@@ -158,7 +158,7 @@ def _refuse_packed(container: Container, channel: Channel) -> None:
 
 
 def _classify_json(
-    container: Container, channel: Channel, meaning: tuple[Kind, Picker] | None, shown: str
+    container: Store, channel: Channel, meaning: tuple[Kind, Picker] | None, shown: str
 ) -> Part | Unused:
     """Say what a JSON channel holds, by its type or else by the fields of its first message."""
     unused = partial(Unused, container, channel.id, channel.topic, shown)
@@ -175,9 +175,7 @@ def _classify_json(
     return _part(container, channel, shown, meaning, f"JSON {shown}", partial(JsonDecoder, meaning[1]))
 
 
-def _part(
-    container: Container, channel: Channel, shown: str, meaning: tuple[Kind, Picker], form: str, make: Make
-) -> Part:
+def _part(container: Store, channel: Channel, shown: str, meaning: tuple[Kind, Picker], form: str, make: Make) -> Part:
     kind, pick = meaning
     transforms = pick is pick_transforms
     static = transforms and channel.topic.rstrip("/").endswith(STATIC)
