@@ -18,6 +18,8 @@ import pytest
 import dreba.cli
 import lgp.cli
 import reba.cli
+from lgp.plan import task_of
+from lgp.world.scene_file import read_scene
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -92,7 +94,9 @@ def test_consoles_print_what_they_say(page: Path, place: Path) -> None:
 @pytest.mark.parametrize("page", with_blocks("toml"))
 def test_toml_can_be_read(page: Path) -> None:
     for block in blocks(page, "toml"):
-        tomllib.loads(block)
+        values = tomllib.loads(block)
+        if "goal" in values:
+            assert task_of(read_scene(values, page.stem)).actions
 
 
 def shown_commands() -> list[object]:
