@@ -147,25 +147,25 @@ def application(files: Files, hub: Hub, readers: Readers) -> Starlette:
 async def follow(hub: Hub, readers: Readers, seen: int | None) -> AsyncIterator[str]:
     """Yield server-sent events: what a reader missed, at least the present state at once, then all that follow."""
     reader = id(asyncio.current_task())
-    last = hub.last
-    first = hub.after(seen) if seen is not None else []
-    for event in first or ([last] if last is not None else []):
-        yield sent(event)
-    number = last.number if last is not None else 0
+    number, quiet = seen or 0, 0.0
     readers.served(reader, number)
-    quiet = 0.0
+    last = hub.last
+    first = hub.after(number) if seen is not None else []
     try:
+        for event in first or ([last] if last is not None else []):
+            yield sent(event)
+            number = event.number
         while not readers.over.is_set():
+            readers.served(reader, number)
+            await asyncio.sleep(LOOK)
             new = hub.after(number)
             for event in new:
                 yield sent(event)
                 number = event.number
-            readers.served(reader, number)
             quiet = 0.0 if new else quiet + LOOK
             if quiet >= KEEP_ALIVE:
                 quiet = 0.0
                 yield ": still here\n\n"
-            await asyncio.sleep(LOOK)
     finally:
         readers.served(reader, None)
 
@@ -191,13 +191,16 @@ def _bind(host: str, port: int) -> socket.socket:
     Raises:
         LgpError: the address is taken or not of this machine.
     """
+    listening: socket.socket | None = None
     try:
-        found: list[Any] = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-        family, kind, protocol, _, address = found[0]
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         listening = socket.socket(family, kind, protocol)
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(address)
+        listening.listen(64)
     except OSError as error:
+        if listening is not None:
+            listening.close()
         what = error.strerror or error
         raise LgpError(f"cannot listen at {host} port {port}: {what}; choose another with --port") from error
     return listening

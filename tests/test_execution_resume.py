@@ -1,0 +1,96 @@
+"""Runs that are killed: what is on disk can be read, and the run goes on from there in the same log."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import lgp
+import reba
+from lgp.execution.log_reader import messages, read_past
+from lgp.execution.resume import ASIDE
+from tests.execution_plans import kinds, saved, small_plan, went
+from tests.lgp_worlds import needs_robots
+
+pytestmark = needs_robots
+CODE = """
+import sys
+from lgp.cli import main
+sys.argv = ["lgp", "run", sys.argv[1], "--speed", "0", "--no-page", "--fault", "killed@2"]
+main()
+"""
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder whose run was killed while the robot carried the object."""
+    folder = saved(tmp_path_factory.mktemp("killed"))
+    done = subprocess.run([sys.executable, "-c", CODE, str(folder)], capture_output=True, check=False)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    return folder
+
+
+@pytest.fixture
+def folder(killed: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(killed, tmp_path / "plan")
+
+
+def test_the_log_of_a_killed_run_is_readable_to_the_break(folder: Path) -> None:
+    log = folder / "run.mcap"
+    seen = [message for message in messages(log) if message.topic == "/human/joint_states"]
+    assert len(seen) > 40
+    table = reba.read(log)
+    assert len(table.data) == len(seen)
+
+
+def test_the_run_goes_on_where_it_was_killed(folder: Path) -> None:
+    before = read_past(folder / "run.mcap")
+    assert before is not None
+    assert not before.over
+    summary, events = went(folder, resume=True)
+    assert summary["state"] == "finished"
+    assert summary["actions"] == list(small_plan().actions)
+    assert kinds(events)[:3] == ["resumed", "retargeted", "started"]
+    assert events[0].number == before.events[-1].number + 1
+    # One file holds the whole run, in order, and nothing is left beside it.
+    times = [message.stamp for message in messages(folder / "run.mcap") if message.topic == "/tf"]
+    assert times == sorted(set(times))
+    whole = [json.loads(one.data)["kind"] for one in messages(folder / "run.mcap") if one.topic == "/events"]
+    assert whole == kinds([*before.events, *events])
+    assert not list(folder.glob(f"*{ASIDE}"))
+    with pytest.raises(lgp.LgpError, match="the run is over"):
+        went(folder, resume=True)
+
+
+def test_a_restart_that_is_killed_while_it_copies_loses_nothing(folder: Path) -> None:
+    log = folder / "run.mcap"
+    whole = log.read_bytes()
+    log.rename(log.with_name(log.name + ASIDE))
+    log.write_bytes(whole[: len(whole) // 3])
+    summary, _ = went(folder, resume=True)
+    assert summary["state"] == "finished"
+    assert summary["actions"] == list(small_plan().actions)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_a_log_cut_anywhere_can_be_gone_on_from(folder: Path, share: float) -> None:
+    log = folder / "run.mcap"
+    data = log.read_bytes()
+    log.write_bytes(data[: int(share * len(data))])
+    summary, _ = went(folder, resume=True)
+    assert summary["state"] == "finished"
+
+
+def test_there_must_be_something_to_go_on_from(tmp_path: Path) -> None:
+    folder = saved(tmp_path)
+    with pytest.raises(lgp.LgpError, match="no log to go on from"):
+        went(folder, resume=True)
+    (folder / "run.mcap").write_bytes(b"no log")
+    with pytest.raises(reba.errors.RebaError, match="MCAP"):
+        went(folder, resume=True)
