@@ -19,7 +19,7 @@ Tables = tuple[pd.DataFrame, pd.DataFrame]
 
 @pytest.fixture(scope="module")
 def made() -> Tables:
-    return screwdriver.plan_run(2, seed=0, slices=3)
+    return screwdriver.plan_run(2, seed=0, slices=3, collisions=False)
 
 
 def test_one_run_holds_every_condition(made: Tables) -> None:

@@ -17,7 +17,7 @@ from lgp.experiments.sensitivity import remarks, sensitivity
 from lgp.experiments.variations import AS_IT_IS, WEIGHT, Variation, variations
 
 pytestmark = needs_robots
-SETTINGS = {"seed": 0, "cost": "convex"}
+SETTINGS = {"seed": 0, "cost": "convex", "collisions": True}
 
 
 def test_every_free_choice_is_varied_both_ways() -> None:
@@ -41,7 +41,7 @@ def test_a_start_table_in_reach_is_remarked_and_taken_from() -> None:
 
     near = Variation("tables start: position", 0.2, '{"tables.start.position": [0.3, -0.5]}')
     assert "the human reaches the screwdriver without help" in remarks(World(near.scene("screwdriver")))
-    runs, _ = plan_run(0, slices=3, variation=near)
+    runs, _ = plan_run(0, slices=3, variation=near, collisions=False)
     assert set(runs["table"]) == {"start"}
     assert runs["actions"].str.startswith("grasp(1, human.right_hand").all()
     assert np.allclose(runs["chosen_height"], 0.9)

@@ -35,7 +35,7 @@ RUN_COLUMNS: Final[dict[str, str]] = {
     "reba_mean": "float64",  # true score over all slices
     "cost": "float64",  # of the plan, by the condition's own terms
     "feasible": "bool",
-    "seconds": "float64",  # of planning
+    "seconds": "float64",  # of planning, less what an earlier condition of the run had solved
     "actions": "string",  # as the paper prints them, joined by "; "
     "initial": "string",  # one of STARTS
     "reason": "string",  # why it is infeasible, empty otherwise

@@ -6,13 +6,12 @@ actions of the plan without ("re-optimized"). Heights depend on seed and run alo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.errors import LgpError
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES
@@ -28,11 +27,10 @@ from reba.posture import COLUMNS
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lgp.logic import Task
     from lgp.path.ergonomics import Ergonomics
-    from lgp.path.problem import Weights
     from lgp.world.model import World
 
-Array = NDArray[np.float64]
 
 SCENE: Final = "screwdriver"
 GOAL_THING: Final = "screwdriver"
@@ -50,6 +48,7 @@ def experiment(
     cost: str = COST,
     jobs: int = 1,
     scheduler: str | None = None,
+    collisions: bool = True,
     sensitivity: int = 0,
     progress: Callable[[int, int], None] | None = None,
     tell: Callable[[str], None] | None = None,
@@ -60,7 +59,7 @@ def experiment(
     Args:
         folder: of the results; runs that are in it stay, so a stopped experiment goes on.
         runs: how many there shall be.
-        seed, initial, cost, jobs, scheduler: as for `plan_runs`.
+        seed, initial, cost, jobs, scheduler, collisions: as for `plan_runs`.
         sensitivity: runs of each variation of a free choice, 0 for no variations.
         progress: told how many runs there are and how many there shall be, after each.
         tell: told which variation is made.
@@ -78,9 +77,11 @@ def experiment(
 
     require()
     settings = {"experiment": SCENE, "scene": SCENE, "seed": seed, "cost": cost, "depth": DEPTH}
+    settings["collisions"] = collisions
     store = RunStore(folder, settings)
     missing = sorted(set(range(runs)) - store.done(initial))
-    for number, made in enumerate(plan_runs(missing, seed, initial, cost, jobs, scheduler=scheduler), 1):
+    planned = plan_runs(missing, seed, initial, cost, jobs, scheduler=scheduler, collisions=collisions)
+    for number, made in enumerate(planned, 1):
         store.append(*made)
         if progress is not None:
             progress(runs - len(missing) + number, runs)
@@ -105,6 +106,7 @@ def plan_run(
     cost: str = COST,
     slices: int | None = None,
     variation: Variation | None = None,
+    collisions: bool = True,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the rows of one run: every condition (3, columns of `RUN_COLUMNS`), and their paths (`PATH_COLUMNS`).
 
@@ -115,6 +117,7 @@ def plan_run(
         cost: dREBA model of the conditions with ergonomics: a file or a shipped name.
         slices: per phase, the scene's by default.
         variation: of the scene and the weights, none by default.
+        collisions: whether bodies are kept apart.
 
     Example:
         >>> runs, paths = plan_run(0)                                     # doctest: +SKIP
@@ -132,7 +135,8 @@ def plan_run(
     start = world.start if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
     rows, paths = [], []
     weights = Weights(ergonomics=changed.weight)
-    for condition, found in _conditions(scene, world, ergonomics, weights, start, slices):
+    given: dict[str, Any] = {"weights": weights, "start": start, "slices": slices, "collisions": collisions}
+    for condition, found in _conditions(task_of(scene), world, ergonomics, given):
         common = {"run": run, "condition": condition, "initial": initial}
         rows.append(_row(scene, found) | common | {"seed": seed})
         if found.feasible:
@@ -151,12 +155,13 @@ def plan_runs(
     jobs: int = 1,
     variation: Variation | None = None,
     scheduler: str | None = None,
+    collisions: bool = True,
 ) -> Iterator[tuple[pd.DataFrame, pd.DataFrame]]:
     """Yield `plan_run` of every run, as they finish.
 
     Args:
         runs: their numbers.
-        seed, initial, cost, variation: as for `plan_run`.
+        seed, initial, cost, variation, collisions: as for `plan_run`.
         jobs, scheduler: where they are planned, see `reba.fan_out.fan_out`.
 
     Raises:
@@ -164,7 +169,7 @@ def plan_runs(
         RebaError: the cluster cannot be used.
     """
     cost = str(Path(cost).resolve()) if Path(cost).is_file() else cost  # workers may be in another folder
-    work = partial(plan_run, seed=seed, initial=initial, cost=cost, variation=variation)
+    work = partial(plan_run, seed=seed, initial=initial, cost=cost, variation=variation, collisions=collisions)
     for run, made in fan_out(work, runs, jobs=jobs, scheduler=scheduler, probe=partial(_lacks, cost)):
         if isinstance(made, Lost):
             raise LgpError(f"run {run}: {made.reason}; what is done is safe, run the same command with fewer --jobs")
@@ -191,7 +196,7 @@ def _prepared(cost: str, variation: Variation) -> tuple[World, Ergonomics]:
 
 
 def _conditions(
-    scene: Scene, world: World, ergonomics: Ergonomics, weights: Weights, start: Array, slices: int | None
+    task: Task, world: World, ergonomics: Ergonomics, given: Mapping[str, Any]
 ) -> Iterator[tuple[str, Plan]]:
     """Yield each condition with its plan.
 
@@ -200,12 +205,12 @@ def _conditions(
     """
     from lgp.path.bounds import PathBounds
 
-    task, budget = task_of(scene), Budget(depth=DEPTH)
+    budget = Budget(depth=DEPTH)
     without, with_, again = CONDITIONS
-    before = PathBounds(world, None, weights, start, slices)
+    before = PathBounds(world, None, **given)
     plain = plan_within(before, task, budget=budget)
     yield without, plain
-    bounds = PathBounds(world, ergonomics, weights, start, slices, like=before)
+    bounds = PathBounds(world, ergonomics, **given, like=before)
     sequence = parse_sequence(task, plain.actions) if plain.feasible else ()
     second = plan_within(bounds, task, sequence) if plain.feasible else plain
     yield with_, plan_within(bounds, task, None, budget, sequence)

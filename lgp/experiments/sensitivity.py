@@ -45,7 +45,7 @@ def sensitivity(
     Args:
         folder: of the experiment.
         runs: of every variation.
-        settings: of the experiment, with its `seed` and `cost`; all runs start at rest.
+        settings: of the experiment, with its `seed`, `cost` and `collisions`; all runs start at rest.
         jobs, scheduler: where they are made, see `reba.fan_out.fan_out`.
         progress: told what is made next.
 
@@ -63,7 +63,8 @@ def sensitivity(
         missing = sorted(set(range(runs)) - store.done("rest"))
         if missing and progress is not None:
             progress(f"{variation.choice} x {variation.factor:g}: {len(missing)} runs")
-        for made in plan_runs(missing, settings["seed"], "rest", settings["cost"], jobs, variation, scheduler):
+        common = settings["seed"], "rest", settings["cost"], jobs
+        for made in plan_runs(missing, *common, variation, scheduler, settings["collisions"]):
             store.append(*made)
         found, _ = store.finish()
         rows += _rows(variation, found[found["run"] < runs])
