@@ -83,7 +83,7 @@ def plan(
 
 
 @cli.command(epilog="Example: lgp experiment screwdriver --runs 100 --jobs 2 -o results/")
-@click.argument("name", type=click.Choice(["screwdriver"]))
+@click.argument("name", type=click.Choice(["screwdriver", "toolbox"]))
 @click.option("--runs", default=100, type=click.IntRange(min=1), show_default=True, help="Draws of the table heights.")
 @click.option("--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of all draws.")
 @click.option("--initial", default="rest", type=click.Choice(["rest", "random"]), help="First posture of the human.")
@@ -112,7 +112,15 @@ def experiment(
     output: str,
     as_json: bool,
 ) -> None:
-    """Run an experiment of the paper again: tables, figures and tests, ours beside theirs."""
+    """Run an experiment of the paper again: tables, figures and tests, ours beside theirs.
+
+    \b
+    screwdriver   which of three tables, over many draws of their heights
+    toolbox       which order of actions; one scene, so only --cost, -o and --json count
+    """
+    if name == "toolbox":
+        _toolbox(output, cost, as_json)
+        return
     from lgp.experiments.screwdriver import experiment as make
 
     def progress(done: int, wanted: int) -> None:
@@ -136,6 +144,20 @@ def experiment(
         print_json(summary)
     else:
         click.echo(f"results are in {output}: report.html, summary.json, runs.parquet, paths.parquet")
+
+
+def _toolbox(output: str, cost: str, as_json: bool) -> None:
+    from lgp.experiments.toolbox import experiment as make
+    from lgp.terminal import show_toolbox
+
+    summary = make(
+        output, cost=cost, tell=lambda words: click.echo(f"toolbox: {words}", err=True), command=command_line("lgp")
+    )
+    if as_json:
+        print_json(summary)
+    else:
+        show_toolbox(console(), summary)
+        click.echo(f"results are in {output}: report.html, summary.json, runs.parquet, ergonomic/, non-ergonomic/")
 
 
 @cli.command(epilog="Example: lgp plan screwdriver -o plan/ && lgp page plan/")

@@ -33,3 +33,27 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
         f"search: {found['poses']} poses, {found['sequences']} sequences, {found['paths']} paths in "
         f"{found['seconds']:.1f} s; {best}"
     )
+
+
+def show_toolbox(console: Console, summary: dict[str, Any]) -> None:
+    """Print both sequences of the toolbox experiment beside the paper's, what the orders cost, and true REBA scores."""
+    for name, one in summary["conditions"].items():
+        table = Table(title=f"{name}: {one['order']}", title_justify="left", header_style="bold")
+        table.add_column("ours")
+        table.add_column("the paper's")
+        for ours, theirs in zip(one["actions"], one["published_actions"], strict=False):
+            table.add_row(Text(ours.replace("toolbox/", "")), Text(theirs.replace("toolbox/", "")))
+        console.print(table)
+        for order, cost in one["orders"].items():
+            kinds = (key for key in cost if key.startswith("acceleration of") or key in ("posture", "load"))
+            console.print(
+                f"  {order}: cost {cost['total']:.3f} (" + ", ".join(f"{k} {cost[k]:.3f}" for k in kinds) + ")"
+            )
+        mass = one["first_part"]["mass_for_place_first"]
+        if mass is not None:
+            first = one["first_part"]
+            console.print(
+                f"  putting {first['name']} down first pays from {mass:.2f} kg on; it weighs {first['mass']:.2f} kg"
+            )
+        parts = ", ".join(f"{part} {value:.2f}" for part, value in one["parts"].items())
+        console.print(f"  true REBA: mean {one['reba']['mean']:.2f}, highest {one['reba']['max']:.0f}; {parts}")

@@ -159,6 +159,10 @@ class PathBounds:
             cost = warm.cost if warm is not None else 0.0
         return BoundResult(True, cost, seconds=seconds, payload=solution)
 
+    def suggest(self, skeleton: Skeleton, keys: Array, variables: Array) -> None:
+        """Let a sequence, and others of its actions, start from a motion: (K, nq) at the switches, (nz,) variables."""
+        self._memory.keep(self.phases(skeleton), math.inf, keys, variables)
+
     def reconsider(self) -> None:
         """Forget sequences and paths, but not the best motions found: the next search starts everywhere from those."""
         self._known = {key: found for key, found in self._known.items() if key[0] == "pose"}
@@ -171,17 +175,22 @@ class PathBounds:
         known = self._memory.pose(phases)
         if isinstance(known, str):
             return None, known
-        if known is None or known.count != phases.count:
+        if known is None:
             first = self._with_robots("pose", phases, self.start[None] if earlier is None else before[-1:])
             problem = self.problem("pose", phases)
-            result, why = self._solve(problem, [first] if known is None else [known.pose, first], POSES)
+            result, why = self._solve(problem, [first], POSES)
             if result is None:
                 self._memory.refuse(phases, why)
                 return None, why
             costs = problem.costs(result.x)
             without = replace(costs, ergonomics=costs.ergonomics - self._carried(phases))
             known = self._memory.note(phases, problem.split(result.x)[0], without, result)
-        costs = replace(known.costs, ergonomics=known.costs.ergonomics + self._carried(phases))
+        costs = known.costs
+        if known.count != phases.count:
+            # After more time the pose costs less: what is sure is the least score of every slice.
+            least = 0.0 if self.ergonomics is None else self.ergonomics.floor
+            costs = Costs(0.0, self.weights.ergonomics * phases.tau * phases.total * least)
+        costs = replace(costs, ergonomics=costs.ergonomics + self._carried(phases))
         return Solution(np.concatenate([before, known.pose]), np.zeros(0), None, costs, known.result), ""
 
     def _with_robots(self, level: str, phases: Phases, keys: Array) -> Array:

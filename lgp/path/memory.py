@@ -52,7 +52,7 @@ class Memory:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self._poses: dict[Hashable, dict[int, KnownPose]] = {}
+        self._poses: dict[Hashable, KnownPose] = {}
         self._refused: dict[Hashable, str] = {}
         self._best: dict[frozenset[Key], Known] = {}
 
@@ -64,13 +64,12 @@ class Memory:
         key = self._key(phases)
         if key in self._refused:
             return f"phase {phases.count}, {phases.label(phases.count - 1)}: {self._refused[key]}"
-        found = self._poses.get(key, {})
-        return found.get(phases.count) or next(iter(found.values()), None)
+        return self._poses.get(key)
 
     def note(self, phases: Phases, pose: Array, costs: Costs, result: Result) -> KnownPose:
         """Remember the pose (1, nq) at the end of a sequence, its costs without loads, and what the solver said."""
         found = KnownPose(phases.count, pose, costs, result)
-        self._poses.setdefault(self._key(phases), {})[phases.count] = found
+        self._poses[self._key(phases)] = found
         return found
 
     def refuse(self, phases: Phases, why: str) -> None:

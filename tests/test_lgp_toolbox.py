@@ -1,0 +1,143 @@
+"""The toolbox: a planned sequence keeps its geometry, orders are told apart and priced, the page says so."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lgp_worlds import needs_robots
+
+import lgp
+from lgp.experiments import published
+from lgp.experiments.toolbox import CONDITIONS, Condition, _plain, _summary, scores_of
+from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST, heaviest, order_of, parts_of
+from lgp.experiments.toolbox_page import write_page
+from lgp.motion import Motion
+from lgp.plan import parse_sequence, task_of
+
+HANDLE, SIDE = "toolbox/handle", "toolbox/side.left"
+
+
+def paper(condition: str) -> list[str]:
+    """The paper's sequence, its last line as its operator means it."""
+    *before, _ = published.TOOLBOX_SEQUENCES[condition]
+    return [*before, f"screw(8, human.right_hand, {HANDLE}, {SIDE})"]
+
+
+@cache
+def planned() -> lgp.Plan:
+    return lgp.plan("toolbox", cost=None, sequence=paper("ergonomic"), slices=3)
+
+
+def test_the_scene_says_why_it_is_as_it_is() -> None:
+    for name in ("toolbox", "toolbox_full"):
+        scene = lgp.load_scene(name)
+        assert task_of(scene).objects["baxter.left"] == "vacuum_gripper"
+        assert all(choice.reason and choice.keys for choice in scene.choices)
+    # 18 mm plywood of 680 kg/m3.
+    for thing in scene.things.values():
+        assert thing.mass == pytest.approx(680.0 * np.prod(thing.size), abs=0.02)
+
+
+def test_orders_are_those_of_the_paper() -> None:
+    task = task_of(lgp.load_scene("toolbox"))
+    orders = [order_of(parse_sequence(task, paper(name))) for name in CONDITIONS]
+    assert orders == [GRASP_FIRST, PLACE_FIRST]
+    assert order_of(parse_sequence(task, paper("ergonomic"))[:2]) == ""
+
+
+@needs_robots
+def test_a_planned_sequence_keeps_its_geometry() -> None:
+    found = planned()
+    assert found.feasible, found.reason
+    assert max(found.residuals.values()) <= 1e-6
+    motion = Motion(found)
+    poses = motion.frames(["baxter.left", "baxter.right", "human.right_hand"])
+    handle, side = motion.thing(HANDLE), motion.thing(SIDE)
+    last = {step: int(np.flatnonzero(motion.phase == step)[-1]) for step in range(8)}
+
+    def grip(thing: str, kind: str, at: int) -> np.ndarray:
+        pose = motion.thing(thing)
+        return pose.position[at] + pose.rotation[at] @ motion.plan.scene.things[thing].grips[kind].at
+
+    # Both hands are on the handle at the handover: the cup on its middle, the palm along its upper edge.
+    at = last[1]
+    np.testing.assert_allclose(poses["baxter.left"].position[at], grip(HANDLE, "vacuum_gripper", at), atol=1e-6)
+    away = handle.rotation[at].T @ (poses["human.right_hand"].position[at] - grip(HANDLE, "human_hand", at))
+    np.testing.assert_allclose(away[1:], 0.0, atol=1e-6)
+    assert abs(away[0]) <= 0.05 + 1e-6
+    # What changes hands does not jump: the next slice starts from where the last one held it.
+    steps = np.linalg.norm(np.diff(handle.position, axis=0), axis=1)
+    assert steps[last[6] :].max() == pytest.approx(0.0, abs=1e-6)
+    # The gripper that holds stays on the upper edge and still.
+    held = slice(last[6], last[7] + 1)
+    assert np.ptp(poses["baxter.right"].position[held], axis=0).max() < 1e-6
+    np.testing.assert_allclose(
+        poses["baxter.right"].position[last[6]], grip(HANDLE, "parallel_gripper", last[6]), atol=1e-6
+    )
+    # At the end the parts stand as joined, and the fingers point along the screw.
+    joint = motion.plan.scene.joints[0]
+    where = handle.position[-1] + handle.rotation[-1] @ joint.position
+    np.testing.assert_allclose(side.position[-1], where, atol=1e-6)
+    along = handle.rotation[-1] @ joint.along
+    np.testing.assert_allclose(poses["human.right_hand"].rotation[-1][:, 0], along, atol=1e-5)
+
+
+@needs_robots
+def test_costs_are_taken_apart() -> None:
+    found = planned()
+    parts = parts_of(found, 0.0)
+    agents = [value for name, value in parts.items() if name.startswith("acceleration of")]
+    assert sum(agents) == pytest.approx(parts["acceleration"], rel=1e-9)
+    # The handle is carried in phase 3, the side in phase 6, 2 s each.
+    assert parts["carried"] == pytest.approx(2.0 * (1.06 + 0.43))
+
+
+def test_the_mass_from_which_placing_first_pays_is_where_both_cost_the_same() -> None:
+    def order(rest: float, seconds: float, mass: float) -> dict[str, float]:
+        carried = seconds * mass + 0.8
+        return {"total": rest + carried / 5.0, "load": carried / 5.0, "carried": carried}
+
+    found = heaviest(order(9.0, 2.0, 1.0), order(8.4, 4.0, 1.0), 1.0, 1.0)
+    assert found == pytest.approx(1.5)
+    assert order(9.0, 2.0, 1.5)["total"] == pytest.approx(order(8.4, 4.0, 1.5)["total"])
+    assert heaviest(order(9.0, 2.0, 1.0), order(8.4, 2.0, 1.0), 1.0, 1.0) is None
+    assert heaviest(order(8.0, 2.0, 1.0), order(8.4, 4.0, 1.0), 1.0, 1.0) == 0.0
+
+
+@needs_robots
+def test_light_parts_have_no_weight_in_true_scores() -> None:
+    scores = scores_of(planned())
+    assert scores["parts"]["load_force"] == 0.0
+    assert scores["load_points"] == pytest.approx((1.06 + 0.43) / 8.0 / 5.0)
+
+
+@needs_robots
+def test_the_page_shows_both_sequences(tmp_path: Path) -> None:
+    found = planned()
+    common = {"reason": "", "verdict": "solved"}
+    met = [
+        common | {"actions": list(found.actions), "order": PLACE_FIRST, "sequence": 1.0, "path": 2.0},
+        common
+        | {"actions": paper("non-ergonomic"), "order": GRASP_FIRST, "sequence": 3.0, "path": None}
+        | {"verdict": "pruned", "reason": "cannot beat the best path"},
+    ]
+    one = Condition(found, met, dict.fromkeys(ORDERS, found), [found.costs["total"]])
+    scene = found.scene
+    summary = {
+        "published": published.TOOLBOX_SOURCE,
+        "settings": {"scene": scene.name},
+        "conditions": {name: _summary(name, one, scene) for name in CONDITIONS},
+        "weights": [{"weight": 1.0, "order": order, **parts_of(found)} for order in ORDERS],
+    }
+    write_page(tmp_path, _plain(summary), dict.fromkeys(CONDITIONS, found), scene, "lgp experiment toolbox -o DIR")
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    words = re.sub(r"<[^>]+>", " ", html)
+    assert "handover(2, baxter.left, handle, human.right_hand)" in words
+    assert "cannot beat the best path" in words
+    assert "lgp experiment toolbox -o DIR" in words
+    assert "://" not in html.replace("http://www.w3.org/2000/svg", "")
+    assert summary["conditions"]["ergonomic"]["order"] == PLACE_FIRST
