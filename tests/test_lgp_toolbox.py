@@ -29,7 +29,7 @@ def paper(condition: str) -> list[str]:
 
 @cache
 def planned() -> lgp.Plan:
-    return lgp.plan("toolbox", cost=None, sequence=paper("ergonomic"), slices=3)
+    return lgp.plan("toolbox", cost=None, sequence=paper("ergonomic"), slices=3, collisions=False)
 
 
 def test_the_scene_says_why_it_is_as_it_is() -> None:
@@ -53,7 +53,7 @@ def test_orders_are_those_of_the_paper() -> None:
 def test_a_planned_sequence_keeps_its_geometry() -> None:
     found = planned()
     assert found.feasible, found.reason
-    assert max(found.residuals.values()) <= 1e-6
+    assert max(found.residuals[name] for name in ("equality", "inequality")) <= 1e-6
     motion = Motion(found)
     poses = motion.frames(["baxter.left", "baxter.right", "human.right_hand"])
     handle, side = motion.thing(HANDLE), motion.thing(SIDE)

@@ -191,11 +191,34 @@ class Collisions:
             if other.kind == "object":
                 holders = {self.modes.holder(other.owner, near).by for near in around}
                 # A table is a holder itself; a link touches what any hand of its agent holds.
-                agents = {holder.partition(".")[0] for holder in holders} - {"table"}
+                agents = {holder.partition(".")[0] for holder in holders} - {"table"} | self._touching(
+                    other.owner, phase
+                )
+                if one.kind == "object" and self._joined(one.owner, other.owner, around):
+                    holders.add(one.name)
                 slack[number] = np.inf if one.name in holders or one.owner in agents else 0.0
             elif working & {(one.frame, other.name), (other.frame, one.name), (one.frame, other.frame)}:
                 slack[number] = TOUCH
         return slack
+
+    def _touching(self, thing: str, phase: int) -> set[str]:
+        """Return the agents that work on an object without carrying it: whose hand holds it still, or screws it."""
+        switches = self.modes.switches
+        held = {
+            hand.partition(".")[0]
+            for hand, number, end in self.modes.stills
+            if switches[number].thing == thing and number <= phase <= end + 1
+        }
+        near = [switches[number] for number in (phase - 1, phase) if 0 <= number < len(switches)]
+        screwing = [switch for switch in near if switch.kind == "screw" and thing in (switch.thing, switch.other)]
+        return held | {switch.hand.partition(".")[0] for switch in screwing}
+
+    def _joined(self, one: str, other: str, phases: range) -> bool:
+        """Return whether two objects have a joint and both stand on tables in one of the phases."""
+        if {one, other} not in [set(joint.parts) for joint in self.world.scene.joints]:
+            return False
+        tables = self.world.scene.tables
+        return any(all(self.modes.holder(part, phase).by in tables for part in (one, other)) for phase in phases)
 
     def _working(self, phase: int) -> set[tuple[str, str]]:
         """Return (frame, table) of hands that come from a table or go to one, (frame, frame) of two that meet."""
