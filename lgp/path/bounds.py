@@ -270,19 +270,18 @@ class PathBounds:
         path = sequence.path(sequence.join(earlier.keys, earlier.variables))
         variables = earlier.variables
         result: Result | None = None
+        options = self.options if self._stages == 1 else SHARP
         for stage in range(self._stages):
             problem = self.problem("path", phases, stage)
-            options = self.options
-            if self._stages > 1:
-                options = SOFTER if stage < self._stages - 1 else SHARP
             # Scores get sharper from stage to stage; the multipliers of the last one start the next.
-            result = solve(problem, problem.join(path, variables), options=options, warm=result)
+            wanted = options if stage == self._stages - 1 else SOFTER
+            result = solve(problem, problem.join(path, variables), options=wanted, warm=result)
             path, variables = problem.split(result.x)
         if result is None:
             return None, "path: the cost has no stage to minimise"
         if self.collisions:
             rows = CollisionRows(self.world, phases, self.start)
-            problem, result = apart(lambda r: self.problem("path", phases, apart=r), rows, result, self.options)
+            problem, result = apart(lambda r: self.problem("path", phases, apart=r), rows, result, options)
         x, left = result.x, result.violation
         if CLOSE > left > self.options.violation:
             # The budget ran out just before the constraints held: the nearest path that meets them is as good.
