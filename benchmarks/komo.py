@@ -1,4 +1,4 @@
-"""The path problem of `benchmarks/path.py` in `robotic` (rai's KOMO): run by that script, in an interpreter that has it.
+"""The path problem of `benchmarks/path.py` in `robotic` (KOMO of rai): run by that script, where it is installed.
 
     python benchmarks/komo.py TASK.json SCENE.g
 

@@ -69,7 +69,7 @@ class JointCost:
 def task_text(
     world: World, phases: Phases, keys: Array, cost: JointCost, tolerances: dict[str, float | None], repeat: int
 ) -> dict[str, Any]:
-    """Return the task as plain data; `keys` are the configurations (K, nq) at the switches that key frames start from."""
+    """Return the task as plain data; key frames start from `keys`, the configurations (K, nq) at the switches."""
     switches = []
     for switch in phases.switches:
         hand = world.scene.hands[switch.hand]

@@ -56,10 +56,10 @@ def world_of(objects: int = 1, *, locked: bool = False) -> World:
 
     Args:
         objects: on the start table.
-        locked: for KOMO: legs that are not solved for, and objects that are grasped in their middle.
+        locked: for KOMO: legs that are not solved for.
     """
     shipped = load_scene("screwdriver")
-    thing = dict(shipped.values["objects"]["screwdriver"]) | ({"slide": 0.0} if locked else {})
+    thing = dict(shipped.values["objects"]["screwdriver"])
     spots = zip(("screwdriver", "second", "third", "fourth"), (-0.08, -0.03, 0.03, 0.08), strict=True)
     things = {name: thing | {"at": [0.0, y if objects > 1 else 0.0, 0.0]} for name, y in list(spots)[:objects]}
     initial = ["free(human.right_hand)", "free(baxter.left)", "free(baxter.right)"]

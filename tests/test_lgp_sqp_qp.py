@@ -132,7 +132,7 @@ def cycling_qp():
         rng = np.random.default_rng(seed)
         root = rng.normal(size=(4, 3))
         qp = make_qp(root @ root.T + 1e-3 * np.eye(4), rng.normal(size=4), lb=np.zeros(4))
-        if ActiveSet(rounds=30, patience=1000).solve(qp).solver != "active_set":
+        if ActiveSet(rounds=30, patience=1000, cold=1000).solve(qp).solver != "active_set":
             return qp
     raise AssertionError("no such QP")
 

@@ -18,7 +18,7 @@ from lgp.path.acceleration import Condensed
 Array = NDArray[np.float64]
 Slices = NDArray[np.intp]
 
-SHARES = (1.0, 0.5, 0.25)
+SHARES = (1.0, 0.95, 0.85, 0.7, 0.5, 0.25)
 """Shares of the negative curvature that are tried before none is kept."""
 PRICE = 1e4
 """Of leaving the rows, relative to the largest entry of the cost."""

@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from lgp.path.contact_curvature import contact_curvature
 from lgp.path.phases import Phases
 from lgp.world import features
 from lgp.world.fastening import Fastening
 from lgp.world.features import Feature
-from lgp.world.holders import Holder, Pose
 from lgp.world.model import Kinematics, World
 from lgp.world.switches import Modes
 
@@ -22,9 +22,6 @@ Blocks = list[tuple[int, Slices]]
 
 AT_TABLES: Final = ("grasp", "place", "hold")
 """Kinds of switches in which a hand works on a table, so that its tilt counts."""
-
-STEP: Final = 1e-6
-"""[m, rad] Of the differences that give the second derivatives by a grip."""
 
 POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
 
@@ -157,65 +154,29 @@ class SwitchRows:
         return np.asarray(feature.jacobian[0][:, columns])
 
     def curved(self) -> list[Slices]:
-        """Return the unknowns of each block that `bends` gives: a hand's limb at a switch, and how it holds."""
+        """Return the unknowns of each block of `bends`: limbs and variables of a contact, the limb of a screw."""
         found = []
-        for number, at in self.at.items():
-            for hand, _, holder in self._bent(number):
-                grip = holder.variables if holder is not None else slice(0, 0)
-                limb = np.flatnonzero(self.world.support(hand))
-                found.append(np.concatenate([at * self.world.nq + limb, self.tail + np.arange(grip.start, grip.stop)]))
+        for number in self.at:
+            if number in self._screws:
+                limb = np.flatnonzero(self.world.support(self.phases.switches[number].hand))
+                found.append(self.at[number] * self.world.nq + limb)
+            elif number in self._own:
+                found.append(self._columns(number, self._own[number]))
         return found
-
-    def _bent(self, number: int) -> list[tuple[str, float, Holder | None]]:
-        """Return hand, sign in the rows, and holder of each curved part of a switch; no holder for a screw."""
-        if number in self._screws:
-            return [(self.phases.switches[number].hand, 1.0, None)]
-        signed = zip((1.0, -1.0), self.modes.contact(number) or (), strict=False)
-        return [(holder.by, sign, holder) for sign, holder in signed if holder.by in self.world.scene.hands]
 
     def bends(self, q: Array, z: Array, y: Array) -> list[Array]:
-        """Return sum_i y_i d2 row_i by the unknowns of each block in `curved`, (m, m); y are those of `eq_rows`.
-
-        Near a met constraint the rotation vector of a chain has the mixed second derivative (omega_a x omega_b) / 2.
-        How the hand holds the object acts like joints after the last one.
-        """
+        """Return sum_i y_i d2 row_i by the unknowns of each block in `curved`, (m, m); y are those of `eq_rows`."""
         found, start = [], 0
-        for number in self.at:
-            parts = self._bent(number)
-            if not parts:
-                continue
+        for number, own in self._own.items():
             kinematics = self._kinematics(number, q)
-            for hand, sign, holder in parts:
-                limb = np.flatnonzero(self.world.support(hand))
-                if holder is None:
-                    bend = self._screws[number].curvature(kinematics, z, y[start : start + 5])[0]
-                    found.append(bend[np.ix_(limb, limb)])
-                else:
-                    found.append(_held_bend(holder, limb, kinematics, z, sign * y[start : start + 6]))
-            start += 6 if number not in self._screws else 5 + len(self._joined[number])
+            contact = self.modes.contact(number)
+            if contact is not None:
+                weights = y[start : start + 6]
+                found.append(contact_curvature(contact, self._limbs[number], own, kinematics, z, weights))
+                start += 6
+                continue
+            limb = np.flatnonzero(self.world.support(self.phases.switches[number].hand))
+            bend = self._screws[number].curvature(kinematics, z, y[start : start + 5])[0]
+            found.append(bend[np.ix_(limb, limb)])
+            start += 5 + len(self._joined[number])
         return found
-
-
-def _held_bend(holder: Holder, limb: Slices, kinematics: Kinematics, z: Array, weights: Array) -> Array:
-    """Return the weighted second derivative (m, m) of the pose of a held object by its limb and grip."""
-    held = holder.pose(kinematics, z[holder.variables])
-    jacobian = np.concatenate([held.by_q[:, :, limb], held.by_variables], axis=2)
-    turn = held.rotation[0] @ weights[3:]
-    bend = features.position_curvature(jacobian, weights[None, :3])[0]
-    angular = jacobian[0, 3:]
-    twist = np.triu(np.cross(turn[:, None], angular, axis=0).T @ angular, 1)
-    bend += 0.5 * (twist + twist.T)
-    # The grip is a rotation vector itself: its parts do not come one after the other.
-    bend[len(limb) :, len(limb) :] = _grip_bend(holder, kinematics, z, np.concatenate([weights[:3], turn]), held)
-    return np.asarray(bend)
-
-
-def _grip_bend(holder: Holder, kinematics: Kinematics, z: Array, weights: Array, held: Pose) -> Array:
-    """Return the weighted second derivative (m, m) of the pose of a held object by its grip, by differences."""
-    grip = z[holder.variables]
-    slopes = np.empty((len(grip), len(grip)))
-    for part in range(len(grip)):
-        moved = grip.copy()
-        moved[part] += STEP
-        slopes[part] = weights @ (holder.pose(kinematics, moved).by_variables[0] - held.by_variables[0]) / STEP
-    return 0.5 * (slopes + slopes.T)

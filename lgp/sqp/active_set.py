@@ -61,14 +61,15 @@ class ActiveSet:
         fallback: takes over QPs on which the active set cycles, and infeasible or unbounded ones; PIQP by default.
         rounds: factorisations before that.
         patience: block exchanges without progress before single ones.
+        cold: the same in a QP that no other one led to.
     """
 
     name = "active_set"
 
-    def __init__(self, fallback: QPBackend | None = None, rounds: int = 16, patience: int = 4) -> None:
+    def __init__(self, fallback: QPBackend | None = None, rounds: int = 16, patience: int = 4, cold: int = 1) -> None:
         self.fallback = Piqp() if fallback is None else fallback
         self.rounds = rounds
-        self.patience = patience
+        self.patience, self.cold = patience, cold
         self._kkt: KKT | None = None
 
     def solve(self, qp: QP, warm: QPResult | None = None) -> QPResult:
@@ -78,7 +79,9 @@ class ActiveSet:
         scale = cost_scale(qp)
         self._kkt.load(qp, scale)
         active, guess = _start(qp, warm, scale)
-        best, tries = np.inf, self.patience
+        # Without a hint an active set that does not settle at once rarely does.
+        patience = self.patience if warm is not None else self.cold
+        best, tries = np.inf, patience
         for count in range(1, self.rounds + 1):
             point = self._try(qp, scale, active, guess)
             if point is None:
@@ -86,7 +89,7 @@ class ActiveSet:
             if point.errors == 0:
                 return _result(point, scale, count, self.name)
             if point.errors < best:
-                best, tries = point.errors, self.patience
+                best, tries = point.errors, patience
             else:
                 tries -= 1
                 if tries < 0 and best > SINGLES:

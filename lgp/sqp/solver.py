@@ -8,6 +8,7 @@ reports. The same input gives the same iterations.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +30,8 @@ STATIONARY = 1e-3
 """Relative slope of the squared violation below which a point that violates rows counts as stationary."""
 SHORT = 0.05
 """Accepted share of a step below which the model was poor and the next one is damped."""
+LATE = 10.0
+"""A promised decrease this many times the one that ends a solve calls for polishing violations away."""
 RETRIES = 8
 """Dampings tried at one point when no length of the step is accepted."""
 
@@ -200,7 +203,7 @@ class _Run:
             return self._timed_correction(step, failed, model)
 
         size = float(np.abs(step.step).max(initial=0.0))
-        return search(
+        accepted = search(
             self._evaluate,
             self.x,
             step.step,
@@ -210,6 +213,21 @@ class _Run:
             longest=min(1.0, self.options.longest_step / size) if size > 0.0 else 1.0,
             correct=correct,
         )
+        late = promised.decrease(self.penalty) <= LATE * self.options.decrease * max(1.0, abs(values[0]))
+        if accepted is None or accepted.length < 1.0 or accepted.corrected or not late:
+            return accepted
+        return self._polished(step, accepted, correct)
+
+    def _polished(self, step: Step, accepted: Accepted, correct: Callable[[Values], Vector | None]) -> Accepted:
+        """Return the second-order corrected point instead, where little but violation is left and it has much less."""
+        corrected = correct(accepted.values)
+        if corrected is None:
+            return accepted
+        point = self.x + corrected
+        values = self._evaluate(point)
+        price = 2.0 * max(self.penalty, float(np.abs(step.found.y).max(initial=0.0)), step.found.z.max(initial=0.0))
+        before, after = (one[0] + price * violation_sum(one[1], one[2]) for one in (accepted.values, values))
+        return Accepted(point, values, 1.0, corrected=True) if after < before else accepted
 
     def _take(self, step: Step, accepted: Accepted) -> None:
         """Move to the accepted point with the multipliers of the QP; a step cut short calls for more damping."""
