@@ -16,6 +16,9 @@ from reba.factors import COUPLINGS, SUPPORTS
 from reba.rules import rules_of
 from reba.shell import GROUP, Stop, command_line, console, json_option, print_json, run, where_options
 
+LEVEL_WORDS = [risk.replace(" ", "-") for risk, _ in reba.ACTION_LEVELS]
+"""Action levels as words of one piece."""
+
 
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say how recordings are read."""
@@ -253,6 +256,44 @@ def profiles(name: str | None, as_json: bool) -> None:
         print_json({"profiles": found})
     else:
         show_profiles(console(), found)
+
+
+@cli.command(epilog="Example: reba live shift.mcap --load 8 --alert 8 --hold 2   or: sensors | reba live -")
+@click.argument("source", metavar="SOURCE")
+@click.option("--until-idle", type=click.FloatRange(min=0), metavar="SECONDS", help="End after this long without data.")
+@click.option(
+    "--foxglove", type=click.IntRange(0, 65535), is_flag=False, flag_value=8765, metavar="[PORT]",
+    help="Serve scores and a coloured figure to Foxglove or Lichtblick.",
+)  # fmt: skip
+@click.option("--window", default="60s", show_default=True, metavar="SECONDS", help="Length of the rolling window.")
+@click.option("--hold", default="1s", show_default=True, metavar="SECONDS", help="How long a score has to stay.")
+@click.option("--alert-level", type=click.Choice(LEVEL_WORDS), help="The same by the action level that begins there.")
+@click.option("--alert", type=click.IntRange(1, 15), metavar="SCORE", help="Alert from this score on.  [default: 8]")
+@click.option("--settle", default="2s", show_default=True, metavar="SECONDS", help="Looked at before the first line.")
+@click.option("--neutral", default="none", metavar="first:3s|at:T|none", help="Posture that counts as neutral.")
+@click.option(
+    "--activity", default="none", show_default=True, metavar="none|LIST", help="LIST: static,repeated,unstable."
+)
+@click.option("--support", type=click.Choice(SUPPORTS), default=None, help="How the legs bear the weight.")
+@click.option("--coupling", type=click.Choice([*COUPLINGS, "0", "1", "2", "3"]), default=None, help="Grip.")
+@click.option("--load", type=float, default=None, metavar="KG", help="Load in kilograms.")
+@click.option("--rules", default="measured", metavar="paper|measured|FILE.toml", help="Rules to score by.")
+@click.option("--topic", default=None, help="Topic to use, if there are several.")
+@click.option("--profile", default="auto", metavar="NAME|FILE.toml", help="What the names mean: `reba profiles`.")
+def live(source: str, **given: Any) -> None:
+    """Score postures while they are recorded, one JSON line a frame.
+
+    SOURCE is an MCAP file that is being written, or - for JSON lines on standard input: rows of the posture table or
+    joint states. The scores are those of `reba score --activity none` on the same data. What that decides from the
+    whole recording is decided from its first seconds (--settle) here. Activity found in the movement depends on what
+    follows a frame, so it is not to be had live.
+    """
+    from reba.live.command import run_live
+    from reba.live.options import live_options
+
+    code = run_live(source, live_options(given))
+    if code:
+        raise Stop(code)
 
 
 class _progress:

@@ -1,0 +1,167 @@
+"""What `reba live` does: follow, score, write, tell, sum up."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from reba.errors import RebaError
+from reba.live.alert import Alert
+from reba.live.follow import Follower
+from reba.live.growing import open_growing
+from reba.live.latency import Latency
+from reba.live.lines import Lines
+from reba.live.output import write_lines
+from reba.live.reading import Reading
+from reba.live.session import Session
+from reba.live.source import Source
+from reba.scores import named_activity
+
+INTERRUPTED = 130
+"""Exit code of a command that was interrupted."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the caller chose beside the source.
+
+    Attributes:
+        reading: how the source is read.
+        factors: load and others, as given.
+        activity: "none", or a comma list.
+        rules: preset or TOML file.
+        alert: score from which on to alert.
+        hold: [s] for which it has to stay there.
+        window: [s] length of the rolling window.
+        until_idle: [s] of silence after which to end, None to go on for ever.
+        foxglove: port to serve on, None not to.
+    """
+
+    reading: Reading
+    factors: Mapping[str, Any]
+    activity: str = "none"
+    rules: str = "measured"
+    alert: int = 8
+    hold: float = 1.0
+    window: float = 60.0
+    until_idle: float | None = None
+    foxglove: int | None = None
+
+
+def activity_of(text: str) -> dict[str, bool]:
+    """Return the kinds of activity that were named.
+
+    Raises:
+        RebaError: it is "auto", or a kind is unknown.
+    """
+    if text == "auto":
+        raise RebaError(
+            "activity auto depends on what follows a frame (a posture is static from its first second on once it has "
+            "been held for a minute), which is not known live; use none or some of static,repeated,unstable"
+        )
+    return named_activity(text)
+
+
+def run_live(place: str, options: Options) -> int:
+    """Follow a source to its end, and return the exit code.
+
+    Args:
+        place: MCAP file that is being written, or "-" for JSON lines on standard input.
+        options: what the caller chose.
+
+    Raises:
+        RebaError: the source or an option cannot be used; what was scored before is summed up all the same.
+    """
+    activity = activity_of(options.activity)
+    session = Session(options.rules, options.window, Alert(options.alert, options.hold))
+    view = _view(options.foxglove)
+    latency = Latency()
+    follower: Follower | None = None
+    code = 0
+    try:
+        source: Source = (
+            Lines(sys.stdin.fileno(), _tell) if place == "-" else open_growing(Path(place), options.until_idle)
+        )
+        follower = Follower(source, options.reading, options.factors, activity, _tell)
+        _follow(follower, session, latency, view, options)
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    except BrokenPipeError:
+        follower = None
+        raise
+    finally:
+        if view is not None:
+            view.close()
+        if follower is not None and (session.frames or code):
+            _sum_up(follower, session, latency, code)
+    return code
+
+
+def _follow(follower: Follower, session: Session, latency: Latency, view: Any, options: Options) -> None:
+    stream = sys.stdout.buffer
+    for frames in follower.frames(options.until_idle):
+        if not session.frames:
+            _introduce(follower)
+        records, scores = session.add(frames)
+        write_lines(stream, records)
+        latency.add(time.perf_counter() - follower.seen, len(records))
+        for record in records:
+            event = record["alert"]["event"]
+            if event is not None:
+                word = "at or above" if event == "raised" else "below"
+                _tell(f"alert {event} at {record['time']:.2f} s: REBA {word} {options.alert} for {options.hold:g} s")
+        if view is not None:
+            view.publish(frames, records, scores, follower.epoch)
+
+
+def _introduce(follower: Follower) -> None:
+    """Say what was recognised and what is not measured."""
+    _tell(f"{follower.source.path}: {follower.about}")
+    stage = follower.stage
+    if stage is not None and stage.unmeasured:
+        _tell(f"not measured: {', '.join(stage.unmeasured)}")
+    for text in stage.assumed if stage is not None else ():
+        _tell(f"assumed: {text}")
+
+
+def _sum_up(follower: Follower, session: Session, latency: Latency, code: int) -> None:
+    """Write the summary as the last line, and say it in words."""
+    stage = follower.stage
+    found = session.summary()
+    skipped = follower.source.skipped + (stage.log.skipped if stage is not None else 0)
+    late = stage.late if stage is not None else 0
+    summary = {
+        **found,
+        "profile": stage.profile if stage is not None else None,
+        "unmeasured": stage.unmeasured if stage is not None else None,
+        "skipped": skipped,
+        "out_of_order": late,
+        "interrupted": code == INTERRUPTED,
+        "latency": latency.to_dict(),
+    }
+    write_lines(sys.stdout.buffer, [{"summary": summary}])
+    left_out = f", {skipped + late} left out" if skipped + late else ""
+    mean = found["exposure"]["mean_low"]
+    words = "" if mean is None else f", REBA at least {mean:.2f} on average and {found['max_low']} at most"
+    how = "interrupted after" if code else "ended after"
+    _tell(f"{how} {found['frames']} frames ({found['exposure']['seconds']:.1f} s){left_out}{words}")
+
+
+def _view(port: int | None) -> Any:
+    if port is None:
+        return None
+    from reba.live.foxglove import View
+
+    view = View(port)
+    _tell(f"open {view.address} in Foxglove or Lichtblick")
+    return view
+
+
+def _tell(text: str) -> None:
+    click.echo(f"reba: {' '.join(text.split())}", err=True)

@@ -1,0 +1,155 @@
+"""Rows of a posture table as they come -> postures and factors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from reba.errors import PostureError
+from reba.factors import BOTH_SIDES, FACTORS, Factors, checked, expand_sides
+from reba.live.frames import Frames
+from reba.live.reading import NotYet, Reading, neutral_until
+from reba.live.source import Source, followed
+from reba.posture import COLUMNS
+from reba.readers.mcap.container import Segment
+from reba.readers.neutral import apply_neutral, neutral_offsets, parse_neutral, subtract
+from reba.readers.recognise import Match
+from reba.readers.stream import ReadLog
+from reba.scores import RAISED, angles_of, refuse_infinite, table_of
+
+Row = dict[str, Any]
+
+KNOWN = frozenset((*COLUMNS, *RAISED, *FACTORS, *BOTH_SIDES))
+"""Columns that count."""
+
+
+class Rows:
+    """Turns segments into frames of posture.
+
+    Args:
+        source: its first segments.
+        match: the stream of the table.
+        reading: what the caller chose.
+        factors: by name, as the caller gave them; they replace columns.
+        activity: each kind, for where no column tells it.
+        final: whether no more is going to come.
+        tell: takes a warning.
+
+    Raises:
+        NotYet: the neutral posture is not over yet.
+        PostureError: the first row cannot be used.
+    """
+
+    profile = "table"
+
+    def __init__(
+        self,
+        source: Source,
+        match: Match,
+        reading: Reading,
+        factors: Mapping[str, Any],
+        activity: Mapping[str, bool],
+        final: bool,
+        tell: Callable[[str], None],
+    ) -> None:
+        self.log = ReadLog()
+        self.late = 0
+        self._intake = followed(match.stream, None, self.log)
+        self._given, self._activity = factors, activity
+        self._tell = tell
+        self._last = -np.inf
+        self._offsets: dict[int, float] = {}
+        first = [row for segment in source.segments for row in self._intake.rows(source, segment)]
+        found = dict.fromkeys(name for row in first[:1] for name in row if name in KNOWN)
+        self._columns = ["time", *found]
+        self._ignored: set[str] = set()
+        if first:
+            for warning in table_of(pd.DataFrame(first[:1])).quality.warnings:
+                tell(warning)
+            self._convert(first[:1])
+        self._settle(first, reading, final)
+        self._last = -np.inf
+        self.unmeasured = [column for column in COLUMNS if column not in found]
+        self.late = self.log.skipped = 0
+
+    def _settle(self, first: list[Row], reading: Reading, final: bool) -> None:
+        """Find the neutral posture."""
+        self.assumed: list[str] = []
+        window = parse_neutral(reading.neutral)
+        parts = list(self._frames(first))
+        if window is None:
+            return
+        time = np.concatenate([part.time for part in parts]) if parts else np.zeros(0)
+        if not final and (not len(time) or time[-1] <= neutral_until(reading.neutral, float(time[0]))):
+            raise NotYet
+        angles = np.concatenate([part.angles for part in parts]) if parts else np.zeros((0, len(COLUMNS)))
+        self.assumed.append(apply_neutral(time, angles.copy(), reading.neutral))
+        self._offsets = neutral_offsets(angles[window(time)])
+
+    def take(self, source: Source, segment: Segment) -> Iterator[Frames]:
+        """Yield the frames of a segment."""
+        rows = self._intake.rows(source, segment)
+        self.log.messages += len(rows)
+        yield from self._frames(rows)
+
+    def end(self) -> Iterator[Frames]:
+        """Yield nothing: no row waits."""
+        return iter(())
+
+    def _frames(self, rows: list[Row]) -> Iterator[Frames]:
+        """Yield frames of rows, those that cannot be used left out and counted."""
+        fresh: list[Row] = []
+        for row in rows:
+            self._add_columns(row)
+            time = row.get("time")
+            if not isinstance(time, int | float) or not np.isfinite(time):
+                self._skip(f"time is {time!r}, expected seconds")
+            elif time <= self._last:
+                if not self.late:
+                    self._tell(f"time runs backwards or stands still at {time:.3f} s; such frames are left out "
+                               "and counted")  # fmt: skip
+                self.late += 1
+            else:
+                self._last = float(time)
+                fresh.append(row)
+        if fresh:
+            yield from self._converted(fresh)
+
+    def _converted(self, rows: list[Row]) -> Iterator[Frames]:
+        """Yield the frames of rows at once, or one by one where one of them is wrong."""
+        try:
+            yield self._convert(rows)
+        except PostureError as error:
+            if len(rows) == 1:
+                self._skip(str(error))
+                return
+            for row in rows:
+                yield from self._converted([row])
+
+    def _convert(self, rows: list[Row]) -> Frames:
+        data = table_of(pd.DataFrame(rows, columns=self._columns)).data
+        angles = angles_of(data)
+        refuse_infinite(angles)
+        columns = {name: data[name].to_numpy() for name in (*FACTORS, *BOTH_SIDES) if name in data}
+        given = {**self._activity, **expand_sides(columns), **self._given}
+        used = checked(Factors.of(given), len(data))
+        angles = angles.copy()
+        subtract(angles, self._offsets)
+        return Frames(data["time"].to_numpy(np.float64), angles, used)
+
+    def _add_columns(self, row: Row) -> None:
+        """Take up angles that come later; a factor has to be there from the first row on."""
+        new = [name for name in row if name in KNOWN and name not in self._columns]
+        self._columns += [name for name in new if name in COLUMNS]
+        for name in new:
+            if name not in COLUMNS and name not in self._ignored:
+                self._ignored.add(name)
+                self._tell(f"{name} comes after the first row and is not used; give it in every row")
+
+    def _skip(self, why: str) -> None:
+        if not self.log.skipped:
+            self._tell(f"a row cannot be used and is left out: {why}; further ones are counted")
+        self.log.skip(1, why)
