@@ -34,8 +34,7 @@ from lgp.world.scene_file import load_scene
 if TYPE_CHECKING:
     from lgp.logic import Task
     from lgp.path.bounds import PathBounds
-    from lgp.path.ergonomics import Ergonomics
-    from lgp.world.model import World
+    from lgp.path.problem import Weights
     from lgp.world.scene import Scene
 
 SCENE: Final = "toolbox"
@@ -68,6 +67,7 @@ def experiment(
     cost: str = COST,
     factors: tuple[float, ...] = FACTORS,
     slices: int | None = None,
+    collisions: bool = True,
     tell: Callable[[str], None] | None = None,
     command: str = "",
 ) -> dict[str, Any]:
@@ -79,6 +79,7 @@ def experiment(
         cost: dREBA model of the ergonomic condition: a file or a shipped name.
         factors: further weights of the ergonomic cost.
         slices: per phase, the scene's by default.
+        collisions: whether bodies are kept apart.
         tell: told what is done.
         command: that made the results, for the page.
 
@@ -100,16 +101,28 @@ def experiment(
     ergonomics = Ergonomics(world, dreba.load(Path(cost) if Path(cost).is_file() else cost))
     found: dict[str, Condition] = {}
     for name in CONDITIONS:
-        bounds = PathBounds(world, ergonomics if name == "ergonomic" else None, slices=slices)
+        bounds = PathBounds(world, ergonomics if name == "ergonomic" else None, slices=slices, collisions=collisions)
         say(f"{name}: searching")
         found[name] = _condition(bounds, task, chosen.depth, say)
         found[name].plan.save(Path(folder) / name)
     summary: dict[str, Any] = {
         "experiment": SCENE,
         "published": published.TOOLBOX_SOURCE,
-        "settings": {"scene": chosen.name, "cost": cost, "depth": chosen.depth, "slices": slices or chosen.slices},
+        "settings": {
+            "scene": chosen.name,
+            "cost": cost,
+            "depth": chosen.depth,
+            "slices": slices or chosen.slices,
+            "collisions": collisions,
+        },
         "conditions": {name: _summary(name, one, chosen) for name, one in found.items()},
-        "weights": _weights(world, ergonomics, task, found["ergonomic"].orders, factors, slices, say),
+        "weights": _weights(
+            lambda weights: PathBounds(world, ergonomics, weights, slices=slices, collisions=collisions),
+            task,
+            found["ergonomic"].orders,
+            factors,
+            say,
+        ),
     }
     summary["paper's order found"] = {
         name: summary["conditions"][name]["order"] == expected
@@ -142,21 +155,18 @@ def _condition(bounds: PathBounds, task: Task, depth: int, tell: Callable[[str],
 
 
 def _weights(
-    world: World,
-    ergonomics: Ergonomics,
+    bounds_of: Callable[[Weights], PathBounds],
     task: Task,
     orders: dict[str, Plan],
     factors: tuple[float, ...],
-    slices: int | None,
     tell: Callable[[str], None],
 ) -> list[dict[str, Any]]:
     """Plan the two orders with other weights of the ergonomic cost: one row each."""
-    from lgp.path.bounds import PathBounds
     from lgp.path.problem import Weights
 
     rows = [{"weight": 1.0, "order": order, **parts_of(plan)} for order, plan in orders.items()]
     for factor in factors:
-        bounds = PathBounds(world, ergonomics, Weights(ergonomics=factor), slices=slices)
+        bounds = bounds_of(Weights(ergonomics=factor))
         for order, plan in orders.items():
             keys = plan.path[np.flatnonzero(np.diff(plan.phase, append=plan.phase[-1] + 1))]
             skeleton = skeleton_of(task, plan)
