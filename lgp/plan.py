@@ -215,7 +215,7 @@ def _record(scene: Scene, bounds: PathBounds, found: SearchResult) -> Plan:
         "bound": found.bound,
         "gap": found.gap,
         "levels": {
-            level: {"solved": n.solved, "infeasible": n.infeasible, "seconds": n.seconds}
+            level: {"solved": n.solved, "infeasible": n.infeasible, "known": n.known, "seconds": n.seconds}
             for level, n in found.statistics.items()
         },
     }

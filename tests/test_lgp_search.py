@@ -114,6 +114,20 @@ def test_solves_far_fewer_paths_than_there_are() -> None:
     assert found.pruned > 0
 
 
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10_000), st.data())
+def test_a_first_sequence_is_looked_at_first_and_changes_nothing_else(seed: int, data: st.DataObject) -> None:
+    problem = task()
+    plain = search(problem, MadeUp(seed, 0.0), Budget(depth=5))
+    ends = [node.skeleton for node in plain.nodes if node.goal]
+    first = data.draw(st.sampled_from(ends))
+    bounds = MadeUp(seed, 0.0)
+    found = search(problem, bounds, Budget(depth=5), first)
+    assert (found.skeleton, found.cost, found.status) == (plain.skeleton, plain.cost, plain.status)
+    if len(first) > 1:
+        assert next(skeleton for level, skeleton in bounds.calls if level == "path") == first
+
+
 def test_same_search_twice_is_the_same() -> None:
     def run() -> SearchResult:
         return search(task(), MadeUp(11), Budget(depth=5))
