@@ -34,6 +34,8 @@ from lgp.plan_record import Plan
 
 TICK = 0.05
 """[s] Between observations."""
+LATE = 0.2
+"""[s] The clock is caught up with after shorter delays only."""
 STATE = 0.25
 """[s] Between checkpoints, besides those at every event."""
 LOG = "run.mcap"
@@ -116,12 +118,17 @@ class Session:
         Raises:
             LgpError: the log cannot be written.
         """
-        began = clock.monotonic() - self._time / (self.run.speed or 1.0)
+        speed = self.run.speed
+        due = clock.monotonic()
         try:
             while not self.executive.over:
                 self._tick()
-                if self.run.speed > 0.0:
-                    clock.sleep(max(began + self._time / self.run.speed - clock.monotonic(), 0.0))
+                if speed > 0.0:
+                    due += TICK / speed
+                    late = clock.monotonic() - due
+                    clock.sleep(max(-late, 0.0))
+                    # Time spent on planning is not made up for.
+                    due += late if late > LATE else 0.0
             return self._summary()
         finally:
             self.close()
