@@ -8,12 +8,14 @@ its path. The search is then asked for the best sequence. With and without ergon
 - bound / path cost of all feasible sequences, and how often a bound exceeds its path;
 - nodes and problems of the search against all there are;
 - whether both agree on the best cost.
+Last, the time until a screwdriver out of everybody's reach is refused, kinematics built.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +28,7 @@ import dreba
 from lgp.logic import Task
 from lgp.path.bounds import PathBounds
 from lgp.path.ergonomics import Ergonomics
-from lgp.plan import task_of
+from lgp.plan import plan, task_of
 from lgp.search import BoundResult, Budget, Skeleton, search
 from lgp.world.model import World
 from lgp.world.scene_file import load_scene
@@ -128,6 +130,17 @@ def show(name: str, tally: Tally) -> dict[str, Any]:
     return figures | {"another optimum": tally.differ, "wrong refusals": tally.wrong_refusals}
 
 
+def refused(repeat: int = 5) -> dict[str, Any]:
+    """Return the least milliseconds until the scene with its start table far away is refused, and the reason."""
+    world = World(load_scene("screwdriver", {"tables.start.position": [3.0, 2.0]}))
+    times = []
+    for _ in range(repeat):
+        began = time.perf_counter()
+        found = plan(world.scene, None, world=world)
+        times.append(time.perf_counter() - began)
+    return {"milliseconds": 1e3 * min(times), "feasible": found.feasible, "reason": found.reason}
+
+
 def main() -> None:
     """Count, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -145,10 +158,13 @@ def main() -> None:
         for name, ergonomics in costs.items():
             look(run, PathBounds(world.with_scene(scene), ergonomics), task, given.depth, tallies[name])
     figures = {name: show(name, tally) for name, tally in tallies.items()}
+    far = refused()
+    print(f"\nout of reach: refused in {far['milliseconds']:.1f} ms: {far['reason']}")
     print(f"\n{stamp()}")
     if given.json:
         given.json.parent.mkdir(parents=True, exist_ok=True)
-        given.json.write_text(json.dumps({"machine": machine(), "depth": given.depth, "figures": figures}, indent=1))
+        written = {"machine": machine(), "depth": given.depth, "figures": figures, "refused": far}
+        given.json.write_text(json.dumps(written, indent=1))
 
 
 if __name__ == "__main__":
