@@ -3,21 +3,37 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
+from lgp.cli import main
 from tests.execution_plans import saved
 from tests.lgp_worlds import needs_robots
 
 pytestmark = needs_robots
 
 
-def lgp_run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    code = "from lgp.cli import main; main()"
-    return subprocess.run([sys.executable, "-c", code, "run", *arguments], capture_output=True, text=True, check=False)
+class Done(NamedTuple):
+    """How a command ended."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def lgp_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
+    def command(*arguments: str) -> Done:
+        monkeypatch.setattr(sys, "argv", ["lgp", "run", *arguments])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        return Done(stop.value.code, *capsys.readouterr())
+
+    return command
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return saved(tmp_path_factory.mktemp("cli"))
 
 
-def test_a_run_with_its_page_prints_one_object(folder: Path) -> None:
+def test_a_run_with_its_page_prints_one_object(folder: Path, lgp_run: Callable[..., Done]) -> None:
     page = folder / "page"
     page.mkdir(exist_ok=True)
     (page / "index.html").write_text("<title>a page</title>", encoding="utf-8")
@@ -37,14 +53,14 @@ def test_a_run_with_its_page_prints_one_object(folder: Path) -> None:
     assert "page: http://127.0.0.1:" in done.stderr
 
 
-def test_a_run_that_fails_exits_with_1(folder: Path) -> None:
-    done = lgp_run(str(folder), "--speed", "0", "--no-page", "--fault", "stuck@1", "--patience", "1")
+def test_a_run_that_fails_exits_with_1(folder: Path, lgp_run: Callable[..., Done]) -> None:
+    done = lgp_run(str(folder), "--speed", "0", "--no-page", "--fault", "stuck@1", "--patience", "1.5")
     assert done.returncode == 1
     assert done.stdout.startswith("failed after")
     assert "was not finished in time" in done.stderr
 
 
-def test_trajectories_are_exported_without_a_run(folder: Path, tmp_path: Path) -> None:
+def test_trajectories_are_exported_without_a_run(folder: Path, tmp_path: Path, lgp_run: Callable[..., Done]) -> None:
     done = lgp_run(str(folder), "--export", str(tmp_path / "robot.mcap"), "--json")
     assert done.returncode == 0, done.stderr
     assert len(json.loads(done.stdout)["actions"]) == 3
@@ -60,7 +76,9 @@ def test_trajectories_are_exported_without_a_run(folder: Path, tmp_path: Path) -
         (("{}", "--host", "203.0.113.1", "--port", "1"), "--port"),
     ],
 )
-def test_bad_input_is_one_line(folder: Path, arguments: tuple[str, ...], words: str) -> None:
+def test_bad_input_is_one_line(
+    folder: Path, lgp_run: Callable[..., Done], arguments: tuple[str, ...], words: str
+) -> None:
     done = lgp_run(*(text.format(folder) for text in arguments), "--speed", "0")
     assert done.returncode == 2
     assert words in done.stderr

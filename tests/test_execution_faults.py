@@ -16,7 +16,7 @@ from tests.execution_plans import kinds, saved, went
 from tests.lgp_worlds import needs_robots
 
 pytestmark = needs_robots
-QUICK = Settings(patience=3.0, search=3.0)
+QUICK = Settings(patience=1.5, reminder=0.5, search=3.0)
 
 
 @pytest.fixture
