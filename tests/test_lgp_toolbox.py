@@ -16,7 +16,13 @@ from lgp.experiments.toolbox import CONDITIONS, Condition, _plain, _summary, sco
 from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST, heaviest, order_of, parts_of
 from lgp.experiments.toolbox_page import write_page
 from lgp.motion import Motion
+from lgp.path.bounds import PathBounds
+from lgp.path.memory import Memory
+from lgp.path.phases import Phases
 from lgp.plan import parse_sequence, task_of
+from lgp.world.collision import Collisions
+from lgp.world.model import World
+from lgp.world.switches import Modes
 
 HANDLE, SIDE = "toolbox/handle", "toolbox/side.left"
 
@@ -141,3 +147,62 @@ def test_the_page_shows_both_sequences(tmp_path: Path) -> None:
     assert "lgp experiment toolbox -o DIR" in words
     assert "://" not in html.replace("http://www.w3.org/2000/svg", "")
     assert summary["conditions"]["ergonomic"]["order"] == PLACE_FIRST
+
+
+@needs_robots
+def test_joined_parts_and_hands_at_work_may_touch() -> None:
+    world = World(lgp.load_scene("toolbox"))
+    phases = Phases.of(world.scene, parse_sequence(task_of(world.scene), paper("ergonomic")))
+    collisions = Collisions(world, Modes(world, phases.switches))
+    names = [tuple(collisions.bodies[side].name for side in pair) for pair in collisions.pairs]
+
+    def touching(first: str, second: str, phase: int) -> set[bool]:
+        pairs = [at for at, (one, two) in enumerate(names) if one.startswith(first) and two.startswith(second)]
+        assert pairs
+        return set(np.isinf(collisions.slack([phase])[0, pairs]).tolist())
+
+    # The side touches the handle from its place (phase 5 ends with it) on; the gripper from its hold (phase 6) on.
+    assert [touching(HANDLE, SIDE, phase) for phase in (4, 5, 7)] == [{False}, {True}, {True}]
+    assert [touching("baxter.right_w2", HANDLE, phase) for phase in (5, 6, 7)] == [{False}, {True}, {True}]
+    assert [touching("human.right_palm", SIDE, phase) for phase in (1, 6, 7)] == [{False}, {True}, {True}]
+
+
+@needs_robots
+def test_other_orders_start_from_the_best_motion_of_the_same_actions() -> None:
+    world = World(lgp.load_scene("toolbox"))
+    task = task_of(world.scene)
+    first, second = (Phases.of(world.scene, parse_sequence(task, paper(name))) for name in CONDITIONS)
+    memory = Memory(world)
+    assert memory.start(second, world.start) is None
+    rng = np.random.default_rng(0)
+    keys = rng.uniform(world.lower, world.upper, (first.count, world.nq))
+    size = Modes(world, first.switches).size
+    variables = rng.uniform(-1.0, 1.0, size)
+    memory.keep(first, 2.0, keys, variables)
+    memory.keep(first, 3.0, keys * 0.0, variables)
+    found = memory.start(second, world.start)
+    assert found is not None
+    left = np.flatnonzero(world.support("baxter.left"))
+    # Its grasp of the side is third in one order and fourth in the other; before it the arm is on its way there.
+    np.testing.assert_allclose(found[0][3][left], keys[2][left])
+    np.testing.assert_allclose(found[0][2][left], (keys[1][left] + keys[2][left]) / 2.0)
+    assert sorted(found[1].tolist()) == sorted(variables.tolist())
+    names = [
+        dict(zip(Modes(world, phases.switches).names, values, strict=True))
+        for phases, values in ((first, variables), (second, found[1]))
+    ]
+    assert names[0][f"3.{HANDLE}.yaw"] == names[1][f"2.{HANDLE}.yaw"]
+
+
+@needs_robots
+def test_poses_are_known_whatever_came_before() -> None:
+    bounds = PathBounds(World(lgp.load_scene("toolbox")), slices=3)
+    task = task_of(bounds.world.scene)
+    far = [task.action(f"grasp(human.right_hand, {part})") for part in (SIDE, HANDLE)]
+    near = task.action(f"hold(baxter.right, {HANDLE})")
+    alone = bounds.solve("pose", (far[0],), None)
+    assert not alone.feasible
+    assert alone.reason.startswith("phase 1, grasp(1, human.right_hand")
+    later = bounds.solve("pose", (near, far[0]), None)
+    assert later.reason.startswith("phase 2, grasp(2, human.right_hand")
+    assert not bounds.solve("pose", (far[1],), None).feasible

@@ -214,11 +214,11 @@ class Collisions:
         return held | {switch.hand.partition(".")[0] for switch in screwing}
 
     def _joined(self, one: str, other: str, phases: range) -> bool:
-        """Return whether two objects have a joint and both stand on tables in one of the phases."""
+        """Return whether two objects have a joint and are on one table in one of the phases."""
         if {one, other} not in [set(joint.parts) for joint in self.world.scene.joints]:
             return False
-        tables = self.world.scene.tables
-        return any(all(self.modes.holder(part, phase).by in tables for part in (one, other)) for phase in phases)
+        holders = ([self.modes.holder(part, phase).by for part in (one, other)] for phase in phases)
+        return any(first == second and first in self.world.scene.tables for first, second in holders)
 
     def _working(self, phase: int) -> set[tuple[str, str]]:
         """Return (frame, table) of hands that come from a table or go to one, (frame, frame) of two that meet."""
