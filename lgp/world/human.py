@@ -216,6 +216,7 @@ def capsules(stature: float, sex: str) -> list[Capsule]:
     ]
 
 
+@cache
 def joint_names() -> tuple[str, ...]:
     """Return the names of the 41 joints in the order of the model."""
     return tuple(joint.name for joint in joints(1.75, "male"))
