@@ -5,12 +5,18 @@ BIN := .venv/bin
 .PHONY: setup demo test lint docs bench constraints
 setup: .venv/.ready
 
-.venv/.ready: pyproject.toml constraints.txt
+# What the commands need; enough for the demo.
+.venv/.base: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable .
+	@touch $@
+
+# Everything, for tests, documentation and benchmarks.
+.venv/.ready: .venv/.base
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[dev]"
 	@touch $@
 
-demo: setup
+demo: .venv/.base
 	@mkdir -p out
 	$(BIN)/reba score datasets/balancing_keypoints.trc --report out/balancing.html
 	$(BIN)/reba info datasets/simulated_palletising.mcap
