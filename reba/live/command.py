@@ -12,13 +12,14 @@ from typing import Any
 import click
 
 from reba.errors import RebaError
+from reba.factors import Factors, checked
 from reba.live.alert import Alert
 from reba.live.follow import Follower
 from reba.live.growing import open_growing
 from reba.live.latency import Latency
 from reba.live.lines import Lines
 from reba.live.output import write_lines
-from reba.live.reading import Reading
+from reba.live.reading import Reading, neutral_until
 from reba.live.session import Session
 from reba.live.source import Source
 from reba.scores import named_activity
@@ -68,6 +69,11 @@ def activity_of(text: str) -> dict[str, bool]:
     return named_activity(text)
 
 
+def stdin_descriptor() -> int:
+    """Return the file descriptor of standard input."""
+    return sys.stdin.fileno()
+
+
 def run_live(place: str, options: Options) -> int:
     """Follow a source to its end, and return the exit code.
 
@@ -79,6 +85,8 @@ def run_live(place: str, options: Options) -> int:
         RebaError: the source or an option cannot be used; what was scored before is summed up all the same.
     """
     activity = activity_of(options.activity)
+    neutral_until(options.reading.neutral, 0.0)
+    checked(Factors.of({**activity, **options.factors}), 1)
     session = Session(options.rules, options.window, Alert(options.alert, options.hold))
     view = _view(options.foxglove)
     latency = Latency()
@@ -86,7 +94,7 @@ def run_live(place: str, options: Options) -> int:
     code = 0
     try:
         source: Source = (
-            Lines(sys.stdin.fileno(), _tell) if place == "-" else open_growing(Path(place), options.until_idle)
+            Lines(stdin_descriptor(), _tell) if place == "-" else open_growing(Path(place), options.until_idle)
         )
         follower = Follower(source, options.reading, options.factors, activity, _tell)
         _follow(follower, session, latency, view, options)

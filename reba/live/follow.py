@@ -10,7 +10,7 @@ from reba.errors import ProfileError, ReadError
 from reba.factors import Factors, checked, expand_sides
 from reba.live.bodies import Bodies
 from reba.live.frames import Frames
-from reba.live.reading import NotYet, Reading, neutral_until
+from reba.live.reading import NotYet, Reading
 from reba.live.rows import Rows
 from reba.live.source import Source
 from reba.readers.mcap import classified, gathered
@@ -27,6 +27,18 @@ AGAIN: Final = 0.5
 """[s] Of the recording between two attempts."""
 MOST: Final = 20_000
 """Messages of a channel after which settling ends, whatever their times say."""
+
+
+def once(tell: Callable[[str], None]) -> Callable[[str], None]:
+    """Return what tells each text once: what waits for settling is looked at several times."""
+    told: set[str] = set()
+
+    def tell_once(text: str) -> None:
+        if text not in told:
+            told.add(text)
+            tell(text)
+
+    return tell_once
 
 
 class Follower:
@@ -54,12 +66,11 @@ class Follower:
         activity: Mapping[str, bool],
         tell: Callable[[str], None],
     ) -> None:
-        neutral_until(reading.neutral, 0.0)
         self._known = profiles() if reading.profile == "auto" else (find_profile(reading.profile),)
         self.source, self.reading = source, reading
         self._factors, self._activity = expand_sides(factors), activity
         self._checked = checked(Factors.of({**activity, **factors}), 1)
-        self._tell = tell
+        self._tell = once(tell)
         self.stage: Bodies | Rows | None = None
         self.seen = 0.0
         self.epoch = 0.0
@@ -123,7 +134,9 @@ class Follower:
     def _decided(self, final: bool) -> Bodies | Rows:
         """Return the stage that fits the segments there are."""
         if not self.source.segments:
-            raise ReadError(self.source.path, "nothing came that could be scored", hint="check that it is being written")
+            raise ReadError(
+                self.source.path, "nothing came that could be scored", hint="check that it is being written"
+            )
         recording = gathered(self.source.path, classified(self.source), ReadLog())
         named = self.reading.profile != "auto"
         match = choose(recording, self._known, self.reading.topic, named=named)

@@ -49,7 +49,8 @@ class View:
         except ImportError as error:
             raise RebaError("--foxglove needs foxglove-sdk; install it with `pip install dreba[live]`") from error
         self._messages = messages
-        context = foxglove.Context()
+        # Kept: its channels close with it.
+        context = self._context = foxglove.Context()
         schema = foxglove.Schema(name="reba.Live", encoding="jsonschema", data=encoder()(record_schema()))
         self._scores = foxglove.Channel(TOPICS["scores"], schema=schema, message_encoding="json", context=context)
         self._figures = SceneUpdateChannel(TOPICS["figure"], context=context)

@@ -1,0 +1,199 @@
+"""`reba live` on a file that is being written: the numbers of `reba score`, and what can go wrong on the way."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+import mcap_builder as make
+import pytest
+from encode_motion import write_xsens_tf
+from live_sources import COMMAND, GrowingFile, assert_same, batch, moving_body, rewritten, run_live
+
+import reba
+from reba.live.follow import Follower
+from reba.live.growing import Growing, open_growing
+from reba.live.reading import Reading
+from reba.live.tally import Steps
+from reba.readers.mcap import open_mcap
+
+
+def recording(kind: str, folder: Path) -> Path:
+    path = folder / f"{kind}.mcap"
+    if kind == "frames":
+        write_xsens_tf(path, moving_body(250))
+        return path
+    return rewritten(path, 20.0, 32.0, chunked=kind == "chunked")
+
+
+@pytest.mark.parametrize("kind", ["chunked", "unchunked", "frames"])
+def test_a_growing_file_gives_the_scores_of_the_whole_one(kind: str, tmp_path: Path) -> None:
+    whole, growing = recording(kind, tmp_path), tmp_path / "growing.mcap"
+    growing.touch()
+    writer = GrowingFile(growing, whole.read_bytes())
+    writer.start()
+    code, lines, said = run_live(str(growing), "--load", "7", "--until-idle", "60")
+    writer.join()
+    assert code == 0, said
+    assert_same(lines[:-1], batch(whole, load=7.0))
+    summary = lines[-1]["summary"]
+    assert summary["frames"] == len(lines) - 1 > 200
+    scores = reba.score(reba.read(whole), activity="none", load=7.0).summary()
+    exposure = summary["exposure"]
+    assert exposure["seconds"] == pytest.approx(scores["seconds"], abs=1e-6)
+    assert exposure["mean_low"] == pytest.approx(scores["range"]["mean_low"], abs=1e-6)
+    for level, share in scores["action_levels"].items():
+        assert exposure["action_levels"][level] == pytest.approx(share * scores["seconds"], abs=1e-6)
+
+
+def followed(path: Path, reading: Reading | None = None) -> tuple[list[float], list[str], Follower]:
+    """Return the times of all frames of a file, what was told, and what followed."""
+    told: list[str] = []
+    follower = Follower(Growing(path), reading or Reading(), {}, {}, told.append)
+    times = [time for frames in follower.frames(0.0) for time in frames.time.tolist()]
+    return times, told, follower
+
+
+def test_a_neutral_posture_is_that_of_the_batch(tmp_path: Path) -> None:
+    whole = recording("unchunked", tmp_path)
+    for neutral in ("first:3s", "at:2.5"):
+        code, lines, said = run_live(str(whole), "--neutral", neutral, "--settle", "1s")
+        assert code == 0, said
+        assert_same(lines[:-1], batch(whole, neutral=neutral))
+        assert "subtracted" in said
+
+
+def test_nothing_is_kept_of_what_was_scored(tmp_path: Path) -> None:
+    times, _, follower = followed(recording("unchunked", tmp_path))
+    source = follower.source
+    assert len(times) == 300
+    assert source.segments == []
+    stage = follower.stage
+    assert stage is not None
+    assert len(stage._root.pose.time) < 200  # type: ignore[union-attr]
+
+
+def test_a_file_without_end_stops_when_it_is_silent(tmp_path: Path) -> None:
+    whole = recording("unchunked", tmp_path).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) * 2 // 3])
+    code, lines, _ = run_live(str(cut), "--until-idle", "0.2")
+    assert code == 0
+    assert_same(lines[:-1], batch(cut))
+
+
+def test_interrupting_still_gives_the_summary(tmp_path: Path) -> None:
+    whole = recording("unchunked", tmp_path).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[:-2000])
+    with subprocess.Popen([COMMAND, "live", str(cut)], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        assert running.stdout is not None
+        first = json.loads(running.stdout.readline())
+        running.send_signal(signal.SIGINT)
+        out, _ = running.communicate(timeout=60)
+    assert first["time"] == 0.0
+    assert running.returncode == 130
+    assert json.loads(out.splitlines()[-1])["summary"]["interrupted"] is True
+
+
+@pytest.mark.parametrize("change", ["replaced", "cut", "removed"])
+def test_another_file_under_the_name_is_an_error(change: str, tmp_path: Path) -> None:
+    whole = recording("unchunked", tmp_path)
+    data = whole.read_bytes()
+    path = tmp_path / "growing.mcap"
+    path.write_bytes(data[:200_000])
+    source = open_growing(path, 0.0)
+    while source.grow() is not None:
+        pass
+    if change == "replaced":
+        os.replace(whole, path)
+    elif change == "cut":
+        path.write_bytes(data[:1000])
+    else:
+        path.unlink()
+    word = {"replaced": "replaced by another", "cut": "became shorter", "removed": "gone"}[change]
+    with pytest.raises(reba.ReadError, match=word):
+        source.grow()
+
+
+def test_a_record_that_never_can_be_complete_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(make.MAGIC + make.record(5, b"abc", length=1 << 62))
+    with pytest.raises(reba.ReadError, match="exceeds the limit"):
+        open_growing(path, 0.0).grow()
+
+
+def test_records_come_complete_whatever_is_written_so_far(tmp_path: Path) -> None:
+    data = make.build(make.whole())
+    path = tmp_path / "growing.mcap"
+    path.write_bytes(data[:8])
+    source, seen, at = Growing(path), 0, 8
+    for stop in range(8, len(data) + 7919, 7919):
+        with path.open("ab") as file:
+            file.write(data[at:stop])
+        at = max(at, stop)
+        while (segment := source.grow()) is not None:
+            seen += len(source.load(segment).scan.times)
+            source.forget()
+    assert seen == make.COUNT
+    assert source.finished
+
+
+def test_later_frames_that_contradict_the_first_are_told_once(tmp_path: Path) -> None:
+    path = tmp_path / "late.mcap"
+    names, rows = [*make.NAMES], make.positions() * 0.1
+    profile = tmp_path / "six.toml"
+    profile.write_text(PROFILE)
+    rows[:500, 2] = 0.0
+    stamps = [make.EPOCH_NS + at * make.STEP_NS for at in range(len(rows))]
+    messages = [make.joint_state(stamp, names, row) for stamp, row in zip(stamps, rows, strict=True)]
+    path.write_bytes(make.build(make.whole(messages)))
+    times, told, follower = followed(path, Reading(profile=str(profile)))
+    assert len(times) == make.COUNT
+    contradictions = [text for text in told if "contradicts" in text]
+    assert len(contradictions) == 1
+    assert "lower_arm_flexion_left" in contradictions[0]
+    assert follower.stage is not None
+    assert "lower_arm_flexion_left" in follower.stage.unmeasured
+
+
+PROFILE = """
+name = "six"
+title = "Six joints"
+source = "tests"
+kind = "joints"
+unit = "rad"
+mirror = false
+required = ["trunk"]
+
+[columns]
+trunk_flexion = "trunk"
+neck_flexion = "neck"
+lower_arm_flexion_left = "left_elbow"
+lower_arm_flexion_right = "right_elbow"
+knee_flexion_left = "left_knee"
+knee_flexion_right = "right_knee"
+"""
+
+
+def test_the_peek_sees_past_many_small_segments(tmp_path: Path) -> None:
+    path = recording("unchunked", tmp_path)
+    assert {stream.name for stream in open_mcap(path).streams} == {"/joint_states", "/tf"}
+
+
+def test_a_gap_counts_one_period() -> None:
+    steps = Steps()
+    assert [steps.add(step) for step in (0.04, 0.04, 3.0, 0.04)] == [False, False, True, False]
+    assert steps.period() == 0.04
+
+
+@pytest.mark.parametrize(
+    ("name", "word"), [("none.mcap", "no such file"), ("", "not a file"), ("text.mcap", "magic bytes")]
+)
+def test_what_is_no_growing_recording_is_refused(name: str, word: str, tmp_path: Path) -> None:
+    (tmp_path / "text.mcap").write_text("time,trunk_flexion\n")
+    with pytest.raises(reba.ReadError, match=word):
+        open_growing(tmp_path / name, 0.0)

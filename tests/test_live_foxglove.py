@@ -1,0 +1,113 @@
+"""Scores and the figure over the WebSocket that Foxglove and Lichtblick connect to."""
+
+from __future__ import annotations
+
+import builtins
+import json
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from test_live_parts import frames
+
+from reba.errors import RebaError
+from reba.live.alert import Alert
+from reba.live.session import Session
+
+pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
+websocket = pytest.importorskip("websocket", reason="websocket-client is not installed")
+
+from foxglove import messages  # noqa: E402
+
+from reba.live.foxglove import TOPICS, View  # noqa: E402
+
+PROTOCOLS = ["foxglove.sdk.v1", "foxglove.websocket.v1"]
+
+
+@pytest.fixture
+def view() -> Iterator[View]:
+    served = View(port=0)
+    yield served
+    served.close()
+
+
+def test_a_client_gets_scores_and_a_figure(view: View) -> None:
+    client = websocket.create_connection(view.address, subprotocols=PROTOCOLS, timeout=20)
+    try:
+        channels = _channels(client)
+        assert set(channels) == set(TOPICS.values())
+        scores, figure = (channels[TOPICS[name]] for name in ("scores", "figure"))
+        assert (scores["encoding"], scores["schemaEncoding"]) == ("json", "jsonschema")
+        assert "reba_low" in json.loads(scores["schema"])["properties"]
+        assert figure["schemaName"] == "foxglove.SceneUpdate"
+        wanted = [{"id": number, "channelId": channel["id"]} for number, channel in enumerate((scores, figure))]
+        client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+        session = Session("measured", 1.0, Alert(8, 1.0))
+        got: dict[int, bytes] = {}
+        at = 0
+        while len(got) < 2:
+            # A subscription takes effect some time after it was sent.
+            given = frames([1, 9], start=at / 10)
+            view.publish(given, *session.add(given), epoch=1_700_000_000.0)
+            at += 1
+            client.settimeout(0.2)
+            got |= _messages(client)
+        record = json.loads(got[0])
+        assert record["reba_low"] == record["reba_high"] == record["reba"]
+        assert set(record) >= {"time", "window", "exposure", "alert"}
+        assert b"person" in got[1]
+        assert b"REBA " in got[1]
+    finally:
+        client.close()
+
+
+def _channels(client: Any) -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = {}
+    while len(found) < len(TOPICS):
+        message = json.loads(client.recv())
+        if message["op"] == "advertise":
+            found |= {channel["topic"]: channel for channel in message["channels"]}
+    return found
+
+
+def _messages(client: Any) -> dict[int, bytes]:
+    """Return the newest message of each subscription."""
+    found: dict[int, bytes] = {}
+    try:
+        while True:
+            data = client.recv()
+            if isinstance(data, bytes) and data[:1] == b"\x01":
+                found[struct.unpack_from("<I", data, 1)[0]] = data[13:]
+    except websocket.WebSocketTimeoutException:
+        return found
+
+
+def test_the_figure_is_what_the_sdk_makes_of_it(view: View) -> None:
+    session = Session("measured", 1.0, Alert(8, 1.0))
+    given = frames([9])
+    records, scores = session.add(given)
+    from reba.live.skeleton import figure
+
+    update = view._scene(figure(given.angles[0], scores, 0), records[0], 10**9)
+    assert isinstance(update, messages.SceneUpdate)
+    assert len(update.encode()) > 500
+
+
+def test_a_port_that_is_taken_is_one_line(view: View) -> None:
+    port = int(view.address.rpartition(":")[2])
+    with pytest.raises(RebaError, match=f"port {port} cannot be used"):
+        View(port=port)
+
+
+def test_without_the_sdk_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = builtins.__import__
+
+    def without(name: str, *rest: Any, **more: Any) -> Any:
+        if name.partition(".")[0] == "foxglove":
+            raise ImportError(name)
+        return original(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(RebaError, match=r"dreba\[live\]"):
+        View(port=0)
