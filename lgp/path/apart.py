@@ -20,6 +20,8 @@ ROUNDS = 8
 """Choices of rows."""
 STEPS = 8
 """Iterations between them."""
+SETTLED = 1e-5
+"""Promised decrease of the cost, relative to it, that is not waited for: rows that come and go change it by more."""
 LONGEST = 0.3
 """[rad, m] Distances bend too much to trust longer steps."""
 
@@ -43,12 +45,17 @@ def apart(
         if violated:
             problem = make(rows)
         budget = STEPS if violated and number < ROUNDS - 1 else options.iterations
-        limited = replace(options, iterations=budget, longest_step=min(LONGEST, options.longest_step))
+        limited = replace(settled(options), iterations=budget, longest_step=min(LONGEST, options.longest_step))
         result = Solver(limited).solve(problem, result.x, warm=_longer(result, problem))
         if result.status is Status.INFEASIBLE or len(result.iterations) <= budget:
             # It ended by itself: nothing is left to do for these rows.
             budget = options.iterations
     return problem, result
+
+
+def settled(options: Options) -> Options:
+    """Return settings that stop where costs of paths with rows for collisions no longer change visibly."""
+    return replace(options, decrease=max(options.decrease, SETTLED), kkt=max(options.kkt, 10.0 * SETTLED))
 
 
 def _longer(warm: Result, problem: PathProblem) -> Result:

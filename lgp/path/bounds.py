@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.logic import Action
-from lgp.path.apart import apart
+from lgp.path.apart import apart, settled
 from lgp.path.collision_rows import CollisionRows
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.feasible import CLOSE, nearest
@@ -271,6 +271,7 @@ class PathBounds:
         variables = earlier.variables
         result: Result | None = None
         options = self.options if self._stages == 1 else SHARP
+        options = settled(options) if self.collisions else options
         for stage in range(self._stages):
             problem = self.problem("path", phases, stage)
             # Scores get sharper from stage to stage; the multipliers of the last one start the next.
