@@ -32,6 +32,8 @@ SHORT = 0.05
 """Accepted share of a step below which the model was poor and the next one is damped."""
 LATE = 10.0
 """A promised decrease this many times the one that ends a solve calls for polishing violations away."""
+NEARLY = 30.0
+"""Violations up to this many times the one allowed are no sign of rows that contradict each other."""
 RETRIES = 8
 """Dampings tried at one point when no length of the step is accepted."""
 
@@ -134,10 +136,10 @@ class _Run:
             return Status.OPTIMAL
         if cost < -BOTTOM * max(1.0, abs(first)):
             return Status.UNBOUNDED
-        if now.violation > options.violation:
+        if now.violation > NEARLY * options.violation:
             if self._gives_up(now.violation, model):
                 return Status.INFEASIBLE
-        else:
+        elif now.violation <= options.violation:
             self.least, self.stagnant, self.raises = np.inf, 0, 0
         if len(self.log) >= options.iterations:
             return Status.ITERATIONS
