@@ -71,12 +71,22 @@ def test_far_from_its_rows_a_model_keeps_no_negative_curvature() -> None:
 
 def test_variables_that_nothing_costs_keep_no_negative_curvature() -> None:
     condensed = Condensed(np.array([[1.0]]), np.array([[1.0]]))
-    test = Convexity([(np.array([0]), condensed)], [np.array([0, 1])], [np.array([0, 1])], (1, 1))
-    (found,) = test.convexify([np.diag([0.0, -1.0])], [np.array([[1.0, 0.0]])], 0.0)
-    assert found == pytest.approx(np.zeros((2, 2)))
-    # Rows that tie the variable to the joint hold it.
-    (found,) = test.convexify([np.diag([0.0, -1.0])], [np.array([[1.0, -1.0]])], 0.0)
-    assert found == pytest.approx(np.diag([0.0, -1.0]))
+    falling, both = np.diag([0.0, -1.0]), np.array([0, 1])
+    # Rows that tie the variable to the joint hold it; rows on the joint alone do not.
+    for row, kept in (([1.0, 0.0], 0.0), ([1.0, -1.0], -1.0)):
+        test = Convexity([(np.array([0]), condensed)], [both], [both], (1, 1))
+        (found,) = test.convexify([falling], [np.array([row])], 0.0)
+        assert found == pytest.approx(np.diag([0.0, kept]))
+
+
+def test_what_is_kept_grows_again_where_it_may() -> None:
+    test, stiff = convexity()
+    jacobian = np.array([[1.0, 0.0, 0.0]])
+    steeper, mild = (np.diag([0.0, -share * stiff[1], 2.0]) for share in (9.0, 0.9))
+    test.convexify([steeper], [jacobian], 0.0)
+    found = [float(test.convexify([mild], [jacobian], 0.0)[0][1, 1]) for _ in range(3)]
+    assert found[0] > found[1] > found[2]
+    assert found[2] == pytest.approx(mild[1, 1])
 
 
 @pytest.mark.parametrize(("kind", "sums"), [("convex", True), ("soft", False)])

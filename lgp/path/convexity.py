@@ -46,6 +46,7 @@ class Convexity:
         sizes: tuple[int, int],
     ) -> None:
         nq, nz = sizes
+        self._number = 0
         tail = len(groups[0][1].cost) * nq
         every = np.concatenate([np.zeros(0, np.intp), *columns, *rows])
         joints, at = (np.unique(part) for part in (every[every < tail] % nq, every[every < tail] // nq))
@@ -82,10 +83,13 @@ class Convexity:
         fixed = self._cost.copy()
         for rows, jacobian in zip(self._rows, jacobians, strict=False):
             fixed[np.ix_(rows, rows)] += PRICE * self._scale * jacobian.T @ jacobian
-        for share in SHARES:
-            blocks = [clipped + share * (bend - clipped) for clipped, bend in split]
+        # What held at the last point nearly always holds at the next one; a little more is tried first.
+        for number in range(max(self._number - 2, 0), len(SHARES)):
+            blocks = [clipped + SHARES[number] * (bend - clipped) for clipped, bend in split]
             if self._holds(fixed, blocks):
+                self._number = number
                 return blocks
+        self._number = len(SHARES)
         return [clipped for clipped, _ in split]
 
     def _holds(self, fixed: Array, blocks: Sequence[Array]) -> bool:
