@@ -135,7 +135,7 @@ def test_the_page_shows_both_sequences(tmp_path: Path) -> None:
     scene = found.scene
     summary = {
         "published": published.TOOLBOX_SOURCE,
-        "settings": {"scene": scene.name},
+        "settings": {"scene": scene.name, "collisions": False},
         "conditions": {name: _summary(name, one, scene) for name in CONDITIONS},
         "weights": [{"weight": 1.0, "order": order, **parts_of(found)} for order in ORDERS],
     }
