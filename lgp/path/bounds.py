@@ -46,6 +46,8 @@ HOPELESS = 0.03
 """[m, rad] A pose whose nearest point violates its constraints by more is refused without asking the solver."""
 TRIES = 3
 """Starts before a pose or a sequence counts as infeasible, random ones from a fixed seed after the first."""
+AROUND = (0.15, 0.15, 0.3, 0.5)
+"""How far the random starts of a sequence go from what is known towards anywhere."""
 
 
 @dataclass(frozen=True)
@@ -308,7 +310,9 @@ class PathBounds:
             sure.append(rested)
         rng = np.random.default_rng(0)
         lower, upper = self.world.lower, self.world.upper
-        others = [first + 0.5 * (rng.uniform(lower, upper, first.shape) - first) for _ in range(TRIES - 1)]
+        # A pose may be anywhere; of many at once each stray one spoils the rest.
+        shares = AROUND if len(first) > 1 else [0.5] * (TRIES - 1)
+        others = [first + share * (rng.uniform(lower, upper, first.shape) - first) for share in shares]
         return sure, others
 
 
