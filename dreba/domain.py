@@ -217,7 +217,7 @@ def domain_of(which: str | Path | Domain) -> Domain:
 def _parse(text: str, where: str) -> Domain:
     try:
         given = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise DomainError(f"{where}: not TOML ({error})") from error
     known = {"name", "title", "source", "rules", "load", "limits", "bins", "sides"}
     for key in given:

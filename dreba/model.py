@@ -273,7 +273,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
         for name, ndim in self.learned.items():
             try:
                 array = np.asarray(state[name], np.float64)
-            except (TypeError, ValueError) as error:
+            except (TypeError, ValueError, OverflowError) as error:
                 raise ModelError(f"{name} holds something that is no number") from error
             if array.ndim != ndim or not np.isfinite(array).all():
                 raise ModelError(f"{name} has shape {array.shape} or holds NaN; expected {ndim} dimensions, finite")

@@ -119,5 +119,7 @@ class Poses:
             factors = Factors(**{name: data[name].to_numpy() for name in FACTORS}) if "load" in data else None
             angles = data[list(COLUMNS)].to_numpy(np.float64)
             return Poses(angles, data["reba"].to_numpy(np.uint8), factors, json.loads(note))
-        except (OSError, pa.ArrowException, KeyError, json.JSONDecodeError) as error:
+        except SampleError:
+            raise
+        except (OSError, pa.ArrowException, KeyError, ValueError, TypeError, RecursionError) as error:
             raise SampleError(f"{path}: cannot be read as poses ({error}); draw them again") from error

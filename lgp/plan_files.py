@@ -18,8 +18,19 @@ from reba.posture import COLUMNS
 FORMAT: Final = "lgp-plan"
 VERSION: Final = 1
 """Rises when a reader of the former version would misread a plan."""
-PLAIN: Final = ("feasible", "status", "reason", "costs", "residuals", "solver", "search", "variables")
-"""Fields that JSON holds as they are."""
+PLAIN: Final[dict[str, type]] = {
+    "feasible": bool,
+    "status": str,
+    "reason": str,
+    "costs": dict,
+    "residuals": dict,
+    "solver": dict,
+    "search": dict,
+    "variables": dict,
+}
+"""Fields that JSON holds as they are, with their types."""
+NUMBERS: Final = ("costs", "residuals", "variables")
+"""Those that hold nothing but numbers by name."""
 
 
 def save(plan: Plan, folder: Path) -> None:
@@ -56,7 +67,11 @@ def load(folder: Path) -> Plan:
         for name, value in data["search"].items()
     }
     fields["scene"] = _scene(file, data["scene"])
-    fields |= {"actions": tuple(data["actions"]), "joints": tuple(data["joints"]), "start": np.array(data["start"])}
+    fields |= {"actions": tuple(data["actions"]), "joints": tuple(data["joints"])}
+    try:
+        fields["start"] = np.array(data["start"], dtype=float)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise LgpError(f"{file}: 'start' holds no numbers ({error}); the file is damaged, plan again") from error
     if data["feasible"]:
         fields |= _tables(folder, fields["joints"])
     return Plan(**fields)
@@ -65,7 +80,7 @@ def load(folder: Path) -> Plan:
 def _read(file: Path) -> dict[str, Any]:
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise LgpError(f"{file}: cannot be read as a plan ({error}); give a folder that `lgp plan -o` wrote") from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise LgpError(f'{file}: not a plan: its "format" is not "{FORMAT}"')
@@ -74,7 +89,23 @@ def _read(file: Path) -> dict[str, Any]:
     missing = [name for name in (*PLAIN, "scene", "actions", "joints", "start") if name not in data]
     if missing:
         raise LgpError(f"{file}: {missing[0]!r} is missing; the file is damaged")
+    _check(file, data)
     return data
+
+
+def _check(file: Path, data: dict[str, Any]) -> None:
+    """Refuse a plan whose fields are not of their types."""
+    wrong = [name for name, kind in PLAIN.items() if not isinstance(data[name], kind)]
+    wrong += [name for name in NUMBERS if name not in wrong and not all(map(_is_number, data[name].values()))]
+    for name in ("actions", "joints"):
+        if not isinstance(data[name], list) or not all(isinstance(part, str) for part in data[name]):
+            wrong.append(name)
+    if wrong:
+        raise LgpError(f"{file}: {wrong[0]!r} is not as `lgp plan -o` writes it; the file is damaged, plan again")
+
+
+def _is_number(value: Any) -> bool:
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
 
 
 def _scene(file: Path, data: Any) -> Scene:
@@ -90,20 +121,29 @@ def _scene(file: Path, data: Any) -> Scene:
 
 def _tables(folder: Path, joints: tuple[str, ...]) -> dict[str, Any]:
     import pandas as pd
+    import pyarrow as pa
 
+    postures = folder / "postures.parquet"
     try:
         path = pd.read_parquet(folder / "path.parquet")
-        postures = folder / "postures.parquet"
         posture = pd.read_parquet(postures) if postures.is_file() else None
-    except (OSError, ValueError) as error:
+        if list(path.columns) != ["time", "phase", *joints]:
+            raise LgpError(f"{folder}: path.parquet does not hold the joints of plan.json; plan again")
+        fields: dict[str, Any] = {
+            "time": path["time"].to_numpy(np.float64),
+            "phase": path["phase"].to_numpy(np.intp),
+            "path": path[list(joints)].to_numpy(np.float64),
+            "carried": np.zeros(len(path)),
+        }
+        if posture is not None:
+            angles, carried = posture[list(COLUMNS)].to_numpy(np.float64), posture["load"].to_numpy(np.float64)
+            fields |= {"posture": angles, "carried": carried}
+    except LgpError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         raise LgpError(f"{folder}: its motion cannot be read ({error}); plan again") from error
-    if list(path.columns) != ["time", "phase", *joints]:
-        raise LgpError(f"{folder}: path.parquet does not hold the joints of plan.json; plan again")
-    fields = {"time": path["time"].to_numpy(), "phase": path["phase"].to_numpy(), "path": path[list(joints)].to_numpy()}
-    if posture is not None:
-        fields |= {"posture": posture[list(COLUMNS)].to_numpy(), "carried": posture["load"].to_numpy()}
-    else:
-        fields["carried"] = np.zeros(len(path))
+    if len(fields["carried"]) != len(path):
+        raise LgpError(f"{folder}: postures.parquet has not the rows of path.parquet; plan again")
     return fields
 
 

@@ -7,12 +7,24 @@ the command line prints as it is.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Final
+
+LONGEST: Final = 2000
+"""Characters of a message; what is longer came from the input and loses its middle."""
 
 
 class RebaError(ValueError):
-    """Base of every error that this package raises on purpose."""
+    """Base of every error that this package raises on purpose; its text is one line of printable characters.
+
+    >>> str(RebaError("row 3\n is \x1b[31mred"))
+    'row 3 is \\x1b[31mred'
+    """
+
+    def __init__(self, text: str = "") -> None:
+        super().__init__(_one_line(text))
 
 
 class RulesError(RebaError):
@@ -49,6 +61,16 @@ class ReadError(RebaError):
 
 def _read_error(path: str, what: str, hint: str, offset: int | None) -> ReadError:
     return ReadError(path, what, hint=hint, offset=offset)
+
+
+def _one_line(text: str) -> str:
+    # Names and values of damaged files end up in messages, with whatever they hold.
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST - 600]} ... {text[-500:]}"
+    if text.isprintable():
+        return text
+    text = re.sub(r"\s*[\r\n]+\s*", " ", text)
+    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

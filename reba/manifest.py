@@ -116,7 +116,7 @@ class Manifest:
         for number, (place, data) in enumerate(self._lines(), 1):
             try:
                 self._add(json.loads(data), place, len(data))
-            except (ValueError, KeyError, TypeError, AttributeError) as error:
+            except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
                 raise RebaError(
                     f"{self.path}: line {number} is damaged ({error}); delete the line to score its recording again"
                 ) from error

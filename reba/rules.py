@@ -132,7 +132,7 @@ class Rules:
         except (OSError, UnicodeDecodeError) as error:
             why = getattr(error, "strerror", None) or error
             raise RulesError(f"{path}: cannot be read as rules ({why}); give a TOML file or a preset") from error
-        except tomllib.TOMLDecodeError as error:
+        except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and deep nesting
             raise RulesError(f"{path}: not TOML ({error})") from error
         preset = given.pop("preset", "measured")
         if str(preset) not in PRESETS:

@@ -103,7 +103,7 @@ class RunStore:
             return
         try:
             before = json.loads(file.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise LgpError(f"{file}: cannot be read ({error}); give another folder") from error
         if not isinstance(before, dict):
             raise LgpError(f"{file}: holds no settings; give another folder")
@@ -127,7 +127,7 @@ class RunStore:
             try:
                 data = json.loads(line)
                 runs, paths = _frame(data["runs"], RUN_COLUMNS), _frame(data["paths"], PATH_COLUMNS)
-            except (ValueError, KeyError, TypeError) as error:
+            except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
                 raise LgpError(
                     f"{file}: line {number} is damaged ({error}); delete it to make its run again"
                 ) from error

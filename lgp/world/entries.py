@@ -50,13 +50,15 @@ class Entries:
             raise SceneError(f"{self.where}: {key} is {list(value)}, expected a direction")
         return tuple(part / length for part in value)
 
-    def text(self, key: str, default: str | None = None, choices: Iterable[str] = ()) -> str:
-        """Return a string, one of the choices if there are any."""
+    def text(self, key: str, default: str | None = None, choices: Iterable[str] | None = None) -> str:
+        """Return a string, one of the choices if they are given."""
         value = self._value(key, default)
-        known = list(choices)
-        if not isinstance(value, str) or (known and value not in known):
+        known = list(choices or ())
+        if not isinstance(value, str) or (choices is not None and value not in known):
             hint = did_you_mean(value, known) if isinstance(value, str) else ""
-            expected = f"one of {', '.join(known)}" if known else "a text"
+            expected = f"one of {', '.join(known) or 'those that are given (there is none)'}"
+            if choices is None:
+                expected = "a text"
             raise SceneError(f"{self.where}: {key} is {value!r}, expected {expected}{hint}")
         return value
 

@@ -54,7 +54,7 @@ def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> S
         values = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(f"{path}: cannot be read ({error}); give a TOML text file") from error
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and deep nesting
         raise SceneError(f"{path}: not TOML: {error}; mend the line") from error
     return read_scene(values, path.stem, changes)
 
@@ -93,7 +93,10 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
 
 def _changed(values: Mapping[str, Any], changes: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Return a copy with dotted keys replaced; only keys that the file holds can be."""
-    result = copy.deepcopy(dict(values))
+    try:
+        result = copy.deepcopy(dict(values))
+    except RecursionError as error:
+        raise SceneError(f"{name}: its values are nested too deeply; write the scene flat") from error
     for dotted, value in changes.items():
         *parents, last = dotted.split(".")
         inner: Any = result

@@ -41,7 +41,7 @@ def load_profile(path: Path) -> Profile:
             given = tomllib.load(file)
     except OSError as error:
         raise ProfileError(f"profile {path}: {error.strerror or error}; give the path of a TOML file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise ProfileError(f"profile {path}: not TOML: {error}; mend the file") from error
     return parse_profile(given, str(path))
 

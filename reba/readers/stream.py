@@ -28,6 +28,10 @@ points: x y z [m] per name, in one world frame.
 angles: columns of the posture table, already in degrees and by their contract names (and factor columns)."""
 
 
+MOST_WARNINGS = 100
+"""Warnings of one recording that are kept; a damaged file can give one for each of its fields."""
+
+
 @dataclass(frozen=True)
 class Block:
     """Consecutive samples of a stream.
@@ -72,9 +76,9 @@ class ReadLog:
         self.skipped += count
 
     def warn(self, text: str) -> None:
-        """Note a warning once."""
-        if text not in self.warnings:
-            self.warnings.append(text)
+        """Note a warning once, and no more of them than anybody reads."""
+        if len(self.warnings) < MOST_WARNINGS and text not in self.warnings:
+            self.warnings.append(text if len(self.warnings) < MOST_WARNINGS - 1 else "further warnings are left out")
 
 
 BlockReader = Callable[[ReadLog, Sequence[str] | None], Iterator[Block]]

@@ -1,0 +1,94 @@
+"""One input: what became of it, and the process that tries inputs under a bound of memory."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import sys
+import tempfile
+import traceback
+import warnings
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from targets import TARGETS, Target
+
+from reba.errors import RebaError
+
+MEMORY = 1 << 30
+"""[bytes] That a process may map beyond what it has mapped once all seeds are read."""
+
+Outcome = Literal["read", "refused", "finding"]
+
+
+class Result(NamedTuple):
+    """What became of one input; `what` names the error."""
+
+    outcome: Outcome
+    what: str
+
+
+def check(target: Target, data: bytes) -> Result:
+    """Use one input: it is read, refused with an error of the package in one line, or a finding."""
+    folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
+    path = folder / target.file
+    path.write_bytes(data)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            target.use(path)
+    except RebaError as error:
+        text = str(error)
+        if "\n" in text or not 0 < len(text) < 20_000:
+            return Result(
+                "finding", f"{type(error).__name__} of {len(text)} characters, {text.count(chr(10))} newlines"
+            )
+        return Result("refused", type(error).__name__)
+    except BaseException as error:  # whatever else passes through is what is looked for
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        place = traceback.extract_tb(error.__traceback__)
+        own = [f for f in place if any(part in f.filename for part in ("/reba/", "/dreba/", "/lgp/"))] or place
+        where = f"{Path(own[-1].filename).name}:{own[-1].lineno}"
+        return Result("finding", f"{type(error).__name__} at {where}: {' '.join(str(error).split())[:160]}")
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    return Result("read", "")
+
+
+def work(name: str, seed: int, numbers: range, memory: int, pipe: Connection) -> None:
+    """Try inputs one after another; tell the number before each, its result after it, and the memory at the end."""
+    target = TARGETS[name]
+    # Libraries in C complain on their own about damaged files.
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), sys.stderr.fileno())
+    for data in target.seeds:
+        check(target, data)
+    before = peak()
+    limit(memory)
+    for number in numbers:
+        pipe.send((number, None))
+        pipe.send((number, check(target, target.input(seed, number))))
+    pipe.send((-1, peak() - before))
+    pipe.close()
+
+
+def limit(memory: int) -> None:
+    """Let this process map so many bytes more than it has now, where the system can do it."""
+    with contextlib.suppress(ImportError, OSError, ValueError):
+        import resource
+
+        mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (mapped + memory, mapped + memory))
+
+
+def peak() -> int:
+    """Return the most memory that this process ever held [bytes], 0 where the system does not say."""
+    try:
+        import resource
+    except ImportError:
+        return 0
+    held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return held if sys.platform == "darwin" else held * 1024

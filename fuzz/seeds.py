@@ -1,0 +1,288 @@
+"""Small valid inputs of every reader and loader, made by the writers of the package and of its tests."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pandas as pd
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "datasets")]
+
+FRAMES = 4
+
+
+def _shipped(pattern: str) -> list[bytes]:
+    return [path.read_bytes() for path in sorted(ROOT.glob(pattern))]
+
+
+def mcap() -> list[bytes]:
+    """Joint states packed, stored and without chunks; frames and transforms in CDR, JSON and Protobuf."""
+    import encode_motion
+    import mcap_builder as make
+    from body_motion import PARENTS, BodyMotion
+
+    plan = make.whole(make.payloads()[:FRAMES])
+    stored = {"compression": "", "pack": bytes}
+    found = [make.build(plan), make.build(make.replace(plan, **stored)), make.build(make.replace(plan, chunked=False))]
+    names = tuple(dict.fromkeys(["pelvis", *PARENTS.values(), *PARENTS]))
+    rng = np.random.default_rng(0)
+    motion = BodyMotion(
+        np.arange(FRAMES) / 60.0,
+        names,
+        np.tile(np.eye(3), (FRAMES, len(names), 1, 1)),
+        rng.uniform(0.0, 1.0, (FRAMES, len(names), 3)),
+    )
+    writers = (
+        encode_motion.write_human_urdf,
+        encode_motion.write_xsens_tf,
+        encode_motion.write_ros4hri,
+        encode_motion.write_foxglove_json,
+        encode_motion.write_foxglove_protobuf,
+    )
+    with TemporaryDirectory() as folder:
+        for number, write in enumerate(writers):
+            path = Path(folder) / f"{number}.mcap"
+            write(path, motion)
+            found.append(path.read_bytes())
+    return found
+
+
+def _points(profile: str) -> list[str]:
+    from reba.readers.profile import find_profile
+
+    known = find_profile(profile)
+    return list(dict.fromkeys([*known.names, *known.marks]))
+
+
+def c3d() -> list[bytes]:
+    """Floats and integers, Intel and MIPS, and a body of Plug-in Gait markers."""
+    from c3d_bytes import DEC, MIPS, c3d_bytes
+
+    xyz = np.arange(36.0).reshape(3, 4, 3) * 20
+    body = _points("markers_plug_in_gait")
+    places = np.random.default_rng(1).uniform(0.0, 1800.0, (FRAMES, len(body), 3))
+    return [
+        c3d_bytes(["A", "B", "s:C", "*1"], xyz, texts={"ANGLES": ["B"]}, analogs=2),
+        c3d_bytes(["A", "B", "C", "D"], xyz, scale=0.1, processor=MIPS),
+        c3d_bytes(["A", "B", "C", "D"], xyz, processor=DEC),
+        c3d_bytes(body, places),
+    ]
+
+
+def bvh() -> list[bytes]:
+    """Three joints, and a body with the names of MotionBuilder."""
+    from test_reader_bvh import SMALL
+
+    names = [name for name in _points("bvh_motionbuilder") if name != "Hips"]
+    channels = "OFFSET 0 10 0\nCHANNELS 3 Zrotation Yrotation Xrotation\n"
+    joints = "".join(f"JOINT {name}\n{{\n{channels}End Site\n{{\nOFFSET 0 1 0\n}}\n}}\n" for name in names)
+    row = " ".join(["5"] * (6 + 3 * len(names)))
+    body = (
+        "HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\n"
+        "CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation\n"
+        f"{joints}}}\nMOTION\nFrames: {FRAMES}\nFrame Time: 0.02\n" + f"{row}\n" * FRAMES
+    )
+    return [SMALL.encode(), body.encode()]
+
+
+def opensim() -> list[bytes]:
+    """Three coordinates, and those of a body, in degrees and in radians."""
+    from test_reader_opensim import SMALL
+
+    names = _points("opensim")
+    row = "\t".join(["5.5"] * len(names))
+    head = f"Coordinates\nversion=1\nnRows={FRAMES}\nnColumns={len(names) + 1}\ninDegrees=yes\nendheader\ntime\t"
+    body = head + "\t".join(names) + "\n" + "".join(f"{at / 100}\t{row}\n" for at in range(FRAMES))
+    return [SMALL.encode(), body.encode(), body.replace("=yes", "=no").encode()]
+
+
+def trc() -> list[bytes]:
+    """Four markers, and the first frames of the recording in `datasets/`."""
+    from test_reader_trc import SMALL
+
+    lines = (ROOT / "datasets" / "balancing_keypoints.trc").read_bytes().splitlines(keepends=True)
+    return [SMALL.encode(), b"".join(lines[: 6 + FRAMES])]
+
+
+def mvnx() -> list[bytes]:
+    """A body with segments and joint angles."""
+    from mvnx_text import mvnx_text
+
+    turns = np.tile([1.0, 0, 0, 0], (2, 23, 1))
+    return [mvnx_text(turns, np.ones((2, 23, 3)), np.zeros((2, 22, 3)), np.zeros((2, 6, 3))).encode()]
+
+
+def table() -> list[bytes]:
+    """Posture and joint tables and an export of Vicon."""
+    from test_reader_table import SMALL, VICON
+
+    lines = (ROOT / "datasets" / "simulated_assembly.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    joints = "time," + ",".join(_points("human_description")) + "\n"
+    joints += "".join(f"{at / 10}," + ",".join(["0.1"] * joints.count(",")) + "\n" for at in range(FRAMES))
+    return [SMALL.encode(), VICON.encode(), "".join(lines[: 1 + FRAMES]).encode(), joints.encode()]
+
+
+def parquet() -> list[bytes]:
+    """The tables, packed and plain."""
+    found = []
+    for packing in ("snappy", None):
+        for data in (table()[0], table()[2]):
+            buffer = io.BytesIO()
+            pd.read_csv(io.BytesIO(data)).to_parquet(buffer, compression=packing, index=False)
+            found.append(buffer.getvalue())
+    return found
+
+
+def rules() -> list[bytes]:
+    """Both presets, and three changed fields."""
+    from reba import PRESETS
+
+    return [
+        *(preset.to_toml().encode() for preset in PRESETS.values()),
+        b'preset = "paper"\ntrunk_twist = 5\nedges = "upper"\nseated_knees = true\n',
+    ]
+
+
+def profiles() -> list[bytes]:
+    """All that come with the package."""
+    return _shipped("reba/readers/profiles/*.toml")
+
+
+def domains() -> list[bytes]:
+    """All that come with `dreba`."""
+    return _shipped("dreba/domains/*.toml")
+
+
+def models() -> list[bytes]:
+    """A small one of each kind that comes with `dreba`."""
+    return [(ROOT / "dreba" / "models" / f"{name}.json").read_bytes() for name in ("quadratic", "convex", "soft")]
+
+
+def poses() -> list[bytes]:
+    """Poses with and without factors, as `dreba sample` writes them."""
+    import dreba
+
+    found = []
+    with TemporaryDirectory() as folder:
+        for number, domain in enumerate(("human", "paper")):
+            path = Path(folder) / f"{number}.parquet"
+            dreba.sample(20, domain=domain, rng=number).save(path)
+            found.append(path.read_bytes())
+    return found
+
+
+HUMAN_ONLY = """
+domain = "screwdriver"
+initial = ["on_table(box)", "free(human.right_hand)"]
+goal = ["grasped(human.right_hand, box)"]
+[human]
+hands = ["right_hand"]
+position = [0.0, 0.1]
+stature = 1.7
+[tables.near]
+position = [0.5, 0.1]
+size = [0.6, 0.4]
+height = 0.8
+[objects.box]
+size = [0.3, 0.1, 0.2]
+mass = 2.0
+on = "table.near"
+"""
+
+
+def scenes() -> list[bytes]:
+    """All that come with `lgp`, and a human alone."""
+    return [HUMAN_ONLY.encode(), *_shipped("lgp/scenes/*.toml")]
+
+
+def pddl() -> list[bytes]:
+    """All domains that come with `lgp`."""
+    return _shipped("lgp/domains/*.pddl")
+
+
+def _plan(folder: Path) -> None:
+    import tomllib
+
+    from lgp.plan_record import Plan
+    from lgp.world.scene_file import read_scene
+    from reba.posture import COLUMNS
+
+    scene = read_scene(tomllib.loads(scenes()[0].decode()), "lift")
+    Plan(
+        scene=scene,
+        feasible=True,
+        status="optimal",
+        reason="",
+        joints=("a", "b"),
+        start=np.zeros(2),
+        search={"expanded": 1, "seconds": 0.5, "gap": float("inf"), "levels": {"pose": {"solved": 2}}},
+        actions=("grasp(1, human.right_hand, box)",),
+        time=np.arange(3.0),
+        phase=np.zeros(3, np.intp),
+        path=np.zeros((3, 2)),
+        variables={"box.x": 0.1},
+        posture=np.full((3, len(COLUMNS)), 5.0),
+        carried=np.zeros(3),
+        costs={"total": 1.0, "acceleration": 0.5, "ergonomics": 0.5},
+        residuals={"equality": 1e-9, "inequality": 0.0},
+        solver={"status": "solved", "iterations": 3},
+    ).save(folder)
+
+
+def _of_plan(name: str) -> bytes:
+    with TemporaryDirectory() as folder:
+        _plan(Path(folder))
+        return (Path(folder) / name).read_bytes()
+
+
+def plans() -> list[bytes]:
+    """The `plan.json` of a plan of one action."""
+    return [_of_plan("plan.json")]
+
+
+def motions() -> list[bytes]:
+    """The `path.parquet` of the same plan."""
+    return [_of_plan("path.parquet")]
+
+
+def study() -> list[bytes]:
+    """Manifests of studies."""
+    return [
+        b"file,participant,condition,trial,simulated\na.mcap,p1,with,1,false\nb.mcap,p1,without,1,\n,p2,with,1,\n",
+        b"file;participant;condition\na.mcap;p1;with\nb.mcap;p2;without\n",
+    ]
+
+
+def datasets() -> list[bytes]:
+    """The manifest of a dataset of scores."""
+    line = {
+        "recording": "shift.csv", "input": "shift.csv", "size": 120, "modified": 1_700_000_000_000_000_000,
+        "hash": "0" * 64, "version": "0.1.0", "rules": {"name": "measured"}, "rules_hash": "1" * 64,
+        "options": {"load": 3.0, "coupling": None}, "outcome": "scored", "output": "recording=shift.csv/scores.parquet",
+        "seconds": 0.1, "frames": 100, "finished": "2026-01-01T00:00:00+00:00", "summary": {"mean": 3.5},
+    }  # fmt: skip
+    other = {**line, "recording": "day.csv", "input": "day.csv", "outcome": "failed", "error": "day.csv: damaged"}
+    return ["".join(json.dumps(one) + "\n" for one in (line, other, line)).encode()]
+
+
+def runs() -> list[bytes]:
+    """The journal of an experiment: an infeasible and a feasible run."""
+    from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES
+
+    def cell(kind: str, number: int) -> object:
+        return {"int64": number, "float64": 1.0 + number / 10, "bool": True}.get(kind, "")
+
+    lines = []
+    for number in range(2):
+        row = {name: [cell(kind, number)] for name, kind in RUN_COLUMNS.items()}
+        row |= {"condition": [CONDITIONS[0]], "table": [TABLES[0]], "initial": ["rest"]}
+        path = {name: [cell(kind, number)] for name, kind in PATH_COLUMNS.items()}
+        path |= {"condition": [CONDITIONS[0]], "initial": ["rest"], "reba": [3.0], "slice": [0], "phase": [0]}
+        lines.append(json.dumps({"runs": row, "paths": path}) + "\n")
+    return ["".join(lines).encode()]
