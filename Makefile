@@ -37,7 +37,7 @@ docs: setup
 	@echo "Open out/docs/index.html in a browser."
 
 # Each prints its table; `python benchmarks/NAME.py --help` says what can be chosen.
-BENCHMARKS := correctness scoring reading whole_command quadratic soft surrogate_speed enabler sqp
+BENCHMARKS := correctness scoring reading whole_command quadratic soft surrogate_speed enabler sqp live
 
 bench: setup
 	@mkdir -p out

@@ -26,10 +26,14 @@ def recording(kind: str, folder: Path) -> Path:
     if kind == "frames":
         write_xsens_tf(path, moving_body(250))
         return path
+    if kind == "postures":
+        joints = rewritten(folder / "joints.mcap", 20.0, 32.0, chunked=True)
+        reba.write_postures(reba.read(joints), path)
+        return path
     return rewritten(path, 20.0, 32.0, chunked=kind == "chunked")
 
 
-@pytest.mark.parametrize("kind", ["chunked", "unchunked", "frames"])
+@pytest.mark.parametrize("kind", ["chunked", "unchunked", "frames", "postures"])
 def test_a_growing_file_gives_the_scores_of_the_whole_one(kind: str, tmp_path: Path) -> None:
     whole, growing = recording(kind, tmp_path), tmp_path / "growing.mcap"
     growing.touch()

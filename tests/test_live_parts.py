@@ -74,18 +74,18 @@ def test_blocks_do_not_matter(pattern: list[int], size: int) -> None:
 
 def test_memory_does_not_grow_with_the_length() -> None:
     session = Session("measured", 2.0, Alert(8, 1.0))
-    block = frames([1, 9] * 50)
+    block = frames([1, 9] * 25)
     length = len(block.time) / RATE
 
     def go_on(count: int, start: int) -> None:
         for number in range(start, start + count):
             session.add(Frames(block.time + number * length, block.angles, block.factors))
 
-    go_on(20, 0)
+    go_on(12, 0)
     tracemalloc.start()
-    go_on(5, 20)
+    go_on(4, 12)
     before = tracemalloc.get_traced_memory()[0]
-    go_on(60, 25)
+    go_on(40, 16)
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
     assert grown < 50_000

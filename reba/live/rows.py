@@ -10,10 +10,10 @@ import pandas as pd
 
 from reba.errors import PostureError
 from reba.factors import BOTH_SIDES, FACTORS, Factors, checked, expand_sides
-from reba.live.frames import Frames
+from reba.live.frames import Array, Frames
 from reba.live.reading import NotYet, Reading, neutral_until
 from reba.live.source import Source, followed
-from reba.posture import COLUMNS
+from reba.posture import COLUMNS, INDEX
 from reba.readers.mcap.container import Segment
 from reba.readers.neutral import apply_neutral, neutral_offsets, parse_neutral, subtract
 from reba.readers.recognise import Match
@@ -24,6 +24,10 @@ Row = dict[str, Any]
 
 KNOWN = frozenset((*COLUMNS, *RAISED, *FACTORS, *BOTH_SIDES))
 """Columns that count."""
+
+KNOWN_PLAIN = KNOWN - set(RAISED) | {"time"}
+"""Of these, those that need no reading of words."""
+_PLAIN = (float, int, type(None))
 
 
 class Rows:
@@ -60,6 +64,7 @@ class Rows:
         self._intake = followed(match.stream, None, self.log)
         self._given, self._activity = factors, activity
         self._tell = tell
+        self._constant = self._factors({}, 1)
         self._last = -np.inf
         self._offsets: dict[int, float] = {}
         first = [row for segment in source.segments for row in self._intake.rows(source, segment)]
@@ -130,12 +135,52 @@ class Rows:
                 yield from self._converted([row])
 
     def _convert(self, rows: list[Row]) -> Frames:
+        """Return the frames of rows.
+
+        Raises:
+            PostureError: one of them cannot be used.
+        """
+        angles = self._numbers(rows)
+        if angles is None:
+            return self._convert_any(rows)
+        refuse_infinite(angles)
+        names = [name for name in self._columns if name not in COLUMNS and name != "time"]
+        used = self._constant
+        if names:
+            columns = {name: np.array([row.get(name) for row in rows]) for name in names}
+            used = self._factors(columns, len(rows))
+        subtract(angles, self._offsets)
+        return Frames(np.array([row["time"] for row in rows], np.float64), angles, used)
+
+    def _numbers(self, rows: list[Row]) -> Array | None:
+        """Return the (n, 22) angles of rows that hold plain numbers only, which needs no table; else None.
+
+        Raises:
+            PostureError: a number is beyond all bounds.
+        """
+        names = [name for name in self._columns if name in INDEX]
+        values = [[row.get(name) for name in names] for row in rows]
+        if any(type(value) not in _PLAIN for row in values for value in row) or not KNOWN_PLAIN.issuperset(
+            self._columns
+        ):
+            return None
+        angles = np.full((len(rows), len(COLUMNS)), np.nan)
+        try:
+            angles[:, [INDEX[name] for name in names]] = np.array(values, np.float64)
+        except OverflowError as error:
+            raise PostureError("a number is too large; expected degrees") from error
+        return angles
+
+    def _factors(self, columns: Mapping[str, Any], count: int) -> Factors:
+        return checked(Factors.of({**self._activity, **expand_sides(columns), **self._given}), count)
+
+    def _convert_any(self, rows: list[Row]) -> Frames:
+        """Do the same by way of a table, as for a file."""
         data = table_of(pd.DataFrame(rows, columns=self._columns)).data
         angles = angles_of(data)
         refuse_infinite(angles)
         columns = {name: data[name].to_numpy() for name in (*FACTORS, *BOTH_SIDES) if name in data}
-        given = {**self._activity, **expand_sides(columns), **self._given}
-        used = checked(Factors.of(given), len(data))
+        used = self._factors(columns, len(data))
         angles = angles.copy()
         subtract(angles, self._offsets)
         return Frames(data["time"].to_numpy(np.float64), angles, used)
