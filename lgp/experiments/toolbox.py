@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -52,12 +52,14 @@ PARTS: Final = ("trunk", "neck", "legs", "load_force", "upper_arm_right", "lower
 
 @dataclass(frozen=True)
 class Condition:
-    """What was found in one condition: the plan, the sequences its search met, the best plan of each order, rounds."""
+    """What was found in one condition: the plan, the sequences its search met, the best plan of each order, rounds, and
+    orders for which no path with bodies apart was found, with the reason."""
 
     plan: Plan
     met: list[dict[str, Any]]
     orders: dict[str, Plan]
     rounds: list[float]
+    lost: dict[str, str] = field(default_factory=dict)
 
 
 def experiment(
@@ -152,17 +154,19 @@ def _condition(bounds: PathBounds, task: Task, depth: int, collisions: bool, tel
         bounds.reconsider()
     found = best or again
     orders = {order: plan for order in ORDERS if (plan := best_of(bounds, task, met, order)) is not None}
+    lost: dict[str, str] = {}
     if collisions:
         bounds.collisions = True
         bounds.reconsider()
         apart = {order: plan_within(bounds, task, skeleton_of(task, plan)) for order, plan in orders.items()}
         orders = {order: plan for order, plan in apart.items() if plan.feasible}
+        lost = {order: plan.reason for order, plan in apart.items() if not plan.feasible}
         if not orders:
             raise LgpError(f"{found.scene.name}: no plan: {next(iter(apart.values())).reason}")
         kept = min(orders.values(), key=lambda plan: plan.costs["total"])
         tell(f"bodies apart: cost {kept.costs['total']:.4f}")
         found = replace(kept, status=found.status, search=found.search, tree=found.tree)
-    return Condition(found, met, orders, costs)
+    return Condition(found, met, orders, costs, lost)
 
 
 def _weights(
@@ -202,6 +206,7 @@ def _summary(name: str, found: Condition, scene: Scene) -> dict[str, Any]:
         "order": next(row["order"] for row in found.met if row["actions"] == list(found.plan.actions)),
         "cost": parts_of(found.plan, weight),
         "orders": orders,
+        "orders_lost": found.lost,
         "first_part": {"name": first, "mass": scene.things[first].mass, "mass_for_place_first": mass},
         "rounds": found.rounds,
         "sequences": found.met,
