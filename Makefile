@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup demo test lint docs bench constraints
+.PHONY: setup demo test lint docs bench fuzz wheel-demo constraints
 setup: .venv/.ready
 
 # What the commands need; enough for the demo.
@@ -36,12 +36,19 @@ docs: setup
 	$(BIN)/sphinx-build -W --keep-going -q docs out/docs
 	@echo "Open out/docs/index.html in a browser."
 
-# Each prints its table; `python benchmarks/NAME.py --help` says what can be chosen.
-BENCHMARKS := correctness scoring reading whole_command quadratic soft surrogate_speed enabler sqp live
+# `python benchmarks/all.py --help`, and of each script beside it, says what can be chosen: make bench BENCH=--quick
+BENCH :=
 
 bench: setup
-	@mkdir -p out
-	@for name in $(BENCHMARKS); do echo "== $$name"; OMP_NUM_THREADS=1 $(BIN)/python benchmarks/$$name.py || exit 1; done
+	$(BIN)/python benchmarks/all.py $(BENCH)
+
+# Damaged files for every reader and loader; minutes. `python fuzz/run.py --help` says what can be chosen.
+fuzz: setup
+	$(BIN)/python fuzz/run.py --inputs 1500 --jobs 2
+
+# Build wheel and sdist, and run the demo from the installed wheel in a fresh environment.
+wheel-demo:
+	PYTHON=$(PYTHON) .ci/wheel_demo
 
 # Write the versions of the current environment into constraints.txt.
 constraints:

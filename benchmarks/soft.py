@@ -1,6 +1,6 @@
 """Error of the soft tables per REBA class and temperature on held-out balanced poses, beside the published one.
 
-Usage: python benchmarks/soft.py [--poses 100000] [--domain human|paper] [--fit]
+Usage: python benchmarks/soft.py [--poses 100000] [--domain human|paper] [--fit] [--json FILE]
 
 Without --fit the shipped model is measured (domain human); with it a model is fitted to 100,000 poses of the domain.
 """
@@ -12,10 +12,12 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import argparse
+import json
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from machine import stamp
+from machine import machine, stamp
 
 import dreba
 
@@ -29,6 +31,7 @@ def main() -> None:
     parser.add_argument("--poses", type=int, default=100_000)
     parser.add_argument("--domain", default="human")
     parser.add_argument("--fit", action="store_true")
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
     options = parser.parse_args()
     print(stamp())
     held_out = dreba.sample(options.poses, domain=options.domain, rng=SEEDS["held out"])
@@ -41,15 +44,19 @@ def main() -> None:
         model = dreba.load("soft")
     print(f"{'':10}" + "".join(f"{score:>6}" for score in dreba.PUBLISHED) + f"{'all':>7}{'max':>7}{'acc.':>7}")
     print(f"{'Table I':10}" + "".join(f"{rmse:6.2f}" for rmse in dreba.PUBLISHED.values()))
+    rows = []
     for temperature in model.temperatures_:
         found = dreba.evaluate(model, held_out, temperature=temperature)
         rmse = [error.rmse for error in found.classes.values()]
+        rows.append({"temperature": temperature, "rmse": found.rmse, "worst_class": max(rmse)})
         text = "".join(f"{value:6.2f}" for value in rmse)
         print(f"T = {temperature:4g}  {text}{found.rmse:7.3f}{max(rmse):7.3f}{found.rounded_accuracy:7.3f}")
     if options.domain != "paper":  # whose score is not that of any rules
         exact = dreba.SoftModel(learn=False).fit(held_out.angles, held_out.reba)
         off = np.abs(exact.value(held_out.angles, temperature=COLD) - held_out.reba) > 0.01
         print(f"unfitted at T = {COLD:g} deg: {off.mean():.2%} of poses off by more than 0.01 (those on a threshold)")
+    if options.json:
+        options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

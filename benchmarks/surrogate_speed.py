@@ -1,6 +1,6 @@
 """Time of value and gradient: NumPy single and batch for every kind, and the exported C functions.
 
-Usage: python benchmarks/surrogate_speed.py
+Usage: python benchmarks/surrogate_speed.py [--json FILE]
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import argparse
+import json
 import shutil
 import subprocess
 import tempfile
@@ -18,7 +20,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from machine import stamp
+from machine import machine, stamp
 
 import dreba
 from dreba.export import export
@@ -82,7 +84,11 @@ def native(model: dreba.Surrogate, poses: np.ndarray, flags: str) -> float | Non
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    given = parser.parse_args()
     print(stamp())
+    rows = []
     poses = dreba.sample(BATCH, rng=3).angles
     some = dreba.sample(NET_POSES, rng=4)
     models = {name: dreba.load(name) for name in ("quadratic", "convex", "soft")}
@@ -91,12 +97,16 @@ def main() -> None:
     for name, model in models.items():
         batch = BATCH / best(lambda model=model: model.value_and_gradient(poses), 3)
         single = best(lambda model=model: model.value_and_gradient(poses[0]), 300) * 1e6
+        rows.append({"kind": name, "batch_per_second": batch, "single_us": single})
         text = f"{name:20}{batch:16,.0f}{single:12.0f}"
         if name in ("quadratic", "convex", "soft"):
             for width, flags in ((11, "-O2"), (23, "-O3 -ffast-math -march=native")):
                 found = native(model, poses[:1000], flags)
+                rows[-1][f"c_ns {flags}"] = found
                 text += f"{found:{width}.0f}" if found is not None else f"{'-':>{width}}"
         print(text)
+    if given.json:
+        given.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
