@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,19 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from live_sources import assert_same, batch, json_lines, rewritten, run_live
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 import reba
 from reba.cli import cli
+from reba.live.alert import Alert
+from reba.live.follow import Follower
+from reba.live.lines import Lines
+from reba.live.reading import Reading
+from reba.live.session import Session
 
 ASSEMBLY = Path(__file__).resolve().parents[1] / "datasets" / "simulated_assembly.csv"
 
@@ -121,7 +129,7 @@ def test_bad_lines_are_left_out_counted_and_told_once() -> None:
     summary = lines[-1]["summary"]
     assert (summary["skipped"], summary["out_of_order"]) == (6, 1)
     assert said.count("lines like this") == 1
-    assert said.count("cannot be used") == 1
+    assert said.count("left out: ") == 1
     assert said.count("runs backwards") == 1
 
 
@@ -161,6 +169,48 @@ def _in_process(text: str, monkeypatch: pytest.MonkeyPatch, folder: Path) -> tup
     error = result.exception
     assert isinstance(error, reba.RebaError), repr(error)
     return 2, result.stdout, str(error)
+
+
+LINE = st.one_of(
+    st.binary(max_size=30),
+    st.recursive(
+        st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
+        lambda inner: st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(
+                ["time", "stamp", "header", "trunk_flexion", "load", "coupling", "support", "shoulder_raised_left",
+                 "name", "position", "transforms", "joints", "sec", "nanosec"]
+            ),
+            inner,
+            max_size=5,
+        ),
+        max_leaves=6,
+    ).map(lambda tree: json.dumps(tree).encode()),
+)  # fmt: skip
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(LINE, max_size=8), st.booleans())
+def test_no_line_brings_it_down(lines: list[bytes], opened: bool) -> None:
+    first = [b'{"time": 0, "trunk_flexion": 10, "load": 2, "coupling": "good"}'] if opened else []
+    reading, writing = os.pipe()
+    os.write(writing, b"\n".join([*first, *lines]))
+    os.close(writing)
+    told: list[str] = []
+    follower = Follower(Lines(reading, told.append), Reading(), {}, {}, told.append)
+    session = Session("measured", 1.0, Alert(8, 1.0))
+    said = ""
+    try:
+        for frames in follower.frames():
+            session.add(frames)
+    except reba.RebaError as error:
+        said = str(error)
+    finally:
+        os.close(reading)
+    assert not (opened and said)
+    assert "\n" not in said
+    assert len(told) == len(set(told))
+    assert session.frames >= opened
 
 
 @pytest.mark.parametrize(

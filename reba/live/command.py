@@ -150,6 +150,7 @@ def _sum_up(follower: Follower, session: Session, latency: Latency, code: int) -
         "unmeasured": stage.unmeasured if stage is not None else None,
         "skipped": skipped,
         "out_of_order": late,
+        "warnings": stage.log.warnings if stage is not None else [],
         "interrupted": code == INTERRUPTED,
         "latency": latency.to_dict(),
     }

@@ -102,7 +102,7 @@ class Follower:
 
     def _taken(self, segment: Segment) -> Iterator[Frames]:
         if self.stage is not None:
-            yield from self.stage.take(self.source, segment)
+            yield from self._staged(self.stage, segment)
             self.source.forget()
         elif self._enough():
             yield from self._settle(final=False)
@@ -128,8 +128,14 @@ class Follower:
             self._need = (span[1] - span[0]) / 1e9 + AGAIN
             return
         for segment in list(self.source.segments):
-            yield from self.stage.take(self.source, segment)
+            yield from self._staged(self.stage, segment)
         self.source.forget()
+
+    def _staged(self, stage: Bodies | Rows, segment: Segment) -> Iterator[Frames]:
+        """Yield the frames of a segment; the first message that is of no use is told."""
+        yield from stage.take(self.source, segment)
+        if stage.log.first_skipped is not None:
+            self._tell(f"left out: {stage.log.first_skipped}; further ones are counted")
 
     def _decided(self, final: bool) -> Bodies | Rows:
         """Return the stage that fits the segments there are."""

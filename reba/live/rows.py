@@ -111,7 +111,7 @@ class Rows:
             self._add_columns(row)
             time = row.get("time")
             if not isinstance(time, int | float) or not np.isfinite(time):
-                self._skip(f"time is {time!r}, expected seconds")
+                self.log.skip(1, f"time is {str(time)[:40]!r}, expected seconds")
             elif time <= self._last:
                 if not self.late:
                     self._tell(f"time runs backwards or stands still at {time:.3f} s; such frames are left out "
@@ -129,7 +129,7 @@ class Rows:
             yield self._convert(rows)
         except PostureError as error:
             if len(rows) == 1:
-                self._skip(str(error))
+                self.log.skip(1, str(error))
                 return
             for row in rows:
                 yield from self._converted([row])
@@ -193,8 +193,3 @@ class Rows:
             if name not in COLUMNS and name not in self._ignored:
                 self._ignored.add(name)
                 self._tell(f"{name} comes after the first row and is not used; give it in every row")
-
-    def _skip(self, why: str) -> None:
-        if not self.log.skipped:
-            self._tell(f"a row cannot be used and is left out: {why}; further ones are counted")
-        self.log.skip(1, why)
