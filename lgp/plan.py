@@ -158,7 +158,7 @@ def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
     solved = {level: LevelStatistics() for level in bounds.levels}
     steps: list[tuple[str, Skeleton]] = [("pose", skeleton[: end + 1]) for end in range(len(skeleton))]
     result: BoundResult | None = None
-    for level, actions in (*steps, ("sequence", skeleton), ("path", skeleton)):
+    for level, actions in (*steps, *((level, skeleton) for level in bounds.levels[1:])):
         result = bounds.solve(level, actions, result)
         solved[level] = solved[level].plus(result, result.seconds)
         if not result.feasible:

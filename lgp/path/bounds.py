@@ -1,8 +1,9 @@
 """The levels of the tree search: pose, sequence and path problems of one sequence, each a relaxation of the next.
 
 pose: the last configuration of a prefix, held to the last switch only. sequence: the configurations at all switches,
-held to all of them. path: every slice. All three are the same `PathProblem` on fewer slices, so their costs are on one
-scale and none exceeds the next - as far as each is solved: problems are not convex, and solutions are local.
+held to all of them. path: every slice, and where bodies are to be kept apart, first without that (free_path). All are
+the same `PathProblem` on fewer slices or rows, so their costs are on one scale and none exceeds the next - as far as
+each is solved: problems are not convex, and solutions are local.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +59,7 @@ class Solution:
     Attributes:
         keys: (k, nq) configurations at the switches so far.
         variables: (nz,) of grasps and placements; empty at the level "pose".
-        path: (T, nq), at the level "path" only.
+        path: (T, nq), at the levels "free_path" and "path" only.
         costs: terms of the cost.
         result: of the solver.
     """
@@ -81,10 +83,9 @@ class PathBounds:
         options: of the solver.
         like: bounds of the same scene and start with another ergonomic cost, solved before: robots start from their
             motions there.
-        collisions: whether paths keep bodies apart; poses and sequences never do, which keeps them lower bounds.
+        collisions: whether paths keep bodies apart. The levels before never do, which keeps them lower bounds; a path
+            that need not is one more level then.
     """
-
-    levels = ("pose", "sequence", "path")
 
     def __init__(
         self,
@@ -105,6 +106,11 @@ class PathBounds:
         self._stretch = Stretch(world)
         self._known: dict[tuple[str, Skeleton], BoundResult] = {}
         self._memory = Memory(world)
+
+    @property
+    def levels(self) -> tuple[str, ...]:
+        """Names of the levels, coarse to fine."""
+        return ("pose", "sequence", *(["free_path"] if self.collisions else []), "path")
 
     def is_lower_bound(self, level: str) -> bool:
         """Return True: dropping slices, switches and the stop at the end only ever lowers the cost."""
@@ -149,7 +155,12 @@ class PathBounds:
         begin = time.perf_counter()
         phases = self.phases(skeleton)
         earlier = warm.payload if warm is not None and isinstance(warm.payload, Solution) else None
-        by_level = {"pose": self._pose, "sequence": self._sequence, "path": self._path}
+        by_level = {
+            "pose": self._pose,
+            "sequence": self._sequence,
+            "free_path": self._free_path,
+            "path": self._path if self.collisions else self._free_path,
+        }
         solution, why = by_level[level](phases, earlier)
         seconds = time.perf_counter() - begin
         if solution is None:
@@ -263,7 +274,7 @@ class PathBounds:
             return result, 0.0, ""
         return None, result.violation, reason(problem, result.x)
 
-    def _path(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
+    def _free_path(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
         if earlier is None or not len(earlier.variables):
             earlier, why = self._sequence(phases, earlier)
             if earlier is None:
@@ -272,8 +283,7 @@ class PathBounds:
         path = sequence.path(sequence.join(earlier.keys, earlier.variables))
         variables = earlier.variables
         result: Result | None = None
-        options = self.options if self._stages == 1 else SHARP
-        options = settled(options) if self.collisions else options
+        options = self._options
         for stage in range(self._stages):
             problem = self.problem("path", phases, stage)
             # Scores get sharper from stage to stage; the multipliers of the last one start the next.
@@ -282,9 +292,19 @@ class PathBounds:
             path, variables = problem.split(result.x)
         if result is None:
             return None, "path: the cost has no stage to minimise"
-        if self.collisions:
-            rows = CollisionRows(self.world, phases, self.start)
-            problem, result = apart(lambda r: self.problem("path", phases, apart=r), rows, result, options)
+        return self._judged(problem, result)
+
+    def _path(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
+        if earlier is None or earlier.path is None:
+            found = self.solve("free_path", phases.actions, BoundResult(True, 0.0, payload=earlier))
+            if not found.feasible:
+                return None, found.reason
+            earlier = found.payload
+        rows = CollisionRows(self.world, phases, self.start)
+        make = partial(self.problem, "path", phases)
+        return self._judged(*apart(lambda given: make(apart=given), rows, earlier.result, self._options))
+
+    def _judged(self, problem: PathProblem, result: Result) -> tuple[Solution | None, str]:
         x, left = result.x, result.violation
         if CLOSE > left > self.options.violation:
             # The budget ran out just before the constraints held: the nearest path that meets them is as good.
@@ -292,7 +312,13 @@ class PathBounds:
         if left > self.options.violation:
             return None, f"path: {reason(problem, x) or result.status.value}"
         path, variables = problem.split(x)
-        return Solution(path[phases.keys], variables, path, problem.costs(x), result), ""
+        return Solution(path[problem.phases.keys], variables, path, problem.costs(x), result), ""
+
+    @property
+    def _options(self) -> Options:
+        """Settings of the last stage of a path."""
+        options = self.options if self._stages == 1 else SHARP
+        return settled(options) if self.collisions else options
 
     @property
     def _stages(self) -> int:
