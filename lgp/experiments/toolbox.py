@@ -127,7 +127,7 @@ def experiment(
         ),
     }
     summary["paper_order_found"] = {
-        name: summary["conditions"][name]["order"] == expected
+        name: None if summary["conditions"][name]["orders_lost"] else summary["conditions"][name]["order"] == expected
         for name, expected in zip(CONDITIONS, (GRASP_FIRST, PLACE_FIRST), strict=True)
     }
     _write(Path(folder), summary, found, chosen)
