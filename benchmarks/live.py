@@ -85,6 +85,16 @@ def line_texts(kind: str, rate: float, count: int) -> list[bytes]:
     return [f'{{"time": {k / rate:.4f}, {rows[k % len(rows)]}\n'.encode() for k in range(count)]
 
 
+def line_writer(pipe: IO[bytes] | None, texts: list[bytes]) -> Put:
+    """Return what writes line k into a pipe."""
+
+    def put(number: int) -> None:
+        if pipe is not None:
+            pipe.write(texts[number])
+
+    return put
+
+
 def _joint_states() -> Iterator[dict[str, object]]:
     from mcap_ros2.decoder import DecoderFactory
 
@@ -131,9 +141,7 @@ def paced(kind: str, rate: float, seconds: float) -> tuple[np.ndarray, dict[str,
             running = subprocess.Popen(
                 [*COMMAND, "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0
             )
-            pipe = running.stdin
-            assert pipe is not None
-            put = lambda number: (pipe.write(texts[number]), None)[1]  # noqa: E731
+            put = line_writer(running.stdin, texts)
         assert running.stdout is not None
         arrivals = Arrivals(running.stdout)
         arrivals.start()
