@@ -51,7 +51,7 @@ def check(target: Target, data: bytes) -> Result:
             raise
         place = traceback.extract_tb(error.__traceback__)
         own = [f for f in place if any(part in f.filename for part in ("/reba/", "/dreba/", "/lgp/"))] or place
-        where = f"{Path(own[-1].filename).name}:{own[-1].lineno}"
+        where = f"{Path(own[-1].filename).name}:{own[-1].lineno}" if own else "an unknown place"
         return Result("finding", f"{type(error).__name__} at {where}: {' '.join(str(error).split())[:160]}")
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -6,7 +6,10 @@ effects are lists of literals over the action's parameters.
 
 from __future__ import annotations
 
+import contextlib
 import re
+import sys
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -105,7 +108,8 @@ def parse_domain(text: str, where: str = "domain") -> Domain:
     from pddl.parser.domain import DomainParser
 
     try:
-        parsed = DomainParser()(text)
+        with _tracebacks_kept():
+            parsed = DomainParser()(text)
     except UnexpectedInput as error:
         place = f"line {error.line}, column {error.column}"
         raise LogicError(f"{where}: {place}: {_unexpected(error)}; check the brackets and keywords there") from error
@@ -113,6 +117,19 @@ def parse_domain(text: str, where: str = "domain") -> Domain:
         reason = " ".join(str(getattr(error, "orig_exc", error)).split())
         raise LogicError(f"{where}: {_blame(text, reason)}{reason}; mend the domain") from error
     return _checked(_plain(parsed, text, where), text, where)
+
+
+@contextlib.contextmanager
+def _tracebacks_kept() -> Iterator[None]:
+    """Undo that the parser leaves the interpreter without tracebacks after a text it cannot read."""
+    before = getattr(sys, "tracebacklimit", None)
+    try:
+        yield
+    finally:
+        if before is None:
+            vars(sys).pop("tracebacklimit", None)
+        else:
+            sys.tracebacklimit = before
 
 
 def _unexpected(error: Any) -> str:

@@ -1,0 +1,92 @@
+"""A small share of `fuzz/run.py`, and every input that was once a finding."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "fuzz"))
+
+import run as fuzz
+from check import Result, check  # noqa: E402
+from targets import TARGETS  # noqa: E402
+
+REGRESSIONS = sorted(path for path in (ROOT / "fuzz" / "regressions").rglob("*") if path.is_file())
+SHARE = 8
+"""Changed inputs of each target that are tried here."""
+
+
+@pytest.mark.parametrize("path", REGRESSIONS, ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_an_input_that_was_a_finding_is_refused(path: Path) -> None:
+    found = check(TARGETS[path.parent.name], path.read_bytes())
+    assert found.outcome == "refused", found
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_share_of_the_inputs(name: str) -> None:
+    target = TARGETS[name]
+    assert "read" in {check(target, data).outcome for data in target.seeds}
+    for number in range(len(target.seeds), len(target.seeds) + SHARE):
+        found = check(target, target.input(2, number))
+        assert found.outcome != "finding", f"input {number}: {found.what}"
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_seed_and_number_say_which_input(name: str) -> None:
+    target = TARGETS[name]
+    inputs = [target.input(3, number) for number in range(len(target.seeds), len(target.seeds) + 20)]
+    assert inputs == [target.input(3, number) for number in range(len(target.seeds), len(target.seeds) + 20)]
+    assert sum(data not in target.seeds for data in inputs) > 10
+    assert inputs[0] != target.input(4, len(target.seeds))
+
+
+def test_other_errors_and_long_messages_are_findings() -> None:
+    from targets import Target
+
+    from reba.errors import RebaError
+
+    def raising(error: BaseException) -> Result:
+        def use(path: Path) -> None:
+            raise error
+
+        return check(Target("x", "x", list, lambda rng, data, seeds: data, use), b"")
+
+    assert raising(RebaError("a\nb")) == ("refused", "RebaError")
+    assert raising(KeyError("a")).outcome == "finding"
+    assert raising(MemoryError()).outcome == "finding"
+    assert raising(SystemExit(1)).outcome == "finding"
+
+
+def sleeps(name: str, seed: int, numbers: range, memory: int, pipe: Connection) -> None:
+    """Stand in for `check.work` and never come to an end."""
+    pipe.send((numbers[0], None))
+    time.sleep(600)
+
+
+def test_inputs_are_counted_and_a_hang_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = fuzz.run(["rules"], seed=0, inputs=30, jobs=1)["rules"]
+    assert found.outcomes.total() == 30
+    assert not found.findings
+    monkeypatch.setattr(fuzz, "work", sleeps)
+    hung = fuzz.run_batch("rules", 0, range(7, 8), seconds=0.1)
+    assert hung.findings == [(7, "no end after 0.1 s, exit code -9")]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="address space is limited by setrlimit")
+def test_memory_is_bounded() -> None:
+    code = "import run as fuzz
+from check import limit; limit(1 << 28); bytearray(1 << 29)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT / "fuzz", capture_output=True, text=True, check=False)
+    assert "MemoryError" in done.stderr
+
+
+def test_a_wrong_pddl_text_leaves_tracebacks_on() -> None:
+    for path in sorted((ROOT / "lgp" / "domains").glob("*.pddl")):
+        assert check(TARGETS["pddl"], path.read_bytes()[:-20]).outcome == "refused"
+    assert getattr(sys, "tracebacklimit", None) is None
