@@ -103,7 +103,7 @@ def _told(run: DatasetRun) -> str:
 
 def _refuse(outcomes: Sequence[Outcome], failed: int) -> None:
     if len(outcomes) == 1 and failed:
-        raise RebaError(outcomes[0].error)
+        raise RebaError(outcomes[0].error or "it could not be scored")
 
 
 def _report(report: str | None, scores: list[Any]) -> list[str]:

@@ -18,7 +18,8 @@ from reba.readers.mcap.container import Segment
 from reba.readers.neutral import apply_neutral, neutral_offsets, parse_neutral, subtract
 from reba.readers.recognise import Match
 from reba.readers.stream import ReadLog
-from reba.scores import RAISED, angles_of, refuse_infinite, table_of
+from reba.scores import RAISED, angles_of, table_of
+from reba.scoring import refuse_infinite
 
 Row = dict[str, Any]
 
