@@ -28,10 +28,10 @@ STARTS = {"random": 3, "neutral": 2}
 NET_POSES = 100_000
 
 
-def methods() -> list[reach.Method]:
+def methods(net_poses: int) -> list[reach.Method]:
     """Return the methods: the shipped models, a net of DEBA's size, and stages with and without a free start."""
     graduated, quadratic, convex = (dreba.load(name) for name in ("graduated", "quadratic", "convex"))
-    poses = dreba.sample(NET_POSES, rng=1)
+    poses = dreba.sample(net_poses, rng=1)
     net = dreba.NetModel().fit(poses.angles, poses.reba)
     from_quadratic = dreba.GraduatedModel.of(quadratic, graduated.soft_)
     return [
@@ -78,11 +78,12 @@ def main() -> None:
     parser.add_argument("--tasks", type=int, default=40)
     parser.add_argument("--seed", type=int, default=100)
     parser.add_argument("--space", choices=sorted(reach.SPACES), default="bench")
+    parser.add_argument("--net-poses", type=int, default=NET_POSES, help="poses that the net is fitted to")
     parser.add_argument("--json", type=Path, default=None)
     options = parser.parse_args()
     print(stamp())
     given = reach.tasks(options.tasks, options.seed, options.space)
-    chosen = methods()
+    chosen = methods(options.net_poses)
     kinds: tuple[reach.Starts, ...] = ("random", "neutral")
     rows = [row for kind in kinds for row in table(kind, chosen, given, options.seed)]
     if options.json:

@@ -180,7 +180,7 @@ def _connect(address: str) -> Any:
 
 
 async def _greet(address: str) -> None:
-    from distributed.core import connect
+    from distributed.comm.core import connect
 
     comm = await connect(address, timeout=CONNECT)
     comm.abort()

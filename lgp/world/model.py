@@ -18,6 +18,7 @@ from lgp.world import human
 from lgp.world.robot import locked_model, robot_model, slides
 from lgp.world.rotations import cross
 from lgp.world.scene import Agent, Human, Robot, Scene
+from reba.posture import SIDES
 
 Array = NDArray[np.float64]
 
@@ -209,7 +210,7 @@ class World:
     def _planted(self) -> Mapping[str, tuple[Array, Array]]:
         if self.scene.human is None or self.scene.human.legs != "planted":
             return {}
-        names = [f"human.{side}_sole" for side in human.SIDES]
+        names = [f"human.{side}_sole" for side in SIDES]
         standing = self.start.copy()
         standing[self.columns("human")] = 0.0
         found = self.at(standing[None], names)
@@ -222,7 +223,7 @@ def _placed(agent: Agent) -> tuple[pin.Model, int, pin.SE3]:
         model = human.human_model(agent.stature, agent.sex)
         first = {name: _degrees(name, value) for name, value in human.rest(agent.stature, agent.sex).items()}
         whole = Human(**{**vars(agent), "joints": first | dict(agent.joints)})
-        legs = tuple(f"{side}_{joint}" for side in human.SIDES for joint in human.LEGS)
+        legs = tuple(f"{side}_{joint}" for side in SIDES for joint in human.LEGS)
         model = locked_model(model, whole, agent.locked + (() if agent.legs == "planted" else legs))
     elif isinstance(agent, Robot):
         model = robot_model(agent)
