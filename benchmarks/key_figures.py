@@ -205,7 +205,7 @@ SCRIPTS: tuple[Script, ...] = (
     Script("reachability", reachability),
     Script("bounds", bounds, ("--runs", "1")),
     Script("cost_models", cost_models, ("--runs", "1", "--models", "convex")),
-    Script("path", path, ("--repeat", "1")),
+    Script("path", path, ("--repeat", "1", "--no-growth")),
     Script("toolbox", toolbox, ("--parts", "2", "--seconds", "5")),
     Script("study_nulls", study_nulls, ("--studies", "20", "--files", "0")),
     Script("scale", scale, ("--recordings", "4", "--minutes", "1", "--subset", "2", "--mcap", "1")),

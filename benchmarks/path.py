@@ -223,6 +223,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--komo", metavar="PYTHON", help="interpreter that has `robotic`")
     parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--no-growth", action="store_true", help="leave out how time grows with slices and objects")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     given = parser.parse_args()
     print(stamp())
@@ -240,11 +241,12 @@ def main() -> None:
         for name, on in cases
     ]
     show(plain)
-    print("\ngrowth:")
-    grown = growth(min(given.repeat, 3))
-    show(grown)
-    print(f"time grows as slices^{slope(grown[:5], lambda row: row['slices']):.2f}", end=", ")
-    print(f"as objects^{slope(grown[5:], lambda row: row['slices']):.2f}")
+    grown = [] if given.no_growth else growth(min(given.repeat, 3))
+    if grown:
+        print("\ngrowth:")
+        show(grown)
+        print(f"time grows as slices^{slope(grown[:5], lambda row: row['slices']):.2f}", end=", ")
+        print(f"as objects^{slope(grown[5:], lambda row: row['slices']):.2f}")
     if given.json:
         given.json.write_text(json.dumps({"machine": machine(), "same": same, "plain": plain, "growth": grown}))
 
