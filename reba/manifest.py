@@ -133,6 +133,8 @@ class Manifest:
 
     def _add(self, line: dict[str, Any], place: int, length: int) -> None:
         recording, path, size, modified, digest, version, _, rules, options, outcome = (line[name] for name in FIELDS)
+        if not isinstance(recording, str) or not isinstance(path, str):
+            raise TypeError("recording and input are no names")
         # The same options stand in every line: one text for all of them.
         text = json.dumps(options, sort_keys=True)
         same = next(reversed(self.entries.values())).options if self.entries else text

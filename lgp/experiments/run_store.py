@@ -122,7 +122,10 @@ class RunStore:
         whole = [line for line in lines if line.endswith(b"\n")]
         if len(whole) < len(lines):
             # The process ended in the middle of a line: that run is made again.
-            write_atomic(file, lambda part: write_text(part, b"".join(whole).decode()))
+            def keep(part: Path) -> None:
+                part.write_bytes(b"".join(whole))
+
+            write_atomic(file, keep)
         for number, line in enumerate(whole, 1):
             try:
                 data = json.loads(line)

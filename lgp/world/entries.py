@@ -99,7 +99,9 @@ class Entries:
         return value
 
     def _number(self, key: str, value: Any, low: float, high: float) -> float:
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        # Whole numbers can be too large for a float, and of TOML and JSON they have no end.
+        whole = isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1 << 1000
+        if not whole and not (isinstance(value, float) and math.isfinite(value)):
             raise SceneError(f"{self.where}: {key} is {value!r}, expected a finite number")
         if not low <= value <= high:
             bounds = f"at least {low:g}" if math.isinf(high) else f"{low:g} to {high:g}"

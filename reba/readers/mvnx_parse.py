@@ -126,6 +126,8 @@ class Parser:
         labels = {"segment": self.segments, "joint": self.joints}.get(tag, self.ergonomic)
         if len(labels) == MAX_LABELS:
             raise self._fail(f"more than {MAX_LABELS} elements {tag}")
+        if self.frames or self.identity is not None:  # whose numbers were counted by the labels so far
+            raise self._fail(f"an element {tag} behind the first frame")
         labels.append(attributes.get("label", "") or f"{tag}{len(labels) + 1}")
 
     def _data(self, text: str) -> None:
