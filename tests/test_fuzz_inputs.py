@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "fuzz"))
 
-import run as fuzz
+import run as fuzz  # noqa: E402
 from check import Result, check  # noqa: E402
 from targets import TARGETS  # noqa: E402
 
