@@ -49,10 +49,11 @@ def steps(block: str) -> list[tuple[str, str]]:
 
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
-    """A folder with the data sets in it, as after `cd datasets`."""
+    """A folder with the data sets in it, as after `cd datasets`, and beside it, as in the checkout."""
     for file in (ROOT / "datasets").iterdir():
         if file.suffix in (".mcap", ".csv", ".trc"):
             shutil.copy(file, tmp_path / file.name)
+    (tmp_path / "datasets").symlink_to(ROOT / "datasets")
     return tmp_path
 
 

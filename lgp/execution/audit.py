@@ -86,7 +86,7 @@ def _costs(planner: Planner, number: int, scene: Scene, rest: list[Phase]) -> tu
     actions = planner.actions[number:]
     problem = bounds.problem("path", bounds.phases(actions))
     greedy = problem.costs(problem.join(path, variables)).total
-    first = replace(solutions[-1], keys=keys, variables=variables)
+    first = replace(solutions[-1], keys=keys, variables=variables, path=None)
     found = bounds.solve("path", actions, BoundResult(True, greedy, payload=first))
     return greedy, found.cost if found.feasible else None
 
