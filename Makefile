@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup demo test lint docs bench fuzz wheel-demo constraints
+.PHONY: setup demo test test-fast lint docs bench fuzz wheel-demo constraints
 setup: .venv/.ready
 
 # What the commands need; enough for the demo.
@@ -26,6 +26,10 @@ demo: .venv/.base
 
 test: setup
 	$(BIN)/python -m pytest -n 2
+
+# Without what starts browsers, clusters, planners or many processes.
+test-fast: setup
+	$(BIN)/python -m pytest -n 2 -m "not slow"
 
 lint: setup
 	$(BIN)/ruff check .
