@@ -95,7 +95,7 @@ def plan(
     metavar="RUNS",
     help="Also vary each free choice of the scene by 20 %, with so many runs of each.",
 )
-@click.option("--no-collisions", is_flag=True, help="Let bodies pass through each other.")
+@click.option("--collisions", is_flag=True, help="Keep bodies apart, as `lgp plan` does: several times as long.")
 @where_options
 @click.option("-o", "--output", required=True, metavar="DIR", help="Results; an unfinished experiment goes on there.")
 @json_option
@@ -106,7 +106,7 @@ def experiment(
     initial: str,
     cost: str,
     sensitivity: int,
-    no_collisions: bool,
+    collisions: bool,
     jobs: int,
     scheduler: str | None,
     output: str,
@@ -134,7 +134,7 @@ def experiment(
         cost=cost,
         jobs=jobs,
         scheduler=scheduler,
-        collisions=not no_collisions,
+        collisions=collisions,
         sensitivity=sensitivity,
         progress=progress,
         tell=lambda words: click.echo(f"{name}: {words}", err=True),

@@ -48,7 +48,7 @@ def experiment(
     cost: str = COST,
     jobs: int = 1,
     scheduler: str | None = None,
-    collisions: bool = True,
+    collisions: bool = False,
     sensitivity: int = 0,
     progress: Callable[[int, int], None] | None = None,
     tell: Callable[[str], None] | None = None,
@@ -106,7 +106,7 @@ def plan_run(
     cost: str = COST,
     slices: int | None = None,
     variation: Variation | None = None,
-    collisions: bool = True,
+    collisions: bool = False,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the rows of one run: every condition (3, columns of `RUN_COLUMNS`), and their paths (`PATH_COLUMNS`).
 
@@ -155,7 +155,7 @@ def plan_runs(
     jobs: int = 1,
     variation: Variation | None = None,
     scheduler: str | None = None,
-    collisions: bool = True,
+    collisions: bool = False,
 ) -> Iterator[tuple[pd.DataFrame, pd.DataFrame]]:
     """Yield `plan_run` of every run, as they finish.
 
