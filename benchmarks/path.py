@@ -157,8 +157,10 @@ def beside_komo(python: str | None, repeat: int) -> list[dict[str, Any]]:
         task, scene = Path(folder) / "task.json", Path(folder) / "scene.g"
         task.write_text(json.dumps(words), encoding="utf-8")
         scene.write_text(scene_text(world), encoding="utf-8")
-        script = Path(__file__).with_name("komo.py")
-        ran = subprocess.run([python, str(script), str(task), str(scene)], capture_output=True, text=True, check=False)
+        script = Path(__file__).resolve().with_name("komo.py")
+        command = [str(Path(python).absolute()), str(script), str(task), str(scene)]
+        # KOMO leaves a log where it runs.
+        ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
     if ran.returncode:
         sys.stderr.write(f"{python} could not run KOMO: {ran.stderr.strip().splitlines()[-1:]}\n")
         return rows
