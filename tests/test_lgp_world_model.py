@@ -190,3 +190,11 @@ def test_wrong_locked_joints_are_refused() -> None:
         robot.robot_model(Robot("b", (0, 0, 0), 0, (), ("left_x*",), {}, "baxter"))
     with pytest.raises(WorldError, match="no joint 'left_s9'; did you mean 'left_s"):
         robot.robot_model(Robot("b", (0, 0, 0), 0, (), (), {"left_s9": 1.0}, "baxter"))
+
+
+def test_hands_without_a_limit_change_nothing_else() -> None:
+    world = human_world()
+    free = world.with_free_hands("human")
+    assert {hand.tilt for hand in free.scene.hands.values()} == {180.0}
+    assert free.joints == world.joints
+    assert free.scene.tables == world.scene.tables

@@ -156,9 +156,13 @@ class Planner:
         first = np.clip(start, world.lower, world.upper)
         slices, action = self.motion.phases.slices, self.actions[number]
         pins, free = self._pins(number, scene, spot)
-        for fixed in (pins, {}) if free else (pins,):
+        attempts = [(world, pins)] + [(world, {})] * free
+        if self._by_human(number):
+            # Nobody commands the person, who puts a thing down with another turn of the hand than the planner likes.
+            attempts.append((world.with_free_hands("human"), pins))
+        for there, fixed in attempts:
             bounds = PinnedBounds(
-                world,
+                there,
                 self.ergonomics(),
                 start=first,
                 slices=slices,
@@ -270,6 +274,10 @@ class Planner:
 
             self._prepared = Cost(self.motion.world, dreba.load(self._cost))
         return self._prepared
+
+    def _by_human(self, number: int) -> bool:
+        """Return whether the hand that acts is the person's."""
+        return self.plan.scene.hands[self.motion.phases.switches[number].hand].agent == "human"
 
     def _human_columns(self) -> NDArray[np.intp]:
         if self.plan.scene.human is None:

@@ -7,7 +7,8 @@ A configuration q (n,) holds one number per moving joint [rad, m]; objects and t
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -21,6 +22,7 @@ from lgp.world.scene import Agent, Human, Robot, Scene
 from reba.posture import SIDES
 
 Array = NDArray[np.float64]
+AnyAgent = TypeVar("AnyAgent", bound=Agent)
 
 RADIAN = (180.0 / np.pi, "deg")
 """How a radian is shown to people."""
@@ -128,6 +130,17 @@ class World:
         other.__dict__ = {**self.__dict__, "scene": scene}
         return other
 
+    def with_free_hands(self, agent: str) -> World:
+        """Return this world without limits on how the hands of an agent are tilted at tables."""
+        scene = self.scene
+        if scene.human is not None and scene.human.name == agent:
+            scene = replace(scene, human=_free_hands(scene.human))
+        elif agent in scene.robots:
+            scene = replace(scene, robots={**scene.robots, agent: _free_hands(scene.robots[agent])})
+        other = object.__new__(World)
+        other.__dict__ = {**self.__dict__, "scene": scene}
+        return other
+
     def columns(self, agent: str) -> NDArray[np.intp]:
         """Return the columns of q that belong to an agent."""
         found = [column for name, column in self.column.items() if name.startswith(f"{agent}.")]
@@ -215,6 +228,10 @@ class World:
         standing[self.columns("human")] = 0.0
         found = self.at(standing[None], names)
         return {name: (found.rotation[0, at], found.position[0, at]) for name, at in found.index.items()}
+
+
+def _free_hands(agent: AnyAgent) -> AnyAgent:
+    return replace(agent, hands=tuple(replace(hand, tilt=180.0) for hand in agent.hands))
 
 
 def _placed(agent: Agent) -> tuple[pin.Model, int, pin.SE3]:
