@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-import reba
 from dreba import report_figures as figures
 from dreba.domain import Domain, domain_of
 from dreba.evaluate import PUBLISHED, PUBLISHED_OVERALL, angles_for, distance_to_published, evaluation_of
@@ -17,6 +15,7 @@ from dreba.model import Surrogate
 from dreba.poses import Poses
 from dreba.quadratic import QuadraticModel
 from reba.posture import COLUMNS
+from reba.report.templates import template
 
 WORST: Final = 6
 """Poses shown with the largest errors."""
@@ -58,7 +57,6 @@ def render(
     model: Surrogate, poses: Poses, *, name: str = "", command: str = "", temperature: float | None = None
 ) -> str:
     """Return the report as HTML; arguments as in `write_report`."""
-    from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
@@ -81,8 +79,7 @@ def render(
         plots["weights"] = [figures.weight_figure(model, domain)]
         if not model.free:
             plots["polynomials"] = figures.polynomial_figures(model, domain)
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(_file("dreba", "report.html")).render(
+    return template("dreba", "report.html", scripted=True).render(
         name=name or model.kind,
         model=model,
         found=found,
@@ -96,8 +93,6 @@ def render(
         plots={key: [Markup(_script_safe(one.to_json(validate=False))) for one in some] for key, some in plots.items()},
         command=command,
         temperature=temperature,
-        version=reba.__version__,
-        style=Markup(_file("reba.report", "style.css")),
         plotly=Markup(get_plotlyjs()),
     )
 
@@ -129,10 +124,6 @@ def _worst(values: np.ndarray, poses: Poses) -> list[dict[str, Any]]:
             }
         )
     return found
-
-
-def _file(package: str, name: str) -> str:
-    return (resources.files(package) / name).read_text(encoding="utf-8")
 
 
 def _script_safe(text: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ from lgp.experiments.reach_map import reach_map
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs
 from lgp.experiments.statistics import stars
 from lgp.experiments.summary import summarise, write_summary
+from reba.report.templates import template
 from reba.writers import write_atomic, write_text
 
 if TYPE_CHECKING:
@@ -88,15 +88,10 @@ def render(
     reach: Reachability | None = None,
 ) -> str:
     """Return the page as HTML; arguments as in `write_results`, `plots` as `plots_of` returns them."""
-    from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    from reba import __version__
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"p": p_value, "number": number, "stars": _stars}
-    template = environment.from_string(_file("lgp.experiments", "screwdriver.html"))
-    return template.render(
+    filters = {"p": p_value, "number": number, "stars": _stars}
+    return template("lgp.experiments", "screwdriver.html", filters).render(
         summary=summary,
         findings=findings(summary),
         conditions=CONDITIONS,
@@ -113,8 +108,6 @@ def render(
         map=None if reach is None else Markup(reach_map(scene, reach.data)),
         sensitivity=summary["sensitivity"] or [],
         command=command,
-        version=__version__,
-        style=Markup(_file("reba.report", "style.css")),
     )
 
 
@@ -151,7 +144,3 @@ def _reach(shares: pd.DataFrame) -> dict[str, Any]:
 
 def _write(path: Path, text: str) -> None:
     write_atomic(path, lambda part: write_text(part, text))
-
-
-def _file(package: str, name: str) -> str:
-    return (resources.files(package) / name).read_text(encoding="utf-8")

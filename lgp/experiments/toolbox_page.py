@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,6 +12,7 @@ from lgp.drawing import INK, LINE, SOFT, line, points, svg, text, ticks
 from lgp.experiments.figures import COLOURS
 from lgp.experiments.page import number
 from lgp.experiments.toolbox_orders import ORDERS
+from reba.report.templates import template
 from reba.writers import write_atomic, write_text
 
 if TYPE_CHECKING:
@@ -52,23 +52,15 @@ def write_page(
     Raises:
         RebaError: it cannot be written.
     """
-    from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    from reba import __version__
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"number": number, "short": _short}
-    template = environment.from_string(_file("lgp.experiments", "toolbox.html"))
-    html = template.render(
+    html = template("lgp.experiments", "toolbox.html", {"number": number, "short": _short}).render(
         summary=summary,
         names=NAMES,
         orders=ORDERS,
         scene=scene,
         chart=Markup(over_time(plans)),
         command=command,
-        version=__version__,
-        style=Markup(_file("reba.report", "style.css")),
     )
     write_atomic(Path(folder) / "report.html", lambda part: write_text(part, html))
 
@@ -110,7 +102,3 @@ def over_time(plans: Mapping[str, Plan]) -> str:
 def _short(action: str) -> str:
     """Return an action without what all names of parts begin with."""
     return action.replace("toolbox/", "")
-
-
-def _file(package: str, name: str) -> str:
-    return (resources.files(package) / name).read_text(encoding="utf-8")

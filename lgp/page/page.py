@@ -5,11 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from importlib import resources
 from pathlib import Path
 from typing import Any
-
-from jinja2 import Environment, StrictUndefined
 
 from lgp.errors import LgpError
 from lgp.motion import Motion
@@ -20,6 +17,7 @@ from lgp.page.ribbon import Run, risk, runs
 from lgp.page.sentences import Line, humanised, sentences
 from lgp.page.view import View, view
 from lgp.plan_record import Plan
+from reba.report.templates import read, template
 from reba.report.words import LEVEL_COLOURS
 
 ASSETS = "assets"
@@ -65,7 +63,7 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
         for name, file in library_files().items():
             shutil.copyfile(file, assets / name)
         for name in ("page.css", *SCRIPTS):
-            (assets / name).write_text(_template(name), encoding="utf-8")
+            (assets / name).write_text(read("lgp.page", f"template/{name}"), encoding="utf-8")
         data = _script({"view": packed(seen), **_facts(plan, motion, seen, lines)})
         (assets / "plan.js").write_text(data, encoding="utf-8")
         if pictures:
@@ -105,11 +103,9 @@ def _facts(plan: Plan, motion: Motion, seen: View, lines: tuple[Line, ...]) -> d
 
 
 def _html(plan: Plan, lines: tuple[Line, ...], pictures: bool, data: str) -> str:
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     ribbon = runs(plan)
     total = float(plan.time[-1])
-    template = environment.from_string(_template("index.html"))
-    return template.render(
+    return template("lgp.page", "template/index.html").render(
         title=humanised(plan.scene.name).capitalize(),
         lines=lines,
         labels=plan.actions,
@@ -136,7 +132,3 @@ def _bar(run: Run, total: float) -> dict[str, Any]:
         "run": run,
         "risk": risk(run.level),
     }
-
-
-def _template(name: str) -> str:
-    return (resources.files("lgp.page") / "template" / name).read_text(encoding="utf-8")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from importlib import resources
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any, Final
 
@@ -11,7 +10,7 @@ from lgp.experiments.page import number, p_value
 from lgp.experiments.statistics import stars
 from lgp.study.figures import bars, paired
 from lgp.study.measures import EXTRA, LEVELS, PARTS, SIDED, TOTAL
-from reba.report.words import LEVEL_COLOURS, TEXT_ON
+from reba.report.templates import template
 from reba.tables import ACTION_LEVELS
 
 SOURCE: Final = (
@@ -28,17 +27,19 @@ def render(found: Mapping[str, Any], *, command: str = "") -> str:
         found: the summary of a study.
         command: command line to show, so that the page can be made again.
     """
-    from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    from reba import __version__
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"p": p_value, "number": number, "mark": _mark, "file": _name, "percent": _percent}
     files = [one["input"] for one in (*found["recordings"], *found["failed"])]
-    environment.filters["short"] = lambda text: _short(text, files)
+    filters: dict[str, Callable[..., str]] = {
+        "p": p_value,
+        "number": number,
+        "mark": _mark,
+        "file": _name,
+        "percent": _percent,
+        "short": lambda text: _short(text, files),
+    }
     conditions = found["conditions"]
-    return environment.from_string(_file("lgp.study", "study.html")).render(
+    return template("lgp.study", "study.html", filters).render(
         found=found,
         conditions=conditions,
         total=found[TOTAL],
@@ -50,14 +51,7 @@ def render(found: Mapping[str, Any], *, command: str = "") -> str:
         paired=Markup(paired(found, conditions)),
         source=SOURCE,
         command=command,
-        version=__version__,
-        style=Markup(_level_styles() + _file("reba.report", "style.css")),
     )
-
-
-def _level_styles() -> str:
-    colours = enumerate(LEVEL_COLOURS)
-    return "".join(f".l{i} {{ background: {c}; color: {TEXT_ON.get(c, '#1b2430')}; }}\n" for i, c in colours)
 
 
 def _mark(p: float | None) -> str:
@@ -78,7 +72,3 @@ def _short(text: str, files: Sequence[str]) -> str:
     for file in sorted(files, key=len, reverse=True):
         text = text.replace(file, _name(file))
     return text
-
-
-def _file(package: str, name: str) -> str:
-    return (resources.files(package) / name).read_text(encoding="utf-8")

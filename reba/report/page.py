@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from importlib import resources
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from reba.report import phrases
@@ -15,8 +14,9 @@ from reba.report.parts import effects, part_shares
 from reba.report.recording import Recording, recording, shares_of_levels
 from reba.report.series import BUCKETS, DRAW_ALL, VIEWS
 from reba.report.static_plot import time_label, time_svg
+from reba.report.templates import read, template
 from reba.report.verdict import WHY_P90, demanding_time, verdict, worse_side
-from reba.report.words import LEVEL_COLOURS, LIMITS, PART_COLOURS, SOURCES, TEXT_ON
+from reba.report.words import LIMITS, SOURCES
 from reba.report.worst import worst, worst_minute
 from reba.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 
@@ -40,55 +40,35 @@ def page(scores: Sequence[Scores], command: str) -> str:
         scores: one or more scored recordings.
         command: command line to show, "" for none.
     """
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
-
-    from reba import __version__
 
     records = [recording(one) for one in scores]
     lengths = [_length(record) for record in records]
     same_axis = min(lengths) >= SAME_AXIS * max(lengths)
     spans = [max(lengths) if same_axis else length for length in lengths]
-    environment = Environment(
-        loader=FunctionLoader(_file), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters |= {"seconds": phrases.seconds, "percent": phrases.percent, "listed": phrases.listed}
-    environment.globals |= {
-        "levels": [
+    filters: dict[str, Callable[..., str]] = {
+        "seconds": phrases.seconds,
+        "percent": phrases.percent,
+        "listed": phrases.listed,
+    }
+    return template("reba.report", "template.html", filters, scripted=True).render(
+        levels=[
             {"number": number, "name": name, "action": phrases.action(number), "scores": LEVEL_SCORES[number]}
             for number, (name, _) in enumerate(ACTION_LEVELS)
         ],
-    }  # fmt: skip
-    return environment.get_template("template.html").render(
         sections=[_section(i + 1, record, span) for i, (record, span) in enumerate(zip(records, spans, strict=True))],
         same_axis=same_axis,
         command=command,
         buckets=BUCKETS,
         all_drawn=DRAW_ALL * BUCKETS,
-        version=__version__,
         grade_rule=RULE,
         why_p90=WHY_P90,
         limits=LIMITS,
         sources=SOURCES,
-        style=Markup(_colours() + _file("style.css")),
-        script=Markup(_file("page.js")),
+        script=Markup(read("reba.report", "page.js")),
         plotly=Markup(get_plotlyjs()),
     )
-
-
-def _file(name: str) -> str:
-    return (resources.files("reba.report") / name).read_text(encoding="utf-8")
-
-
-def _colours() -> str:
-    """Return the classes l0 to l4 and p0 to p6 as CSS: a colour and a text colour that stands out from it."""
-    named = {f"l{i}": colour for i, colour in enumerate(LEVEL_COLOURS)}
-    named |= {f"p{i}": colour for i, colour in enumerate(PART_COLOURS)}
-    fills = [f".{name} {{ background: {colour}; color: {TEXT_ON.get(colour, '#1b2430')}; }}\n" for name, colour in
-             named.items()]  # fmt: skip
-    edges = [f".l{i}-edge {{ border-left-color: {colour} !important; }}\n" for i, colour in enumerate(LEVEL_COLOURS)]
-    return "".join((*fills, *edges))
 
 
 def _length(record: Recording) -> float:
