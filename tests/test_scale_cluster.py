@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import logging
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
+from lgp_worlds import needs_robots
 from scale_work import cluster, die_at, write_recordings
 
+from lgp.experiments import screwdriver
+from lgp.experiments.runs import check_paths, check_runs
 from reba.batch import Options, score_many, sees
-from reba.cli import main
 from reba.dataset import Dataset
 from reba.dataset_run import score_into
 from reba.errors import RebaError
@@ -37,28 +41,61 @@ def _levels() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     with cluster(tmp_path_factory.mktemp("cluster")) as found:
         yield found
+
+
+@pytest.fixture
+def address(started: str) -> str:
+    """Give the cluster with both workers: a test before may have killed one, which takes seconds to come back."""
+    with distributed.Client(started, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+    return started
+
+
+Run = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    def call(command: str, *words: object) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "argv", [command, *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            importlib.import_module(f"{command}.cli").main()
+        return int(stop.value.code or 0), capsys.readouterr().out
+
+    return call
 
 
 def table(folder: Path) -> pd.DataFrame:
     return pd.read_parquet(folder).sort_values(["recording", "time"], ignore_index=True)
 
 
+def kill_a_worker(address: str) -> None:
+    with distributed.Client(address, set_as_default=False) as client:
+        victim = min(client.run(os.getpid).values())
+    os.kill(victim, signal.SIGKILL)
+
+
+def timeless(found: Any) -> Any:
+    """Return what a command printed without how long things took, which no two runs share."""
+    if isinstance(found, dict):
+        return {name: timeless(value) for name, value in found.items() if not name.startswith("seconds")}
+    return [timeless(value) for value in found] if isinstance(found, list) else found
+
+
 def test_the_command_gives_the_same_as_here(
-    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run
 ) -> None:
     write_recordings(tmp_path / "in", 6)
     (tmp_path / "in" / "bad.csv").write_text("time,trunk_flexion\n0,abc\n")
     monkeypatch.chdir(tmp_path)  # workers are elsewhere
     results = []
     for out, words in (("here", []), ("there", ["--scheduler", address])):
-        monkeypatch.setattr(sys, "argv", ["reba", "score", "in", "-o", out, "--json", *words])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        assert stop.value.code == 1
-        results.append(json.loads(capsys.readouterr().out.replace(str(tmp_path / out), "OUT")))
+        code, said = run("reba", "score", "in", "-o", out, "--json", *words)
+        assert code == 1
+        results.append(json.loads(said.replace(str(tmp_path / out), "OUT")))
     here, there = results
     assert here["recordings"] == there["recordings"]
     assert [failure["input"] for failure in there["failed"]] == ["in/bad.csv"]
@@ -75,16 +112,66 @@ def test_a_worker_killed_in_the_middle_changes_nothing(address: str, tmp_path: P
     def kill_one(name: str) -> None:
         done.append(name)
         if len(done) == 3:
-            with distributed.Client(address, set_as_default=False) as client:
-                victim = min(client.run(os.getpid).values())
-            os.kill(victim, signal.SIGKILL)
+            kill_a_worker(address)
 
     with Dataset(tmp_path / "there") as dataset:
-        run = score_into(dataset, inputs, Options(), scheduler=address, done=kill_one)
-    assert (dict(run.scored), run.failed) == ({"new": 24}, 0)
+        found = score_into(dataset, inputs, Options(), scheduler=address, done=kill_one)
+    assert (dict(found.scored), found.failed) == ({"new": 24}, 0)
     assert sorted(done) == inputs
     assert len((tmp_path / "there" / MANIFEST).read_text().splitlines()) == 24
     pd.testing.assert_frame_equal(table(tmp_path / "here"), table(tmp_path / "there"))
+
+
+def test_models_are_compared_as_here(address: str, run: Run) -> None:
+    words = ("compare", "quadratic", "convex", "-n", 300, "--tasks", 1, "--json")
+    (here_code, here), (there_code, there) = run("dreba", *words), run("dreba", *words, "--scheduler", address)
+    assert (here_code, there_code) == (0, 0)
+    assert [row["model"] for row in json.loads(there)["models"]] == ["quadratic", "convex"]
+    assert len(json.loads(there)["enabler"]) == 4
+    assert timeless(json.loads(here)) == timeless(json.loads(there))
+
+
+RUNS = 3
+
+
+def same_runs(here: list[pd.DataFrame], there: list[pd.DataFrame]) -> None:
+    assert here[0].groupby("run").size().to_dict() == dict.fromkeys(range(RUNS), 3)
+    for ours, theirs in zip(here, there, strict=True):
+        for column in set(ours.columns) - {"seconds"}:
+            pd.testing.assert_series_equal(ours[column], theirs[column], check_exact=True)
+
+
+@pytest.fixture(scope="module")
+def local_runs() -> list[pd.DataFrame]:
+    return screwdriver_tables(screwdriver.plan_runs(range(RUNS), jobs=2))
+
+
+def screwdriver_tables(planned: Iterable[tuple[pd.DataFrame, pd.DataFrame]]) -> list[pd.DataFrame]:
+    """Return the two tables that an experiment writes of its runs."""
+    runs, paths = (pd.concat(tables) for tables in zip(*planned, strict=True))
+    return [check_runs(runs), check_paths(paths)]
+
+
+@needs_robots
+def test_an_experiment_is_the_same_as_here(
+    address: str, local_runs: list[pd.DataFrame], run: Run, tmp_path: Path
+) -> None:
+    pytest.importorskip("statsmodels")
+    words = ("experiment", "screwdriver", "--runs", RUNS, "-o", tmp_path, "--json", "--scheduler", address)
+    code, said = run("lgp", *words)
+    assert code == 0
+    assert json.loads(said)["starts"]["rest"]["runs"] == RUNS
+    same_runs(local_runs, [pd.read_parquet(tmp_path / f"{name}.parquet") for name in ("runs", "paths")])
+
+
+@needs_robots
+def test_an_experiment_is_the_same_with_a_worker_killed(address: str, local_runs: list[pd.DataFrame]) -> None:
+    found = []
+    for made in screwdriver.plan_runs(range(RUNS), scheduler=address):
+        if not found:
+            kill_a_worker(address)  # two runs are under way, so both workers are at work
+        found.append(made)
+    same_runs(local_runs, screwdriver_tables(found))
 
 
 def test_a_task_that_kills_workers_is_lost_and_stops_no_other(address: str) -> None:
