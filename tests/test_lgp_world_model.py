@@ -14,7 +14,7 @@ from lgp_worlds import anywhere, differences, human_world, needs_robots, screwdr
 from lgp.errors import WorldError
 from lgp.world import features, robot
 from lgp.world.model import World
-from lgp.world.rotations import exponential, inverse_right_jacobian, left_jacobian, logarithm
+from lgp.world.rotations import exponential, exponential_with_slope, inverse_right_jacobian, logarithm
 from lgp.world.scene import Robot
 from lgp.world.scene_file import load_scene, read_scene
 
@@ -82,7 +82,7 @@ def test_rotation_vectors_go_round(vector: np.ndarray) -> None:
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(logarithm(rotation), vector, atol=1e-7)
     np.testing.assert_allclose(
-        inverse_right_jacobian(vector) @ rotation.T @ left_jacobian(vector), np.eye(3), atol=1e-9
+        inverse_right_jacobian(vector) @ rotation.T @ exponential_with_slope(vector)[1], np.eye(3), atol=1e-9
     )
 
 

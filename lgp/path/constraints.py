@@ -21,7 +21,7 @@ from lgp.path.switch_rows import Blocks, Row, SwitchRows
 from lgp.path.ties import ties
 from lgp.world import features
 from lgp.world.features import Feature
-from lgp.world.model import World
+from lgp.world.model import Kinematics, World
 from lgp.world.switches import Modes
 
 Array = NDArray[np.float64]
@@ -30,12 +30,13 @@ Slices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Values:
-    """Values of all rows, and the blocks of their Jacobians in the order of the rows."""
+    """Values of all rows, and the blocks of their Jacobians in the order of the rows; and the slice of each switch."""
 
     equality: Array
     inequality: Array
     eq_blocks: list[Array]
     in_blocks: list[Array]
+    kinematics: dict[int, Kinematics]
 
 
 class Constraints:
@@ -122,7 +123,7 @@ class Constraints:
             value, blocks = self._apart.evaluate(q, z)
             inequality.append(value)
             in_blocks += blocks
-        return Values(np.concatenate(equality), np.concatenate(inequality), eq_blocks, in_blocks)
+        return Values(np.concatenate(equality), np.concatenate(inequality), eq_blocks, in_blocks, found.kinematics)
 
     def jacobians(self, values: Values) -> tuple[sp.csr_matrix, sp.csr_matrix]:
         """Return the two sparse Jacobians of evaluated rows; the next call reuses them."""
@@ -167,6 +168,6 @@ class Constraints:
         pressed = y[self._first_leg : self._first_leg + len(q)]
         return [pressed[:, None, None] * self._legs.curvature(q)]
 
-    def bends(self, q: Array, z: Array, y: Array) -> list[Array]:
-        """Return for each hand at a switch sum_i y_i d2 row_i by its unknowns in `curved`, (m, m)."""
-        return self._switches.bends(q, z, y)
+    def bends(self, values: Values, z: Array, y: Array) -> list[Array]:
+        """Return for each hand at a switch sum_i y_i d2 row_i by its unknowns in `curved`, (m, m), at some values."""
+        return self._switches.bends(values.kinematics, z, y)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lgp.world import features
 from lgp.world.holders import Holder, Pose
 from lgp.world.model import Kinematics
+from lgp.world.rotations import skew
 
 Array = NDArray[np.float64]
 Slices = NDArray[np.intp]
@@ -47,7 +48,7 @@ def contact_curvature(
         if len(moved):
             every = np.concatenate([moved, places])
             bend[np.ix_(every, every)] += _held(side, pose, limbs[moved], kinematics, z, sign * world)
-    mixed = -0.5 * np.cross(world[None, 3:], turns[1].T) @ turns[0]
+    mixed = -0.5 * (skew(world[3:]) @ turns[1]).T @ turns[0]
     return np.asarray(bend + mixed + mixed.T)
 
 
@@ -56,19 +57,12 @@ def _held(holder: Holder, held: Pose, limb: Slices, kinematics: Kinematics, z: A
     jacobian = np.concatenate([held.by_q[:, :, limb], held.by_variables], axis=2)
     bend = features.position_curvature(jacobian, weights[None, :3])[0]
     angular = jacobian[0, 3:]
-    twist = np.triu(np.cross(weights[3:, None], angular, axis=0).T @ angular, 1)
+    twist = np.triu((skew(weights[3:]) @ angular).T @ angular, 1)
     bend += 0.5 * (twist + twist.T)
     # The grip is a rotation vector itself: its parts do not come one after the other.
-    bend[len(limb) :, len(limb) :] = _grip(holder, held, kinematics, z, weights)
+    if holder.slopes is not None:
+        grip = z[holder.variables]
+        moved = holder.slopes(kinematics, grip + STEP * np.eye(len(grip)))
+        slopes = weights @ (moved - held.by_variables) / STEP
+        bend[len(limb) :, len(limb) :] = 0.5 * (slopes + slopes.T)
     return np.asarray(bend)
-
-
-def _grip(holder: Holder, held: Pose, kinematics: Kinematics, z: Array, weights: Array) -> Array:
-    """Return the weighted second derivative (m, m) of the pose of a held object by its grip, by differences."""
-    grip = z[holder.variables]
-    slopes = np.empty((len(grip), len(grip)))
-    for part in range(len(grip)):
-        moved = grip.copy()
-        moved[part] += STEP
-        slopes[part] = weights @ (holder.pose(kinematics, moved).by_variables[0] - held.by_variables[0]) / STEP
-    return 0.5 * (slopes + slopes.T)

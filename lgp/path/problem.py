@@ -147,7 +147,7 @@ class PathProblem:
         values = self._rows(x)
         eq_jac, in_jac = self.rows.jacobians(values)
         gradient = np.concatenate([self._pull(q - self.start).ravel(), np.zeros(len(z))])
-        bends = self.rows.bends(q, z, y_eq)
+        bends = self.rows.bends(values, z, y_eq)
         violation = float(np.abs(values.equality).max(initial=0.0))
         blocks = self._convexity.convexify(bends, values.eq_blocks, violation) + self.rows.press(q, y_in)
         if self.ergonomics is not None:

@@ -42,12 +42,13 @@ class Row:
 
 @dataclass(frozen=True)
 class SwitchValues:
-    """Values of the rows of all switches, and the blocks of their Jacobians, in order."""
+    """Values of the rows of all switches, and the blocks of their Jacobians, in order; and the slice of each switch."""
 
     equality: list[Array]
     inequality: list[Array]
     eq_blocks: list[Array]
     in_blocks: list[Array]
+    kinematics: dict[int, Kinematics]
 
 
 class SwitchRows:
@@ -119,8 +120,8 @@ class SwitchRows:
 
     def evaluate(self, q: Array, z: Array) -> SwitchValues:
         """Return all rows at configurations (P, nq) and variables (nz,)."""
-        found = SwitchValues([], [], [], [])
         kinematics = {number: self._kinematics(number, q) for number in self.at}
+        found = SwitchValues([], [], [], [], kinematics)
         for number in self._own:
             for feature in self._equalities(number, kinematics[number], z):
                 found.equality.append(feature.value[0])
@@ -164,12 +165,17 @@ class SwitchRows:
                 found.append(self._columns(number, self._own[number]))
         return found
 
-    def bends(self, q: Array, z: Array, y: Array) -> list[Array]:
-        """Return sum_i y_i d2 row_i by the unknowns of each block in `curved`, (m, m); y are those of `eq_rows`."""
+    def bends(self, seen: dict[int, Kinematics], z: Array, y: Array) -> list[Array]:
+        """Return sum_i y_i d2 row_i by the unknowns of each block in `curved`, (m, m).
+
+        Args:
+            seen: the slice of each switch, as `evaluate` returned them.
+            z: (nz,) variables.
+            y: of `eq_rows`.
+        """
         found, start = [], 0
         for number, own in self._own.items():
-            kinematics = self._kinematics(number, q)
-            contact = self.modes.contact(number)
+            kinematics, contact = seen[number], self.modes.contact(number)
             if contact is not None:
                 weights = y[start : start + 6]
                 found.append(contact_curvature(contact, self._limbs[number], own, kinematics, z, weights))

@@ -24,6 +24,8 @@ PRIMAL_TOLERANCE = 1e-9
 DUAL_TOLERANCE = 1e-9
 SINGLES = 8
 """Errors beyond which exchanging one at a time would take longer than an interior point method."""
+MANY = 50
+"""Errors from which a first active set that no other QP led to never settled before an interior point method would."""
 KEPT = 1e-7
 """Share of the largest multiplier below which a row of a foreign solution counts as inactive."""
 
@@ -88,6 +90,8 @@ class ActiveSet:
                 break
             if point.errors == 0:
                 return _result(point, scale, count, self.name)
+            if warm is None and point.errors > MANY:
+                break
             if point.errors < best:
                 best, tries = point.errors, patience
             else:
@@ -159,11 +163,7 @@ def _judge(qp: QP, scale: float, active: _Active, found: Vector, error: float) -
     """Find the rows and bounds that contradict the solution of a working set."""
     n, m_e = qp.q.size, qp.b.size
     x, y, z = found[:n], found[n : n + m_e], found[n + m_e :]
-    slope = scale * (qp.hessian_dot(x) + qp.q)
-    if m_e:
-        slope += qp.A.T @ y
-    if z.size:
-        slope += qp.G.T @ z
+    slope = scale * (qp.hessian_dot(x) + qp.q) + qp.pull(y, z)
     # A sign within the error of the linear system says nothing; trusting it would exchange rows for ever.
     wrong_sign = max(DUAL_TOLERANCE * scale * max(1.0, float(np.abs(qp.q).max(initial=0.0))), 10.0 * error)
     below = (active.side == 0) & (x < qp.lb - PRIMAL_TOLERANCE * (1.0 + np.abs(x)))

@@ -48,6 +48,7 @@ class KKT:
         self._columns = np.repeat(np.arange(n + m_e + m_i), counts)
         size = n + m_e + m_i
         self._matrix = sp.csc_matrix((np.zeros(indptr[-1]), indices, indptr.astype(np.int32)), shape=(size, size))
+        self._mirror = self._matrix.T  # of the same values
         self._shifted = self._matrix.copy()
         self._values = np.zeros(indptr[-1])
         self._solver: Any = None
@@ -99,10 +100,9 @@ class KKT:
         `rounds`.
         """
         diagonal = self._matrix.data[self._diagonal]
-        transpose = self._matrix.T
         best, best_error, point = guess, np.inf, guess
         for _ in range(rounds + 1):
-            error = right - (self._matrix @ point + transpose @ point - diagonal * point)
+            error = right - (self._matrix @ point + self._mirror @ point - diagonal * point)
             size = float(np.abs(error).max(initial=0.0))
             if not size < best_error:
                 break

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -41,7 +42,24 @@ class QP:
 
     def hessian_dot(self, x: Vector) -> Vector:
         """Return P x (n,) with both triangles."""
-        return self.P @ x + self.P.T @ x - self.P.data[self.P.indptr[1:] - 1] * x
+        return self.P @ x + self._lower @ x - self.P.data[self.P.indptr[1:] - 1] * x
+
+    def pull(self, y: Vector, z: Vector) -> Vector:
+        """Return A'y + G'z (n,)."""
+        pull = self._equality_columns @ y
+        return pull + self._limit_columns @ z if z.size else pull
+
+    @cached_property
+    def _lower(self) -> sp.csr_matrix:
+        return self.P.T
+
+    @cached_property
+    def _equality_columns(self) -> sp.csc_matrix:
+        return self.A.T
+
+    @cached_property
+    def _limit_columns(self) -> sp.csc_matrix:
+        return self.G.T
 
     def objective(self, x: Vector) -> float:
         """Return x'Px/2 + q'x."""
@@ -93,7 +111,7 @@ def residuals(qp: QP, found: QPResult) -> QPResiduals:
     rows = qp.G @ found.x - qp.h
     low, high = qp.lb - found.x, found.x - qp.ub
     primal = np.concatenate([np.abs(qp.A @ found.x - qp.b), rows, low, high])
-    slope = qp.hessian_dot(found.x) + qp.q + qp.A.T @ found.y + qp.G.T @ found.z + found.z_box
+    slope = qp.hessian_dot(found.x) + qp.q + qp.pull(found.y, found.z) + found.z_box
     at_low, at_high = np.maximum(-found.z_box, 0.0), np.maximum(found.z_box, 0.0)
     products = [found.z * rows, _product(at_low, low), _product(at_high, high)]
     return QPResiduals(

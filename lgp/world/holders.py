@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.world.model import Kinematics
-from lgp.world.rotations import exponential, left_jacobian, logarithm, skew
+from lgp.world.rotations import exponential, exponential_with_slope, logarithm, skew
 from lgp.world.scene import Hand, Table, Thing
 
 Array = NDArray[np.float64]
@@ -70,6 +70,8 @@ class Holder:
         variables: where they are in z.
         pose: (kinematics of n slices, (m,) variables) -> Pose.
         fit: (kinematics, (3, 3) rotation, (3,) position, slice) -> (m,) variables nearest to that pose.
+        slopes: (kinematics of one slice, (k, m) variables) -> (k, 6, m) Jacobians by the variables; None where these do
+            not change.
     """
 
     by: str
@@ -79,6 +81,7 @@ class Holder:
     variables: slice
     pose: Callable[[Kinematics, Array], Pose]
     fit: Callable[[Kinematics, Array, Array, int], Array]
+    slopes: Callable[[Kinematics, Array], Array] | None = None
 
     @property
     def size(self) -> int:
@@ -185,36 +188,46 @@ def held(hand: Hand, thing: Thing, start: int) -> Holder:
     Where and from where it takes the object is the `Grip` of its kind.
     """
     grip = thing.grip(hand.kind)
-    turns = FREEDOM[hand.freedom]
+    turns = list(FREEDOM[hand.freedom])
     slides = grip.slide > 0.0
     side, at, facing = np.eye(3)[int(np.argmax(thing.size))], np.array(grip.at), _facing(np.array(grip.along))
     names = tuple(f"turn_{'xyz'[part]}" for part in turns) + (("slide",) if slides else ())
     upper = np.array([np.pi] * len(turns) + [grip.slide] * slides)
     variables = slice(start, start + len(names))
 
-    def pose(kinematics: Kinematics, z: Array) -> Pose:
-        place = kinematics.place(hand.full)
-        vector = np.zeros(3)
-        vector[list(turns)] = z[: len(turns)]
-        rotation = place.rotation @ (exponential(vector) @ facing)
-        arm = -(rotation @ (at + (z[-1] if slides else 0.0) * side))
-        by_q = place.jacobian.copy()
-        by_q[:, :3] -= skew(arm) @ place.jacobian[:, 3:]
-        by_variables = np.zeros((len(kinematics), 6, len(names)))
-        by_turn = (place.rotation @ left_jacobian(vector))[:, :, list(turns)]
+    def moved(place: Array, z: Array) -> tuple[Array, Array, Array]:
+        """Return rotation (n, 3, 3), arm (n, 3), slopes (n, 6, m) of n hands (n, 3, 3), or of one and n grips."""
+        vector = np.zeros((*z.shape[:-1], 3))
+        vector[..., turns] = z[..., : len(turns)]
+        turn, slope = exponential_with_slope(vector)
+        rotation = place @ (turn @ facing)
+        slid = at + z[..., -1:] * side if slides else at
+        arm = -(rotation @ slid[..., None])[..., 0]
+        by_variables = np.zeros((len(rotation), 6, len(names)))
+        by_turn = (place @ slope)[:, :, turns]
         by_variables[:, 3:, : len(turns)] = by_turn
         by_variables[:, :3, : len(turns)] = -skew(arm) @ by_turn
         if slides:
             by_variables[:, :3, -1] = -(rotation @ side)
+        return rotation, arm, by_variables
+
+    def pose(kinematics: Kinematics, z: Array) -> Pose:
+        place = kinematics.place(hand.full)
+        rotation, arm, by_variables = moved(place.rotation, z)
+        by_q = place.jacobian.copy()
+        by_q[:, :3] -= skew(arm) @ place.jacobian[:, 3:]
         return Pose(rotation, place.position + arm, by_q, by_variables, variables)
+
+    def slopes(kinematics: Kinematics, z: Array) -> Array:
+        return moved(kinematics.place(hand.full).rotation, z)[2]
 
     def fit(kinematics: Kinematics, rotation: Array, position: Array, slice_: int) -> Array:
         place = kinematics.place(hand.full)
         vector = logarithm(place.rotation[slice_].T @ rotation @ facing.T)
         point = rotation.T @ (place.position[slice_] - position) - at
-        return np.clip([*vector[list(turns)], *([float(point @ side)] if slides else [])], -upper, upper)
+        return np.clip([*vector[turns], *([float(point @ side)] if slides else [])], -upper, upper)
 
-    return Holder(hand.full, names, -upper, upper, variables, pose, fit)
+    return Holder(hand.full, names, -upper, upper, variables, pose, fit, slopes)
 
 
 def _facing(along: Array) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+IDENTITY = np.eye(3)
 SMALL = 1e-4
 """[rad] Below this angle the series are exact to rounding."""
 
@@ -37,22 +38,24 @@ def exponential(vectors: Array) -> Array:
     >>> exponential(np.array([0.0, 0.0, np.pi / 2])).round(9)[:, 0].tolist()
     [0.0, 1.0, 0.0]
     """
-    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
-    safe = np.maximum(angle, SMALL)
-    first = np.where(angle < SMALL, 1.0 - angle**2 / 6.0, np.sin(safe) / safe)
-    second = np.where(angle < SMALL, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
-    cross = skew(vectors)
-    return np.eye(3) + first * cross + second * (cross @ cross)
+    return exponential_with_slope(vectors)[0]
 
 
-def left_jacobian(vectors: Array) -> Array:
-    """Return (..., 3, 3) matrices from a change of (..., 3) rotation vectors to the turn it makes, in outer axes."""
-    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+def exponential_with_slope(vectors: Array) -> tuple[Array, Array]:
+    """Return the rotations as `exponential` does, and the left Jacobians.
+
+    These are (..., 3, 3) matrices from a change of (..., 3) rotation vectors to the turn it makes, in outer axes.
+    """
+    squared = np.einsum("...i,...i->...", vectors, vectors)[..., None, None]
+    angle = np.sqrt(squared)
     safe = np.maximum(angle, SMALL)
-    first = np.where(angle < SMALL, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
-    second = np.where(angle < SMALL, 1.0 / 6.0 - angle**2 / 120.0, (safe - np.sin(safe)) / safe**3)
+    small, sine = angle < SMALL, np.sin(safe)
+    first = np.where(small, 1.0 - squared / 6.0, sine / safe)
+    second = np.where(small, 0.5 - squared / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    third = np.where(small, 1.0 / 6.0 - squared / 120.0, (safe - sine) / safe**3)
     cross = skew(vectors)
-    return np.eye(3) + first * cross + second * (cross @ cross)
+    twice = cross @ cross
+    return IDENTITY + first * cross + second * twice, IDENTITY + second * cross + third * twice
 
 
 def logarithm(rotations: Array) -> Array:
@@ -73,7 +76,7 @@ def logarithm(rotations: Array) -> Array:
     turned = (twice < 2.0 * SMALL) & (trace < 0.0)
     if np.any(turned):
         # Half a turn: the axis is the column of R + 1 that is longest.
-        both = rotations[turned] + np.eye(3)
+        both = rotations[turned] + IDENTITY
         longest = np.argmax(np.linalg.norm(both, axis=-2), axis=-1)
         axis = np.take_along_axis(both, longest[:, None, None], axis=-1)[..., 0]
         axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
@@ -89,4 +92,4 @@ def inverse_right_jacobian(vectors: Array) -> Array:
     half = safe / 2.0
     second = np.where(angle < SMALL, 1.0 / 12.0 + angle**2 / 720.0, (1.0 - half / np.tan(half)) / safe**2)
     cross = skew(vectors)
-    return np.eye(3) + 0.5 * cross + second * (cross @ cross)
+    return IDENTITY + 0.5 * cross + second * (cross @ cross)
