@@ -88,7 +88,7 @@ def render(
         distance=distance_to_published(found) if set(PUBLISHED) <= set(found.classes) else None,
         domain=domain,
         options=[(key, str(value)) for key, value in model.get_params(deep=False).items()],
-        provenance=[(key, json.dumps(value)) for key, value in model.about_.provenance.items()],
+        provenance=[(key, v if isinstance(v, str) else json.dumps(v)) for key, v in model.about_.provenance.items()],
         worst=_worst(values, poses),
         plots={key: [Markup(_script_safe(one.to_json(validate=False))) for one in some] for key, some in plots.items()},
         command=command,

@@ -21,6 +21,8 @@ TRUE: Final = "#1b2430"
 PAPER: Final = "#c98a1b"
 POINTS: Final = 181
 """Points of a curve over the range of an angle."""
+TICKS: Final = (5, 10, 20, 30, 60, 90)
+"""[deg] Between the ticks of a small plot, which has room for three or four."""
 
 
 def error_figure(found: Evaluation) -> Any:
@@ -120,14 +122,16 @@ def _small_plots(curves: list[tuple[str, Array, Array, tuple[Array, Array]]], un
         figure.add_scatter(x=steps[0], y=steps[1], mode="lines", line={"color": TRUE, "width": 1.5}, name="table")
         figure.add_scatter(x=angle, y=values, mode="lines", line={"color": MODEL, "width": 2}, name="model")
         figure.update_layout(**_layout(190), showlegend=False, title={"text": title, "font": {"size": 13}, "x": 0.5})
-        figure.update_layout(margin={"l": 44, "r": 12, "t": 30, "b": 34}, yaxis_title=unit, xaxis_ticksuffix="°")
+        figure.update_layout(margin={"l": 44, "r": 12, "t": 30, "b": 34}, yaxis_title=unit)
+        apart = next((step for step in TICKS if 3 * step >= np.ptp(angle)), TICKS[-1])
+        figure.update_xaxes(ticksuffix="°", dtick=apart, tick0=0, tickangle=0)
         found.append(figure)
     return found
 
 
 def _layout(height: int) -> dict[str, Any]:
     return {
-        "height": height, "margin": {"l": 60, "r": 20, "t": 40, "b": 50}, "template": "none",
+        "height": height, "margin": {"l": 60, "r": 20, "t": 40, "b": 60}, "template": "none",
         "font": {"family": "system-ui, sans-serif", "size": 13, "color": TRUE},
-        "legend": {"orientation": "h", "y": 1.12},
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
     }  # fmt: skip

@@ -7,6 +7,7 @@ import pytest
 SLOW = (
     "test_docs_code",
     "test_dreba_reach",
+    "test_dreba_report_browser",
     "test_execution_cli",
     "test_execution_faults",
     "test_execution_resume",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import json
 import queue
-import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,24 +14,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from browser import chromium, complaints, needs_browser, resize, until
+from lgp_worlds import HUMAN_ONLY
 
 import lgp
 from lgp.world.scene_file import read_scene
-from tests.lgp_worlds import HUMAN_ONLY
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
 PACKAGES = all(importlib.util.find_spec(name) for name in ("pyvista", "trimesh", "collada"))
 pytestmark = [
-    pytest.mark.skipif(not (BROWSER and DRIVER), reason="Chromium and chromedriver are not installed"),
+    needs_browser,
     pytest.mark.skipif(not PACKAGES, reason="the extra `page` is not installed"),
 ]
-FLAGS = (
-    "--headless=new", "--no-sandbox", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--hide-scrollbars",
-)  # fmt: skip
 SOFTWARE_GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 SCENE = HUMAN_ONLY | {"initial": ["on_table(box)", "free(human.right_hand)", "free(human.left_hand)"]}
 ACTIONS = [
@@ -51,34 +43,14 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_page(plan, tmp_path_factory.mktemp("page"))
 
 
-def driver(folder: Path, *flags: str) -> Any:
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for flag in (*FLAGS, *flags, f"--user-data-dir={folder}"):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    return webdriver.Chrome(options=options, service=Service(DRIVER))
-
-
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    found = driver(tmp_path_factory.mktemp("profile"), *SOFTWARE_GL)
-    yield found
-    found.quit()
-
-
-def until(browser: Any, code: str) -> Any:
-    """Wait until a piece of JavaScript gives something true, and return it."""
-    from selenium.webdriver.support.ui import WebDriverWait
-
-    return WebDriverWait(browser, 60, poll_frequency=0.05).until(lambda one: one.execute_script(f"return {code}"))
+    with chromium(tmp_path_factory.mktemp("profile"), *SOFTWARE_GL) as found:
+        yield found
 
 
 def show(browser: Any, address: str, width: int = 900, height: int = 700) -> None:
-    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    resize(browser, width, height)
     browser.get("about:blank")
     browser.get_log("browser")
     browser.get(address)
@@ -99,15 +71,6 @@ def state(browser: Any) -> tuple[int, float, bool]:
         "return [Reveal.getIndices().h, player.time, player.playing !== null]"
     )
     return index, moment, playing
-
-
-def complaints(browser: Any) -> list[Any]:
-    """Return what the console complains about; that software draws is no fault of the page."""
-    return [
-        entry
-        for entry in browser.get_log("browser")
-        if entry["level"] in ("SEVERE", "WARNING") and "GL Driver Message" not in entry["message"]
-    ]
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (400, 800)])
@@ -211,8 +174,7 @@ def test_the_ribbon_leads_to_a_moment(browser: Any, page: Path) -> None:
 
 
 def test_pictures_and_films_stand_in_without_webgl(page: Path, tmp_path: Path) -> None:
-    browser = driver(tmp_path, "--disable-gpu", "--disable-3d-apis")
-    try:
+    with chromium(tmp_path, "--disable-gpu", "--disable-3d-apis") as browser:
         show(browser, f"{page.as_uri()}#/2", 400, 800)
         assert browser.execute_script("return player.stage === null")
         image = "document.querySelector('section.present .still')"
@@ -221,8 +183,6 @@ def test_pictures_and_films_stand_in_without_webgl(page: Path, tmp_path: Path) -
         assert "action-2-film.webp" in browser.execute_script(f"return {image}.src")
         until(browser, f"player.playing === null && {image}.src.endsWith('action-2.webp')")
         assert complaints(browser) == []
-    finally:
-        browser.quit()
 
 
 class Live(SimpleHTTPRequestHandler):

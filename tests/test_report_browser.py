@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,21 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from browser import chromium, complaints, needs_browser, offline, pages_on_paper, resize, too_wide, until, visible
 
 import reba
 from reba.report import write_report
 from reba.scores import Scores
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
-pytestmark = pytest.mark.skipif(not (BROWSER and DRIVER), reason="Chromium and chromedriver are not installed")
-
-FLAGS = (
-    "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
-)  # fmt: skip
+pytestmark = needs_browser
 
 
 def scored(n: int, seed: int) -> Scores:
@@ -48,37 +38,17 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-    driver.execute_cdp_cmd("Network.enable", {})
-    offline = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
-    driver.execute_cdp_cmd("Network.emulateNetworkConditions", offline)
-    yield driver
-    driver.quit()
+    with chromium(tmp_path_factory.mktemp("profile"), "--disable-gpu") as found:
+        offline(found)
+        yield found
 
 
 def show(browser: Any, path: Path, width: int, *, scripts: bool = True) -> None:
-    from selenium.webdriver.support.ui import WebDriverWait
-
     browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": not scripts})
-    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    resize(browser, width)
     browser.get(path.as_uri())
     if scripts:
-        drawn = "return document.documentElement.dataset.drawn"
-        WebDriverWait(browser, 30).until(lambda driver: driver.execute_script(drawn))
-
-
-def visible(browser: Any, selector: str) -> int:
-    """Return how many elements of a selector are seen."""
-    code = "return [...document.querySelectorAll(arguments[0])].filter((e) => e.getClientRects().length).length"
-    return int(browser.execute_script(code, selector))
+        until(browser, "document.documentElement.dataset.drawn")
 
 
 @pytest.mark.parametrize("width", [390, 1280])
@@ -87,11 +57,10 @@ def test_drawn_without_errors_and_without_sideways_scrolling(browser: Any, repor
     assert visible(browser, ".drawing .main-svg") >= 4
     assert visible(browser, ".drawing .scatterlayer path.js-line") > 0
     assert visible(browser, ".still") == 0
-    wide = browser.execute_script("return document.documentElement.scrollWidth - window.innerWidth")
-    assert wide <= 0
+    assert too_wide(browser) <= 0
     entries = browser.execute_script("return performance.getEntriesByType('resource').map((entry) => entry.name)")
     assert entries == []
-    assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
+    assert complaints(browser) == []
 
 
 def test_sides_and_angles_can_be_chosen(browser: Any, report: Path) -> None:
@@ -136,6 +105,4 @@ def test_prints_as_pages(browser: Any, report: Path) -> None:
     assert visible(browser, ".still svg") == 2
     assert visible(browser, ".drawing") == 0
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
-    pdf = base64.b64decode(browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})["data"])
-    assert pdf.startswith(b"%PDF")
-    assert 4 <= pdf.count(b"/Type /Page\n") + pdf.count(b"/Type /Page ") <= 30
+    assert 4 <= pages_on_paper(browser) <= 30
