@@ -24,8 +24,10 @@ from lgp.sqp.step import Step, StepMaker
 
 BOTTOM = 1e12
 """A cost this far below its start, relative to it, counts as falling without end."""
+EXACT = 2.0
+"""Penalty per largest multiplier beyond which a stagnating violation is not for want of price: the l1 merit is exact."""
 PENALTY_RAISES = 3
-"""Times a stagnating violation raises the penalty before the problem counts as infeasible."""
+"""Times a stagnating violation raises the penalty."""
 STATIONARY = 1e-3
 """Relative slope of the squared violation below which a point that violates rows counts as stationary."""
 SHORT = 0.05
@@ -154,10 +156,13 @@ class _Run:
         self.stagnant = 0 if violation < 0.9 * self.least else self.stagnant + 1
         self.least = min(self.least, violation)
         if self.stagnant >= self.options.patience:
-            if self.steps.contradicted or self.raises == PENALTY_RAISES:
+            if self.steps.contradicted:
                 return True
-            self.stagnant, self.raises = 0, self.raises + 1
-            self.penalty *= 10.0
+            self.stagnant = 0
+            dear = max(float(np.abs(self.y_eq).max(initial=0.0)), float(self.y_in.max(initial=0.0)))
+            if self.raises < PENALTY_RAISES and self.penalty < EXACT * dear:
+                self.raises += 1
+                self.penalty *= 10.0
         return self.stagnant >= 2 and infeasible_stationary(self.problem, model, self.x) < STATIONARY
 
     def _move(self, model: Model, values: Values) -> _Move:
