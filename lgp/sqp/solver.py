@@ -25,7 +25,7 @@ from lgp.sqp.step import Step, StepMaker
 BOTTOM = 1e12
 """A cost this far below its start, relative to it, counts as falling without end."""
 EXACT = 2.0
-"""Penalty per largest multiplier beyond which a stagnating violation is not for want of price: the l1 merit is exact."""
+"""Penalty per largest multiplier from which on a stagnating violation is not for want of price (l1 is exact)."""
 PENALTY_RAISES = 3
 """Times a stagnating violation raises the penalty."""
 STATIONARY = 1e-3
