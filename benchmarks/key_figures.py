@@ -180,6 +180,14 @@ def scale(found: dict[str, Any]) -> Iterator[Figure]:
         yield Figure(f"{row['recordings']} recordings, {row['run']}", value, against, ratio)
 
 
+def live(found: dict[str, Any]) -> Iterator[Figure]:
+    for row in found["rows"]:
+        against, ratio = f"{found['budget_ms']:g} ms a frame", row["p99_ms"] / found["budget_ms"]
+        value = f"p50 {row['p50_ms']:.1f} ms, p99 {row['p99_ms']:.1f} ms"
+        yield Figure(f"live, {row['source']} at {found['rate']:g} frames/s", value, against, ratio)
+        yield Figure(f"live, {row['source']} all at once", f"{row['at_once']:,.0f} frames/s")
+
+
 def nothing(found: dict[str, Any]) -> Iterator[Figure]:
     yield from ()
 
@@ -209,7 +217,7 @@ SCRIPTS: tuple[Script, ...] = (
     Script("toolbox", toolbox, ("--parts", "2", "--seconds", "5")),
     Script("study_nulls", study_nulls, ("--studies", "20", "--files", "0")),
     Script("scale", scale, ("--recordings", "4", "--minutes", "1", "--subset", "2", "--mcap", "1")),
-    Script("live", nothing, ("--seconds", "4", "--frames", "1000", "--kinds", "rows")),
+    Script("live", live, ("--seconds", "4", "--frames", "1000", "--kinds", "rows")),
     Script("one_camera", nothing, needs="a folder of one-camera recordings; python benchmarks/one_camera.py FOLDER"),
 )
 """All, in the order of the table."""

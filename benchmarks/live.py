@@ -1,6 +1,6 @@
 """How long `reba live` takes from the bytes of a frame being there to its line being there, and how much it can take.
 
-    python benchmarks/live.py [--seconds 20] [--rate 100] [--budget 10]
+    python benchmarks/live.py [--seconds 20] [--rate 100] [--budget 10] [--json FILE]
 
 The command runs as a process of its own. Paced: frames are written one by one at the rate, and each line is timed where
 it arrives (the pipe and the wake-up of the reader count). At once: everything is there already; frames a second are
@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
-from machine import stamp
+from machine import machine, stamp
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
@@ -189,7 +189,9 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=10.0, help="milliseconds a frame may take")
     parser.add_argument("--frames", type=int, default=20_000, help="frames of the run at once")
     parser.add_argument("--kinds", nargs="+", default=["mcap", "rows", "joints"], choices=["mcap", "rows", "joints"])
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
     chosen = parser.parse_args()
+    rows = []
     print(stamp())
     print(f"{chosen.rate:g} frames a second for {chosen.seconds:g} s; budget {chosen.budget:g} ms a frame\n")
     print(f"{'source':<8}{'p50 ms':>9}{'p99 ms':>9}{'max ms':>9}{'in budget':>11}{'settling ms':>13}{'inside p50':>12}"
@@ -204,6 +206,11 @@ def main() -> None:
         assert isinstance(inside, dict)
         print(f"{kind:<8}{middle:>9.2f}{late:>9.2f}{times.max():>9.2f}{share:>11.1%}{settling.max():>13.0f}"
               f"{inside['p50_ms']:>12.2f}{fast:>18,.0f}", flush=True)  # fmt: skip
+        row = {"source": kind, "p50_ms": middle, "p99_ms": late, "most_ms": times.max(), "in_budget": share}
+        rows.append({key: value if key == "source" else float(value) for key, value in row.items()} | {"at_once": fast})
+    if chosen.json:
+        written = {"machine": machine(), "rate": chosen.rate, "budget_ms": chosen.budget, "rows": rows}
+        chosen.json.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
