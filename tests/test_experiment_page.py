@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import cache
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
@@ -27,6 +28,7 @@ NO_PLAN = {("rest", 2): ("non-ergonomic", "re-optimized")}
 VOID = {"area", "base", "br", "col", "hr", "img", "input", "link", "meta"}
 
 
+@cache
 def one_run(run, start, worse):
     """Return rows and paths of one run: left without ergonomics, the centre with, score `worse` up without."""
     rng = np.random.default_rng([run, worse])

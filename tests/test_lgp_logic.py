@@ -30,10 +30,11 @@ INITIAL = [
     "placed(screwdriver, table.start)",
 ]
 GOAL = "grasped(human.right_hand, screwdriver)"
+DOMAIN = load_domain("screwdriver")
 
 
 def screwdriver(goal: str = GOAL, initial: list[str] = INITIAL) -> Task:
-    return ground(load_domain("screwdriver"), OBJECTS, map(parse_atom, initial), [parse_atom(goal)])
+    return ground(DOMAIN, OBJECTS, map(parse_atom, initial), [parse_atom(goal)])
 
 
 def shortest(task: Task) -> int | None:

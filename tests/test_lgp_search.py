@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from functools import cache
 
 import pytest
 from hypothesis import given, settings
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from lgp.logic import Task, ground, load_domain, parse_atom
 from lgp.search import BoundResult, Budget, SearchResult, Skeleton, Status, search
 
+domain = cache(load_domain)
 TABLES = ("left", "center", "right")
 
 
@@ -21,7 +23,7 @@ def task(hands: int = 2, start: tuple[str, ...] = ("free", "on_table")) -> Task:
     initial = [f"free({hand})" for hand in ("human", *robots) if "free" in start]
     initial += ["on_table(tool)"] if "on_table" in start else []
     goal = [parse_atom("grasped(human, tool)")]
-    return ground(load_domain("screwdriver"), objects, map(parse_atom, initial), goal)
+    return ground(domain("screwdriver"), objects, map(parse_atom, initial), goal)
 
 
 class MadeUp:
