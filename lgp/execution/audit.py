@@ -6,7 +6,6 @@ one before ends; the other is a full new plan. Both are measured by the same pat
 
 from __future__ import annotations
 
-import copy
 from dataclasses import replace
 from typing import Any
 
@@ -16,9 +15,10 @@ from numpy.typing import NDArray
 from lgp.errors import LgpError
 from lgp.execution.executive import Shift
 from lgp.execution.grippers import grips_after
+from lgp.execution.idle import still_hands
 from lgp.execution.observation import Observation, Sighting, View
+from lgp.execution.pinned import PinnedBounds
 from lgp.execution.planner import Phase, Planner
-from lgp.path.bounds import PathBounds
 from lgp.path.phases import Phases
 from lgp.search import BoundResult
 from lgp.world.scene import Scene
@@ -42,7 +42,7 @@ def compare(planner: Planner, shift: Shift, seconds: float) -> dict[str, Any]:
         action, greedy, anew, extra (greedy - anew), share (extra / anew), actions of the new plan, whether they differ
         from those that were left; costs are None where there is no such path.
     """
-    own = copy.copy(planner)
+    own = planner.as_it_is()
     own.use(shift.motion)
     phase, scene = shift.phase, shift.phase.scene
     left = [str(action) for action in own.actions[shift.number :]]
@@ -51,7 +51,7 @@ def compare(planner: Planner, shift: Shift, seconds: float) -> dict[str, Any]:
         return found
     rest = _greedy(own, shift.number, phase)
     greedy, whole = (None, None) if rest is None else _costs(own, shift.number, scene, rest)
-    new = own.anew(scene, phase.segment.knots[0], len(left), seconds)
+    new = own.anew(shift.number, scene, phase.segment.knots[0], seconds, thorough=True)
     labels = [label.replace(f"({at + 1}, ", "(") for at, label in enumerate(new.actions)]
     anew = float(new.costs["total"]) if new.feasible else None
     if whole is not None and (anew is None or whole < anew):
@@ -82,7 +82,14 @@ def _costs(planner: Planner, number: int, scene: Scene, rest: list[Phase]) -> tu
     path = np.concatenate([phase.segment.knots[1:] for phase in rest])
     world, start = planner.motion.world.with_scene(scene), rest[0].segment.knots[0]
     slices = planner.motion.phases.slices
-    bounds = PathBounds(world, planner.ergonomics(), start=start, slices=slices, collisions=planner.apart)
+    bounds = PinnedBounds(
+        world,
+        planner.ergonomics(),
+        start=start,
+        slices=slices,
+        collisions=planner.apart,
+        still=still_hands(planner.motion.modes, number),
+    )
     actions = planner.actions[number:]
     problem = bounds.problem("path", bounds.phases(actions))
     greedy = problem.costs(problem.join(path, variables)).total

@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 
 from lgp.execution.grippers import grips_after
-from lgp.execution.limits import slowed, violations
+from lgp.execution.limits import robot_columns, slowed, violations
 from lgp.execution.observation import Sighting, View
 from lgp.execution.planner import Phase, Planner
 from lgp.execution.predicates import all_hold, check, end_of, first_failing, start_of
 from lgp.execution.recognise import Verdict, grasped
+from lgp.execution.rest import shortened
 from lgp.execution.robots import Robots
 from lgp.execution.segment import BRAKE, Brake
 from lgp.execution.state import OutOfPlace, carrier
@@ -200,7 +201,8 @@ class Executive:
 
     def _checked(self, phase: Phase) -> Phase | None:
         """Return a motion that the robots can execute, or None if there is none."""
-        world, columns = self.planner.motion.world, self._robot_columns()
+        world = self.planner.motion.world
+        columns = robot_columns(world)
         broken = violations(world, phase.segment, columns)
         if any(one.kind == "position" for one in broken) or (broken and not self.settings.slow_down):
             self._fail(f"the motion breaks a limit: {broken[0]}")
@@ -264,6 +266,8 @@ class Executive:
         ]
         self._doubts = self._doubts + 1 if dropped and approaching else 0
         if self._doubts >= SURE:
+            for name in dropped:
+                self.robots.grip(self._carried[name], False)
             self._stop("dropped", f"{dropped[0]} was dropped")
             return True
         return False
@@ -323,10 +327,9 @@ class Executive:
         if self._open_empty():
             return
         self.report("waiting", "planning", "What is left is planned anew.", {"why": why})
-        left = len(planner.actions) - self.number
-        found = planner.anew(scene, self.view.now.q, left, self.settings.search)
+        found = planner.anew(self.number, scene, self.view.now.q, self.settings.search)
         if not found.feasible:
-            self._fail(f"no plan from here: {found.reason}")
+            self._fail(f"no plan from here: {shortened(found.reason)}")
             return
         self.replans += 1
         planner.follow(found)
@@ -372,8 +375,3 @@ class Executive:
     def _action_hands(self) -> list[str]:
         hands = self.planner.plan.scene.hands
         return [name for name in self.planner.actions[self.number].arguments if name in hands]
-
-    def _robot_columns(self) -> Any:
-        world = self.planner.motion.world
-        columns = [world.columns(name) for name in world.scene.robots]
-        return np.concatenate([np.zeros(0, np.intp), *columns])

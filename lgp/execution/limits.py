@@ -38,6 +38,11 @@ class Violation:
         return f"{self.joint}: {self.kind} {self.value:.3f} {unit} at {self.time:.2f} s, limit {self.limit:.3f}"
 
 
+def robot_columns(world: World) -> NDArray[np.intp]:
+    """Return the columns of q that belong to robots."""
+    return np.concatenate([np.zeros(0, np.intp), *map(world.columns, world.scene.robots)])
+
+
 def violations(world: World, segment: Segment, columns: NDArray[np.intp]) -> list[Violation]:
     """Return the worst violation of each joint and kind; none if the motion can be executed.
 

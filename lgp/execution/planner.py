@@ -7,40 +7,44 @@ order of actions stays.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import copy
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lgp.errors import LgpError
+from lgp.execution.idle import planned_course, still_hands
+from lgp.execution.limits import robot_columns, slowed
 from lgp.execution.observation import Sighting, View
 from lgp.execution.pinned import PinnedBounds
+from lgp.execution.rest import brought, plan_rest
 from lgp.execution.segment import Segment
 from lgp.execution.state import atoms_now, carrier, in_hand, on_table, scene_now
 from lgp.logic import Action
 from lgp.logic.atom import Atom
 from lgp.motion import Motion
-from lgp.plan import COST, plan, task_of
+from lgp.plan import COST, task_of
 from lgp.plan_record import Plan
 from lgp.world.holders import resting
 from lgp.world.rotations import logarithm
 from lgp.world.scene import Scene
+from lgp.world.switches import Modes
 
 if TYPE_CHECKING:
     from lgp.path.bounds import Solution
     from lgp.path.ergonomics import Ergonomics
+    from lgp.world.model import World
 
 Array = NDArray[np.float64]
 
-OFF = 0.02
-"""[rad] Joints farther from the plan than this do not move as planned."""
 TOUCH = 1e-3
 """[m] Bodies that reach deeper into each other were not kept apart."""
-FURTHER = (1, 3)
-"""A new plan may have so many actions more than were left; the second only if there is none with the first."""
+HASTY = 2.0
+"""A motion that robots must slow down by more is a detour of the solver: other ways are tried."""
 
 
 class Spot(NamedTuple):
@@ -97,6 +101,11 @@ class Planner:
         for action in motion.phases.actions:
             self.states.append(action.apply(self.states[-1]))
 
+    def as_it_is(self) -> Planner:
+        """Return another planner of the present plan, for whoever still acts by it when this one follows a new plan."""
+        self.ergonomics()
+        return copy.copy(self)
+
     @property
     def actions(self) -> tuple[Action, ...]:
         """The actions of the plan."""
@@ -141,8 +150,9 @@ class Planner:
     ) -> Phase | str:
         """Return the motion of one action from the world as it is, or why there is none.
 
-        The object ends up as the plan has it if that is possible: in the same grip, at the same place. Robot arms that
-        take no part and are where they should be move as planned.
+        The object ends up as the plan has it if that is possible: in the same grip, at the same place. Hands that hold
+        a part stand still; robot arms that take no part and are where they should be move as planned, unless they
+        would be in the way.
 
         Args:
             number: of the action.
@@ -151,46 +161,84 @@ class Planner:
             spot: where a placed object is put instead.
             pause: whether the hands of the action before rest for a slice, as they do within a plan.
         """
-        resting = self._acting(number - 1) if pause else None
         world = self.motion.world.with_scene(scene)
         first = np.clip(start, world.lower, world.upper)
-        slices, action = self.motion.phases.slices, self.actions[number]
-        pins, free = self._pins(number, scene, spot)
-        attempts = [(world, pins)] + [(world, {})] * free
+        action, seconds = self.actions[number], self.motion.phases.seconds
+        resting = self._acting(number - 1) if pause else None
+        still = still_hands(self.motion.modes, number)
+        hands = self.motion.phases.switches[number].hands
+        planned = planned_course(world, first, self.planned(number).segment.knots, [*hands, *still])
+        shape = self.planned(number).segment.knots, brought(self.motion, number, number + 1)
+        best: Phase | None = None
+        for there, pins in self._attempts(number, world, first, spot):
+            for course in (planned, None) if self.apart and len(planned.columns) else (planned,):
+                bounds = self._bounds(there, first, pins=pins, still=still, course=course, resting=resting)
+                bounds.shapes[action,] = shape
+                found = bounds.solve("sequence", (action,), None)
+                bodies = found.feasible
+                found = bounds.solve("path", (action,), found) if bodies else found
+                if found.feasible:
+                    segment = Segment(np.concatenate([first[None], found.payload.path]), seconds)
+                    if best is None or found.cost < (best.cost or 0.0):
+                        best = Phase(segment, found.cost, scene, found.payload)
+                    if slowed(world, segment, robot_columns(world))[1] < HASTY:
+                        return best
+                if not bodies:
+                    # It fails where bodies play no part yet: arms that get out of the way do not help.
+                    break
+        return found.reason if best is None else best
+
+    def _attempts(
+        self, number: int, world: World, first: Array, spot: Spot | None
+    ) -> Iterator[tuple[World, dict[str, float]]]:
+        """Yield the worlds and variables with which the motion of an action is tried, the best ones first."""
+        pins, free = self._pins(number, number, world.scene, spot)
+        yield world, pins
+        if free and pins and (other := self._other_grip(number, world, first)):
+            yield world, other
         if self._by_human(number):
             # Nobody commands the person, who puts a thing down with another turn of the hand than the planner likes.
-            attempts.append((world.with_free_hands("human"), pins))
-        for there, fixed in attempts:
-            bounds = PinnedBounds(
-                there,
-                self.ergonomics(),
-                start=first,
-                slices=slices,
-                collisions=self.apart,
-                pins=fixed,
-                resting=resting,
-            )
-            found = bounds.solve("path", (action,), None)
-            if found.feasible:
-                knots = self._others(number, np.concatenate([first[None], found.payload.path]))
-                segment = Segment(knots, self.motion.phases.seconds)
-                return Phase(segment, found.cost, scene, found.payload)
-        return found.reason
+            yield world.with_free_hands("human"), pins
+
+    def _other_grip(self, number: int, world: World, first: Array) -> dict[str, float]:
+        """Return variables of an action with which its object can still be put where it is to be joined, {} if none.
+
+        They come from the configurations of all actions until then, as far as bodies play no part.
+        """
+        switches = self.motion.phases.switches
+        thing = switches[number].thing
+        last = next(
+            (k for k in range(number, len(switches)) if (switches[k].kind, switches[k].thing) == ("place", thing)),
+            number,
+        )
+        pins = self._pins(last, number, world.scene, None)[0] if last > number else {}
+        bounds = self._bounds(world, first, pins=pins, still=still_hands(self.motion.modes, number))
+        actions = self.actions[number : last + 1]
+        found = bounds.solve("sequence", actions, None)
+        if not found.feasible:
+            return {}
+        names = bounds.problem("sequence", bounds.phases(actions)).modes.names
+        return {name: at for name, at in zip(names, found.payload.variables, strict=True) if name.startswith("0.")}
+
+    def _bounds(self, world: World, first: Array, **more: Any) -> PinnedBounds:
+        """Return bounds for new motions from a configuration (nq,), see `PinnedBounds`."""
+        slices = self.motion.phases.slices
+        return PinnedBounds(world, self.ergonomics(), start=first, slices=slices, collisions=self.apart, **more)
 
     def planned_spot(self, number: int) -> Spot:
         """Return where the plan puts the object of a placement."""
         switch = self.motion.phases.switches[number]
         return self._on(switch.table, self._pose(switch.thing, (number + 1) * self.motion.phases.slices))
 
-    def _pins(self, number: int, scene: Scene, spot: Spot | None) -> tuple[dict[str, float], bool]:
-        """Return the planned variables of an action, and whether others will do as well.
+    def _pins(self, number: int, since: int, scene: Scene, spot: Spot | None) -> tuple[dict[str, float], bool]:
+        """Return the planned variables of an action in a sequence since another, and whether others will do as well.
 
         How parts that are to be joined lie and stand matters later. One that is to be joined with another that stands
         already is put beside it, wherever that is.
         """
         switch = self.motion.phases.switches[number]
-        mine = f"{number}.{switch.thing}."
-        pins = {name.partition(".")[2]: at for name, at in self.plan.variables.items() if name.startswith(mine)}
+        mine, own = f"{number}.{switch.thing}.", f"{number - since}.{switch.thing}."
+        pins = {own + name.removeprefix(mine): at for name, at in self.plan.variables.items() if name.startswith(mine)}
         joints = [joint for joint in self.plan.scene.joints if switch.thing in joint.parts]
         if switch.kind != "place" or (not joints and spot is None):
             return pins if joints else {}, True
@@ -205,16 +253,8 @@ class Planner:
                 moved = Sighting(turn @ goal.rotation, place + turn @ (goal.position - was.position), 0.0)
                 spot = self._on(switch.table, moved)
         if spot is not None:
-            pins = {f"{switch.thing}.{name}": value for name, value in spot._asdict().items()}
+            pins = {own + name: value for name, value in spot._asdict().items()}
         return pins, not joints
-
-    def _others(self, number: int, knots: Array) -> Array:
-        """Return a motion in which robot arms without a part in it move as planned where they start as planned."""
-        planned = self.planned(number).segment.knots
-        idle = np.abs(knots[0] - planned[0]) < OFF
-        idle[self._acting(number)] = False
-        idle[self._human_columns()] = False
-        return np.where(idle, planned, knots)
 
     def _acting(self, number: int) -> NDArray[np.intp]:
         """Return the columns of q that move the hands of an action."""
@@ -231,29 +271,23 @@ class Planner:
         poses = self.motion.thing(name)
         return Sighting(poses.rotation[row], poses.position[row], 0.0)
 
-    def anew(self, scene: Scene, start: Array, left: int, seconds: float) -> Plan:
+    def anew(self, number: int, scene: Scene, start: Array, seconds: float, thorough: bool = False) -> Plan:
         """Return a new plan from a scene and a configuration; `feasible` says whether there is one.
 
         Args:
+            number: of the action that could not be done.
             scene: the world as it is, see `state.scene_now`.
             start: (nq,) configuration.
-            left: actions that were left of the old plan.
             seconds: wall-clock time of the search.
+            thorough: whether all of that time is used, see `rest.plan_rest`.
         """
-        world = self.motion.world.with_scene(scene)
+        world, task = self.motion.world.with_scene(scene), task_of(scene)
         first = np.clip(start, world.lower, world.upper)
-        slices = self.motion.phases.slices
-        for more in FURTHER:
-            found = plan(
-                scene,
-                self.ergonomics(),
-                depth=left + more,
-                seconds=seconds,
-                start=first,
-                slices=slices,
-                world=world,
-                collisions=self.apart,
-            )
+        in_hand = any(thing.hand.startswith("human.") for thing in scene.things.values())
+        # How a part lies in the person's hand is settled: they put it down with whatever turn of the hand that takes.
+        for there in (world, world.with_free_hands("human")) if in_hand else (world,):
+            bounds = self._bounds(there, first, still=[hand for hand, _, _ in Modes(there, ()).held_at_first])
+            found = plan_rest(self.motion, task, number, bounds, seconds, thorough)
             if found.feasible:
                 break
         return found

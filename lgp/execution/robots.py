@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from lgp.execution.limits import robot_columns
 from lgp.execution.segment import Move
 from lgp.world.model import World
 
@@ -42,8 +43,7 @@ class SimulatedRobots:
     """
 
     def __init__(self, world: World, q: Array, closed: frozenset[str] = frozenset()) -> None:
-        columns = [world.columns(name) for name in world.scene.robots]
-        self.columns: NDArray[np.intp] = np.concatenate([np.zeros(0, np.intp), *columns])
+        self.columns = robot_columns(world)
         self.q, self.speed = np.array(q, dtype=float), np.zeros(len(q))
         self.closed = set(closed)
         self.stuck: set[str] = set()

@@ -76,9 +76,10 @@ class Worker:
         """
         action = self._action()
         if self._segment is not None and action is not None and self._hand(action) and not self.stuck:
-            self._next = planner, number, phase
+            self._next = planner.as_it_is(), number, phase
             return
-        self._planner, self._number = planner, number
+        # The plan may be replaced by another one while this is still done.
+        self._planner, self._number = planner.as_it_is(), number
         spread = np.exp(self.rng.normal(0.0, 0.3))
         self._tries = 0
         self._begin(self._own(phase).segment, self.habits.delay * spread)

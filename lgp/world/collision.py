@@ -209,6 +209,9 @@ class Collisions:
             for hand, number, end in self.modes.stills
             if switches[number].thing == thing and number <= phase <= end + 1
         }
+        held |= {
+            hand.partition(".")[0] for hand, name, end in self.modes.held_at_first if name == thing and phase <= end + 1
+        }
         near = [switches[number] for number in (phase - 1, phase) if 0 <= number < len(switches)]
         screwing = [switch for switch in near if switch.kind == "screw" and thing in (switch.thing, switch.other)]
         return held | {switch.hand.partition(".")[0] for switch in screwing}

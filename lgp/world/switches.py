@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.errors import WorldError, did_you_mean
+from lgp.logic.atom import parse_atom
 from lgp.world.fastening import Fastening
 from lgp.world.features import Feature, pose_difference
 from lgp.world.holders import Holder, Pose, fixed_in, fixed_on, held, placed
@@ -76,6 +77,7 @@ class Modes:
         switches: one per phase.
         lower, upper: bounds of z, (nz,).
         names: of the variables, (nz,).
+        held_at_first: hands that hold an object from the initial state on: (hand, object, switch until they act).
 
     Raises:
         WorldError: a hand, object or table is unknown, an object is placed or handed over by a hand that does not hold
@@ -109,6 +111,12 @@ class Modes:
         self.names = tuple(
             f"{number}.{self.switches[number].thing}.{name}" for number, holder in chosen for name in holder.names
         )
+        self.held_at_first = tuple(
+            (hand, thing, self._next_act(hand, 0))
+            for hand, thing in (
+                atom.arguments for atom in map(parse_atom, scene.initial) if atom.predicate == "holding"
+            )
+        )
 
     @property
     def size(self) -> int:
@@ -124,16 +132,16 @@ class Modes:
     @property
     def stills(self) -> tuple[tuple[str, int, int], ...]:
         """Hands that stand still: (hand, switch with which they hold, switch until which they stay)."""
-        last = len(self.switches) - 1
         return tuple(
-            (
-                switch.hand,
-                number,
-                next((k for k in range(number + 1, last + 1) if switch.hand in self.switches[k].hands), last),
-            )
+            (switch.hand, number, self._next_act(switch.hand, number + 1))
             for number, switch in enumerate(self.switches)
             if switch.kind == "hold"
         )
+
+    def _next_act(self, hand: str, first: int) -> int:
+        """Return the first switch from a number on in which a hand takes part, the last one if there is none."""
+        last = len(self.switches) - 1
+        return next((k for k in range(first, last + 1) if hand in self.switches[k].hands), last)
 
     def holder(self, thing: str, phase: int) -> Holder:
         """Return what holds an object during a phase; phase K is after the last of K actions.
