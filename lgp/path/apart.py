@@ -7,6 +7,7 @@ the caller sees it in the rows that are left violated.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -24,29 +25,45 @@ SETTLED = 1e-5
 """Promised decrease of the cost, relative to it, that is not waited for: rows that come and go change it by more."""
 LONGEST = 0.3
 """[rad, m] Distances bend too much to trust longer steps."""
+NEAR = 1e-2
+"""[m, rad] Violation up to which a cost is near that of the path it will become."""
 
 
 def apart(
-    make: Callable[[CollisionRows], PathProblem], rows: CollisionRows, free: Result, options: Options
+    make: Callable[[CollisionRows], PathProblem],
+    rows: CollisionRows,
+    first: Result,
+    options: Options,
+    *,
+    solved: bool = True,
+    rounds: int = ROUNDS,
+    worth: float = math.inf,
 ) -> tuple[PathProblem, Result]:
     """Return the last problem and its result.
 
     Args:
         make: the path problem with given rows.
-        rows: none yet.
-        free: result of the problem without rows; found first, it leads to better paths than a cruder start.
+        rows: none yet, or those of `first`.
+        first: result of the problem with these rows. Without rows, found first, it leads to better paths than most
+            cruder starts.
         options: of the solver; its budget holds for the last round.
+        solved: whether `first` is at its minimum; otherwise it only says where to begin.
+        rounds: choices of rows.
+        worth: cost from which on a path is given up: more rows seldom make it cheaper.
     """
-    problem, result, budget = make(rows), free, options.iterations
-    for number in range(ROUNDS):
+    problem, result = make(rows), first
+    budget = options.iterations if solved else 0
+    for number in range(rounds):
         violated = rows.extend(*problem.split(result.x))
         if not violated and budget == options.iterations:
             break
         if violated:
             problem = make(rows)
-        budget = STEPS if violated and number < ROUNDS - 1 else options.iterations
+        budget = STEPS if violated and number < rounds - 1 else options.iterations
         limited = replace(settled(options), iterations=budget, longest_step=min(LONGEST, options.longest_step))
         result = Solver(limited).solve(problem, result.x, warm=_longer(result, problem))
+        if result.cost >= worth and result.violation <= NEAR:
+            break
         if result.status is Status.INFEASIBLE or len(result.iterations) <= budget:
             # It ended by itself: nothing is left to do for these rows.
             budget = options.iterations

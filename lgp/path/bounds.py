@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from lgp.logic import Action
 from lgp.path.apart import apart, settled
 from lgp.path.collision_rows import CollisionRows
+from lgp.path.detours import SUSPICIOUS, detour
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.feasible import CLOSE, nearest
 from lgp.path.memory import Memory
@@ -301,8 +302,24 @@ class PathBounds:
                 return None, found.reason
             earlier = found.payload
         rows = CollisionRows(self.world, phases, self.start)
-        make = partial(self.problem, "path", phases)
-        return self._judged(*apart(lambda given: make(apart=given), rows, earlier.result, self._options))
+        plain = partial(self.problem, "path", phases)
+
+        def make(given: CollisionRows) -> PathProblem:
+            return plain(apart=given)
+
+        near = self._judged(*apart(make, rows, earlier.result, self._options))
+        if _cost(near) <= SUSPICIOUS * earlier.costs.total:
+            return near
+        trial = detour(make, plain(), earlier.result, _cost(near), self._robots_like(phases))
+        if trial is None:
+            return near
+        other = self._judged(*apart(make, trial.rows, trial.result, self._options, solved=False))
+        return min(near, other, key=_cost)
+
+    def _robots_like(self, phases: Phases) -> Array | None:
+        """Return the path (T, nq) of the same actions under the other cost, None where none is known."""
+        known = None if self.like is None else self.like._known.get(("path", phases.actions))
+        return known.payload.path if known is not None and isinstance(known.payload, Solution) else None
 
     def _judged(self, problem: PathProblem, result: Result) -> tuple[Solution | None, str]:
         x, left = result.x, result.violation
@@ -340,6 +357,10 @@ class PathBounds:
         shares = AROUND if len(first) > 1 else [0.5] * (TRIES - 1)
         others = [first + share * (rng.uniform(lower, upper, first.shape) - first) for share in shares]
         return sure, others
+
+
+def _cost(found: tuple[Solution | None, str]) -> float:
+    return math.inf if found[0] is None else found[0].costs.total
 
 
 def _conflict(skeleton: tuple[Action, ...]) -> Skeleton:

@@ -53,6 +53,7 @@ class CollisionRows:
         self.collisions = Collisions(world, Modes(world, phases.switches))
         self.points, self.pairs = np.zeros(0, np.intp), np.zeros(0, np.intp)
         self._columns: list[tuple[Slices, Slices]] = []
+        self._places: tuple[Slices, Slices, Array] | None = None
         self._phase = np.repeat(np.arange(phases.count), phases.slices * FINER)
         self._limits = margin - self.collisions.slack(self._phase)
         near = self._near(start[None], np.zeros(1, np.intp), np.zeros(self.collisions.modes.size), margin)
@@ -71,6 +72,7 @@ class CollisionRows:
         new &= (over < 0.0) | ((over < AHEAD) & (near.slices % FINER == FINER - 1))
         self.points = np.concatenate([self.points, near.slices[new]])
         self.pairs = np.concatenate([self.pairs, near.pairs[new]])
+        self._places = None
         self._columns += [
             self.collisions.depends(int(pair), int(self._phase[at]))
             for at, pair in zip(near.slices[new], near.pairs[new], strict=True)
@@ -94,32 +96,50 @@ class CollisionRows:
         ]
 
     def evaluate(self, q: Array, z: Array) -> tuple[Array, list[Array]]:
-        """Return the rows (m,) at a path (T, nq) and variables (nz,), and the block (1, k) of each."""
+        """Return the rows (m,) at a path (T, nq) and variables (nz,), and the values of their blocks one by one."""
         if not len(self.points):
             return np.zeros(0), []
         used, places = np.unique(self.points, return_inverse=True)
         kinematics = self.world.at(self._between(q, used), self.collisions.frames)
         found = self.collisions.distances(kinematics, self._phase[used], z, places, self.pairs)
-        blocks = []
-        for row, (joints, variables) in enumerate(self._columns):
-            by_q = found.by_q[row, joints]
-            parts = [share * by_q for _, share in _shares(int(self.points[row]))]
-            blocks.append(-np.concatenate([*parts, found.by_variables[row, variables]])[None])
-        return self._limits[self.points, self.pairs] - found.value, blocks
+        slopes = np.concatenate([found.by_q, found.by_variables], axis=1)
+        row, column, share = self._entries()
+        return self._limits[self.points, self.pairs] - found.value, [-share * slopes[row, column]]
+
+    def _entries(self) -> tuple[Slices, Slices, Array]:
+        """Return row, column among joints and variables, and share of each entry of the blocks, in their order."""
+        if self._places is None:
+            nq = self.world.nq
+            rows, columns, shares = [], [], []
+            for row, (point, (joints, variables)) in enumerate(zip(self.points.tolist(), self._columns, strict=True)):
+                own = [part for _, part in _shares(point)]
+                columns += [*[joints] * len(own), nq + variables]
+                shares += [np.repeat([*own, 1.0], [*[len(joints)] * len(own), len(variables)])]
+                rows.append(np.full(len(shares[-1]), row))
+            self._places = np.concatenate(rows), np.concatenate(columns), np.concatenate(shares)
+        return self._places
 
     def worst(self, q: Array, z: Array) -> tuple[float, str]:
         """Return the deepest penetration [m] of any pair along a path (T, nq), between slices too, and what it is.
 
         0 and "" where nothing touches more than it may.
         """
-        near = self._near(self._between(q, np.arange(len(self._phase))), self._phase, z, 0.0)
-        depth = self._limits[near.slices, near.pairs] - self.margin - near.value
+        near, depth = self._depths(q, z)
         if not len(depth) or depth.max() <= 0.0:
             return 0.0, ""
         deepest = int(depth.argmax())
         first, second = (self.collisions.bodies[side].name for side in self.collisions.pairs[near.pairs[deepest]])
         phase = int(self._phase[near.slices[deepest]]) + 1
         return float(depth[deepest]), f"phase {phase}: {first} goes {depth[deepest]:.3f} m into {second}"
+
+    def overlap(self, q: Array, z: Array) -> float:
+        """Return how deep [m] bodies are in each other beyond what they may, summed over pairs and points of a path."""
+        return float(np.maximum(self._depths(q, z)[1], 0.0).sum())
+
+    def _depths(self, q: Array, z: Array) -> tuple[Distances, Array]:
+        """Return the distances of all pairs that may touch along a path (T, nq), and how deep [m] each goes (m,)."""
+        near = self._near(self._between(q, np.arange(len(self._phase))), self._phase, z, 0.0)
+        return near, self._limits[near.slices, near.pairs] - self.margin - near.value
 
     def _between(self, q: Array, points: Slices) -> Array:
         """Return the configurations (m, nq) at given points of a path (T, nq)."""
