@@ -124,6 +124,10 @@ def _small_plots(curves: list[tuple[str, Array, Array, tuple[Array, Array]]], un
         figure.update_layout(**_layout(190), showlegend=False, title={"text": title, "font": {"size": 13}, "x": 0.5})
         figure.update_layout(margin={"l": 44, "r": 12, "t": 30, "b": 34}, yaxis_title=unit)
         apart = next((step for step in TICKS if 3 * step >= np.ptp(angle)), TICKS[-1])
+        # Less than a point is no difference to look at.
+        low, high = (float(end(np.concatenate([values, steps[1]]))) for end in (np.min, np.max))
+        reach = max((high - low) * 0.54, 0.6)
+        figure.update_yaxes(range=[(low + high) / 2 - reach, (low + high) / 2 + reach], nticks=5)
         figure.update_xaxes(ticksuffix="°", dtick=apart, tick0=0, tickangle=0)
         found.append(figure)
     return found

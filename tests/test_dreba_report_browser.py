@@ -50,6 +50,10 @@ def test_all_is_drawn_without_errors_and_without_sideways_scrolling(browser: Any
             plots.filter((plot) => right(plot) > right(plot.closest(".card"))).length]"""
     )
     assert (empty, wide) == (0, 0)
+    spans = browser.execute_script(
+        "return [...document.querySelectorAll('.small .js-plotly-plot')].map((plot) => plot.layout.yaxis.range)"
+    )
+    assert min(high - low for low, high in spans) > 1  # less than a point is not drawn as if it were much
     assert visible(browser, ".poses svg") == 6
     assert too_wide(browser) <= 0
     assert browser.execute_script("return performance.getEntriesByType('resource').length") == 0
