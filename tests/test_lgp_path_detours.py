@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ def world_at(left: float, center: float, right: float) -> tuple[World, tuple[Act
     return world, parse_sequence(task_of(world.scene), lines)
 
 
-def planned(heights: dict[str, float], **given: PathBounds) -> tuple[PathBounds, SearchResult]:
+def planned(heights: dict[str, float], **given: Any) -> tuple[PathBounds, SearchResult]:
     world, actions = world_at(**heights)
     bounds = PathBounds(world, slices=SLICES, collisions=True, **given)
     return bounds, follow(bounds, actions)
@@ -53,11 +54,10 @@ def free(bounds: PathBounds, found: SearchResult) -> Solution:
 
 
 def test_a_path_that_costs_much_more_than_without_bodies_is_left_for_a_better_one(
-    behind: tuple[PathBounds, SearchResult], monkeypatch: pytest.MonkeyPatch
+    behind: tuple[PathBounds, SearchResult],
 ) -> None:
     bounds, found = behind
-    monkeypatch.setattr(levels, "detour", lambda *_: None)
-    _, near = planned(HIGH)
+    _, near = planned(HIGH, detours=False)
     assert near.cost > SUSPICIOUS * free(bounds, found).costs.total
     assert found.cost < 0.7 * near.cost
     path, variables = found.payload.path, found.payload.variables

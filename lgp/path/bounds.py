@@ -86,6 +86,7 @@ class PathBounds:
             motions there.
         collisions: whether paths keep bodies apart. The levels before never do, which keeps them lower bounds; a path
             that need not is one more level then.
+        detours: whether paths that cost much more with bodies apart are tried from other starts too.
     """
 
     def __init__(
@@ -98,9 +99,10 @@ class PathBounds:
         options: Options = OPTIONS,
         like: PathBounds | None = None,
         collisions: bool = False,
+        detours: bool = True,
     ) -> None:
         self.world, self.ergonomics, self.options = world, ergonomics, options
-        self.collisions = collisions
+        self.collisions, self.detours = collisions, detours
         self.weights = Weights() if weights is None else weights
         self.start = world.start if start is None else np.asarray(start, dtype=float)
         self.slices, self.like = slices, like
@@ -308,7 +310,7 @@ class PathBounds:
             return plain(apart=given)
 
         near = self._judged(*apart(make, rows, earlier.result, self._options))
-        if _cost(near) <= SUSPICIOUS * earlier.costs.total:
+        if not self.detours or _cost(near) <= SUSPICIOUS * earlier.costs.total:
             return near
         trial = detour(make, plain(), earlier.result, _cost(near), self._robots_like(phases))
         if trial is None:
