@@ -66,7 +66,8 @@ class PinnedBounds(PathBounds):
         shapes: Mapping[Skeleton, tuple[Array, Array]] | None = None,
         **more: Any,
     ) -> None:
-        super().__init__(*args, detours=False, **more)
+        super().__init__(*args, **more)
+        self.detours = False
         self.pins = {} if pins is None else pins
         self.still = {hand: np.flatnonzero(self.world.support(hand)) for hand in still}
         self.course = course
