@@ -261,11 +261,12 @@ def holm(p_values: Sequence[float]) -> list[float]:
         >>> holm([0.01, 0.04, float("nan")])
         [0.02, 0.04, nan]
     """
-    p = np.array(p_values, dtype=float)
-    tested = np.flatnonzero(np.isfinite(p))
-    rising = tested[np.argsort(p[tested])]
-    steps = p[rising] * np.arange(len(rising), 0, -1)
-    p[rising] = np.minimum(np.maximum.accumulate(steps), 1.0)
+    from statsmodels.stats.multitest import multipletests
+
+    p = np.asarray(p_values, dtype=float)
+    known = np.isfinite(p)
+    if known.sum() > 1:
+        p[known] = multipletests(p[known], method="holm")[1]
     return [float(value) for value in p]
 
 
