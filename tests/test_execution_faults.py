@@ -56,6 +56,12 @@ def test_an_object_put_out_of_reach_makes_a_new_plan(folder: Path) -> None:
     assert summary["actions"][-3:] == list(again.actions)
 
 
+def test_a_search_that_runs_out_of_time_ends_the_run_and_says_why(folder: Path) -> None:
+    summary, _ = went(folder, "away@3", settings=Settings(search=0.0))
+    assert summary["state"] == "failed"
+    assert "none was found in 0 s, and moving this motion is not possible" in summary["why"]
+
+
 def test_a_dropped_object_is_waited_for_and_fetched_again(folder: Path) -> None:
     summary, events = went(folder, "dropped@2")
     assert summary["state"] == "finished"

@@ -329,7 +329,8 @@ class Executive:
         self.report("waiting", "planning", "What is left is planned anew.", {"why": why})
         found = planner.anew(self.number, scene, self.view.now.q, self.settings.search)
         if not found.feasible:
-            self._fail(f"no plan from here: {shortened(found.reason)}")
+            late = f"none was found in {self.settings.search:.0f} s, and {why}"
+            self._fail(f"no plan from here: {late if found.status == 'exhausted' else shortened(found.reason)}")
             return
         self.replans += 1
         planner.follow(found)
