@@ -32,7 +32,7 @@ FIRST = 0.05
 ROUGH = 2e-4
 """Promised decrease of the cost, relative to it, that a run does not wait for."""
 BUDGET = 20
-"""Iterations after which a path of a run is good enough."""
+"""Iterations after which a path that started from the planned one is good enough, if it holds its constraints."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +98,7 @@ class PinnedBounds(PathBounds):
     @property
     def _options(self) -> Options:
         options = super()._options
-        budget = min(options.iterations, BUDGET)
-        return replace(options, decrease=max(options.decrease, ROUGH), kkt=max(options.kkt, ROUGH), iterations=budget)
+        return replace(options, decrease=max(options.decrease, ROUGH), kkt=max(options.kkt, ROUGH))
 
     def _path(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
         shape = self.shapes.get(phases.actions)
@@ -119,7 +118,8 @@ class PinnedBounds(PathBounds):
         problem = make(apart=rows)
         options = replace(settled(self._options), longest_step=FIRST, iterations=1)
         result = Solver(options).solve(problem, problem.join(guess, variables))
-        return self._judged(*apart(lambda given: make(apart=given), rows, result, self._options))[0]
+        limited = replace(self._options, iterations=min(BUDGET, self._options.iterations))
+        return self._judged(*apart(lambda given: make(apart=given), rows, result, limited))[0]
 
 
 def _pin(problem: PathProblem, unknowns: Columns, values: Array) -> None:
