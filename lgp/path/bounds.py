@@ -45,6 +45,8 @@ SHARP = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
 """Of paths at the last stage: its edges leave no smooth way to more digits, only ever shorter steps."""
 SHORT = 25
 """Iterations of a sequence with a graduated cost, for the same reason."""
+NEARLY = 0.01
+"""[m, rad] Violation of a path that is worth looking for a path near it without any."""
 HOPELESS = 0.03
 """[m, rad] A pose whose nearest point violates its constraints by more is refused without asking the solver."""
 TRIES = 3
@@ -325,7 +327,7 @@ class PathBounds:
 
     def _judged(self, problem: PathProblem, result: Result) -> tuple[Solution | None, str]:
         x, left = result.x, result.violation
-        if CLOSE > left > self.options.violation:
+        if NEARLY > left > self.options.violation:
             # The budget ran out just before the constraints held: the nearest path that meets them is as good.
             x, left = nearest(problem, x, 0.5 * self.options.violation)
         if left > self.options.violation:
