@@ -46,7 +46,7 @@ SHARP = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
 SHORT = 25
 """Iterations of a sequence with a graduated cost, for the same reason."""
 NEARLY = 0.01
-"""[m, rad] Violation of a path that is worth looking for a path near it without any."""
+"""[m, rad] Violation left by a spent budget that is worth looking for a point near by without any."""
 HOPELESS = 0.03
 """[m, rad] A pose whose nearest point violates its constraints by more is refused without asking the solver."""
 TRIES = 3
@@ -277,6 +277,10 @@ class PathBounds:
         result = solve(problem, x, options=options)
         if result.violation <= CLOSE:
             return result, 0.0, ""
+        if result.violation < NEARLY:
+            x, left = nearest(problem, result.x)
+            if left <= CLOSE:
+                return replace(result, x=x, cost=problem.costs(x).total, equality=left, inequality=left), 0.0, ""
         return None, result.violation, reason(problem, result.x)
 
     def _free_path(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
