@@ -32,6 +32,8 @@ STATIONARY = 1e-3
 """Relative slope of the squared violation below which a point that violates rows counts as stationary."""
 SHORT = 0.05
 """Accepted share of a step below which the model was poor and the next one is damped."""
+HELD = 4
+"""Iterations for which a damping stays that a short step without it called for."""
 LATE = 10.0
 """A promised decrease this many times the one that ends a solve calls for polishing violations away."""
 NEARLY = 30.0
@@ -99,7 +101,7 @@ class _Run:
     def __init__(self, solver: Solver, problem: Problem, x: Vector) -> None:
         self.options, self.steps, self.problem, self.x = solver.options, solver.steps, problem, x
         self.steps.restart()
-        self.penalty, self.damping = solver.options.penalty, 0.0
+        self.penalty, self.damping, self.held = solver.options.penalty, 0.0, 0
         self.log: list[Iteration] = []
         self.seconds = {"evaluate": 0.0, "linearise": 0.0, "qp": 0.0, "total": 0.0}
         self.least, self.stagnant, self.raises = np.inf, 0, 0
@@ -240,9 +242,13 @@ class _Run:
         """Move to the accepted point with the multipliers of the QP; a step cut short calls for more damping."""
         self.x = np.clip(accepted.x, self.problem.lower, self.problem.upper)
         self.y_eq, self.y_in = step.found.y, step.found.z
-        self.damping = 0.1 * step.damping if accepted.length == 1.0 else step.damping
+        self.damping = step.damping
         if accepted.length < SHORT:
-            self.damping = self.steps.more(step.damping)
+            self.damping, self.held = self.steps.more(step.damping), HELD
+        elif accepted.length == 1.0 and self.held == 0:
+            self.damping *= 0.1
+        else:
+            self.held = max(self.held - 1, 0)
         if self.damping < 1e-3 * self.steps.more(0.0):
             self.damping = 0.0
         if not step.elastic:

@@ -87,10 +87,12 @@ class StepMaker:
 
     def more(self, damping: float) -> float:
         """Return the next higher damping."""
+        if damping > 0.0:
+            return 10.0 * damping
         if self._upper is None:
             return FIRST_DAMPING
         largest = float(np.abs(self._upper.matrix.data[self._upper.diagonal]).max(initial=0.0))
-        return max(10.0 * damping, FIRST_DAMPING * (largest if largest > 0.0 else 1.0))
+        return FIRST_DAMPING * (largest if largest > 0.0 else 1.0)
 
     def correct(self, step: Step, values: Values, model: Model) -> Vector | None:
         """Return the second-order correction of a full step whose values are given; None where the QP fails."""
