@@ -1,8 +1,15 @@
-"""Which files are slow: they start browsers, clusters, planners or many processes. `make test-fast` leaves them out."""
+"""What many files share: a browser, and which files are slow.
+
+Slow ones start browsers, clusters, planners or many processes; `make test-fast` leaves them out.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import pytest
+from browser import chromium, offline
 
 SLOW = (
     "test_docs_code",
@@ -30,6 +37,14 @@ SLOW = (
     "test_scale_fan_out",
     "test_study_command",
 )
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """Give a browser without a network and without a display, one for all tests of a file."""
+    with chromium(tmp_path_factory.mktemp("profile"), "--disable-gpu") as found:
+        offline(found)
+        yield found
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from browser import chromium, complaints, needs_browser, offline, pages_on_paper, resize, too_wide, until, visible
+from browser import complaints, needs_browser, pages_on_paper, resize, too_wide, until, visible
 
 import dreba
 from dreba.report import write_report
@@ -23,13 +22,6 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("report") / "model.html"
     write_report(path, dreba.load("quadratic"), dreba.sample(800, rng=1), command="dreba evaluate quadratic")
     return path
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with chromium(tmp_path_factory.mktemp("profile"), "--disable-gpu") as found:
-        offline(found)
-        yield found
 
 
 def show(browser: Any, report: Path, width: int) -> None:

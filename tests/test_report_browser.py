@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from browser import chromium, complaints, needs_browser, offline, pages_on_paper, resize, too_wide, until, visible
+from browser import complaints, needs_browser, pages_on_paper, resize, too_wide, until, visible
 
 import reba
 from reba.report import write_report
@@ -34,13 +33,6 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
     write_report(path, [scored(1500, 1), scored(500, 2)], command="reba score a.csv b.csv --load 7")
     return path
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with chromium(tmp_path_factory.mktemp("profile"), "--disable-gpu") as found:
-        offline(found)
-        yield found
 
 
 def show(browser: Any, path: Path, width: int, *, scripts: bool = True) -> None:
