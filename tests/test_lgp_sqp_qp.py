@@ -7,9 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lgp.sqp import QP, ActiveSet, Piqp, ProblemError, QPResult, QpSolvers, QPStatus
+from lgp.sqp.dual_walk import BORDERS, DualWalk
 from lgp.sqp.elastic import Elastic
+from lgp.sqp.kkt import DUAL_SHIFTS, KKT
 from lgp.sqp.patterns import ColumnOrder, UpperTriangle
-from lgp.sqp.qp import residuals
+from lgp.sqp.qp import cost_scale, residuals
 
 
 def make_qp(P, q, A=None, b=(), G=None, h=(), lb=None, ub=None):
@@ -115,26 +117,101 @@ def test_fixed_variables_keep_their_value_whatever_pulls():
         np.testing.assert_allclose(found.x, [0.2, 0.8])
 
 
-def test_a_qp_on_which_exchanges_run_in_circles_reaches_the_fallback():
-    # A matrix whose principal pivots cycle under exchange of all errors at once (found by search, checked below).
-    qp = cycling_qp()
-    found = ActiveSet(rounds=6, patience=100).solve(qp)
+def test_a_qp_on_which_exchanges_of_blocks_do_not_end_is_walked_to_its_end():
+    qp = next(qp for qp in small_qps() if ActiveSet(limit=0).solve(qp).solver != "active_set")
+    found = ActiveSet(limit=0).solve(qp)
     assert found.solver == "active_set+piqp"
     assert_optimal(qp, found)
-    patient = ActiveSet(rounds=200, patience=2).solve(qp)
-    assert patient.solver == "active_set"  # one exchange at a time ends on a strictly convex QP
-    assert qp.objective(patient.x) == pytest.approx(qp.objective(found.x), abs=1e-8)
+    walked = ActiveSet().solve(qp)
+    assert walked.solver == "active_set"
+    assert_optimal(qp, walked)
+    assert qp.objective(walked.x) == pytest.approx(qp.objective(found.x), abs=1e-8)
 
 
-def cycling_qp():
-    """The first random QP with bounds only on which exchanges of whole blocks do not end in 30 rounds."""
+def small_qps():
+    """Random QPs with lower bounds only; on some of them exchanges of whole blocks run in circles."""
     for seed in range(2000):
         rng = np.random.default_rng(seed)
         root = rng.normal(size=(4, 3))
-        qp = make_qp(root @ root.T + 1e-3 * np.eye(4), rng.normal(size=4), lb=np.zeros(4))
-        if ActiveSet(rounds=30, patience=1000, cold=1000).solve(qp).solver != "active_set":
-            return qp
-    raise AssertionError("no such QP")
+        yield make_qp(root @ root.T + 1e-3 * np.eye(4), rng.normal(size=4), lb=np.zeros(4))
+
+
+def on(qp, rows, side):
+    """The factorised system of a working set, with its solution."""
+    kkt, scale = KKT(qp), cost_scale(qp)
+    kkt.load(qp, scale)
+    kkt.refactor(side == 0, rows)
+    n, m_e = qp.q.size, qp.b.size
+    held = np.where(side < 0, qp.lb, np.where(side > 0, qp.ub, 0.0))
+    right = np.concatenate([-scale * (qp.q + qp.hessian_dot(held)), qp.b - qp.A @ held, qp.h - qp.G @ held])
+    right[:n][side != 0] = held[side != 0]
+    right[n + m_e :][~rows] = 0.0
+    x, y, z = np.split(kkt.solve(right, np.zeros_like(right), 1e-13)[0], [n, n + m_e])
+    z_box = np.where(side == 0, 0.0, -scale * (qp.hessian_dot(x) + qp.q) - qp.pull(y, z))
+    return kkt, (x, y, z, z_box)
+
+
+def walk_from(qp, rows, side, limit=1000):
+    """The walk from a working set, and whether it arrived."""
+    kkt, solution = on(qp, rows, side)
+    walk = DualWalk(kkt, qp, cost_scale(qp), rows, side, solution)
+    return walk, walk.run(limit)
+
+
+def assert_right(qp, walk):
+    """The point reached is the optimum, but for what the shift of the system leaves of the rows."""
+    x, y, z = np.split(walk.point, [qp.q.size, qp.q.size + qp.b.size])
+    y, z = y / cost_scale(qp), z / cost_scale(qp)
+    slope = qp.hessian_dot(x) + qp.q + qp.pull(y, z)
+    np.testing.assert_allclose(slope[walk.side == 0], 0.0, atol=1e-6)
+    assert not z[~walk.rows].any()
+    z_box = np.where(walk.side == 0, 0.0, -slope)
+    errors = residuals(qp, QPResult(QPStatus.SOLVED, x, y, z, z_box, 0, "walk"))
+    size = 1 + max(np.abs(part).max(initial=0) for part in (y, z, z_box))
+    assert errors.dual <= 1e-6 * size
+    assert errors.primal <= 2 * DUAL_SHIFTS[0] * size
+    assert errors.gap <= 2 * DUAL_SHIFTS[0] * size**2
+
+
+@given(seed=st.integers(0, 10_000), guess=st.sampled_from([0.0, 0.1, 0.25]))
+@settings(max_examples=60, deadline=None)
+def test_a_walk_from_any_working_set_ends_at_the_optimum(seed, guess):
+    rng = np.random.default_rng(seed)
+    n, m_e, m_i = int(rng.integers(2, 60)), int(rng.integers(0, 2)), int(rng.integers(0, 30))
+    qp = random_qp(seed, n, m_e, m_i)
+    # A working set may not hold more rows and bounds than there are unknowns.
+    rows = rng.uniform(size=m_i) < guess * min(1.0, n / (4.0 * max(m_i, 1)))
+    side = np.where(rng.uniform(size=n) < guess, rng.choice([-1, 1], size=n), 0).astype(np.int8)
+    walk, arrived = walk_from(qp, rows, side)
+    assert arrived
+    assert_right(qp, walk)
+
+
+def test_a_walk_factorises_anew_when_many_constraints_have_changed():
+    n = 3 * BORDERS
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(n, n))
+    qp = make_qp(root @ root.T / n + np.eye(n), rng.normal(size=n) - 2.0, ub=np.full(n, 0.1))
+    walk, arrived = walk_from(qp, np.zeros(0, bool), np.zeros(n, np.int8))
+    assert arrived
+    assert np.count_nonzero(walk.side) > BORDERS
+    assert_right(qp, walk)
+
+
+def test_a_walk_tells_where_rows_contradict_each_other_and_where_its_limit_ends():
+    none, free = np.zeros(2, bool), np.zeros(2, np.int8)
+    torn = make_qp(np.eye(2), [0, 0], G=[[1, 0], [-1, 0]], h=[-1, -1])
+    assert not walk_from(torn, none, free)[1]
+    far = make_qp(np.eye(2), [0, 0], G=[[1, 0], [0, 1]], h=[-1, -1])
+    assert not walk_from(far, none, free, limit=0)[1]
+    assert walk_from(far, none, free)[1]
+
+
+def test_a_walk_lets_rows_that_repeat_each_other_share_the_load():
+    qp = make_qp(np.eye(2), [0, 0], G=[[1, 1e-9], [1, 0], [2, 0]], h=[-0.2, -0.2, -0.4])
+    walk, arrived = walk_from(qp, np.zeros(3, bool), np.zeros(2, np.int8))
+    assert arrived
+    assert_right(qp, walk)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -1,11 +1,10 @@
-"""A warm-started active-set method that exchanges whole blocks of rows and bounds at once.
+"""A warm-started active-set method: whole blocks of rows and bounds are exchanged, at the end one at a time.
 
 Each round solves the equality-constrained QP of the current active set on the fixed-pattern `KKT`, then adds every
 violated row and bound and drops every one whose multiplier has the wrong sign (the primal-dual active set of
 Hintermueller, Ito & Kunisch 2002). That ends in a few rounds where the set is nearly known, and may cycle otherwise.
-Exchanges that do not reduce the number of errors are therefore counted (Judice & Pires 1994): after a few of them one
-row at a time is exchanged, and after `rounds` factorisations the QP goes to an interior point back end, whose answer is
-polished on its active set so that the next QP starts warm.
+Where it no longer reduces the number of errors, `DualWalk` goes on from the best set so far; where that takes long
+the QP goes to an interior point back end, whose answer is polished on its active set so that the next QP starts warm.
 """
 
 from __future__ import annotations
@@ -16,21 +15,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.sqp.backend_piqp import Piqp
+from lgp.sqp.dual_walk import DualWalk
 from lgp.sqp.kkt import KKT
 from lgp.sqp.problem import Vector
 from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus, cost_scale
 
 PRIMAL_TOLERANCE = 1e-9
 DUAL_TOLERANCE = 1e-9
-SINGLES = 8
-"""Errors beyond which exchanging one at a time would take longer than an interior point method."""
-MANY = 35
+WALKS = 2
+"""Walks from working set to working set; the second mends what rounding left of the first."""
+MANY = 200
 """Errors of a first active set beyond which an interior point method is as fast as exchanging them."""
+PATIENCE = 1
+"""Block exchanges in a row that may be without progress."""
+SHED = 5
+"""Multipliers of the wrong sign up to which a walk lets go of them one by one, without another factorisation."""
 KEPT = 1e-7
 """Share of the largest multiplier below which a row of a foreign solution counts as inactive."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Active:
     """A working set: inequality rows (m_i,) and side of each unknown (n,): -1 at its lower bound, +1 upper, 0 free."""
 
@@ -38,7 +42,7 @@ class _Active:
     side: NDArray[np.int8]
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Point:
     """Solution of one working set, and which rows and sides contradict it."""
 
@@ -60,18 +64,16 @@ class ActiveSet:
     """Warm-started QPs of one pattern; the fastest back end where consecutive QPs share most of their active set.
 
     Args:
-        fallback: takes over QPs on which the active set cycles, and infeasible or unbounded ones; PIQP by default.
-        rounds: factorisations before that.
-        patience: block exchanges without progress before single ones.
-        cold: the same in a QP that no other one led to.
+        fallback: takes over QPs whose active set is far off, and infeasible or unbounded ones; PIQP by default.
+        rounds: block exchanges at most.
+        limit: single exchanges at most.
     """
 
     name = "active_set"
 
-    def __init__(self, fallback: QPBackend | None = None, rounds: int = 24, patience: int = 4, cold: int = 1) -> None:
+    def __init__(self, fallback: QPBackend | None = None, rounds: int = 24, limit: int = 40) -> None:
         self.fallback = Piqp() if fallback is None else fallback
-        self.rounds = rounds
-        self.patience, self.cold = patience, cold
+        self.rounds, self.limit = rounds, limit
         self._kkt: KKT | None = None
 
     def solve(self, qp: QP, warm: QPResult | None = None) -> QPResult:
@@ -81,26 +83,64 @@ class ActiveSet:
         scale = cost_scale(qp)
         self._kkt.load(qp, scale)
         active, guess = _start(qp, warm, scale)
-        # Without a hint an active set that does not settle at once rarely does.
-        patience = self.patience if warm is not None else self.cold
-        best, tries = np.inf, patience
+        best, least, patience = active, np.inf, PATIENCE
+        for count in range(1, self.rounds + 1):
+            point = self._try(qp, scale, active, guess)
+            if point is None or (count == 1 and point.errors > MANY):
+                break
+            if point.errors == 0:
+                return _result(point, scale, count, self.name)
+            if point.errors < least:
+                best, least, patience = active, point.errors, PATIENCE
+            elif patience == 0:
+                break
+            else:
+                patience -= 1
+            active = _exchange(active, point)
+            guess = np.concatenate([point.x, point.y, point.z])
+        if least < np.inf:
+            point, more = self._walk(qp, scale, best, guess)
+            count += more
+            if point is not None:
+                return _result(point, scale, count, self.name)
+        return self._fall_back(qp, scale, count)
+
+    def _walk(self, qp: QP, scale: float, active: _Active, guess: Vector) -> tuple[_Point | None, int]:
+        """Exchange one row or bound at a time; return the solution, if it was found, and the effort in rounds."""
+        count = 0
+        for _ in range(WALKS):
+            active, point, more = self._lighten(qp, scale, active, guess)
+            count += more
+            if point is None or self._kkt is None:
+                break
+            if point.errors == 0:
+                return point, count
+            walk = DualWalk(self._kkt, qp, scale, active.rows, active.side, (point.x, point.y, point.z, point.z_box))
+            try:
+                arrived = walk.run(self.limit)
+            except RuntimeError:
+                break
+            count += walk.exchanged
+            if not arrived:
+                break
+            active, guess = _Active(walk.rows, walk.side), walk.point
+            point = self._try(qp, scale, active, guess)
+            count += 1
+            if point is not None and point.errors == 0:
+                return point, count
+        return None, count
+
+    def _lighten(self, qp: QP, scale: float, active: _Active, guess: Vector) -> tuple[_Active, _Point | None, int]:
+        """Drop rows and bounds until few multipliers have the wrong sign; return also the factorisations."""
         for count in range(1, self.rounds + 1):
             point = self._try(qp, scale, active, guess)
             if point is None:
                 break
-            if point.errors == 0:
-                return _result(point, scale, count, self.name)
-            if count == 1 and point.errors > MANY:
-                break
-            if point.errors < best:
-                best, tries = point.errors, patience
-            else:
-                tries -= 1
-                if tries < 0 and best > SINGLES:
-                    break
-            _exchange(active, point, single=tries < 0)
-            guess = np.concatenate([point.x, point.y, point.z])
-        return self._fall_back(qp, scale, count)
+            rows, sides = point.rows_wrong & active.rows, point.side_wrong & (active.side != 0)
+            if np.count_nonzero(rows) + np.count_nonzero(sides) <= SHED:
+                return active, point, count
+            active = _Active(active.rows & ~rows, np.where(sides, 0, active.side).astype(np.int8))
+        return active, None, count
 
     def _try(self, qp: QP, scale: float, active: _Active, guess: Vector) -> _Point | None:
         """Solve one working set; None where its system is singular or its rows contradict each other."""
@@ -177,18 +217,9 @@ def _judge(qp: QP, scale: float, active: _Active, found: Vector, error: float) -
     return _Point(x, y, z, z_box, rows_wrong, side_next, side_next != active.side, error)
 
 
-def _exchange(active: _Active, point: _Point, single: bool) -> None:
-    """Correct every contradicting row and bound, or only the last one (Murty's rule, which cannot cycle)."""
-    if single:
-        last = np.flatnonzero(point.rows_wrong)[-1:]
-        if last.size:
-            active.rows[last] ^= True
-        else:
-            last = np.flatnonzero(point.side_wrong)[-1:]
-            active.side[last] = point.side_next[last]
-        return
-    active.rows ^= point.rows_wrong
-    active.side = point.side_next
+def _exchange(active: _Active, point: _Point) -> _Active:
+    """Correct every contradicting row and bound."""
+    return _Active(active.rows ^ point.rows_wrong, point.side_next)
 
 
 def _result(point: _Point, scale: float, iterations: int, solver: str) -> QPResult:

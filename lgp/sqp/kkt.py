@@ -50,8 +50,10 @@ class KKT:
         self._matrix = sp.csc_matrix((np.zeros(indptr[-1]), indices, indptr.astype(np.int32)), shape=(size, size))
         self._mirror = self._matrix.T  # of the same values
         self._shifted = self._matrix.copy()
+        self._tilted = self._shifted.T
         self._values = np.zeros(indptr[-1])
         self._solver: Any = None
+        self.shift = DUAL_SHIFTS[0]
 
     def fits(self, qp: QP) -> bool:
         """Whether a QP has the pattern of this system."""
@@ -78,10 +80,14 @@ class KKT:
         data[self._diagonal[n:]] = on[n:] - 1.0
         self._shifted.data[:] = data
         self._shifted.data[self._diagonal[:n]] += PRIMAL_SHIFT
-        try:
-            self._factor(data[self._diagonal[n:]] - DUAL_SHIFTS[0])
-        except RuntimeError:
-            self._factor(data[self._diagonal[n:]] - DUAL_SHIFTS[1])
+        for self.shift in DUAL_SHIFTS:
+            try:
+                self._factor(data[self._diagonal[n:]] - self.shift)
+            except RuntimeError:
+                if self.shift == DUAL_SHIFTS[-1]:
+                    raise
+            else:
+                return
 
     def _factor(self, rows: Vector) -> None:
         """Factorise with the given diagonal (m_e + m_i,) of the rows."""
@@ -112,3 +118,10 @@ class KKT:
                 break
             point = point + self._solver.solve(error)
         return best, best_error
+
+    def respond(self, right: Vector) -> Vector:
+        """Solve the system with the shift, as factorised: rows that depend on each other share their load evenly."""
+        point = self._solver.solve(right)
+        diagonal = self._shifted.data[self._diagonal]
+        error = right - (self._shifted @ point + self._tilted @ point - diagonal * point)
+        return np.asarray(point + self._solver.solve(error))

@@ -1,0 +1,314 @@
+"""A dual active-set walk: from a working set near the right one to the right one, one row or bound at a time.
+
+Goldfarb & Idnani (1983) start from the solution of a working set whose multipliers have the right signs, take in the
+most violated constraint, and let go of those whose multipliers reach zero on the way. The cost never falls back, so
+it ends, and rows that depend on each other are never in the set together; exchanging blocks at once promises neither.
+Constraints taken in and rows let go since the last factorisation border it, as in QPSchur (Bartlett & Biegler 2006):
+each costs one solve with the factor at hand and a dense system as large as their number.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lgp.sqp.kkt import KKT
+from lgp.sqp.problem import Vector
+from lgp.sqp.qp import QP
+
+BORDERS = 40
+"""Changes since the last factorisation beyond which another one is cheaper."""
+VIOLATED = 1e-9
+"""Violation of a row or bound that is taken in, relative to its limit."""
+WRONG = 1e-9
+"""Multiplier below zero, relative to the largest, that calls for letting go."""
+DEPENDENT = 10.0
+"""Response of a constraint to its own multiplier, in shifts of the system, below which it depends on others."""
+TORN = 1e-6
+"""Violation of such a constraint that the shift does not explain: it contradicts the others."""
+NOTHING = 1e-11
+"""Change of a multiplier, relative to the largest, that is rounding."""
+_ROW, _BOX, _GONE = 0, 1, 2
+
+
+class DualWalk:
+    """The walk on one QP whose values `kkt` holds.
+
+    Args:
+        kkt: factorised for the working set.
+        qp: the QP, its cost times `scale` in `kkt`.
+        rows: (m_i,) active rows.
+        side: (n,) -1 or +1 for unknowns held at their lower or upper bound.
+        solution: of the working set: unknowns (n,), and the multipliers of equalities (m_e,), rows (m_i,) and bounds
+            (n,), negative at lower ones; of the scaled cost.
+
+    Attributes:
+        rows, side, point: of the working set reached.
+        exchanged: constraints taken in and let go.
+    """
+
+    def __init__(
+        self,
+        kkt: KKT,
+        qp: QP,
+        scale: float,
+        rows: NDArray[np.bool_],
+        side: NDArray[np.int8],
+        solution: tuple[Vector, Vector, Vector, Vector],
+    ) -> None:
+        self.kkt, self.qp, self.scale = kkt, qp, scale
+        self.rows, self.side = rows.copy(), side.copy()
+        x, y, z, z_box = solution
+        self.x, self.y = x.copy(), y.copy()
+        self.exchanged = 0
+        self._sign = side.copy()  # of bounds that are active or picked
+        self._n, self._m_e, self._m_i = kkt.sizes
+        # Multipliers of rows, then of bounds: all count from 0 up.
+        self._u = np.concatenate([np.where(rows, z, 0.0), z_box * side])
+        self._fixed = qp.lb == qp.ub
+        self._base()
+
+    @property
+    def point(self) -> Vector:
+        """Unknowns and multipliers (n + m_e + m_i,) reached."""
+        return np.concatenate([self.x, self.y, self._u[: self._m_i]])
+
+    def run(self, limit: int) -> bool:
+        """Walk to the solution; False where rows contradict each other or `limit` exchanges do not suffice.
+
+        Raises:
+            RuntimeError: a working set cannot be factorised.
+        """
+        if not self._shed(limit):
+            return False
+        while self.exchanged <= limit:
+            picked = self._most_violated()
+            if picked is None:
+                self._settle()
+                return True
+            if not self._reach(picked, limit):
+                return False
+        return False
+
+    def _reach(self, picked: int, limit: int) -> bool:
+        """Take a violated constraint into the working set, letting go of those whose multipliers reach zero before."""
+        normal, response = self._column(picked)
+        own = 0.0
+        while self.exchanged <= limit:
+            self.exchanged += 1
+            step, shares = self._direction(normal, response)
+            change = self._changes(picked, step, shares)
+            free = -float(normal @ step)
+            gap = self._violation(picked)
+            apart = free > DEPENDENT * self.kkt.shift
+            full = gap / (free + self.kkt.shift) if apart or gap < TORN else np.inf
+            blocked, length = self._blocking(change)
+            length = min(length, full)
+            if length == np.inf:
+                return False
+            own += length
+            self._advance(length * step, length * change)
+            np.maximum(self._u, 0.0, out=self._u)
+            if length == full:
+                self._take_in(picked, normal, response, own)
+                return True
+            if not self._let_go(blocked):
+                normal, response = self._column(picked)
+        return False
+
+    def _shed(self, limit: int) -> bool:
+        """Let go of what has a multiplier of the wrong sign, worst first; whether that took few steps."""
+        for self.exchanged in range(min(limit, BORDERS)):
+            worst = int(np.argmin(np.where(self._active, self._u, np.inf)))
+            wrong = self._u[worst] if self._active[worst] else 0.0
+            if not wrong < -WRONG * float(np.abs(self._u).max()):
+                self._u = np.maximum(self._u, 0.0)
+                return True
+            self._let_go(worst)
+            # The multiplier of a row, or the slope by an unknown, becomes zero.
+            target = np.zeros(len(self._kinds))
+            target[-1] = -wrong if worst < self._m_i else wrong * self._sign[worst - self._m_i]
+            shares = self._share(target)
+            step = self._stepped(-self._responses[:, : len(target)] @ shares, shares)
+            self._advance(step, self._changes(None, step, shares))
+        return False
+
+    def _base(self) -> None:
+        """Begin with no borders on the factorised working set."""
+        self._held = self.side != 0
+        size = sum(self.kkt.sizes)
+        self._kinds: list[tuple[int, int]] = []
+        self._freed = np.full(BORDERS + 1, -1)  # the unknown that a border sets free, if any
+        self._normals, self._responses = np.zeros((size, BORDERS + 1)), np.zeros((size, BORDERS + 1))
+        self._square = np.zeros((BORDERS + 1, BORDERS + 1))
+        self._active = np.concatenate([self.rows, self._held & ~self._fixed])
+        self._in_base = self._active.copy()
+
+    def _settle(self) -> None:
+        """Write the borders into the working set."""
+        self.rows = self._active[: self._m_i].copy()
+        self.side = np.where(self._active[self._m_i :] | self._fixed, self._sign, 0).astype(np.int8)
+
+    def _refactor(self) -> None:
+        """Factorise the working set as it is now."""
+        self._settle()
+        self.kkt.refactor(self.side == 0, self.rows)
+        self._base()
+
+    def _most_violated(self) -> int | None:
+        """Return the most violated constraint outside the working set, and remember on which side an unknown is out."""
+        over = np.concatenate([self.qp.G @ self.x - self.qp.h, np.maximum(self.qp.lb - self.x, self.x - self.qp.ub)])
+        size = np.concatenate([np.abs(self.qp.h), np.abs(self.x)])
+        over[self._active | np.concatenate([np.zeros(self._m_i, bool), self._fixed])] = -np.inf
+        over[over <= VIOLATED * (1.0 + size)] = -np.inf
+        worst = int(np.argmax(over)) if over.size else 0
+        if not over.size or over[worst] == -np.inf:
+            return None
+        if worst >= self._m_i:
+            at = worst - self._m_i
+            self._sign[at] = 1 if self.x[at] > self.qp.ub[at] else -1
+        return worst
+
+    def _violation(self, constraint: int) -> float:
+        if constraint < self._m_i:
+            begin, end = self.qp.G.indptr[constraint : constraint + 2]
+            value = self.qp.G.data[begin:end] @ self.x[self.qp.G.indices[begin:end]]
+            return float(value - self.qp.h[constraint])
+        at = constraint - self._m_i
+        return float(self.x[at] - self.qp.ub[at] if self._sign[at] > 0 else self.qp.lb[at] - self.x[at])
+
+    def _gradient(self, constraint: int) -> tuple[NDArray[np.integer], Vector]:
+        """Return the unknowns of a constraint and its slopes by them."""
+        if constraint < self._m_i:
+            begin, end = self.qp.G.indptr[constraint : constraint + 2]
+            return self.qp.G.indices[begin:end], self.qp.G.data[begin:end]
+        at = constraint - self._m_i
+        return np.array([at]), np.array([float(self._sign[at])])
+
+    def _column(self, constraint: int) -> tuple[Vector, Vector]:
+        """Return the normal of a constraint in the system, and the response to it of the factorised part."""
+        normal = np.zeros(sum(self.kkt.sizes))
+        places, slopes = self._gradient(constraint)
+        normal[places] = slopes
+        return normal, self._solve(normal)
+
+    def _solve(self, right: Vector) -> Vector:
+        right = right.copy()
+        right[: self._n][self._held] = 0.0
+        return self.kkt.respond(right)
+
+    def _direction(self, normal: Vector, response: Vector) -> tuple[Vector, Vector]:
+        """Return how unknowns and multipliers change per multiplier of the picked constraint, and those of borders."""
+        count = len(self._kinds)
+        if not count:
+            return -response, np.zeros(0)
+        freed = self._freed[:count]
+        own = np.where(freed >= 0, normal[freed], 0.0)
+        shares = self._share(self._normals[:, :count].T @ response - own)
+        return self._stepped(-response - self._responses[:, :count] @ shares, shares), shares
+
+    def _share(self, target: Vector) -> Vector:
+        """Solve the dense system of the borders."""
+        return np.asarray(np.linalg.solve(self._square[: len(target), : len(target)], target), dtype=float)
+
+    def _stepped(self, step: Vector, shares: Vector) -> Vector:
+        """Return a step of the factorised part with those of the unknowns set free."""
+        freed = self._freed[: len(shares)]
+        step[freed[freed >= 0]] = shares[freed >= 0]
+        return step
+
+    def _changes(self, picked: int | None, step: Vector, shares: Vector) -> Vector:
+        """Return the change of every multiplier of the working set, (m_i + n,)."""
+        n, m_e, m_i = self._n, self._m_e, self._m_i
+        z = np.where(self.rows, step[n + m_e :], 0.0)
+        pull = self.scale * self.qp.hessian_dot(step[:n]) + self.qp.pull(step[n : n + m_e], z)
+        if picked is not None:
+            places, slopes = self._gradient(picked)
+            pull[places] += slopes
+        change = np.concatenate([z, np.zeros(n)])
+        for (kind, constraint), share in zip(self._kinds, shares, strict=True):
+            if kind != _GONE:
+                places, slopes = self._gradient(constraint)
+                pull[places] += share * slopes
+        change[m_i:][self._held] = -(pull * self._sign)[self._held]
+        for (kind, constraint), share in zip(self._kinds, shares, strict=True):
+            change[constraint] = 0.0 if kind == _GONE else share
+        return change
+
+    def _blocking(self, change: Vector) -> tuple[int, float]:
+        """Return the first constraint whose multiplier falls to zero, and after what step."""
+        size = float(np.abs(change[self._active]).max(initial=1.0))
+        falls = self._active & (change < -NOTHING * size)
+        ratios = np.full(len(change), np.inf)
+        ratios[falls] = self._u[falls] / -change[falls]
+        first = int(np.argmin(ratios))
+        return first, float(ratios[first])
+
+    def _advance(self, step: Vector, change: Vector) -> None:
+        self.x += step[: self._n]
+        self.y += step[self._n : self._n + self._m_e]
+        self._u = np.where(self._active, self._u + change, 0.0)
+
+    def _take_in(self, constraint: int, normal: Vector, response: Vector, own: float) -> None:
+        self._active[constraint] = True
+        self._u[constraint] = own
+        if self._in_base[constraint]:
+            self._unborder(constraint)  # a row of the factorised set that had been let go
+        else:
+            self._border(_ROW if constraint < self._m_i else _BOX, constraint, normal, response)
+
+    def _let_go(self, constraint: int) -> bool:
+        """Drop a constraint; return whether the factor at hand still serves."""
+        self._active[constraint] = False
+        self._u[constraint] = 0.0
+        if not self._in_base[constraint]:
+            self._unborder(constraint)
+        else:
+            normal = self._loose(constraint)
+            return self._border(_GONE, constraint, normal, self._solve(normal))
+        return True
+
+    def _loose(self, constraint: int) -> Vector:
+        """Return the border that lets go of a constraint of the factorised set.
+
+        A row gets a slack; an unknown gets its column of the system back.
+        """
+        n, m_e = self._n, self._m_e
+        if constraint < self._m_i:
+            normal = np.zeros(sum(self.kkt.sizes))
+            normal[n + m_e + constraint] = 1.0
+            return normal
+        unit = np.zeros(n)
+        unit[constraint - self._m_i] = 1.0
+        limits = np.where(self.rows, self.qp.G @ unit, 0.0)
+        return np.concatenate([self.scale * self.qp.hessian_dot(unit), self.qp.A @ unit, limits])
+
+    def _border(self, kind: int, constraint: int, normal: Vector, response: Vector) -> bool:
+        """Add a border; return whether the factor at hand still serves."""
+        count = len(self._kinds)
+        if count == BORDERS:
+            self._refactor()
+            return False
+        self._kinds.append((kind, constraint))
+        self._normals[:, count], self._responses[:, count] = normal, response
+        self._freed[count] = constraint - self._m_i if kind == _GONE and constraint >= self._m_i else -1
+        # C - B' K^-1 B of the borders is symmetric: a new one adds a row and the same column. C holds what borders
+        # have to do with unknowns that others set free.
+        across = -(self._normals[:, : count + 1].T @ response)
+        freed = self._freed[: count + 1]
+        across += np.where(freed >= 0, normal[freed], 0.0)
+        if kind == _ROW:
+            across[count] -= self.kkt.shift
+        if freed[count] >= 0:
+            across[:count] += np.where(freed[:count] >= 0, 0.0, self._normals[freed[count], :count])
+        self._square[count, : count + 1] = self._square[: count + 1, count] = across
+        return True
+
+    def _unborder(self, constraint: int) -> None:
+        at = next(i for i, (_, other) in enumerate(self._kinds) if other == constraint)
+        last = len(self._kinds)
+        del self._kinds[at]
+        self._freed[at : last - 1] = self._freed[at + 1 : last].copy()
+        for matrix in (self._normals, self._responses, self._square):
+            matrix[:, at : last - 1] = matrix[:, at + 1 : last].copy()
+        self._square[at : last - 1] = self._square[at + 1 : last].copy()
