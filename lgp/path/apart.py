@@ -13,14 +13,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from lgp.path.collision_rows import CollisionRows
+from lgp.path.collision_rows import TOLERATED, CollisionRows
 from lgp.path.problem import PathProblem
 from lgp.sqp import Options, Result, Solver, Status
 
 ROUNDS = 8
 """Choices of rows."""
 STEPS = 8
-"""Iterations between them."""
+"""Iterations between them, at most."""
+ROUGH = 1e-4
+"""Promised decrease of the cost, relative to it, at which rows are chosen anew."""
 SETTLED = 1e-5
 """Promised decrease of the cost, relative to it, that is not waited for: rows that come and go change it by more."""
 LONGEST = 0.3
@@ -52,22 +54,28 @@ def apart(
         worth: cost from which on a path is given up: more rows seldom make it cheaper.
     """
     problem, result = make(rows), first
-    budget = options.iterations if solved else 0
+    fine = solved
     for number in range(rounds):
         violated = rows.extend(*problem.split(result.x))
-        if not violated and budget == options.iterations:
+        if not violated and fine:
             break
         if violated:
             problem = make(rows)
-        budget = STEPS if violated and number < rounds - 1 else options.iterations
-        limited = replace(settled(options), iterations=budget, longest_step=min(LONGEST, options.longest_step))
+        fine = not violated or number == rounds - 1
+        chosen = settled(options) if fine else rough(options)
+        limited = replace(chosen, longest_step=min(LONGEST, options.longest_step))
         result = Solver(limited).solve(problem, result.x, warm=_longer(result, problem))
         if result.cost >= worth and result.violation <= NEAR:
             break
-        if result.status is Status.INFEASIBLE or len(result.iterations) <= budget:
-            # It ended by itself: nothing is left to do for these rows.
-            budget = options.iterations
+        # Where no step lessens the violation of these rows, a finer solve would not either.
+        fine = fine or result.status is Status.INFEASIBLE
     return problem, result
+
+
+def rough(options: Options) -> Options:
+    """Return settings that stop as soon as a path shows which rows are missing."""
+    near = replace(options, decrease=max(options.decrease, ROUGH), kkt=max(options.kkt, 10.0 * ROUGH))
+    return replace(near, violation=TOLERATED, iterations=STEPS)
 
 
 def settled(options: Options) -> Options:

@@ -7,12 +7,14 @@ of how an object among them is held.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lgp.path.phases import Phases
 from lgp.path.switch_rows import Blocks, Row
-from lgp.world.collision import Collisions, Distances
+from lgp.world.collision import Collisions
 from lgp.world.model import World
 from lgp.world.switches import Modes
 
@@ -27,6 +29,14 @@ TOLERATED = 1e-3
 """[m] A margin that is missed by less where there is no row calls for none."""
 FINER = 4
 """Points looked at per slice, joints moving evenly between slices: an arm moves 10 cm or more from one to the next."""
+
+
+class _Near(NamedTuple):
+    """Pairs of bodies near each other: in which slices or points (m,), which pairs (m,), their distances (m,) [m]."""
+
+    slices: Slices
+    pairs: Slices
+    value: Array
 
 
 class CollisionRows:
@@ -136,7 +146,7 @@ class CollisionRows:
         """Return how deep [m] bodies are in each other beyond what they may, summed over pairs and points of a path."""
         return float(np.maximum(self._depths(q, z)[1], 0.0).sum())
 
-    def _depths(self, q: Array, z: Array) -> tuple[Distances, Array]:
+    def _depths(self, q: Array, z: Array) -> tuple[_Near, Array]:
         """Return the distances of all pairs that may touch along a path (T, nq), and how deep [m] each goes (m,)."""
         near = self._near(self._between(q, np.arange(len(self._phase))), self._phase, z, 0.0)
         return near, self._limits[near.slices, near.pairs] - self.margin - near.value
@@ -148,10 +158,11 @@ class CollisionRows:
         before = np.concatenate([self.start[None], q])[last]
         return np.asarray((1.0 - share) * before + share * q[last])
 
-    def _near(self, q: Array, phases: Slices, z: Array, within: float) -> Distances:
+    def _near(self, q: Array, phases: Slices, z: Array, within: float) -> _Near:
         """Return the distances of all pairs that may be nearer than `within` [m] beyond their slack."""
         kinematics = self.world.at(q, self.collisions.frames)
-        return self.collisions.distances(kinematics, phases, z, *self.collisions.near(kinematics, phases, z, within))
+        slices, pairs = self.collisions.near(kinematics, phases, z, within)
+        return _Near(slices, pairs, self.collisions.values(kinematics, phases, z, slices, pairs))
 
 
 def _shares(point: int) -> list[tuple[int, float]]:

@@ -75,6 +75,7 @@ class ActiveSet:
         self.fallback = Piqp() if fallback is None else fallback
         self.rounds, self.limit = rounds, limit
         self._kkt: KKT | None = None
+        self._factorised: _Active | None = None
 
     def solve(self, qp: QP, warm: QPResult | None = None) -> QPResult:
         """Solve; `warm` gives the first active set by its nonzero multipliers."""
@@ -82,24 +83,25 @@ class ActiveSet:
             self._kkt = KKT(qp)
         scale = cost_scale(qp)
         self._kkt.load(qp, scale)
+        self._factorised = None
         active, guess = _start(qp, warm, scale)
-        best, least, patience = active, np.inf, PATIENCE
+        best, least, patience = (active, guess), np.inf, PATIENCE
         for count in range(1, self.rounds + 1):
             point = self._try(qp, scale, active, guess)
             if point is None or (count == 1 and point.errors > MANY):
                 break
             if point.errors == 0:
                 return _result(point, scale, count, self.name)
+            guess = np.concatenate([point.x, point.y, point.z])
             if point.errors < least:
-                best, least, patience = active, point.errors, PATIENCE
+                best, least, patience = (active, guess), point.errors, PATIENCE
             elif patience == 0:
                 break
             else:
                 patience -= 1
             active = _exchange(active, point)
-            guess = np.concatenate([point.x, point.y, point.z])
         if least < np.inf:
-            point, more = self._walk(qp, scale, best, guess)
+            point, more = self._walk(qp, scale, *best)
             count += more
             if point is not None:
                 return _result(point, scale, count, self.name)
@@ -116,6 +118,7 @@ class ActiveSet:
             if point.errors == 0:
                 return point, count
             walk = DualWalk(self._kkt, qp, scale, active.rows, active.side, (point.x, point.y, point.z, point.z_box))
+            self._factorised = None
             try:
                 arrived = walk.run(self.limit)
             except RuntimeError:
@@ -158,10 +161,13 @@ class ActiveSet:
         guess[:n][~free] = held[~free]
         guess[n + m_e :][~active.rows] = 0.0
         tolerance = 1e-11 * (1.0 + float(np.abs(right).max(initial=0.0)))
-        try:
-            kkt.refactor(free, active.rows)
-        except RuntimeError:
-            return None
+        if active is not self._factorised:
+            self._factorised = None
+            try:
+                kkt.refactor(free, active.rows)
+            except RuntimeError:
+                return None
+            self._factorised = active
         found, error = kkt.solve(right, guess, tolerance)
         if not error <= 1e4 * tolerance:
             return None

@@ -106,6 +106,8 @@ class _Run:
         self.seconds = {"evaluate": 0.0, "linearise": 0.0, "qp": 0.0, "total": 0.0}
         self.least, self.stagnant, self.raises = np.inf, 0, 0
         self.warm: QPResult | None = None
+        # Multipliers of the bounds where the last QP gave all; elsewhere the residuals tell them.
+        self.y_box: Vector | None = None
 
     def run(self, warm: Result | None) -> Result:
         """Iterate until a status is reached."""
@@ -193,13 +195,12 @@ class _Run:
         if violation > self.options.violation:
             return None
         now = residuals(self.problem, model, self.x, step.found.y, step.found.z)
-        if now.kkt <= self.options.kkt:
-            self.y_eq, self.y_in = step.found.y, step.found.z
-            return Status.OPTIMAL
-        if step.damping == 0.0 and promised.decrease(self.penalty) <= self.options.decrease * max(1.0, abs(cost)):
-            self.y_eq, self.y_in = step.found.y, step.found.z
-            return Status.ACCEPTABLE
-        return None
+        little = promised.decrease(self.penalty) <= self.options.decrease * max(1.0, abs(cost))
+        optimal = now.kkt <= self.options.kkt
+        if not optimal and (step.damping > 0.0 or not little):
+            return None
+        self.y_eq, self.y_in, self.y_box = step.found.y, step.found.z, step.found.z_box
+        return Status.OPTIMAL if optimal else Status.ACCEPTABLE
 
     def _search(self, model: Model, values: Values, step: Step, promised: Promise) -> Accepted | None:
         descent = promised.descent(self.penalty)
@@ -316,7 +317,7 @@ class _Run:
             cost=values[0],
             y_eq=self.y_eq,
             y_in=self.y_in,
-            y_box=now.y_box,
+            y_box=now.y_box if self.y_box is None else self.y_box,
             kkt=now.kkt,
             equality=now.equality,
             inequality=now.inequality,

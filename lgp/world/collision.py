@@ -111,9 +111,30 @@ class Collisions:
     def distances(
         self, kinematics: Kinematics, phases: Sequence[int] | Rows, z: Array, slices: Rows, pairs: Rows
     ) -> Distances:
-        """Return the signed distances of given rows, see `near`."""
+        """Return the signed distances of given rows, see `near`, and their slopes."""
         phase = np.asarray(phases)
-        rotations, centres = self._poses(kinematics, phase, z)
+        value, points, normals = self._closest(kinematics, phase, z, slices, pairs)
+        by_q, by_variables = np.zeros((len(slices), self.world.nq)), np.zeros((len(slices), self.modes.size))
+        for number, sense in ((0, -1.0), (1, 1.0)):
+            which = self._sides[pairs, number]
+            for side in np.unique(which):
+                rows = np.flatnonzero(which == side)
+                moved, varied = self._speeds(side, kinematics, phase, z, slices[rows], points[number, rows])
+                by_q[rows] += sense * np.einsum("ni,nij->nj", normals[rows], moved)
+                by_variables[rows] += sense * np.einsum("ni,nij->nj", normals[rows], varied)
+        return Distances(slices, pairs, value, by_q, by_variables)
+
+    def values(
+        self, kinematics: Kinematics, phases: Sequence[int] | Rows, z: Array, slices: Rows, pairs: Rows
+    ) -> Array:
+        """Return the signed distances (m,) [m] of given rows, without slopes."""
+        return self._closest(kinematics, np.asarray(phases), z, slices, pairs)[0]
+
+    def _closest(
+        self, kinematics: Kinematics, phases: Rows, z: Array, slices: Rows, pairs: Rows
+    ) -> tuple[Array, Array, Array]:
+        """Return the distances (m,) of given rows, the nearest points (2, m, 3) and the normals (m, 3) there."""
+        rotations, centres = self._poses(kinematics, phases, z)
         m = len(slices)
         value, points, normals = np.empty(m), np.empty((2, m, 3)), np.empty((m, 3))
         result, placed = coal.DistanceResult(), {}
@@ -127,15 +148,7 @@ class Collisions:
             value[row] = coal.distance(first, placed[at, sides[0]], second, placed[at, sides[1]], self._request, result)
             points[0, row], points[1, row] = result.getNearestPoint1(), result.getNearestPoint2()
             normals[row] = result.normal
-        by_q, by_variables = np.zeros((m, self.world.nq)), np.zeros((m, self.modes.size))
-        for number, sense in ((0, -1.0), (1, 1.0)):
-            which = self._sides[pairs, number]
-            for side in np.unique(which):
-                rows = np.flatnonzero(which == side)
-                moved, varied = self._speeds(side, kinematics, phase, z, slices[rows], points[number, rows])
-                by_q[rows] += sense * np.einsum("ni,nij->nj", normals[rows], moved)
-                by_variables[rows] += sense * np.einsum("ni,nij->nj", normals[rows], varied)
-        return Distances(slices, pairs, value, by_q, by_variables)
+        return value, points, normals
 
     def depends(self, pair: int, phase: int) -> tuple[Rows, Rows]:
         """Return the joints and the variables that move the bodies of a pair in a phase."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lgp.errors import WorldError, did_you_mean
 from lgp.world import human
+from lgp.world.forward import Forward
 from lgp.world.robot import locked_model, robot_model, slides
 from lgp.world.rotations import cross
 from lgp.world.scene import Agent, Human, Robot, Scene
@@ -24,6 +25,8 @@ from reba.posture import SIDES
 Array = NDArray[np.float64]
 AnyAgent = TypeVar("AnyAgent", bound=Agent)
 
+FEW = 12
+"""Configurations up to which Pinocchio, one after the other, is faster than all at once."""
 RADIAN = (180.0 / np.pi, "deg")
 """How a radian is shown to people."""
 
@@ -109,6 +112,7 @@ class World:
         self.first = first
         self.start = self._start()
         self._data = self.model.createData()
+        self._forward = Forward(self.model)
         self._support: dict[str, Array] = {}
         self._add_hands()
         self.planted = self._planted()
@@ -179,6 +183,9 @@ class World:
             raise WorldError(f"configurations have shape {q.shape}, expected (slices, {self.nq})")
         wanted = list(dict.fromkeys(names))
         numbers = [self.frame(name) for name in wanted]
+        if len(q) > FEW:
+            found = self._forward.at(q, numbers)
+            return Kinematics(self, wanted, found.rotation, found.position, found.spatial)
         rotation, position = np.empty((len(q), len(wanted), 3, 3)), np.empty((len(q), len(wanted), 3))
         spatial = np.empty((len(q), 6, self.nq))
         model, data = self.model, self._data
@@ -186,8 +193,8 @@ class World:
         for row, configuration in enumerate(q):
             spatial[row] = jacobians(model, data, configuration)
             for at, number in enumerate(numbers):
-                found = placement(model, data, number)
-                rotation[row, at], position[row, at] = found.rotation, found.translation
+                placed = placement(model, data, number)
+                rotation[row, at], position[row, at] = placed.rotation, placed.translation
         return Kinematics(self, wanted, rotation, position, spatial)
 
     def _start(self) -> Array:

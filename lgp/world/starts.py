@@ -72,5 +72,4 @@ def _clear(collisions: Collisions, q: Array, clearance: float) -> bool:
     nothing = np.zeros(0)
     slices, pairs = collisions.near(kinematics, [0], nothing, clearance)
     humans = np.array(["human." in collisions.name(int(pair)) for pair in pairs], dtype=bool)
-    found = collisions.distances(kinematics, [0], nothing, slices[humans], pairs[humans])
-    return bool(np.all(found.value > clearance))
+    return bool(np.all(collisions.values(kinematics, [0], nothing, slices[humans], pairs[humans]) > clearance))
