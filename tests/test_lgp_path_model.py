@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from lgp_worlds import human_world
 
 import dreba
 from lgp.path.acceleration import Condensed, condense, quadratic
-from lgp.path.convexity import Convexity
+from lgp.path.convexity import SPARE, Convexity
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.legs import BLEND, Legs
 from lgp.world.posture import PostureMap
@@ -56,11 +58,10 @@ def test_curvature_is_kept_while_accelerations_or_rows_outweigh_it() -> None:
     jacobian = np.array([[1.0, 0.0, 0.0]])
     kept = np.diag([-50.0 * stiff[0], -0.9 * stiff[1], 2.0])
     assert test.convexify([kept], [jacobian], 0.0)[0] == pytest.approx(kept)
-    # The second joint is held by nothing: a quarter of this is what its stiffness outweighs.
-    steep = np.diag([0.0, -3.0 * stiff[1], 2.0])
-    assert test.convexify([steep], [jacobian], 0.0)[0] == pytest.approx(np.diag([0.0, -0.75 * stiff[1], 2.0]))
-    steeper = np.diag([0.0, -9.0 * stiff[1], 2.0])
-    assert test.convexify([steeper], [jacobian], 0.0)[0] == pytest.approx(np.diag([0.0, 0.0, 2.0]))
+    # The second joint is held by nothing but its stiffness, most of which may be used up.
+    for steep in (3.0, 9.0):
+        (found,) = test.convexify([np.diag([0.0, -steep * stiff[1], 2.0])], [jacobian], 0.0)
+        assert found == pytest.approx(np.diag([0.0, -(1.0 - SPARE) * stiff[1], 2.0]), rel=1e-4)
 
 
 def test_far_from_its_rows_a_model_keeps_no_negative_curvature() -> None:
@@ -76,17 +77,45 @@ def test_variables_that_nothing_costs_keep_no_negative_curvature() -> None:
     for row, kept in (([1.0, 0.0], 0.0), ([1.0, -1.0], -1.0)):
         test = Convexity([(np.array([0]), condensed)], [both], [both], (1, 1))
         (found,) = test.convexify([falling], [np.array([row])], 0.0)
-        assert found == pytest.approx(np.diag([0.0, kept]))
+        assert found == pytest.approx(np.diag([0.0, kept]), abs=1e-5)
 
 
-def test_what_is_kept_grows_again_where_it_may() -> None:
-    test, stiff = convexity()
-    jacobian = np.array([[1.0, 0.0, 0.0]])
-    steeper, mild = (np.diag([0.0, -share * stiff[1], 2.0]) for share in (9.0, 0.9))
-    test.convexify([steeper], [jacobian], 0.0)
-    found = [float(test.convexify([mild], [jacobian], 0.0)[0][1, 1]) for _ in range(3)]
-    assert found[0] > found[1] > found[2]
-    assert found[2] == pytest.approx(mild[1, 1])
+def two_switches(joints: int) -> tuple[Convexity, list[np.ndarray], np.ndarray]:
+    """Switches in two of eight slices, their columns, and the least cost (2 joints, 2 joints) through both."""
+    condensed = condense(quadratic(8, 0.5, stop=True), np.array([3, 7]))
+    columns = [np.arange(joints), joints + np.arange(joints)]
+    test = Convexity([(np.arange(joints), condensed)], columns, columns, (joints, 0))
+    return test, columns, np.kron(2.0 * condensed.cost, np.eye(joints))
+
+
+def test_a_switch_that_bends_much_takes_nothing_from_another() -> None:
+    test, _, cost = two_switches(2)
+    steep, mild = np.diag([0.0, -1e3 * cost[1, 1]]), np.diag([-0.05 * cost[2, 2], 0.0])
+    jacobian = np.zeros((1, 2))
+    found = test.convexify([steep, mild], [jacobian, jacobian], 0.0)
+    assert found[1] == pytest.approx(mild)
+    assert steep[1, 1] < found[0][1, 1] < 0.0
+
+
+@given(seed=st.integers(0, 10_000), size=st.floats(-2.0, 3.0))
+@settings(max_examples=60, deadline=None)
+def test_what_is_kept_leaves_one_minimum(seed: int, size: float) -> None:
+    rng = np.random.default_rng(seed)
+    test, columns, cost = two_switches(4)
+    bends = [10.0**size * cost.max() * (root + root.T) for root in rng.normal(size=(2, 4, 4))]
+    jacobians = list(rng.normal(size=(2, 2, 4)))
+    found = test.convexify(bends, jacobians, 0.0)
+    matrix = cost.copy()
+    for part, block, jacobian in zip(columns, found, jacobians, strict=True):
+        matrix[np.ix_(part, part)] += block + 1e4 * cost.max() * jacobian.T @ jacobian
+    assert np.linalg.eigvalsh(matrix).min() > 0.0
+    for bend, block in zip(bends, found, strict=True):
+        # Between the curvature itself and its convex part.
+        values, vectors = np.linalg.eigh(bend)
+        convex = (vectors * np.maximum(values, 0.0)) @ vectors.T
+        slack = 1e-9 * np.abs(bend).max()
+        assert np.linalg.eigvalsh(block - bend).min() > -slack
+        assert np.linalg.eigvalsh(convex - block).min() > -slack
 
 
 @pytest.mark.parametrize(("kind", "sums"), [("convex", True), ("soft", False)])

@@ -3,7 +3,8 @@
 The rows of a switch bend both ways. Without what bends downwards a solver creeps to its solution in many small steps;
 with all of it a step far from the solution may have no minimum. Whether it has one depends on the accelerations and on
 the rows alone, so a small matrix tells: the least cost through the configurations at the switches, plus the curvature,
-plus a high price on leaving the linearised rows (Debreu's lemma).
+plus a high price on leaving the linearised rows (Debreu's lemma). Each direction in which a switch bends downwards
+keeps a share of its own: one that bends too much takes nothing from the others.
 """
 
 from __future__ import annotations
@@ -12,14 +13,17 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from lgp.path.acceleration import Condensed
 
 Array = NDArray[np.float64]
 Slices = NDArray[np.intp]
 
-SHARES = (1.0, 0.95, 0.85, 0.7, 0.5, 0.25)
-"""Shares of the negative curvature that are tried before none is kept."""
+SPARE = 0.02
+"""Share of the curvature of everything else that must be left along each direction."""
+ROUNDS = 30
+"""Of evening out the shares of negative curvature."""
 PRICE = 1e4
 """Of leaving the rows, relative to the largest entry of the cost."""
 NEAR = 0.03
@@ -46,7 +50,6 @@ class Convexity:
         sizes: tuple[int, int],
     ) -> None:
         nq, nz = sizes
-        self._number = 0
         tail = len(groups[0][1].cost) * nq
         every = np.concatenate([np.zeros(0, np.intp), *columns, *rows])
         joints, at = (np.unique(part) for part in (every[every < tail] % nq, every[every < tail] // nq))
@@ -74,33 +77,41 @@ class Convexity:
             jacobians: (r, k) of each block of rows; more blocks may follow.
             violation: largest of a row.
         """
-        split = []
-        for bend in bends:
-            values, vectors = np.linalg.eigh(bend)
-            split.append(((vectors * np.maximum(values, 0.0)) @ vectors.T, bend))
-        if violation > NEAR:
-            return [clipped for clipped, _ in split]
-        fixed = self._cost.copy()
+        split = [np.linalg.eigh(bend) for bend in bends]
+        clipped = [(vectors * np.maximum(values, 0.0)) @ vectors.T for values, vectors in split]
+        falling = [vectors[:, values < 0.0] * np.sqrt(-values[values < 0.0]) for values, vectors in split]
+        if violation > NEAR or not sum(part.shape[1] for part in falling):
+            return clipped
+        matrix = self._cost.copy()
         for rows, jacobian in zip(self._rows, jacobians, strict=False):
-            fixed[np.ix_(rows, rows)] += PRICE * self._scale * jacobian.T @ jacobian
-        # What held at the last point nearly always holds at the next one; a little more is tried first.
-        for number in range(max(self._number - 2, 0), len(SHARES)):
-            blocks = [clipped + SHARES[number] * (bend - clipped) for clipped, bend in split]
-            if self._holds(fixed, blocks):
-                self._number = number
-                return blocks
-        self._number = len(SHARES)
-        return [clipped for clipped, _ in split]
-
-    def _holds(self, fixed: Array, blocks: Sequence[Array]) -> bool:
-        matrix = fixed.copy()
-        for columns, block in zip(self._columns, blocks, strict=True):
+            matrix[np.ix_(rows, rows)] += PRICE * self._scale * jacobian.T @ jacobian
+        ends = np.cumsum([0, *(part.shape[1] for part in falling)])
+        spread = np.zeros((len(matrix), ends[-1]))
+        for number, (columns, block, part) in enumerate(zip(self._columns, clipped, falling, strict=True)):
             matrix[np.ix_(columns, columns)] += block
+            spread[columns, ends[number] : ends[number + 1]] = part
         try:
-            np.linalg.cholesky(matrix)
+            shares = _shares(spread.T @ cho_solve(cho_factor(matrix), spread))
         except np.linalg.LinAlgError:
-            return False
-        return True
+            return clipped
+        return [
+            block - (part * shares[begin:end]) @ part.T
+            for block, part, begin, end in zip(clipped, falling, ends, ends[1:], strict=False)
+        ]
+
+
+def _shares(response: Array) -> Array:
+    """Return shares (c,) of rank-one parts that may be subtracted from a matrix M and leave it positive.
+
+    M - sum_j share_j u_j u_j' is positive where S R S has no eigenvalue above 1, with S the roots of the shares and the
+    response R = U' M^-1 U (c, c). No eigenvalue exceeds the largest sum of a row's sizes (Gershgorin), so the roots are
+    made as large as these sums allow (Sinkhorn & Knopp 1967).
+    """
+    sizes, roots = np.abs(response), np.ones(len(response))
+    for _ in range(ROUNDS):
+        roots = np.minimum(np.sqrt(roots * (1.0 - SPARE) / (sizes @ roots)), 1.0)
+    over = float(np.max(roots * (sizes @ roots))) / (1.0 - SPARE)
+    return np.asarray(roots**2 / max(over, 1.0))
 
 
 def _onto(cost: Array, at: Slices) -> Array:

@@ -27,7 +27,7 @@ class Options:
     longest_step: float = float("inf")
     """Largest change of an unknown in one iteration, e.g. 0.5 rad where constraints turn quickly."""
     patience: int = 6
-    """Iterations without a tenth less violation before the penalty is raised, or the end where rows contradict."""
+    """Iterations without a tenth less violation before the end where rows contradict; the penalty is raised later."""
     penalty: float = 1.0
     """First price of violation; raised automatically."""
 

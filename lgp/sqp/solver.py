@@ -28,6 +28,8 @@ EXACT = 2.0
 """Penalty per largest multiplier from which on a stagnating violation is not for want of price (l1 is exact)."""
 PENALTY_RAISES = 3
 """Times a stagnating violation raises the penalty."""
+DEAR = 3
+"""Patiences with a stagnating violation before it does: a high penalty forbids long steps along curved rows."""
 STATIONARY = 1e-3
 """Relative slope of the squared violation below which a point that violates rows counts as stationary."""
 SHORT = 0.05
@@ -159,9 +161,9 @@ class _Run:
         """
         self.stagnant = 0 if violation < 0.9 * self.least else self.stagnant + 1
         self.least = min(self.least, violation)
-        if self.stagnant >= self.options.patience:
-            if self.steps.contradicted:
-                return True
+        if self.stagnant >= self.options.patience and self.steps.contradicted:
+            return True
+        if self.stagnant >= DEAR * self.options.patience:
             self.stagnant = 0
             dear = max(float(np.abs(self.y_eq).max(initial=0.0)), float(self.y_in.max(initial=0.0)))
             if self.raises < PENALTY_RAISES and self.penalty < EXACT * dear:
