@@ -1,6 +1,6 @@
 """Plan the screwdriver with one dREBA model after the other as the cost: true REBA reached, and the time it takes.
 
-    OMP_NUM_THREADS=1 python benchmarks/cost_models.py [--runs 10] [--models quadratic convex ...] [--json FILE]
+    OMP_NUM_THREADS=1 python benchmarks/cost_models.py [--runs 4] [--models quadratic convex ...] [--json FILE]
 
 Every model plans for the same drawn heights. Scores are exact REBA scores of the planned postures, never the model's
 own; "no ergonomics" is the plan by accelerations alone.
@@ -64,7 +64,7 @@ def figures(rows: list[dict[str, Any]]) -> dict[str, Any]:
 def main() -> None:
     """Plan, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=10)
+    parser.add_argument("--runs", type=int, default=4)
     parser.add_argument("--models", nargs="+", default=list(MODELS))
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
