@@ -121,7 +121,7 @@ class ActiveSet:
             self._factorised = None
             try:
                 arrived = walk.run(self.limit)
-            except RuntimeError:
+            except (RuntimeError, np.linalg.LinAlgError):
                 break
             count += walk.exchanged
             if not arrived:

@@ -2,9 +2,9 @@
 
 Goldfarb & Idnani (1983) start from the solution of a working set whose multipliers have the right signs, take in the
 most violated constraint, and let go of those whose multipliers reach zero on the way. The cost never falls back, so
-it ends, and rows that depend on each other are never in the set together; exchanging blocks at once promises neither.
-Constraints taken in and rows let go since the last factorisation border it, as in QPSchur (Bartlett & Biegler 2006):
-each costs one solve with the factor at hand and a dense system as large as their number.
+it ends where exchanges of whole blocks run in circles, and rows that nearly repeat each other share their load through
+the shift of the system. What was taken in or let go since the last factorisation borders it, as in QPSchur (Bartlett &
+Biegler 2006): each change costs one solve with the factor at hand and a dense system as large as their number.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class DualWalk:
         """Walk to the solution; False where rows contradict each other or `limit` exchanges do not suffice.
 
         Raises:
-            RuntimeError: a working set cannot be factorised.
+            RuntimeError, LinAlgError: a working set cannot be factorised.
         """
         if not self._shed(limit):
             return False
