@@ -60,7 +60,7 @@ class Forward:
     def __init__(self, model: pin.Model) -> None:
         self.model = model
         data = model.createData()
-        spatial = pin.computeJointJacobians(model, data, np.zeros(model.nq))
+        spatial = pin.computeJointJacobians(model, data, np.zeros(model.nq)).reshape(6, model.nq)
         count = model.njoints
         self._turns = np.tile(np.eye(3), (count, 1, 1))
         self._columns = np.array([0, *(model.joints[number].idx_q for number in range(1, count))], dtype=np.intp)
