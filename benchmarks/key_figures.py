@@ -173,7 +173,8 @@ def toolbox(found: dict[str, Any]) -> Iterator[Figure]:
 def scale(found: dict[str, Any]) -> Iterator[Figure]:
     rows = found["rows"]
     for row in rows:
-        value = f"{row['frames_per_second_and_job']:,.0f} frames/s and core, {row['worker_mb']:.0f} MB"
+        most = max(row["parent_mb"], row["worker_mb"])
+        value = f"{row['frames_per_second_and_job']:,.0f} frames/s and core, {most:.0f} MB a process"
         against, ratio = "one process", row["recordings_per_second"] / rows[0]["recordings_per_second"]
         if "Dask" in row["run"]:
             against, ratio = "time of local processes", row["seconds"] / rows[1]["seconds"]

@@ -104,8 +104,12 @@ def main() -> None:
     config.setJointState(home)
     task["home"] = home.tolist()
     for name, tolerance in task["tolerances"].items():
-        best = min((solve(config, task, tolerance, order) for _ in range(task["repeat"])), key=lambda row: row["ms"])
-        sys.stdout.write(json.dumps({"case": name, **best}) + "\n")
+        # Its answers differ from run to run. At its default the fastest counts, feasible or not; where a tolerance asks
+        # for more, the fastest that is feasible, if any is.
+        runs = [solve(config, task, tolerance, order) for _ in range(task["repeat"])]
+        best = min(runs, key=lambda row, asked=tolerance is not None: (asked and not row["feasible"], row["ms"]))
+        good = sum(row["feasible"] for row in runs)
+        sys.stdout.write(json.dumps({"case": name, **best, "good": good, "runs": len(runs)}) + "\n")
         sys.stdout.flush()
 
 
