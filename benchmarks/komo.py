@@ -109,7 +109,9 @@ def main() -> None:
         runs = [solve(config, task, tolerance, order) for _ in range(task["repeat"])]
         best = min(runs, key=lambda row, asked=tolerance is not None: (asked and not row["feasible"], row["ms"]))
         good = sum(row["feasible"] for row in runs)
-        sys.stdout.write(json.dumps({"case": name, **best, "good": good, "runs": len(runs)}) + "\n")
+        median = float(np.median([row["ms"] for row in runs]))
+        row = {"case": name, **best, "median_ms": median, "good": good, "runs": len(runs)}
+        sys.stdout.write(json.dumps(row) + "\n")
         sys.stdout.flush()
 
 

@@ -94,12 +94,18 @@ def keys_of(bounds: PathBounds, actions: tuple[Action, ...]) -> Solution:
 
 def best(repeat: int, work: Callable[[], Any]) -> tuple[float, Any]:
     """Return the least milliseconds of some runs, and what the last one gave."""
+    times, found = timed(repeat, work)
+    return min(times), found
+
+
+def timed(repeat: int, work: Callable[[], Any]) -> tuple[list[float], Any]:
+    """Return the milliseconds of some runs, and what the last one gave."""
     times = []
     for _ in range(repeat):
         begin = time.perf_counter()
         found = work()
         times.append(1e3 * (time.perf_counter() - begin))
-    return min(times), found
+    return times, found
 
 
 def warm_row(case: str, bounds: PathBounds, actions: tuple[Action, ...], repeat: int) -> dict[str, Any]:
@@ -110,13 +116,14 @@ def warm_row(case: str, bounds: PathBounds, actions: tuple[Action, ...], repeat:
     path = sequence.path(sequence.join(keys.keys, keys.variables))
     setup_ms, problem = best(repeat, lambda: bounds.problem("path", phases))
     x = problem.join(path, keys.variables)
-    free_ms, free = best(repeat, lambda: Solver(bounds.options).solve(problem, x))
-    row = describe(case, problem, free) | {"ms": free_ms, "keys_ms": keys_ms, "setup_ms": setup_ms}
+    times, free = timed(repeat, lambda: Solver(bounds.options).solve(problem, x))
+    row = describe(case, problem, free) | {"ms": min(times), "keys_ms": keys_ms, "setup_ms": setup_ms}
+    row |= {"median_ms": float(np.median(times))}
     if bounds.collisions:
         ms, (problem, found) = best(repeat, lambda: around(bounds, phases, free))
         rows = CollisionRows(bounds.world, phases, bounds.start)
         row = describe(case, problem, found) | {"ms": ms, "keys_ms": keys_ms, "setup_ms": setup_ms}
-        row |= {"free_ms": free_ms, "penetration": rows.worst(*problem.split(found.x))[0]}
+        row |= {"free_ms": min(times), "penetration": rows.worst(*problem.split(found.x))[0]}
         active = [y for y, about in zip(found.y_in, problem.rows.in_rows, strict=True) if about.kind == "collision"]
         row |= {"rows": len(active), "active": int(np.count_nonzero(np.array(active) > 1e-6))}
     return row
@@ -203,6 +210,7 @@ def show(rows: list[dict[str, Any]]) -> None:
         more = "".join(
             f", {words} {row[key]:{form}}"
             for key, words, form in (
+                ("median_ms", "median", ".0f"),
                 ("keys_ms", "key frames", ".0f"),
                 ("setup_ms", "set up", ".1f"),
                 ("free_ms", "first without", ".0f"),
@@ -237,7 +245,8 @@ def main() -> None:
     print(f"\nthe same problem in KOMO (homing {HOMING}, quadratic posture cost):")
     show(same)
     for row in same[1:]:
-        print(f"{row['case']}: {row['ms'] / same[0]['ms']:.1f} times ours")
+        fastest, median = (row[key] / same[0][key] for key in ("ms", "median_ms"))
+        print(f"{row['case']}: {fastest:.1f} times ours by the fastest runs, {median:.1f} times by medians")
     world = world_of()
     ergonomics = Ergonomics(world, dreba.load("convex"))
     print("\nshipped cost, 4 x 10 slices, without collisions and with:")
