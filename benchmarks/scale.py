@@ -168,7 +168,9 @@ def quarters(measured: Measured, output: Path) -> list[dict[str, float]]:
     edges = np.linspace(0.0, measured.seconds, QUARTERS + 1)
     rows = []
     for quarter, (low, high) in enumerate(pairwise(edges)):
-        seen = measured.memory[(measured.memory[:, 0] >= low) & (measured.memory[:, 0] <= high)]
+        # A quarter shorter than the time between two looks has the look nearest to it.
+        off = np.maximum(low - measured.memory[:, 0], measured.memory[:, 0] - high)
+        seen = measured.memory[off <= max(0.0, off.min())]
         share = took[len(took) * quarter // QUARTERS : len(took) * (quarter + 1) // QUARTERS]
         rows.append(
             {"parent_mb": seen[:, 1].max(), "worker_mb": seen[:, 2].max(), "seconds_each": float(np.median(share))}
