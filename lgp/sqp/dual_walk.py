@@ -28,7 +28,6 @@ TORN = 1e-6
 """Violation of such a constraint that the shift does not explain: it contradicts the others."""
 NOTHING = 1e-11
 """Change of a multiplier, relative to the largest, that is rounding."""
-_ROW, _BOX, _GONE = 0, 1, 2
 
 
 class DualWalk:
@@ -126,7 +125,7 @@ class DualWalk:
                 return True
             self._let_go(worst)
             # The multiplier of a row, or the slope by an unknown, becomes zero.
-            target = np.zeros(len(self._kinds))
+            target = np.zeros(len(self._borders))
             target[-1] = -wrong if worst < self._m_i else wrong * self._sign[worst - self._m_i]
             shares = self._share(target)
             step = self._stepped(-self._responses[:, : len(target)] @ shares, shares)
@@ -137,7 +136,8 @@ class DualWalk:
         """Begin with no borders on the factorised working set."""
         self._held = self.side != 0
         size = sum(self.kkt.sizes)
-        self._kinds: list[tuple[int, int]] = []
+        # Constraints taken in since, and those of the factorised set let go.
+        self._borders: list[int] = []
         self._freed = np.full(BORDERS + 1, -1)  # the unknown that a border sets free, if any
         self._normals, self._responses = np.zeros((size, BORDERS + 1)), np.zeros((size, BORDERS + 1))
         self._square = np.zeros((BORDERS + 1, BORDERS + 1))
@@ -199,7 +199,7 @@ class DualWalk:
 
     def _direction(self, normal: Vector, response: Vector) -> tuple[Vector, Vector]:
         """Return how unknowns and multipliers change per multiplier of the picked constraint, and those of borders."""
-        count = len(self._kinds)
+        count = len(self._borders)
         if not count:
             return -response, np.zeros(0)
         freed = self._freed[:count]
@@ -226,13 +226,13 @@ class DualWalk:
             places, slopes = self._gradient(picked)
             pull[places] += slopes
         change = np.concatenate([z, np.zeros(n)])
-        for (kind, constraint), share in zip(self._kinds, shares, strict=True):
-            if kind != _GONE:
+        for constraint, share in zip(self._borders, shares, strict=True):
+            if not self._in_base[constraint]:
                 places, slopes = self._gradient(constraint)
                 pull[places] += share * slopes
         change[m_i:][self._held] = -(pull * self._sign)[self._held]
-        for (kind, constraint), share in zip(self._kinds, shares, strict=True):
-            change[constraint] = 0.0 if kind == _GONE else share
+        for constraint, share in zip(self._borders, shares, strict=True):
+            change[constraint] = 0.0 if self._in_base[constraint] else share
         return change
 
     def _blocking(self, change: Vector) -> tuple[int, float]:
@@ -255,7 +255,7 @@ class DualWalk:
         if self._in_base[constraint]:
             self._unborder(constraint)  # a row of the factorised set that had been let go
         else:
-            self._border(_ROW if constraint < self._m_i else _BOX, constraint, normal, response)
+            self._border(constraint, normal, response)
 
     def _let_go(self, constraint: int) -> bool:
         """Drop a constraint; return whether the factor at hand still serves."""
@@ -265,7 +265,7 @@ class DualWalk:
             self._unborder(constraint)
         else:
             normal = self._loose(constraint)
-            return self._border(_GONE, constraint, normal, self._solve(normal))
+            return self._border(constraint, normal, self._solve(normal))
         return True
 
     def _loose(self, constraint: int) -> Vector:
@@ -283,21 +283,21 @@ class DualWalk:
         limits = np.where(self.rows, self.qp.G @ unit, 0.0)
         return np.concatenate([self.scale * self.qp.hessian_dot(unit), self.qp.A @ unit, limits])
 
-    def _border(self, kind: int, constraint: int, normal: Vector, response: Vector) -> bool:
+    def _border(self, constraint: int, normal: Vector, response: Vector) -> bool:
         """Add a border; return whether the factor at hand still serves."""
-        count = len(self._kinds)
+        count, gone = len(self._borders), bool(self._in_base[constraint])
         if count == BORDERS:
             self._refactor()
             return False
-        self._kinds.append((kind, constraint))
+        self._borders.append(constraint)
         self._normals[:, count], self._responses[:, count] = normal, response
-        self._freed[count] = constraint - self._m_i if kind == _GONE and constraint >= self._m_i else -1
+        self._freed[count] = constraint - self._m_i if gone and constraint >= self._m_i else -1
         # C - B' K^-1 B of the borders is symmetric: a new one adds a row and the same column. C holds what borders
         # have to do with unknowns that others set free.
         across = -(self._normals[:, : count + 1].T @ response)
         freed = self._freed[: count + 1]
         across += np.where(freed >= 0, normal[freed], 0.0)
-        if kind == _ROW:
+        if not gone and constraint < self._m_i:
             across[count] -= self.kkt.shift
         if freed[count] >= 0:
             across[:count] += np.where(freed[:count] >= 0, 0.0, self._normals[freed[count], :count])
@@ -305,9 +305,9 @@ class DualWalk:
         return True
 
     def _unborder(self, constraint: int) -> None:
-        at = next(i for i, (_, other) in enumerate(self._kinds) if other == constraint)
-        last = len(self._kinds)
-        del self._kinds[at]
+        at = self._borders.index(constraint)
+        last = len(self._borders)
+        del self._borders[at]
         self._freed[at : last - 1] = self._freed[at + 1 : last].copy()
         for matrix in (self._normals, self._responses, self._square):
             matrix[:, at : last - 1] = matrix[:, at + 1 : last].copy()

@@ -50,7 +50,7 @@ class KKT:
         self._matrix = sp.csc_matrix((np.zeros(indptr[-1]), indices, indptr.astype(np.int32)), shape=(size, size))
         self._mirror = self._matrix.T  # of the same values
         self._shifted = self._matrix.copy()
-        self._tilted = self._shifted.T
+        self._shifted_mirror = self._shifted.T
         self._values = np.zeros(indptr[-1])
         self._solver: Any = None
         self.shift = DUAL_SHIFTS[0]
@@ -80,18 +80,16 @@ class KKT:
         data[self._diagonal[n:]] = on[n:] - 1.0
         self._shifted.data[:] = data
         self._shifted.data[self._diagonal[:n]] += PRIMAL_SHIFT
-        for self.shift in DUAL_SHIFTS:
-            try:
-                self._factor(data[self._diagonal[n:]] - self.shift)
-            except RuntimeError:
-                if self.shift == DUAL_SHIFTS[-1]:
-                    raise
-            else:
-                return
+        try:
+            self._factor(DUAL_SHIFTS[0])
+        except RuntimeError:
+            self._factor(DUAL_SHIFTS[1])
 
-    def _factor(self, rows: Vector) -> None:
-        """Factorise with the given diagonal (m_e + m_i,) of the rows."""
-        self._shifted.data[self._diagonal[self.sizes[0] :]] = rows
+    def _factor(self, shift: float) -> None:
+        """Factorise with a shift of the rows."""
+        self.shift = shift
+        rows = self._diagonal[self.sizes[0] :]
+        self._shifted.data[rows] = self._matrix.data[rows] - shift
         if self._solver is None:
             import qdldl
 
@@ -105,10 +103,9 @@ class KKT:
         Returns the solution and its largest residual; refinement ends at `tolerance`, when it stops helping, or after
         `rounds`.
         """
-        diagonal = self._matrix.data[self._diagonal]
         best, best_error, point = guess, np.inf, guess
         for _ in range(rounds + 1):
-            error = right - (self._matrix @ point + self._mirror @ point - diagonal * point)
+            error = right - self._times(self._matrix, self._mirror, point)
             size = float(np.abs(error).max(initial=0.0))
             if not size < best_error:
                 break
@@ -122,6 +119,8 @@ class KKT:
     def respond(self, right: Vector) -> Vector:
         """Solve the system with the shift, as factorised: rows that depend on each other share their load evenly."""
         point = self._solver.solve(right)
-        diagonal = self._shifted.data[self._diagonal]
-        error = right - (self._shifted @ point + self._tilted @ point - diagonal * point)
-        return np.asarray(point + self._solver.solve(error))
+        return np.asarray(point + self._solver.solve(right - self._times(self._shifted, self._shifted_mirror, point)))
+
+    def _times(self, upper: sp.csc_matrix, mirror: sp.csr_matrix, point: Vector) -> Vector:
+        """Return a symmetric matrix, given by its upper triangle and the mirror of that, times a vector."""
+        return np.asarray(upper @ point + mirror @ point - upper.data[self._diagonal] * point)
