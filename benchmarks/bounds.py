@@ -25,13 +25,13 @@ import numpy as np
 from machine import machine, stamp
 
 import dreba
-from lgp.logic import Task
+from lgp.kinematics.world import World
+from lgp.logic.task import Task
 from lgp.path.bounds import PathBounds
 from lgp.path.ergonomics import Ergonomics
-from lgp.plan import plan, task_of
-from lgp.search import BoundResult, Budget, Skeleton, search
-from lgp.world.model import World
-from lgp.world.scene_file import load_scene
+from lgp.planner import plan, task_of
+from lgp.scene.scene_file import load_scene
+from lgp.search.tree_search import BoundResult, Budget, Skeleton, search
 
 LEVELS = ("pose", "sequence", "path")
 SAME = 1e-6

@@ -18,11 +18,11 @@ import numpy as np
 from machine import machine, stamp
 
 import dreba
+from lgp.kinematics.world import World
 from lgp.path.ergonomics import Ergonomics
-from lgp.plan import plan
 from lgp.plan_record import Plan
-from lgp.world.model import World
-from lgp.world.scene_file import load_scene
+from lgp.planner import plan
+from lgp.scene.scene_file import load_scene
 
 MODELS = ("quadratic", "convex", "soft", "graduated")
 PLAIN = "no ergonomics"

@@ -22,7 +22,7 @@ from pathlib import Path
 from machine import machine, stamp
 
 import dreba
-from dreba import reach
+from dreba.evaluation import reach_tasks as reach
 
 STARTS = {"random": 3, "neutral": 2}
 NET_POSES = 100_000

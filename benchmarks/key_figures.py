@@ -67,7 +67,7 @@ def whole_command(found: dict[str, Any]) -> Iterator[Figure]:
 
 
 def quadratic(found: dict[str, Any]) -> Iterator[Figure]:
-    from dreba.evaluate import PUBLISHED_OVERALL
+    from dreba.surrogates.metrics import PUBLISHED_OVERALL
 
     for row in found["errors"]:
         rmse = row["overall"]["rmse"]
@@ -78,7 +78,7 @@ def quadratic(found: dict[str, Any]) -> Iterator[Figure]:
 
 
 def soft(found: dict[str, Any]) -> Iterator[Figure]:
-    from dreba.evaluate import PUBLISHED_OVERALL
+    from dreba.surrogates.metrics import PUBLISHED_OVERALL
 
     for row in found["rows"]:
         what = f"RMSE of soft tables at {row['temperature']:g} deg"

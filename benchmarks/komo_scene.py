@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from lgp.kinematics.world import World
 from lgp.path.phases import Phases
-from lgp.world.model import World
 
 Array = NDArray[np.float64]
 

@@ -28,16 +28,18 @@ from komo_scene import HOMING, JointCost, scene_text, task_text
 from machine import machine, stamp
 
 import dreba
-from lgp.logic import Action
-from lgp.path.apart import apart
+from lgp.kinematics.world import World
+from lgp.logic.task import Action
 from lgp.path.bounds import OPTIONS, PathBounds, Solution
-from lgp.path.collision_rows import CollisionRows
+from lgp.path.collision_constraints import CollisionRows
+from lgp.path.collision_path import apart
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.problem import PathProblem
-from lgp.plan import task_of
-from lgp.sqp import Options, Result, Solver
-from lgp.world.model import World
-from lgp.world.scene_file import load_scene, read_scene
+from lgp.planner import task_of
+from lgp.scene.scene_file import load_scene, read_scene
+from lgp.sqp.problem import Options
+from lgp.sqp.result import Result
+from lgp.sqp.solver import Solver
 
 LINES = (
     "grasp(baxter.right, {thing})",

@@ -56,7 +56,7 @@ def main() -> None:
 def times(poses: int) -> tuple[float, float]:
     """Return seconds to draw 100,000 poses, and to draw `poses` and fit the paper's form; the refit comes first."""
     import dreba
-    import dreba.kinds  # loaded on first use otherwise: an import, not a fit
+    import dreba.surrogates.library
 
     start = time.perf_counter()
     drawn = dreba.sample(poses, domain="paper", rng=1)
@@ -70,7 +70,7 @@ def times(poses: int) -> tuple[float, float]:
 def errors(poses: int) -> list[dict[str, Any]]:
     """Return RMSE and bias per class of every form in every domain, and the distance to Table I."""
     import dreba
-    from dreba.evaluate import distance_to_published
+    from dreba.surrogates.metrics import distance_to_published
 
     rows = []
     for domain in DOMAINS:
@@ -84,8 +84,7 @@ def errors(poses: int) -> list[dict[str, Any]]:
 
 def show_errors(rows: list[dict[str, Any]]) -> None:
     """Print RMSE and bias per class, the published row first."""
-    from dreba import PUBLISHED
-    from dreba.evaluate import PUBLISHED_OVERALL
+    from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL
 
     print(f"{'RMSE per REBA class':46}" + "".join(f"{score:6}" for score in PUBLISHED) + "   all     d")
     published = "".join(f"{rmse:6.2f}" for rmse in PUBLISHED.values())

@@ -17,9 +17,9 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from lgp.world.model import World
-from lgp.world.reachability import Reachability, carries, reachability
-from lgp.world.scene_file import load_scene
+from lgp.kinematics.reachability import Reachability, carries, reachability
+from lgp.kinematics.world import World
+from lgp.scene.scene_file import load_scene
 
 HEIGHTS = tuple(np.linspace(0.6, 1.6, 11).round(2).tolist())
 

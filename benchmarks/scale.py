@@ -36,9 +36,9 @@ from machine import machine, stamp
 from whole_command import make_recording
 
 import reba
+from reba.batch.manifest import MANIFEST
+from reba.batch.parallel import fan_out
 from reba.errors import RebaError
-from reba.fan_out import fan_out
-from reba.manifest import MANIFEST
 
 ROOT = Path(__file__).resolve().parents[1]
 RATE = 60

@@ -9,13 +9,13 @@ activity over 1 to 15, so that the learned tables stay right where load and coup
 from __future__ import annotations
 
 import argparse
-from importlib import resources
 
 import numpy as np
 
 import dreba
-from dreba.model import About
-from reba.factors import Factors
+from dreba.surrogates.library import SHIPPED
+from dreba.surrogates.registry import About
+from reba.posture.factors import Factors
 
 SEED = 1
 PLAIN, LOADED, HELD_OUT = 250_000, 50_000, 20_000
@@ -55,7 +55,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--updates", type=int, default=UPDATES, help="steps of the fit at each temperature")
     updates = parser.parse_args().updates
-    folder = resources.files("dreba").joinpath("models")
     plain = dreba.sample(PLAIN, rng=SEED)
     loaded = dreba.sample(LOADED, range(1, 16), factors=["load", "coupling", "activity"], rng=(SEED, 3))
     held_out = dreba.sample(HELD_OUT, rng=(SEED, 1))
@@ -65,7 +64,7 @@ def main() -> None:
     soft = dreba.SoftModel(updates=updates, seed=SEED)
     weights = np.repeat([1.0, LOADED_WEIGHT], [PLAIN, LOADED])
     dreba.fit_to(soft, train, held_out, weights, command=command)
-    soft.save(str(folder.joinpath("soft.json")))
+    soft.save(SHIPPED / "soft.json")
     for temperature in soft.temperatures_:
         found = dreba.evaluate(soft, held_out, temperature=temperature)
         rmse = " ".join(f"{error.rmse:.2f}" for error in found.classes.values())
@@ -76,7 +75,7 @@ def main() -> None:
     dreba.fit_to(first, train.rows(slice(None, None, 5)), held_out, command=command)
     graduated = dreba.GraduatedModel.of(first, soft)
     graduated.about_ = About(soft.about_.domain, soft.about_.rmse, {**soft.about_.provenance, "command": command})
-    graduated.save(str(folder.joinpath("graduated.json")))
+    graduated.save(SHIPPED / "graduated.json")
 
 
 if __name__ == "__main__":

@@ -27,9 +27,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from machine import machine
 from sliced_paths import PathProblem
 
-from lgp.sqp import QP, ActiveSet, Options, Piqp, QPBackend, QPResult, QpSolvers, Result, Solver
-from lgp.sqp.qp import residuals
-from lgp.sqp.step import StepMaker
+from lgp.sqp.active_set import ActiveSet
+from lgp.sqp.backends import Piqp, QpSolvers
+from lgp.sqp.problem import Options
+from lgp.sqp.qp import QP, QPBackend, QPResult, residuals
+from lgp.sqp.result import Result
+from lgp.sqp.solver import Solver
+from lgp.sqp.subproblem import StepMaker
 
 SLICES = (20, 40, 80, 160, 320)
 OPTIONS = Options(decrease=1e-4)

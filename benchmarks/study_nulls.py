@@ -34,11 +34,10 @@ from statsmodels.stats.power import TTestPower
 
 import lgp
 import reba
-from lgp.experiments.statistics import anova, compare
-from lgp.study.assumptions import friedman
-from lgp.study.measures import PARTS, TOTAL
+from lgp.statistics.effect_sizes import friedman
+from lgp.statistics.paired_tests import anova, compare
 from lgp.study.retarget import Retarget
-from lgp.study.scoring import by_condition, part_scores
+from lgp.study.scoring import PARTS, TOTAL, by_condition, part_scores
 from lgp.study.simulate import simulate, simulated
 from lgp.study.study import study
 

@@ -20,10 +20,10 @@ from typing import Any
 from machine import machine, stamp
 
 import lgp
-from lgp.plan import task_of
-from lgp.world.model import World
-from lgp.world.scene import Scene
-from lgp.world.scene_file import SHIPPED, read_scene
+from lgp.kinematics.world import World
+from lgp.planner import task_of
+from lgp.scene.model import Scene
+from lgp.scene.scene_file import SHIPPED, read_scene
 
 SCENE = "toolbox_full"
 BRING, FASTEN = 3, 3

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.posture import INDEX
-from reba.report.stickfigure import LENGTHS, joints
+from reba.posture.columns import INDEX
+from reba.posture.skeleton import LENGTHS, joints
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]

@@ -18,24 +18,21 @@ from typing import TYPE_CHECKING, Any
 
 from dreba.domain import Bins, Domain, domain_of
 from dreba.errors import DomainError, ModelError, RadiansWarning, SampleError
-from dreba.evaluate import PUBLISHED, Evaluation, evaluate, fit_to
-from dreba.files import load, models
-from dreba.payload import delta_payload
-from dreba.poses import Poses
-from dreba.recordings import read_poses
-from dreba.sample import sample
 
 if TYPE_CHECKING:
-    from dreba.kinds import (
-        KINDS,
-        About,
-        ConvexModel,
-        GraduatedModel,
-        NetModel,
-        QuadraticModel,
-        SoftModel,
-        Surrogate,
-    )
+    from dreba.evaluation.evaluate import evaluate, fit_to
+    from dreba.sampling.poses import Poses, read_poses
+    from dreba.sampling.sample import sample
+    from dreba.surrogates.base import Surrogate
+    from dreba.surrogates.convex import ConvexModel
+    from dreba.surrogates.graduated import GraduatedModel
+    from dreba.surrogates.library import KINDS, load, models
+    from dreba.surrogates.metrics import PUBLISHED, Evaluation
+    from dreba.surrogates.quadratic import QuadraticModel
+    from dreba.surrogates.registry import About
+    from dreba.surrogates.relu_network import NetModel
+    from dreba.surrogates.soft import SoftModel
+    from dreba.surrogates.task_factors import delta_payload
 
 __all__ = [
     "KINDS",
@@ -64,13 +61,33 @@ __all__ = [
     "read_poses",
     "sample",
 ]
+_LATE = {
+    "dreba.evaluation.evaluate": ("evaluate", "fit_to"),
+    "dreba.surrogates.library": (
+        "KINDS",
+        "About",
+        "ConvexModel",
+        "GraduatedModel",
+        "NetModel",
+        "QuadraticModel",
+        "SoftModel",
+        "Surrogate",
+        "load",
+        "models",
+    ),
+    "dreba.surrogates.metrics": ("PUBLISHED", "Evaluation"),
+    "dreba.surrogates.task_factors": ("delta_payload",),
+    "dreba.sampling.poses": ("Poses", "read_poses"),
+    "dreba.sampling.sample": ("sample",),
+}
+"""Loaded on first use: the base classes of models load scikit-learn and with it SciPy, for over a second."""
 
 
 def __getattr__(name: str) -> Any:
-    """Return a model class on first use: their base classes load scikit-learn and with it SciPy, for over a second."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module("dreba.kinds"), name)
+    for module, names in _LATE.items():
+        if name in names:
+            return getattr(importlib.import_module(module), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

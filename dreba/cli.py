@@ -8,12 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-import reba
 from dreba.domain import Domain, domain_of
 from dreba.errors import RadiansWarning, SampleError
-from dreba.evaluate import PUBLISHED, check_temperature, fit_to
-from dreba.evaluate import evaluate as evaluate_model
-from dreba.files import load, models
 from dreba.options import (
     CLASSES,
     apart,
@@ -27,13 +23,13 @@ from dreba.options import (
     refuse_drawing,
     unfitted,
 )
-from dreba.poses import Poses
-from dreba.recordings import read_poses
-from reba.posture import COLUMNS
-from reba.shell import GROUP, command_line, console, json_option, print_json, run, where_options
+from dreba.sampling.poses import Poses, read_poses
+from reba._version import __version__
+from reba.command_line import GROUP, command_line, console, json_option, print_json, run, where_options
+from reba.posture.columns import COLUMNS
 
 if TYPE_CHECKING:
-    from dreba.model import Surrogate
+    from dreba.surrogates.base import Surrogate
 
 HELD_OUT: Final = 1
 EVALUATION: Final = 2
@@ -45,7 +41,7 @@ HELD_SHARE: Final = 0.2
 
 
 @click.group(context_settings=GROUP)
-@click.version_option(reba.__version__, prog_name="dreba")
+@click.version_option(__version__, prog_name="dreba")
 def cli() -> None:
     """Differentiable surrogates of the REBA posture score.
 
@@ -91,6 +87,8 @@ def fit(
 
     A recording that lacks angles needs --joints measured (the model then works on those it has) or --hold neutral.
     """
+    from dreba.evaluation.evaluate import fit_to
+
     apart({"-o": output, "--report": report}, poses_file, given["domain"])
     refuse_drawing(poses_file, "domain")
     chosen, held = joints_of(joints), hold_of(hold)
@@ -129,6 +127,9 @@ def evaluate(
     **given: Any,
 ) -> None:  # fmt: skip
     """RMSE, bias and count per REBA class, on poses no fit has seen. MODEL is a file or a shipped model's name."""
+    from dreba.evaluation.evaluate import check_temperature
+    from dreba.surrogates.library import load
+
     apart({"--report": report}, model, poses_file, given["domain"])
     found = load(model)
     check_temperature(found, temperature)
@@ -139,7 +140,9 @@ def evaluate(
 def _show_evaluation(
     model: Surrogate, name: str, poses: Poses, report: str | None, as_json: bool, temperature: float | None
 ) -> None:
-    result = evaluate_model(model, poses, temperature)
+    from dreba.evaluation.evaluate import evaluate
+
+    result = evaluate(model, poses, temperature)
     if report is not None:
         from dreba.report import write_report
 
@@ -147,7 +150,7 @@ def _show_evaluation(
     if as_json:
         print_json(result.to_dict())
         return
-    from dreba.terminal import show_evaluation
+    from dreba.console import show_evaluation
 
     show_evaluation(console(), name, result)
 
@@ -197,8 +200,10 @@ def compare(
 
     All are given the same poses, which no fit has seen, and the same reach tasks. Without MODEL, all shipped models.
     """
-    from dreba.comparison import compare as compare_models
-    from dreba.comparison import enable
+    from dreba.evaluation.evaluate import compare as compare_models
+    from dreba.evaluation.evaluate import enable
+    from dreba.surrogates.library import load, models
+    from dreba.surrogates.metrics import PUBLISHED
 
     loaded = {name: load(name) for name in names or models()}
     poses = _unseen(loaded, poses_file, hold, given)
@@ -216,7 +221,7 @@ def compare(
         published = {str(score): rmse for score, rmse in PUBLISHED.items()}
         print_json({"published": published, "domain": judged, "models": rows, "enabler": reached})
         return
-    from dreba.terminal import show_comparison, show_enabler
+    from dreba.console import show_comparison, show_enabler
 
     show_comparison(console(), rows, judged)
     if reached:
@@ -238,6 +243,7 @@ def export(
 ) -> None:
     """Write a model as a C99 function without dependencies, or as a CasADi function."""
     from dreba.export import export as export_model
+    from dreba.surrogates.library import load
 
     apart({"-o": output}, model)
     written = export_model(load(model), target, output or name, temperature=temperature, first=first, name=name)

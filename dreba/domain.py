@@ -19,15 +19,14 @@ from numpy.typing import NDArray
 
 from dreba.errors import DomainError
 from reba.errors import RebaError, did_you_mean
-from reba.limits import quantities
-from reba.posture import ANGLES, COLUMNS
-from reba.rules import Rules, rules_of
+from reba.method.classes import quantities
+from reba.method.rules import Rules, rules_of
+from reba.posture.columns import ANGLES, COLUMNS
 
 DOMAINS: Final = ("human", "human_description", "paper")
 """Domains that come with the package."""
 LOAD: Final = (0.0, 20.0)
 """[kg] Loads that are drawn where a domain says nothing else."""
-
 COLUMNS_OF: Final = {angle.name: angle.columns for angle in ANGLES}
 """Columns of a name without a side."""
 BEST: Final = {column: angle.best for angle in ANGLES for column in angle.columns}

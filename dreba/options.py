@@ -10,23 +10,21 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 from click.core import ParameterSource
 
-from dreba.cells import WEIGHTS
 from dreba.domain import DOMAINS, Domain, domain_of
 from dreba.errors import ModelError, SampleError
-from dreba.poses import Poses
-from dreba.recordings import MEASURED, NEUTRAL, columns_named
-from dreba.sample import FACTOR_NAMES
-from dreba.sample import sample as draw
+from dreba.sampling.classes import WEIGHTS
+from dreba.sampling.poses import MEASURED, NEUTRAL, Poses, columns_named
+from dreba.sampling.sample import FACTOR_NAMES
+from dreba.sampling.sample import sample as draw
 from reba.errors import did_you_mean
 
 if TYPE_CHECKING:
-    from dreba.model import Surrogate
+    from dreba.surrogates.base import Surrogate
 
 HIGHEST: Final = 99
 """End of a range of classes: enough to name the first one that is no REBA score."""
 CLASSES: Final = "1:10"
 """Classes that are drawn where nobody says anything else."""
-
 Command = Callable[..., Any]
 
 
@@ -158,7 +156,8 @@ def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, j
     Raises:
         ModelError: an unknown kind or option.
     """
-    from dreba.kinds import KINDS
+
+    from dreba.surrogates.library import KINDS
 
     if kind not in KINDS:
         raise ModelError(f"kind {kind!r} is unknown{did_you_mean(kind, KINDS)}; known: {', '.join(sorted(KINDS))}")

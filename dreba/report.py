@@ -7,15 +7,21 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dreba import report_figures as figures
-from dreba.domain import Domain, domain_of
-from dreba.evaluate import PUBLISHED, PUBLISHED_OVERALL, angles_for, distance_to_published, evaluation_of
-from dreba.model import Surrogate
-from dreba.poses import Poses
-from dreba.quadratic import QuadraticModel
-from reba.posture import COLUMNS
-from reba.report.templates import template
+from dreba.domain import Bins, Domain, domain_of
+from dreba.evaluation.evaluate import angles_for
+from dreba.sampling.classes import true_scores
+from dreba.sampling.poses import Poses
+from dreba.surrogates.base import Surrogate
+from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation, distance_to_published, evaluation_of
+from dreba.surrogates.quadratic import QuadraticModel
+from reba.arrays import Array
+from reba.files import write_atomic
+from reba.posture.columns import ANGLES, COLUMNS, INDEX
+from reba.posture.skeleton import stick_figure
+from reba.report.labels import angle_name
+from reba.report.page import template
 
 WORST: Final = 6
 """Poses shown with the largest errors."""
@@ -43,7 +49,6 @@ def write_report(
     Raises:
         reba.RebaError: the file cannot be written.
     """
-    from reba.writers import write_atomic
 
     html = render(model, poses, name=name, command=command, temperature=temperature)
 
@@ -71,14 +76,14 @@ def render(
     found = evaluation_of(model.kind, values, poses.reba)
     domain = _domain(model)
     plots = {
-        "errors": [figures.error_figure(found)],
-        "values": [figures.value_figure(values, poses.reba)],
-        "sweeps": figures.sweep_figures(model, domain, temperature),
+        "errors": [error_figure(found)],
+        "values": [value_figure(values, poses.reba)],
+        "sweeps": sweep_figures(model, domain, temperature),
     }
     if isinstance(model, QuadraticModel):
-        plots["weights"] = [figures.weight_figure(model, domain)]
+        plots["weights"] = [weight_figure(model, domain)]
         if not model.free:
-            plots["polynomials"] = figures.polynomial_figures(model, domain)
+            plots["polynomials"] = polynomial_figures(model, domain)
     return template("dreba", "report.html", scripted=True).render(
         name=name or model.kind,
         model=model,
@@ -106,9 +111,6 @@ def _worst(values: np.ndarray, poses: Poses) -> list[dict[str, Any]]:
     """Return the poses with the largest errors, each with its figure and the angles that are not at rest."""
     from markupsafe import Markup
 
-    from reba.report.phrases import angle_name
-    from reba.report.stickfigure import stick_figure
-
     error = values - poses.reba
     found = []
     for row in np.argsort(-np.abs(error))[:WORST]:
@@ -129,3 +131,128 @@ def _worst(values: np.ndarray, poses: Poses) -> list[dict[str, Any]]:
 def _script_safe(text: str) -> str:
     """Return JSON that can stand inside a script element."""
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+MODEL: Final = "#403a82"
+TRUE: Final = "#1b2430"
+PAPER: Final = "#c98a1b"
+POINTS: Final = 181
+"""Points of a curve over the range of an angle."""
+TICKS: Final = (5, 10, 20, 30, 60, 90)
+"""[deg] Between the ticks of a small plot, which has room for three or four."""
+
+
+def error_figure(found: Evaluation) -> Any:
+    """Return RMSE per REBA class beside the published one, and the bias."""
+    import plotly.graph_objects as go
+
+    scores = list(found.classes)
+    figure = go.Figure()
+    figure.add_bar(x=scores, y=[e.rmse for e in found.classes.values()], name="RMSE", marker_color=MODEL)
+    figure.add_bar(x=list(PUBLISHED), y=list(PUBLISHED.values()), name="RMSE, Table I", marker_color=PAPER)
+    bias = [e.bias for e in found.classes.values()]
+    figure.add_scatter(x=scores, y=bias, name="bias", mode="lines+markers", line={"color": TRUE, "width": 1.5})
+    figure.update_layout(**_layout(340), xaxis={"title": "true REBA", "dtick": 1}, yaxis_title="error")
+    return figure
+
+
+def value_figure(values: Array, scores: NDArray[np.integer]) -> Any:
+    """Return the distribution of model values (n,) for every true score: box plots of quantiles, diagonal line."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    for score in np.unique(scores):
+        low, q1, median, q3, high = np.quantile(values[scores == score], [0.05, 0.25, 0.5, 0.75, 0.95])
+        figure.add_box(
+            x=[int(score)], lowerfence=[low], q1=[q1], median=[median], q3=[q3], upperfence=[high],
+            marker_color=MODEL, showlegend=False, name=str(int(score)),
+        )  # fmt: skip
+    ends = [int(scores.min()), int(scores.max())]
+    figure.add_scatter(x=ends, y=ends, mode="lines", name="exact", line={"color": TRUE, "dash": "dot"})
+    figure.update_layout(**_layout(380), xaxis={"title": "true REBA", "dtick": 1}, yaxis_title="value of the model")
+    return figure
+
+
+def polynomial_figures(model: QuadraticModel, domain: Domain) -> list[Any]:
+    """Return each polynomial Q_i over the step table it was fitted to, the idea of the paper's Fig. 2."""
+    curves = []
+    for name, column in _angles(domain):
+        if column not in model.joints_:
+            continue
+        bins = domain.bins_of(column)
+        angle = np.linspace(bins.edges[0], bins.edges[-1], POINTS)
+        c0, c1, c2 = model.polynomials_[model.joints_.index(column)]
+        lowest = min(bins.points)
+        curves.append((name, angle, c0 + angle * (c1 + c2 * angle), _steps(bins, lowest)))
+    return _small_plots(curves, "points")
+
+
+def sweep_figures(model: Surrogate, domain: Domain, temperature: float | None) -> list[Any]:
+    """Return the model's value and the true score as one angle moves alone, all others at rest; one figure an angle."""
+    curves = []
+    rest = np.array([angle.best for angle in ANGLES for _ in angle.columns])
+    for name, column in _angles(domain):
+        bins = domain.bins_of(column)
+        angle = np.linspace(bins.edges[0], bins.edges[-1], POINTS)
+        poses = np.repeat(rest[None], POINTS, axis=0)
+        poses[:, INDEX[column]] = angle
+        values = model.value(poses[:, [INDEX[joint] for joint in model.joints_]], temperature=temperature)
+        curves.append((name, angle, values, (angle, true_scores(domain, poses, None).astype(float))))
+    return _small_plots(curves, "REBA")
+
+
+def weight_figure(model: QuadraticModel, domain: Domain) -> Any:
+    """Return what each angle can add at most: the weight times the range of its polynomial over the limits."""
+    import plotly.graph_objects as go
+
+    names, reach = [], []
+    for name, column in _angles(domain):
+        if column in model.joints_:
+            index = model.joints_.index(column)
+            angle = np.linspace(*domain.limits[column], POINTS)
+            values = model.weights_[index] * np.polyval(model.polynomials_[index][::-1], angle)
+            names.append(name)
+            reach.append(float(np.ptp(values)))
+    figure = go.Figure(go.Bar(x=reach, y=names, orientation="h", marker_color=MODEL))
+    figure.update_layout(**_layout(360), xaxis_title="largest difference")
+    figure.update_yaxes(autorange="reversed", automargin=True)
+    return figure
+
+
+def _angles(domain: Domain) -> list[tuple[str, str]]:
+    """Return name and column (the left one of two) of each angle that varies."""
+    return [(a.name.replace("_", " "), a.columns[0]) for a in ANGLES if a.columns[0] in domain.columns]
+
+
+def _steps(bins: Bins, lowest: int) -> tuple[Array, Array]:
+    edges = np.repeat(bins.edges, 2)[1:-1]
+    return edges, np.repeat(np.array(bins.points, float) - lowest, 2)
+
+
+def _small_plots(curves: list[tuple[str, Array, Array, tuple[Array, Array]]], unit: str) -> list[Any]:
+    """Return a figure for each curve, so that a page can lay them out in as many columns as it is wide."""
+    import plotly.graph_objects as go
+
+    found = []
+    for title, angle, values, steps in curves:
+        figure = go.Figure()
+        figure.add_scatter(x=steps[0], y=steps[1], mode="lines", line={"color": TRUE, "width": 1.5}, name="table")
+        figure.add_scatter(x=angle, y=values, mode="lines", line={"color": MODEL, "width": 2}, name="model")
+        figure.update_layout(**_layout(190), showlegend=False, title={"text": title, "font": {"size": 13}, "x": 0.5})
+        figure.update_layout(margin={"l": 44, "r": 12, "t": 30, "b": 34}, yaxis_title=unit)
+        apart = next((step for step in TICKS if 3 * step >= np.ptp(angle)), TICKS[-1])
+        # Less than a point is no difference to look at.
+        low, high = (float(end(np.concatenate([values, steps[1]]))) for end in (np.min, np.max))
+        reach = max((high - low) * 0.54, 0.6)
+        figure.update_yaxes(range=[(low + high) / 2 - reach, (low + high) / 2 + reach], nticks=5)
+        figure.update_xaxes(ticksuffix="°", dtick=apart, tick0=0, tickangle=0)
+        found.append(figure)
+    return found
+
+
+def _layout(height: int) -> dict[str, Any]:
+    return {
+        "height": height, "margin": {"l": 60, "r": 20, "t": 40, "b": 60}, "template": "none",
+        "font": {"family": "system-ui, sans-serif", "size": 13, "color": TRUE},
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
+    }  # fmt: skip

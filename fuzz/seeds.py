@@ -54,7 +54,7 @@ def mcap() -> list[bytes]:
 
 
 def _points(profile: str) -> list[str]:
-    from reba.readers.profile import find_profile
+    from reba.readers.recording.profile import find_profile
 
     known = find_profile(profile)
     return list(dict.fromkeys([*known.names, *known.marks]))
@@ -141,7 +141,7 @@ def parquet() -> list[bytes]:
 
 def rules() -> list[bytes]:
     """Both presets, and three changed fields."""
-    from reba import PRESETS
+    from reba.method.rules import PRESETS
 
     return [
         *(preset.to_toml().encode() for preset in PRESETS.values()),
@@ -151,7 +151,7 @@ def rules() -> list[bytes]:
 
 def profiles() -> list[bytes]:
     """All that come with the package."""
-    return _shipped("reba/readers/profiles/*.toml")
+    return _shipped("reba/readers/recording/profiles/*.toml")
 
 
 def domains() -> list[bytes]:
@@ -161,7 +161,10 @@ def domains() -> list[bytes]:
 
 def models() -> list[bytes]:
     """A small one of each kind that comes with `dreba`."""
-    return [(ROOT / "dreba" / "models" / f"{name}.json").read_bytes() for name in ("quadratic", "convex", "soft")]
+    return [
+        (ROOT / "dreba" / "surrogates" / "shipped" / f"{name}.json").read_bytes()
+        for name in ("quadratic", "convex", "soft")
+    ]
 
 
 def poses() -> list[bytes]:
@@ -210,8 +213,8 @@ def _plan(folder: Path) -> None:
     import tomllib
 
     from lgp.plan_record import Plan
-    from lgp.world.scene_file import read_scene
-    from reba.posture import COLUMNS
+    from lgp.scene.scene_file import read_scene
+    from reba.posture.columns import COLUMNS
 
     scene = read_scene(tomllib.loads(scenes()[0].decode()), "lift")
     Plan(

@@ -64,7 +64,7 @@ def load_rules(path: Path) -> object:
 
 
 def load_profile(path: Path) -> object:
-    from reba.readers.profile_file import load_profile
+    from reba.readers.recording.profile import load_profile
 
     return load_profile(path).slots
 
@@ -91,13 +91,13 @@ def load_poses(path: Path) -> object:
 
 def load_scene(path: Path) -> object:
     import lgp
-    from lgp.plan import task_of
+    from lgp.planner import task_of
 
     return task_of(lgp.load_scene(path))
 
 
 def load_pddl(path: Path) -> object:
-    from lgp.logic import load_domain
+    from lgp.logic.pddl import load_domain
 
     return load_domain(path)
 
@@ -113,20 +113,20 @@ def load_plan(path: Path) -> object:
 
 
 def load_study(path: Path) -> object:
-    from lgp.study.manifest import read_manifest
+    from lgp.study.labels import read_manifest
 
     return read_manifest(path)
 
 
 def load_dataset(path: Path) -> object:
-    from reba.dataset import Dataset
+    from reba.batch.dataset import Dataset
 
     with Dataset(path.parent) as dataset:
         return [dataset.manifest.line(entry) for entry in dataset.manifest.entries.values()]
 
 
 def load_runs(path: Path) -> object:
-    from lgp.experiments.run_store import RunStore
+    from lgp.experiments.runs import RunStore
 
     return RunStore(path.parent, {"seed": 0}).finish()
 

@@ -11,10 +11,10 @@ the motion of everybody out.
 from __future__ import annotations
 
 from lgp.errors import LgpError, LogicError, SceneError, WorldError
-from lgp.plan import plan
 from lgp.plan_record import Plan
-from lgp.world.scene import Scene
-from lgp.world.scene_file import load_scene, shipped_scenes
+from lgp.planner import plan
+from lgp.scene.model import Scene
+from lgp.scene.scene_file import load_scene, shipped_scenes
 
 __all__ = [
     "LgpError",

@@ -7,18 +7,18 @@ from typing import Any
 
 import click
 
-import reba
 from lgp.errors import LgpError
 from lgp.execution.commands import run_command
-from lgp.plan import COST
-from lgp.plan import plan as make_plan
+from lgp.planner import COST
+from lgp.planner import plan as make_plan
+from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
-from lgp.world.scene_file import load_scene, shipped_scenes
-from reba.shell import GROUP, command_line, console, json_option, print_json, run, where_options
+from reba._version import __version__
+from reba.command_line import GROUP, command_line, console, json_option, print_json, run, where_options
 
 
 @click.group(context_settings=GROUP)
-@click.version_option(reba.__version__, prog_name="lgp")
+@click.version_option(__version__, prog_name="lgp")
 def cli() -> None:
     """Plan who does what and how everybody moves, with ergonomics.
 
@@ -75,7 +75,7 @@ def plan(
     if as_json:
         print_json(summary)
     elif found.feasible:
-        from lgp.terminal import show_plan
+        from lgp.console import show_plan
 
         show_plan(console(), summary)
     if not found.feasible:
@@ -121,7 +121,7 @@ def experiment(
     if name == "toolbox":
         _toolbox(output, cost, as_json)
         return
-    from lgp.experiments.screwdriver import experiment as make
+    from lgp.experiments.screwdriver_experiment import experiment as make
 
     def progress(done: int, wanted: int) -> None:
         click.echo(f"{name}: {done} of {wanted} runs", err=True)
@@ -148,7 +148,6 @@ def experiment(
 
 def _toolbox(output: str, cost: str, as_json: bool) -> None:
     from lgp.experiments.toolbox import experiment as make
-    from lgp.terminal import show_toolbox
 
     summary = make(
         output, cost=cost, tell=lambda words: click.echo(f"toolbox: {words}", err=True), command=command_line("lgp")
@@ -156,6 +155,8 @@ def _toolbox(output: str, cost: str, as_json: bool) -> None:
     if as_json:
         print_json(summary)
     else:
+        from lgp.console import show_toolbox
+
         show_toolbox(console(), summary)
         click.echo(f"results are in {output}: report.html, summary.json, runs.parquet, ergonomic/, non-ergonomic/")
 
@@ -167,7 +168,7 @@ def _toolbox(output: str, cost: str, as_json: bool) -> None:
 @json_option
 def page(folder: str, output: str | None, pictures: bool, as_json: bool) -> None:
     """Write the presentation of the plan in DIR for the worker: what to do next, shown and played."""
-    from lgp.page import write_page
+    from lgp.page.page import write_page
     from lgp.plan_record import Plan
 
     found = Plan.load(folder)
@@ -212,7 +213,7 @@ def _read(file: str) -> list[str]:
 
 
 def _draw(file: str, found: Any) -> None:
-    from lgp.tree import draw
+    from lgp.search.tree_figure import draw
 
     best = next((node.skeleton for node in found.tree if _labels(node) == found.actions), ())
     try:
@@ -226,5 +227,5 @@ def _labels(node: Any) -> tuple[str, ...]:
 
 
 def main() -> None:
-    """Run the command line; exit codes are in `reba.shell`."""
+    """Run the command line; exit codes are in `reba.command_line`."""
     run(cli, "lgp")

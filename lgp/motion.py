@@ -10,19 +10,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.errors import LgpError
+from lgp.kinematics import human as bodies
+from lgp.kinematics.leg_ik import legs
+from lgp.kinematics.modes import Modes
+from lgp.kinematics.posture import PELVIS
+from lgp.kinematics.world import World
 from lgp.path.phases import Phases
-from lgp.plan import parse_sequence, task_of
 from lgp.plan_record import Plan
-from lgp.world import human as bodies
-from lgp.world.model import World
-from lgp.world.posture import PELVIS
-from lgp.world.stance import legs
-from lgp.world.switches import Modes
-
-Array = NDArray[np.float64]
+from lgp.planner import parse_sequence, task_of
+from reba.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import json
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from lgp.world.scene import Scene
-    from reba import Rules, ScoreArrays
-
-Array = NDArray[np.float64]
+from lgp.errors import LgpError
+from lgp.scene.model import Scene
+from lgp.scene.scene_file import read_scene
+from reba.arrays import Array
+from reba.method.rules import Rules
+from reba.method.scoring import ScoreArrays, score_array
+from reba.posture.columns import COLUMNS
 
 
 def _none() -> Array:
@@ -76,7 +80,6 @@ class Plan:
         """
         if not len(self.posture):
             return None
-        from reba import score_array
 
         return score_array(self.posture, {"load": self.carried}, rules)
 
@@ -107,7 +110,6 @@ class Plan:
         Raises:
             LgpError: the folder cannot be written.
         """
-        from lgp.plan_files import save
 
         save(self, Path(folder))
 
@@ -118,7 +120,7 @@ class Plan:
         Raises:
             LgpError: no plan is there, it is damaged, or a newer version wrote it.
         """
-        from lgp.plan_files import load as read
+        read = load
 
         return read(Path(folder))
 
@@ -126,3 +128,146 @@ class Plan:
 def _finite(value: Any) -> Any:
     """Return a number that JSON can hold: None for infinity."""
     return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+FORMAT: Final = "lgp-plan"
+VERSION: Final = 1
+"""Rises when a reader of the former version would misread a plan."""
+PLAIN: Final[dict[str, type]] = {
+    "feasible": bool,
+    "status": str,
+    "reason": str,
+    "costs": dict,
+    "residuals": dict,
+    "solver": dict,
+    "search": dict,
+    "variables": dict,
+}
+"""Fields that JSON holds as they are, with their types."""
+NUMBERS: Final = ("costs", "residuals", "variables")
+"""Those that hold nothing but numbers by name."""
+
+
+def save(plan: Plan, folder: Path) -> None:
+    """Write a plan into a folder, which is made if it is not there; see `Plan.save`."""
+    import pandas as pd
+
+    data: dict[str, Any] = {"format": FORMAT, "version": VERSION}
+    data["scene"] = {"name": plan.scene.name, "values": plan.scene.values}
+    data |= {name: getattr(plan, name) for name in PLAIN}
+    data |= {"actions": list(plan.actions), "joints": list(plan.joints), "start": plan.start.tolist()}
+    data["reba"] = plan.summary()["reba"]
+    times = {"time": plan.time, "phase": plan.phase}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "plan.json").write_text(json.dumps(_plain(data), indent=1) + "\n", encoding="utf-8")
+        if plan.feasible:
+            columns = dict(zip(plan.joints, plan.path.T, strict=True))
+            pd.DataFrame(times | columns).to_parquet(folder / "path.parquet", index=False)
+        if len(plan.posture):
+            angles = dict(zip(COLUMNS, plan.posture.T, strict=True))
+            postures = pd.DataFrame({"time": plan.time, **angles, "load": plan.carried})
+            postures.to_parquet(folder / "postures.parquet", index=False)
+    except OSError as error:
+        raise LgpError(f"{folder}: cannot be written ({error.strerror or error}); give another folder") from error
+
+
+def load(folder: Path) -> Plan:
+    """Return the plan that `save` wrote into a folder."""
+    file = folder / "plan.json"
+    data = _read(file)
+    fields: dict[str, Any] = {name: data[name] for name in PLAIN}
+    fields["search"] = {
+        name: math.inf if value is None and name in ("bound", "gap") else value
+        for name, value in data["search"].items()
+    }
+    fields["scene"] = _scene(file, data["scene"])
+    fields |= {"actions": tuple(data["actions"]), "joints": tuple(data["joints"])}
+    try:
+        fields["start"] = np.array(data["start"], dtype=float)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise LgpError(f"{file}: 'start' holds no numbers ({error}); the file is damaged, plan again") from error
+    if data["feasible"]:
+        fields |= _tables(folder, fields["joints"])
+    return Plan(**fields)
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise LgpError(f"{file}: cannot be read as a plan ({error}); give a folder that `lgp plan -o` wrote") from error
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise LgpError(f'{file}: not a plan: its "format" is not "{FORMAT}"')
+    if not isinstance(data.get("version"), int) or data["version"] > VERSION:
+        raise LgpError(f"{file}: version {data.get('version')}, this package reads up to {VERSION}; update it")
+    missing = [name for name in (*PLAIN, "scene", "actions", "joints", "start") if name not in data]
+    if missing:
+        raise LgpError(f"{file}: {missing[0]!r} is missing; the file is damaged")
+    _check(file, data)
+    return data
+
+
+def _check(file: Path, data: dict[str, Any]) -> None:
+    """Refuse a plan whose fields are not of their types."""
+    wrong = [name for name, kind in PLAIN.items() if not isinstance(data[name], kind)]
+    wrong += [name for name in NUMBERS if name not in wrong and not all(map(_is_number, data[name].values()))]
+    for name in ("actions", "joints"):
+        if not isinstance(data[name], list) or not all(isinstance(part, str) for part in data[name]):
+            wrong.append(name)
+    if wrong:
+        raise LgpError(f"{file}: {wrong[0]!r} is not as `lgp plan -o` writes it; the file is damaged, plan again")
+
+
+def _is_number(value: Any) -> bool:
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+
+
+def _scene(file: Path, data: Any) -> Scene:
+    """Return the scene that a plan was made for.
+
+    Raises:
+        LgpError: it is not there, or this version cannot read it.
+    """
+    if not isinstance(data, dict) or not isinstance(data.get("values"), dict):
+        raise LgpError(f"{file}: its scene is missing; the file is damaged, plan again")
+    return read_scene(data["values"], str(data.get("name")))
+
+
+def _tables(folder: Path, joints: tuple[str, ...]) -> dict[str, Any]:
+    import pandas as pd
+    import pyarrow as pa
+
+    postures = folder / "postures.parquet"
+    try:
+        path = pd.read_parquet(folder / "path.parquet")
+        posture = pd.read_parquet(postures) if postures.is_file() else None
+        if list(path.columns) != ["time", "phase", *joints]:
+            raise LgpError(f"{folder}: path.parquet does not hold the joints of plan.json; plan again")
+        fields: dict[str, Any] = {
+            "time": path["time"].to_numpy(np.float64),
+            "phase": path["phase"].to_numpy(np.intp),
+            "path": path[list(joints)].to_numpy(np.float64),
+            "carried": np.zeros(len(path)),
+        }
+        if posture is not None:
+            angles, carried = posture[list(COLUMNS)].to_numpy(np.float64), posture["load"].to_numpy(np.float64)
+            fields |= {"posture": angles, "carried": carried}
+    except LgpError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
+        raise LgpError(f"{folder}: its motion cannot be read ({error}); plan again") from error
+    if len(fields["carried"]) != len(path):
+        raise LgpError(f"{folder}: postures.parquet has not the rows of path.parquet; plan again")
+    return fields
+
+
+def _plain(value: Any) -> Any:
+    """Return plain data that JSON can hold; infinite numbers become null."""
+    if isinstance(value, dict):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

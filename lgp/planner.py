@@ -9,27 +9,27 @@ import re
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+import dreba
+from dreba.surrogates.base import Surrogate
 from lgp.errors import LgpError, LogicError
-from lgp.logic import Action, Domain, Task, ground, load_domain, parse_atom
-from lgp.logic.domain import SHIPPED
+from lgp.kinematics.posture import PostureMap
+from lgp.kinematics.world import World
+from lgp.kinematics.world import World as Model
+from lgp.logic.pddl import SHIPPED, Domain, load_domain
+from lgp.logic.task import Action, Task, ground, parse_atom
+from lgp.path.bounds import PathBounds, Solution
+from lgp.path.collision_constraints import CollisionRows
+from lgp.path.costs import Weights
+from lgp.path.ergonomics import Ergonomics
 from lgp.plan_record import Plan
-from lgp.search import BoundResult, Budget, SearchResult, Skeleton, Status, search
-from lgp.world.scene import Scene
-from lgp.world.scene_file import load_scene
-
-if TYPE_CHECKING:
-    from dreba.model import Surrogate
-    from lgp.path.bounds import PathBounds, Solution
-    from lgp.path.ergonomics import Ergonomics
-    from lgp.path.problem import Weights
-    from lgp.world.model import World
-
-Array = NDArray[np.float64]
+from lgp.scene.model import Scene
+from lgp.scene.scene_file import load_scene
+from lgp.search.tree_search import BoundResult, Budget, LevelStatistics, SearchResult, Skeleton, Status, search
+from reba.arrays import Array
 
 COST = "convex"
 """The shipped model that is planned with by default: it is convex, and least near rest."""
@@ -76,7 +76,6 @@ def plan(
         >>> found.actions                                                   # doctest: +SKIP
         ('grasp(1, baxter.right, screwdriver)', ...)
     """
-    from lgp.path.bounds import PathBounds
 
     chosen = scene if isinstance(scene, Scene) else load_scene(scene)
     task = task_of(chosen)
@@ -97,7 +96,7 @@ def plan_within(
         task: of the scene.
         sequence: actions to follow instead of searching.
         budget: of the search.
-        first: actions to look at first, as for `lgp.search.search`.
+        first: actions to look at first, as for `lgp.search.tree_search.search`.
     """
     found = search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence)
     return _record(bounds.world.scene, bounds, found)
@@ -152,8 +151,6 @@ def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
     """Solve all levels of one sequence, as the search would on its way down."""
     import time
 
-    from lgp.search import LevelStatistics
-
     begin = time.perf_counter()
     solved = {level: LevelStatistics() for level in bounds.levels}
     steps: list[tuple[str, Skeleton]] = [("pose", skeleton[: end + 1]) for end in range(len(skeleton))]
@@ -182,7 +179,6 @@ def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
 def _world(scene: Scene, world: World | None) -> World:
     if world is not None:
         return world.with_scene(scene)
-    from lgp.world.model import World as Model
 
     return Model(scene)
 
@@ -199,8 +195,6 @@ def _start(world: World, start: Array | None) -> Array:
 def _ergonomics(world: World, cost: Surrogate | Ergonomics | str | Path | None) -> Ergonomics | None:
     if cost is None or world.scene.human is None:
         return None
-    import dreba
-    from lgp.path.ergonomics import Ergonomics
 
     if isinstance(cost, Ergonomics):
         return cost
@@ -235,7 +229,6 @@ def _record(scene: Scene, bounds: PathBounds, found: SearchResult) -> Plan:
 
 
 def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) -> dict[str, Any]:
-    from lgp.path.collision_rows import CollisionRows
 
     phases = bounds.phases(tuple(skeleton))
     problem = bounds.problem("path", phases)
@@ -245,8 +238,6 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
     touching = CollisionRows(bounds.world, phases, bounds.start).worst(*problem.split(x))
     posture = np.zeros((0, 0))
     if bounds.world.scene.human is not None:
-        from lgp.world.posture import PostureMap
-
         posture = PostureMap(bounds.world).angles(path)
     return {
         "actions": tuple(phases.label(number) for number in range(phases.count)),

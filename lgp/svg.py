@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from reba.arrays import Array
 
 INK, SOFT, LINE = "#1b2430", "#4d5866", "#d5dae1"
 """Colours of lines and text, of notes, of grids: those of the reports."""

@@ -10,25 +10,21 @@
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
+from reba._version import __version__
 from reba.errors import PostureError, ProfileError, ReadError, RebaError, RulesError
-from reba.factors import Factors
-from reba.posture import COLUMNS, PostureTable, Quality
-from reba.rules import PRESETS, Rules
+from reba.method.rules import PRESETS, Rules
+from reba.method.scoring import PartScores, ScoreArrays, score_array, score_parts
+from reba.method.tables import ACTION_LEVELS, TABLE_A, TABLE_B, TABLE_C
+from reba.posture.columns import COLUMNS
+from reba.posture.factors import Factors
+from reba.posture.table import PostureTable, Quality
 from reba.scores import Scores, score
-from reba.scoring import PartScores, ScoreArrays, score_array, score_parts
-from reba.tables import ACTION_LEVELS, TABLE_A, TABLE_B, TABLE_C
 
 if TYPE_CHECKING:
     from reba.readers import read
     from reba.writers import write_postures, write_scores
-
-try:
-    __version__ = version("dreba")
-except PackageNotFoundError:  # a checkout that was never installed
-    __version__ = "0+unknown"
 
 __all__ = [
     "ACTION_LEVELS",
@@ -49,6 +45,7 @@ __all__ = [
     "RulesError",
     "ScoreArrays",
     "Scores",
+    "__version__",
     "read",
     "score",
     "score_array",
@@ -56,7 +53,6 @@ __all__ = [
     "write_postures",
     "write_scores",
 ]
-
 # Reading and writing load what formats need; scoring alone should not pay for them.
 _LATE = {"read": "reba.readers", "write_postures": "reba.writers", "write_scores": "reba.writers"}
 

@@ -9,14 +9,15 @@ from typing import Any
 
 import click
 
-import reba
-from reba.batch import Options, check_report, find_inputs, plan_output, score_many
+from reba._version import __version__
+from reba.batch.run import Options, check_report, find_inputs, plan_output, score_many
+from reba.command_line import GROUP, Stop, command_line, console, json_option, print_json, run, where_options
 from reba.errors import RebaError
-from reba.factors import COUPLINGS, SUPPORTS
-from reba.rules import rules_of
-from reba.shell import GROUP, Stop, command_line, console, json_option, print_json, run, where_options
+from reba.method.rules import rules_of
+from reba.method.tables import ACTION_LEVELS
+from reba.posture.factors import COUPLINGS, SUPPORTS
 
-LEVEL_WORDS = [risk.replace(" ", "-") for risk, _ in reba.ACTION_LEVELS]
+LEVEL_WORDS = [risk.replace(" ", "-") for risk, _ in ACTION_LEVELS]
 """Action levels as words of one piece."""
 
 
@@ -65,7 +66,7 @@ def options_of(given: dict[str, Any]) -> Options:
 
 
 @click.group(context_settings=GROUP)
-@click.version_option(reba.__version__, prog_name="reba")
+@click.version_option(__version__, prog_name="reba")
 def cli() -> None:
     """Exact REBA scores from recordings of posture.
 
@@ -123,7 +124,7 @@ def info(path: str, as_json: bool, **given: Any) -> None:
     if as_json:
         print_json(found.to_dict())
     else:
-        from reba.terminal_info import show_info
+        from reba.console import show_info
 
         show_info(console(), found)
 
@@ -136,7 +137,7 @@ def info(path: str, as_json: bool, **given: Any) -> None:
 @json_option
 def compare(a: str, b: str, report: str | None, as_json: bool, **given: Any) -> None:
     """Put two recordings side by side: before and after."""
-    from reba.comparison import compare as compare_scores
+    from reba.analysis.exposure import compare as compare_scores
 
     options = options_of(given)
     check_report(report, (a, b))
@@ -151,7 +152,7 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **given: Any) -> 
     if as_json:
         print_json(result)
     else:
-        from reba.terminal import show_comparison
+        from reba.console import show_comparison
 
         show_comparison(console(), result)
 
@@ -167,7 +168,7 @@ def explain(path: str, time: float, as_json: bool, **given: Any) -> None:
     if as_json:
         print_json(sheet.to_dict())
     else:
-        from reba.terminal import show_worksheet
+        from reba.console import show_worksheet
 
         show_worksheet(console(), sheet)
 
@@ -177,7 +178,7 @@ def explain(path: str, time: float, as_json: bool, **given: Any) -> None:
 @click.option(
     "--to",
     "to_level",
-    type=click.Choice([risk.replace(" ", "-") for risk, _ in reba.ACTION_LEVELS[:-1]]),
+    type=click.Choice([risk.replace(" ", "-") for risk, _ in ACTION_LEVELS[:-1]]),
     default=None,
     help="Action level to reach; by default the next lower one.",
 )
@@ -186,8 +187,8 @@ def explain(path: str, time: float, as_json: bool, **given: Any) -> None:
 @json_option
 def improve(path: str, time: float | None, to_level: str | None, as_json: bool, **given: Any) -> None:
     """Find the smallest changes that lower the action level of a frame, or of the worst frames and minute."""
-    from reba.exposure import worst_intervals
-    from reba.improve import improve_frame, improve_frames, worst_stretch
+    from reba.analysis.exposure import worst_intervals
+    from reba.analysis.improve import improve_frame, improve_frames, worst_stretch
 
     scores = options_of(given).read_and_score(path)
     stamps = scores.time
@@ -197,7 +198,7 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
     else:
         frames = [interval.frame for interval in worst_intervals(scores)]
         minute = worst_stretch(scores)
-    level = None if to_level is None else [risk for risk, _ in reba.ACTION_LEVELS].index(to_level)
+    level = None if to_level is None else [risk for risk, _ in ACTION_LEVELS].index(to_level)
     found = [(float(stamps[frame]), improve_frame(scores, frame, level)) for frame in frames]
     whole = None if minute is None else improve_frames(scores, minute, level)
     if as_json:
@@ -209,7 +210,7 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
             result["worst_minute"] = {**span, "improvements": [i.to_dict() for i in whole]}
         print_json(result)
         return
-    from reba.terminal import show_improvements
+    from reba.console import show_improvements
 
     out = console()
     for at, some in found:
@@ -230,8 +231,11 @@ def convert(path: str, output: str, as_json: bool, **given: Any) -> None:
     """Turn any readable recording into a posture table in degrees."""
     if Path(path).resolve() == Path(output).resolve():
         raise RebaError(f"{output}: this is the recording itself and would be lost; choose another name")
-    postures = reba.read(path, **given)
-    reba.write_postures(postures, output)
+    from reba.readers import read
+    from reba.writers import write_postures
+
+    postures = read(path, **given)
+    write_postures(postures, output)
     result = {"input": path, "output": output, "frames": len(postures.data), "profile": postures.profile}
     if as_json:
         print_json({**result, "unmeasured": list(postures.unmeasured), "assumed": list(postures.assumed)})
@@ -244,9 +248,9 @@ def convert(path: str, output: str, as_json: bool, **given: Any) -> None:
 @json_option
 def profiles(name: str | None, as_json: bool) -> None:
     """List the known sources and what each can and cannot measure, or print the TOML file of one to start from."""
-    from reba.readers.profile import profile_text
-    from reba.readers.profile import profiles as known
-    from reba.terminal_info import describe_profile, show_profiles
+    from reba.console import describe_profile, show_profiles
+    from reba.readers.recording.profile import profile_text
+    from reba.readers.recording.profile import profiles as known
 
     if name is not None and not as_json:
         click.echo(profile_text(name), nl=False)
@@ -288,8 +292,7 @@ def live(source: str, **given: Any) -> None:
     whole recording is decided from its first seconds (--settle) here. Activity found in the movement depends on what
     follows a frame, so it is not to be had live.
     """
-    from reba.live.command import run_live
-    from reba.live.options import live_options
+    from reba.live.command import live_options, run_live
 
     code = run_live(source, live_options(given))
     if code:

@@ -21,12 +21,11 @@ if TYPE_CHECKING:
 
 GROUP: Final[dict[str, Any]] = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 """Settings of a command group."""
-
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
 
 
 def where_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say where many pieces of work run, see `reba.fan_out`."""
+    """Add the options that say where many pieces of work run, see `reba.batch.parallel`."""
     for option in (
         click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it, as tcp://HOST:8786."),
         click.option(

@@ -10,13 +10,14 @@ from typing import Any, Final
 
 import click
 
-from reba.batch import Options, Outcome
-from reba.dataset import NEW, Dataset
-from reba.dataset_run import DatasetRun, score_into
+from reba.batch.dataset import NEW, Dataset
+from reba.batch.dataset_run import DatasetRun, score_into
+from reba.batch.manifest import MANIFEST
+from reba.batch.run import Options, Outcome
+from reba.command_line import command_line, console
+from reba.console import show_outcomes, show_totals
 from reba.errors import RebaError
-from reba.manifest import MANIFEST
-from reba.shell import command_line, console
-from reba.terminal import show_outcomes, show_totals
+from reba.report import write_report
 
 SHOWN: Final = 40
 """Recordings up to which each gets a line in the terminal; beyond, all of them together get one."""
@@ -110,7 +111,6 @@ def _report(report: str | None, scores: list[Any]) -> list[str]:
     """Write the report if it was asked for, and return its place."""
     if report is None or not scores:
         return []
-    from reba.report import write_report
 
     write_report(report, scores, command=command_line("reba"))
     return [report]

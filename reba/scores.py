@@ -6,17 +6,23 @@ PostureTable or DataFrame -> angles (n, 22) + factors + activity -> score_array 
 from __future__ import annotations
 
 import dataclasses
-import numbers
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from reba import activity as activity_
-from reba.errors import PostureError, did_you_mean
-from reba.factors import (
+from reba.analysis import activity as activity_
+from reba.analysis.exposure import summarise
+from reba.analysis.improve import Improvement, improve_frame
+from reba.analysis.score_table import ScoreTable
+from reba.analysis.worksheet import Worksheet, worksheet
+from reba.errors import PostureError
+from reba.method.rules import Rules, rules_of
+from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, Missing, score_array
+from reba.posture.factors import (
     ACTIVITIES,
     ASSUMED,
     ASSUMED_ACTIVITY,
@@ -26,89 +32,25 @@ from reba.factors import (
     Factors,
     checked,
     expand_sides,
-    flag,
 )
-from reba.posture import ANGLES, COLUMNS, INDEX, SIDES, PostureTable
-from reba.rules import Rules, rules_of
-from reba.scoring import SCORE_COLUMNS, UNKNOWN, Missing, refuse_infinite, score_array
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from reba.improve import Improvement
-    from reba.worksheet import Worksheet
-
-RAISED = tuple(f"shoulder_raised_{side}" for side in SIDES)
-"""Boolean columns that may stand in for `shoulder_elevation_*`."""
-_ELEVATION = next(angle for angle in ANGLES if angle.name == "shoulder_elevation")
+from reba.posture.table import PostureTable, angles_of, refuse_infinite, table_of
 
 
 @dataclass(frozen=True)
-class Scores:
-    """Scores of one recording.
-
-    Attributes:
-        data: the score table: `time`, then `reba.scoring.SCORE_COLUMNS` as nullable integers; missing where the
-            measured angles leave more than one value.
-        postures: the posture table that was scored.
-        rules: the rules, every threshold included.
-        factors: the factors that were used, activity included.
-        assumed: factors that nobody gave and what was assumed, and what the reader had to assume.
-        unmeasured: angle columns without any value.
-        activity_causes: for activity found in the movement: kind -> part -> share of frames.
-        missing: what stands for undetermined scores.
-    """
-
-    data: pd.DataFrame
-    postures: PostureTable
-    rules: Rules
-    factors: Factors
-    assumed: tuple[str, ...]
-    unmeasured: tuple[str, ...]
-    missing: Missing = "range"
-    activity_causes: dict[str, dict[str, float]] = field(default_factory=dict)
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """(n,) seconds."""
-        return self.data["time"].to_numpy(np.float64)
-
-    @property
-    def angles(self) -> NDArray[np.float64]:
-        """(n, 22) degrees in the order of `reba.COLUMNS`, NaN = not measured."""
-        return angles_of(self.postures.data)
+class Scores(ScoreTable):
+    """Scores of one recording, and what can be asked of them; attributes as of `ScoreTable`."""
 
     def summary(self) -> dict[str, Any]:
         """Return exposure over the recording as plain data, as in `reba score --json`."""
-        from reba.exposure import summarise
-
         return summarise(self)
 
     def explain(self, time: float) -> Worksheet:
         """Return the worksheet of the frame nearest to `time`: each point with the angle and rule that gave it."""
-        from reba.worksheet import worksheet
-
         return worksheet(self, self.frame_at(time))
 
     def improve(self, time: float) -> list[Improvement]:
         """Return the smallest changes that bring the frame nearest to `time` to a lower action level."""
-        from reba.improve import improve_frame
-
         return improve_frame(self, self.frame_at(time))
-
-    def frame_at(self, time: float) -> int:
-        """Return the row nearest to `time` [s].
-
-        Raises:
-            PostureError: the time lies outside the recording.
-        """
-        stamps = self.time
-        if not isinstance(time, numbers.Real):
-            raise PostureError(f"time is {time!r}; expected seconds")
-        if not len(stamps) or not stamps[0] - 0.5 <= time <= stamps[-1] + 0.5:
-            span = f"{stamps[0]:g} to {stamps[-1]:g} s" if len(stamps) else "no frames"
-            raise PostureError(f"time {time:g} s lies outside the recording ({span}); choose a time inside")
-        return int(np.argmin(np.abs(stamps - time)))
 
 
 def score(
@@ -167,80 +109,6 @@ def score(
         missing=missing,
         activity_causes={kind: parts for kind, parts in causes.items() if kind in open_kinds},
     )
-
-
-def table_of(frame: pd.DataFrame) -> PostureTable:
-    """Return a DataFrame as a posture table.
-
-    Raises:
-        PostureError: it is no DataFrame, no column is known, one stands twice or is no number, or time does not
-            increase.
-    """
-    if not isinstance(frame, pd.DataFrame):
-        raise PostureError(
-            f"postures are of type {type(frame).__name__}; expected what reba.read returns or a DataFrame "
-            "(arrays of angles go to reba.score_array)"
-        )
-    known = ("time", *COLUMNS, *FACTORS, *BOTH_SIDES, *RAISED)
-    if not any(name in COLUMNS or name in RAISED for name in frame.columns):
-        names = ", ".join(str(name) for name in list(frame.columns)[:6])
-        hint = did_you_mean(str(frame.columns[0]), COLUMNS) if len(frame.columns) else ""
-        raise PostureError(
-            f"no angle column among: {names or 'none'}; expected some of {', '.join(COLUMNS[:3])}, ...{hint}"
-        )
-    columns: dict[str, Any] = {"time": np.arange(len(frame), dtype=np.float64)}
-    used = [str(name) for name in frame.columns if str(name) in known]
-    if twice := [name for name in dict.fromkeys(used) if used.count(name) > 1]:
-        raise PostureError(f"column {twice[0]} stands {used.count(twice[0])} times; keep one of them")
-    for name in used:
-        if name in COLUMNS or name == "time":
-            columns[name] = _numbers(frame, name)
-        else:
-            columns[name] = frame[name].to_numpy()
-    time = columns["time"]
-    bad = ~np.isfinite(time)
-    if bad.any():
-        where = int(np.argmax(bad))
-        raise PostureError(f"time is {time[where]} at frame {where}; expected seconds at every frame")
-    back = np.diff(time) <= 0
-    if back.any():
-        where = int(np.argmax(back))
-        raise PostureError(
-            f"time does not increase after frame {where} ({time[where]} s); sort the rows and drop duplicates"
-        )
-    # A misspelt column would otherwise only show as "not measured".
-    near = [(str(n), did_you_mean(str(n), COLUMNS)) for n in frame.columns if str(n) not in known]
-    wrong = [f"column {name!r} is not used{hint}" for name, hint in near if hint]
-    table = PostureTable(pd.DataFrame(columns), source="DataFrame", recognised="posture table columns")
-    table = dataclasses.replace(table, quality=dataclasses.replace(table.quality, warnings=tuple(wrong)))
-    empty = np.isnan(angles_of(table.data)).all(axis=0)
-    return dataclasses.replace(table, unmeasured=tuple(np.array(COLUMNS)[empty].tolist()))
-
-
-def _numbers(frame: pd.DataFrame, name: str) -> NDArray[np.float64]:
-    if (kind := frame[name].dtype.kind) in "mMc":
-        what = "complex numbers" if kind == "c" else "dates"
-        raise PostureError(f"column {name} holds {what}; expected {'seconds' if name == 'time' else 'degrees'}")
-    try:
-        return pd.to_numeric(frame[name]).to_numpy(np.float64, na_value=np.nan)
-    except (TypeError, ValueError) as error:
-        raise PostureError(f"column {name} holds something that is no number ({error}); expected degrees") from error
-
-
-def angles_of(data: pd.DataFrame) -> NDArray[np.float64]:
-    """Return the (n, 22) angles of a posture table, without a copy where its columns stand in one block."""
-    if tuple(data.columns) == ("time", *COLUMNS):
-        return data.to_numpy()[:, 1:]
-    angles = np.full((len(data), len(COLUMNS)), np.nan)
-    for index, name in enumerate(COLUMNS):
-        if name in data:
-            angles[:, index] = data[name]
-    for side, name in enumerate(RAISED):
-        if name in data:
-            column = angles[:, INDEX["shoulder_elevation_left"] + side]
-            raised = np.where(flag(name, data[name].to_numpy(), len(data)), _ELEVATION.worst, _ELEVATION.best)
-            column[:] = np.where(np.isnan(column), raised, column)
-    return angles
 
 
 def _activity(

@@ -10,7 +10,9 @@ import pandas as pd
 
 import reba
 import reba.readers
-from reba.posture import ANGLES, COLUMNS, PostureTable
+from reba.posture.columns import ANGLES, COLUMNS
+from reba.posture.table import PostureTable
+from reba.readers.recording.profile import profile_text
 
 SHARES = ("same REBA", "same REBA by carried columns", "REBA in stated range")
 
@@ -83,9 +85,9 @@ def read_by_chest(recording: Path, folder: Path) -> PostureTable:
         recording: the file.
         folder: where a copy of the profile with that one change may be written.
     """
-    shipped = Path(reba.readers.__file__).parent / "profiles" / "bvh_xsens.toml"
+    shipped = profile_text("bvh_xsens")
     changed = folder / "bvh_xsens_chest.toml"
-    changed.write_text('trunk = "thorax"\n' + shipped.read_text().replace('"bvh_xsens"', '"bvh_xsens_chest"'))
+    changed.write_text('trunk = "thorax"\n' + shipped.replace('"bvh_xsens"', '"bvh_xsens_chest"'))
     return reba.read(recording, profile=changed)
 
 

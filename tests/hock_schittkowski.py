@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lgp.sqp import FunctionProblem
+from lgp.sqp.problem import FunctionProblem
 
 INF = np.inf
 ROOT2, ROOT3 = np.sqrt(2.0), np.sqrt(3.0)

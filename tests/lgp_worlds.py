@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lgp.world.model import World
-from lgp.world.scene_file import load_scene, read_scene
+from lgp.kinematics.world import World
+from lgp.scene.scene_file import load_scene, read_scene
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from mcap.writer import CompressionType, Writer
 from scipy.spatial.transform import Rotation
 
 import reba
-from reba.scoring import SCORE_COLUMNS
+from reba.method.scoring import SCORE_COLUMNS
 
 ROOT = Path(__file__).resolve().parents[1]
 PALLETISING = ROOT / "datasets" / "simulated_palletising.mcap"

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import reba
-from reba.posture import INDEX
-from reba.scoring import SCORE_COLUMNS
+from reba.method.scoring import SCORE_COLUMNS
+from reba.posture.columns import INDEX
 
 MEASURED = reba.PRESETS["measured"]
 KNOWN = SCORE_COLUMNS[: SCORE_COLUMNS.index("reba_low")]

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lgp.sqp import Model
+from lgp.sqp.problem import Model
 
 DOFS, POSTURE, PLACE = 42, 23, 2
 LEFT, RIGHT = np.arange(23, 30), np.arange(4, 14)

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.angles import Body
-from reba.posture import SIDES
-from reba.readers.stream import Block, Kind, ReadLog, Recording, Stream
+from reba.posture.angles import Body
+from reba.posture.columns import SIDES
+from reba.readers.recording.stream import Block, Kind, ReadLog, Recording, Stream
 
 Array = NDArray[np.float64]
 Posture = Mapping[str, float]

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import reba
-from reba.activity import Activity, _swings, detect
-from reba.posture import INDEX
+from reba.analysis.activity import Activity, _swings, detect
+from reba.posture.columns import INDEX
 
 RULES = reba.Rules()
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_bodies import body_of, rotation, segment_frames
 
-from reba.angles import CONE, Body, angle_between, arm_angles, frame_of, posture_angles, turned
-from reba.posture import COLUMNS, INDEX
+from reba.posture.angles import CONE, Body, angle_between, arm_angles, frame_of, posture_angles, turned
+from reba.posture.columns import COLUMNS, INDEX
 
 RANGES: dict[str, tuple[float, float]] = {
     "trunk_flexion": (-40, 120),

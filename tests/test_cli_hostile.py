@@ -16,9 +16,9 @@ import pandas as pd
 import pytest
 
 import reba
-from reba.batch import Options, check_report, find_inputs, plan_output
+from reba.batch.dataset import Dataset, settings
+from reba.batch.run import Options, check_report, find_inputs, plan_output
 from reba.cli import main
-from reba.dataset import Dataset, settings
 from reba.errors import RebaError
 
 TABLE = "time,trunk_flexion,neck_flexion\n0,10,5\n1,70,5\n2,30,5\n"

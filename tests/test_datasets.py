@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from urdf_chain import forward, human_urdf, read_joints
 
 import reba
-from reba.posture import COLUMNS
+from reba.posture.columns import COLUMNS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "datasets"))
 import assembly

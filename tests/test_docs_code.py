@@ -18,8 +18,8 @@ import pytest
 import dreba.cli
 import lgp.cli
 import reba.cli
-from lgp.plan import task_of
-from lgp.world.scene_file import read_scene
+from lgp.planner import task_of
+from lgp.scene.scene_file import read_scene
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]

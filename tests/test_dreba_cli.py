@@ -13,7 +13,7 @@ import pytest
 
 import dreba
 from dreba.cli import cli, main
-from reba.posture import COLUMNS
+from reba.posture.columns import COLUMNS
 
 Run = Callable[..., tuple[int, str, str]]
 

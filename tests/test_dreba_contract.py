@@ -16,8 +16,8 @@ from sklearn.utils.estimator_checks import check_estimator
 
 import dreba
 import reba
-from dreba.files import from_dict, to_dict
-from reba.posture import COLUMNS, INDEX
+from dreba.surrogates.serialization import from_dict, to_dict
+from reba.posture.columns import COLUMNS, INDEX
 
 KINDS = sorted(dreba.KINDS)
 CHECKED = {"quadratic": dreba.QuadraticModel(free=True)}

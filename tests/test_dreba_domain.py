@@ -10,9 +10,9 @@ import pytest
 
 import dreba
 import reba
-from dreba.cells import true_scores
 from dreba.domain import DOMAINS
-from reba.posture import COLUMNS, INDEX
+from dreba.sampling.classes import true_scores
+from reba.posture.columns import COLUMNS, INDEX
 
 
 @pytest.mark.parametrize("name", DOMAINS)

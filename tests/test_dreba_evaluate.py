@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import spearmanr
 
 import dreba
-from dreba.evaluate import PUBLISHED, distance_to_published, evaluation_of
 from dreba.report import render
+from dreba.surrogates.metrics import PUBLISHED, distance_to_published, evaluation_of
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -15,9 +15,9 @@ import pytest
 
 import dreba
 from dreba.export import export
-from dreba.export_casadi import casadi_function
-from dreba.soft import SoftModel
-from reba.posture import COLUMNS, INDEX
+from dreba.export.casadi import casadi_function
+from dreba.surrogates.soft import SoftModel
+from reba.posture.columns import COLUMNS, INDEX
 
 EXTRAS = [{}, {"load": 6.0, "coupling": (1, 3), "activity": 2}, {"load": 12.0, "coupling": (2, 0)}]
 COMPILER = shutil.which("gcc") or shutil.which("cc")

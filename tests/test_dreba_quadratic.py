@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 import dreba
 import reba
 from dreba.domain import Bins
-from dreba.evaluate import distance_to_published, evaluation_of
-from dreba.part_polynomials import fit_polynomial
-from dreba.weights import build_qp, residual, solve
-from reba.posture import COLUMNS, INDEX
+from dreba.surrogates.metrics import distance_to_published, evaluation_of
+from dreba.surrogates.quadratic import build_qp, fit_polynomial, residual, solve
+from reba.posture.columns import COLUMNS, INDEX
 
 COMMITTED = {
     "neck_side_bend": (0.303, (-45, 0, 45), (1, 0, 1)),

@@ -9,10 +9,11 @@ import pytest
 
 import dreba
 import reba
-from dreba import figure, reach
-from dreba.graduated import GraduatedModel
-from dreba.soft import SoftModel
-from dreba.staged import Effort, minimise
+from dreba.evaluation import reach_tasks as figure
+from dreba.evaluation import reach_tasks as reach
+from dreba.evaluation.staged_minimiser import Effort, minimise
+from dreba.surrogates.graduated import GraduatedModel
+from dreba.surrogates.soft import SoftModel
 
 
 @cache

@@ -10,10 +10,10 @@ import pytest
 
 import dreba
 import reba
-from dreba.cells import true_scores
 from dreba.domain import BEST, Domain
-from dreba.recordings import columns_named
-from reba.posture import COLUMNS, INDEX
+from dreba.sampling.classes import true_scores
+from dreba.sampling.poses import columns_named
+from reba.posture.columns import COLUMNS, INDEX
 
 RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
 REAL = {

@@ -14,7 +14,8 @@ from scipy.stats import chi2, ks_2samp
 import dreba
 import reba
 from dreba.domain import DOMAINS
-from reba.posture import COLUMNS, INDEX
+from dreba.sampling.classes import true_scores
+from reba.posture.columns import COLUMNS, INDEX
 
 ALL_FACTORS = ["load", "coupling", "activity"]
 NARROW = dataclasses.replace(
@@ -84,7 +85,7 @@ def test_bins_of_the_authors_equal_their_rejection_sampler() -> None:
         bins = rng.integers(len(points), size=len(angles))
         low, high = np.array(edges)[bins], np.array(edges)[bins + 1]
         angles[:, INDEX[column]] = low + (high - low) * rng.random(len(angles))
-    scores = dreba.cells.true_scores(space, angles, None)
+    scores = true_scores(space, angles, None)
     drawn = dreba.sample(8000, (7, 9), domain="paper", rng=4)
     chances = [
         ks_2samp(angles[scores == score][:4000, INDEX[c]], drawn.angles[drawn.reba == score][:, INDEX[c]]).pvalue

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 import dreba
 import reba
-from dreba.soft import SoftModel
-from dreba.soft_fit import RATES, by_parameters
-from dreba.soft_steps import STEPS
-from dreba.soft_tables import SoftTables
-from reba.limits import quantities
-from reba.posture import COLUMNS, INDEX
-from reba.rules import Rules
+from dreba.surrogates.soft import SoftModel
+from dreba.surrogates.soft_fit import RATES, by_parameters
+from dreba.surrogates.soft_steps import STEPS
+from dreba.surrogates.soft_tables import SoftTables
+from reba.method.classes import quantities
+from reba.method.rules import Rules, rules_of
+from reba.posture.columns import COLUMNS, INDEX
 
 COLD = 0.001
 """[deg] Temperature at which only poses within 0.01 deg of a threshold may differ from the exact score."""
@@ -48,7 +48,7 @@ def away_from_thresholds(angles: np.ndarray, rules: Rules, distance: float) -> n
 
 @pytest.mark.parametrize("rules", ["measured", "paper"])
 def test_exact_score_as_temperature_goes_to_zero(rules: str) -> None:
-    record = reba.rules.rules_of(rules)
+    record = rules_of(rules)
     rng = np.random.default_rng(5)
     drawn = dreba.sample(6000, range(1, 16), factors=["load", "coupling", "activity"], rng=6)
     angles = drawn.angles + rng.normal(0.0, 1.0, drawn.angles.shape)

@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 import lgp
-from lgp.execution.audit import compare
 from lgp.execution.executive import Settings
 from lgp.execution.faults import KINDS, parse_fault
-from lgp.execution.session import Run, Session
+from lgp.execution.session import Run, Session, compare
 from lgp.execution.worker import EXACT
 from tests.execution_plans import kinds, saved, went
 from tests.lgp_worlds import needs_robots

@@ -7,15 +7,14 @@ from functools import cache
 import numpy as np
 
 import lgp
-from lgp.execution.idle import planned_course, still_hands
-from lgp.execution.observation import Observation, Sighting, View
-from lgp.execution.pinned import SLACK, PinnedBounds
-from lgp.execution.planner import Phase, Planner
-from lgp.execution.rest import again, shortened
-from lgp.plan import task_of
-from lgp.world.collision import Collisions
-from lgp.world.scene import Scene
-from lgp.world.switches import Modes
+from lgp.collision.distances import Collisions
+from lgp.execution.fixed_path import SLACK, PinnedBounds, planned_course, still_hands
+from lgp.execution.replan import again, shortened
+from lgp.execution.retarget import Phase, Planner
+from lgp.execution.tracking import Observation, Sighting, View
+from lgp.kinematics.modes import Modes
+from lgp.planner import task_of
+from lgp.scene.model import Scene
 from tests.execution_plans import small_plan
 from tests.lgp_worlds import needs_robots, screwdriver_world
 

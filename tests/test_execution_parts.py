@@ -9,19 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lgp.execution.cdr import encode
-from lgp.execution.limits import slowed, violations
-from lgp.execution.messages import DEFINITIONS, TRAJECTORY, quaternion, trajectory
-from lgp.execution.observation import Observation, Sighting, View
-from lgp.execution.predicates import check, end_of, first_failing, start_of
-from lgp.execution.recognise import free, grasped, on_table, placed
-from lgp.execution.segment import Brake, Segment
-from lgp.execution.state import atoms_now, carrier, scene_now
-from lgp.logic.atom import parse_atom
-from lgp.plan import task_of
-from lgp.world.model import World
-from lgp.world.rotations import exponential
-from lgp.world.scene_file import read_scene
+from lgp.execution.predicates import check, end_of, first_failing, free, grasped, on_table, placed, start_of
+from lgp.execution.ros_messages import DEFINITIONS, TRAJECTORY, encode, quaternion, trajectory
+from lgp.execution.tracked_scene import atoms_now, carrier, scene_now
+from lgp.execution.tracking import Observation, Sighting, View
+from lgp.execution.trajectory import Brake, Segment, slowed, violations
+from lgp.kinematics.features import exponential
+from lgp.kinematics.world import World
+from lgp.logic.task import parse_atom
+from lgp.planner import task_of
+from lgp.scene.scene_file import read_scene
 from tests.lgp_worlds import HUMAN_ONLY, needs_robots, screwdriver_world
 
 HAND = "human.right_hand"
@@ -152,7 +149,7 @@ def test_an_object_in_the_hand_is_grasped_and_the_scene_has_it_there(world: Worl
     assert parse_atom("on_table(box)") not in atoms
     scene = scene_now(world.scene, view, set(), atoms)
     held = World(scene)
-    from lgp.world.switches import Modes
+    from lgp.kinematics.modes import Modes
 
     modes = Modes(held, ())
     pose = modes.pose("box", 0, held.at(held.start[None], modes.frames), np.zeros(0))
@@ -175,8 +172,7 @@ def test_the_scene_that_is_seen_is_the_scene_that_was(world: World) -> None:
         world.scene.values, "box", {"objects.box": {**world.scene.values["objects"]["box"], "at": [0.05, -0.04, 33.0]}}
     )
     assert scene.things["box"] == box
-    from lgp.execution.robots import SimulatedRobots
-    from lgp.execution.simulation import SimulatedWorld
+    from lgp.execution.simulation import SimulatedRobots, SimulatedWorld
 
     there = world.with_scene(scene)
     simulation = SimulatedWorld(there, SimulatedRobots(there, there.start), there.start)

@@ -13,8 +13,7 @@ import pytest
 
 import lgp
 import reba
-from lgp.execution.log_reader import messages, read_past
-from lgp.execution.resume import ASIDE
+from lgp.execution.log_reader import ASIDE, messages, read_past
 from tests.execution_plans import kinds, saved, small_plan, went
 from tests.lgp_worlds import needs_robots
 

@@ -11,12 +11,12 @@ import pytest
 
 import lgp
 import reba
+from lgp.execution.commands import export
 from lgp.execution.log_reader import messages
 from lgp.execution.session import TICK
-from lgp.execution.trajectories import export
 from lgp.execution.worker import Habits
+from lgp.kinematics.posture import PostureMap
 from lgp.motion import Motion
-from lgp.world.posture import PostureMap
 from tests.execution_plans import kinds, saved, small_plan, went
 from tests.lgp_worlds import needs_robots
 
@@ -127,8 +127,8 @@ def test_a_recorded_run_is_followed_again(ran: tuple[Path, dict[str, Any], list[
 
 
 def test_a_recording_without_the_objects_is_refused(tmp_path: Path) -> None:
-    from lgp.execution.log import TRANSFORMS, RunLog
-    from lgp.execution.messages import transforms
+    from lgp.execution.log import RunLog
+    from lgp.execution.ros_messages import TRANSFORMS, transforms
 
     with RunLog(tmp_path / "other.mcap", 1.0, {}) as log:
         log.message("/tf", TRANSFORMS, 0.0, transforms(0, {"screw": (np.eye(3), np.zeros(3))}))

@@ -12,14 +12,13 @@ import pytest
 
 import lgp
 from lgp.experiments import published
-from lgp.experiments.figures import bars, profile
-from lgp.experiments.findings import findings
-from lgp.experiments.page import p_value, write_results
-from lgp.experiments.postures import COMPARED, example
+from lgp.experiments.figures import COMPARED, bars, example, profile
+from lgp.experiments.report import write_results
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES, empty
-from lgp.experiments.summary import summarise, write_summary
-from lgp.world.reachability import Reachability
-from reba.posture import COLUMNS
+from lgp.experiments.summary import findings, summarise, write_summary
+from lgp.kinematics.reachability import Reachability
+from lgp.statistics.formatting import p_value
+from reba.posture.columns import COLUMNS
 
 RUNS = 12
 SCORE = {"non-ergonomic": 7.0, "ergonomic": 3.0, "re-optimized": 5.0}

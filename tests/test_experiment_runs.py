@@ -7,9 +7,19 @@ import pandas as pd
 import pytest
 
 from lgp.errors import LgpError
-from lgp.experiments.run_store import JOURNAL, RunStore
-from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES, check_paths, check_runs, empty, pivot
-from reba.posture import COLUMNS
+from lgp.experiments.runs import (
+    CONDITIONS,
+    JOURNAL,
+    PATH_COLUMNS,
+    RUN_COLUMNS,
+    TABLES,
+    RunStore,
+    check_paths,
+    check_runs,
+    empty,
+    pivot,
+)
+from reba.posture.columns import COLUMNS
 
 SETTINGS = {"scene": "screwdriver", "cost": "quadratic", "seed": 0}
 

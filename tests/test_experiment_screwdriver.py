@@ -10,6 +10,7 @@ import pytest
 from lgp_worlds import needs_robots
 
 from lgp.experiments import screwdriver
+from lgp.experiments import screwdriver_experiment as screwdriver_experiment_
 from lgp.experiments.runs import CONDITIONS, check_paths, check_runs
 
 pytestmark = needs_robots
@@ -50,9 +51,9 @@ def test_a_stopped_experiment_goes_on(made: Tables, tmp_path: Path, monkeypatch:
         return tuple(table.assign(run=run) for table in made)  # type: ignore[return-value]
 
     monkeypatch.setattr(screwdriver, "plan_run", again)
-    screwdriver.experiment(tmp_path, 2)
+    screwdriver_experiment_.experiment(tmp_path, 2)
     told: list[tuple[int, int]] = []
-    summary = screwdriver.experiment(tmp_path, 3, progress=lambda done, wanted: told.append((done, wanted)))
+    summary = screwdriver_experiment_.experiment(tmp_path, 3, progress=lambda done, wanted: told.append((done, wanted)))
     assert asked == [0, 1, 2]
     assert told == [(3, 3)]
     assert set(summary["starts"]) == {"rest"}

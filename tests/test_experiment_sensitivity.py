@@ -37,7 +37,7 @@ def test_every_free_choice_is_varied_both_ways() -> None:
 
 
 def test_a_start_table_in_reach_is_remarked_and_taken_from() -> None:
-    from lgp.world.model import World
+    from lgp.kinematics.world import World
 
     near = Variation("tables start: position", 0.2, '{"tables.start.position": [0.3, -0.5]}')
     assert "the human reaches the screwdriver without help" in remarks(World(near.scene("screwdriver")))
@@ -48,7 +48,7 @@ def test_a_start_table_in_reach_is_remarked_and_taken_from() -> None:
 
 
 def test_a_start_table_far_away_is_remarked() -> None:
-    from lgp.world.model import World
+    from lgp.kinematics.world import World
 
     far = Variation("tables start: position", 2.0, '{"tables.start.position": [2.9, 1.8]}')
     assert "no robot hand reaches the screwdriver" in remarks(World(far.scene("screwdriver")))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from lgp.errors import LgpError
-from lgp.experiments.statistics import anova, change, compare, epsilon, holm, mean_of, require, signed_rank_p, stars
+from lgp.statistics.paired_tests import anova, change, compare, epsilon, holm, mean_of, require, signed_rank_p, stars
 
 PAIRS = (("a", "b"), ("a", "c"), ("b", "c"))
 CHOICES = ("left", "center", "right")

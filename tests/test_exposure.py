@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import reba
-from reba.exposure import Distribution, distribution, durations, held, level_shares, stretches, worst_intervals
+from reba.analysis.exposure import Distribution, distribution, durations, held, level_shares, stretches, worst_intervals
 
 # Trunk flexion (elbows at 80 deg, load 12 kg, nothing else) -> REBA.
 TRUNK = {2: 0.0, 3: 15.0, 4: 30.0, 5: 70.0}

@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 import reba
-from reba.factors import FACTORS, checked, expand_sides, points
+from reba.method.factor_points import points
+from reba.posture.factors import FACTORS, checked, expand_sides
 
 N = 4
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import reba
-from reba.gravity import against_gravity
-from reba.posture import INDEX
+from reba.posture.angles import against_gravity
+from reba.posture.columns import INDEX
 
 FORWARD, UP, RIGHT = np.eye(3)  # x, y, z
 

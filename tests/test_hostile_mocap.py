@@ -21,13 +21,13 @@ from test_reader_table import VICON
 from test_reader_trc import SMALL as TRC
 
 from reba.errors import ReadError
-from reba.readers.bvh import open_bvh
-from reba.readers.c3d import open_c3d
-from reba.readers.mvnx import open_mvnx
-from reba.readers.opensim import open_opensim
-from reba.readers.stream import Recording
-from reba.readers.table import open_table
-from reba.readers.trc import open_trc
+from reba.readers.formats.bvh import open_bvh
+from reba.readers.formats.c3d import open_c3d
+from reba.readers.formats.mvnx import open_mvnx
+from reba.readers.formats.opensim import open_opensim
+from reba.readers.formats.table import open_table
+from reba.readers.formats.trc import open_trc
+from reba.readers.recording.stream import Recording
 
 Opener = Callable[[Path], Recording]
 

@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import reba
-from reba.changes import _BEST, choices
-from reba.gravity import against_gravity
-from reba.improve import Improvement, improve_frame, improve_frames, improve_worst, worst_stretch
-from reba.limits import quantities
-from reba.posture import INDEX
-from reba.tables import ACTION_LEVEL_FROM, LEVEL_OF
+from reba.analysis.changes import _BEST, choices
+from reba.analysis.improve import Improvement, improve_frame, improve_frames, improve_worst, worst_stretch
+from reba.method.classes import quantities
+from reba.method.tables import ACTION_LEVEL_FROM, LEVEL_OF
+from reba.posture.angles import against_gravity
+from reba.posture.columns import INDEX
 
 rule_sets = st.builds(
     lambda base, **changes: reba.PRESETS[base].replace(**changes),
@@ -81,7 +81,7 @@ def rescored(scores: reba.Scores, frames: np.ndarray, improvement: Improvement) 
 
 
 def _class_for(text: str, quantity: object) -> object:
-    from reba.changes import _interval
+    from reba.analysis.changes import _interval
 
     return next(c for c in quantity.classes if _interval(c.low, c.high) == text)
 

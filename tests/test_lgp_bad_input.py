@@ -78,7 +78,7 @@ def test_a_table_out_of_reach_says_what_fails_by_how_much_and_when(tmp_path: Pat
 
 @needs_robots
 def test_a_table_out_of_everyones_reach_says_so_for_every_hand(tmp_path: Path) -> None:
-    from lgp.world.scene_file import SHIPPED
+    from lgp.scene.scene_file import SHIPPED
 
     text = (SHIPPED / "screwdriver.toml").read_text().replace("position = [1.45, 0.90]", "position = [3.0, 2.0]")
     scene = tmp_path / "far.toml"

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lgp.errors import LogicError
-from lgp.logic import Atom, Task, ground, load_domain, parse_atom, parse_domain, relaxed_plan, why_unreachable
-from lgp.logic.domain import SHIPPED
+from lgp.logic.heuristic import relaxed_plan, why_unreachable
+from lgp.logic.pddl import SHIPPED, load_domain, parse_domain
+from lgp.logic.task import Atom, Task, ground, parse_atom
 
 OBJECTS = {
     "human.right_hand": "human_hand",

@@ -16,15 +16,15 @@ from hypothesis import strategies as st
 
 import lgp
 from lgp.errors import LgpError
+from lgp.kinematics.modes import ROLES, Switch
 from lgp.motion import Motion
-from lgp.page import libraries, write_page
-from lgp.page.camera import ANGLE, framed
-from lgp.page.ribbon import runs
+from lgp.page import page as libraries
+from lgp.page.camera import ANGLE, Subject, framed, hidden, shots
+from lgp.page.page import runs, write_page
 from lgp.page.sentences import humanised, sentences
-from lgp.page.shots import Subject, hidden, shots
-from lgp.world.scene import Scene
-from lgp.world.scene_file import load_scene, read_scene
-from lgp.world.switches import ROLES, Switch
+from lgp.scene.model import Scene
+from lgp.scene.scene_file import load_scene, read_scene
+from reba.posture import columns as columns_
 from tests.lgp_worlds import HUMAN_ONLY, needs_robots
 
 needs_page = pytest.mark.skipif(
@@ -160,8 +160,8 @@ def test_a_shot_leaves_the_side_where_something_stands_before_it() -> None:
 def test_a_person_stands_on_the_floor_and_is_as_tall_as_said() -> None:
     import pinocchio as pin
 
+    from lgp.kinematics import human
     from lgp.page.person import figure
-    from lgp.world import human
 
     stature, sex = 1.55, "female"
     shape = figure(stature, sex)
@@ -172,9 +172,9 @@ def test_a_person_stands_on_the_floor_and_is_as_tall_as_said() -> None:
     place = {name: data.oMi[number] for number, name in enumerate(model.names)}
     tops = {joint: mesh.vertices @ place[joint].rotation.T + place[joint].translation for joint, mesh in shape.parts}
     assert tops["middle_cervical_Y"][:, 2].max() == pytest.approx(stature, abs=0.06)
-    for side in human.SIDES:
+    for side in columns_.SIDES:
         assert tops[f"{side}_ankle_X"][:, 2].min() == pytest.approx(0.0, abs=0.01)
-    left, right = (next(mesh for joint, mesh in shape.parts if joint == f"{side}_wrist_X") for side in human.SIDES)
+    left, right = (next(mesh for joint, mesh in shape.parts if joint == f"{side}_wrist_X") for side in columns_.SIDES)
     np.testing.assert_allclose(left.vertices * (1, 1, -1), right.vertices, atol=1e-12)
 
 
@@ -197,7 +197,7 @@ def test_colours_meet_without_a_gap_and_face_outwards() -> None:
 @needs_page
 @needs_robots
 def test_a_robot_is_seen_as_its_urdf_says_in_few_triangles() -> None:
-    from lgp.page.robots import FACES, parts
+    from lgp.page.objects import FACES, parts
 
     robot = load_scene("screwdriver_panda").robots["panda"]
     found = parts(robot)

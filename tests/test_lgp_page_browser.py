@@ -18,7 +18,7 @@ from browser import chromium, complaints, needs_browser, resize, until
 from lgp_worlds import HUMAN_ONLY
 
 import lgp
-from lgp.world.scene_file import read_scene
+from lgp.scene.scene_file import read_scene
 
 PACKAGES = all(importlib.util.find_spec(name) for name in ("pyvista", "trimesh", "collada"))
 pytestmark = [
@@ -36,7 +36,7 @@ ACTIONS = [
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from lgp.page import write_page
+    from lgp.page.page import write_page
 
     plan = lgp.plan(read_scene(SCENE, "box"), cost=None, sequence=ACTIONS, slices=3)
     assert plan.feasible, plan.reason

@@ -11,17 +11,17 @@ from lgp_worlds import needs_robots
 
 import dreba
 from lgp.errors import LgpError
-from lgp.logic import Action, Task
-from lgp.path.acceleration import condense, quadratic
+from lgp.kinematics.world import World
+from lgp.logic.task import Action, Task
 from lgp.path.bounds import PathBounds, Solution
+from lgp.path.costs import condense, quadratic
 from lgp.path.ergonomics import Ergonomics
-from lgp.path.feasible import nearest
+from lgp.path.feasibility import nearest
 from lgp.path.phases import Phases, switch_of
 from lgp.path.problem import PathProblem
-from lgp.plan import task_of
-from lgp.search import BoundResult
-from lgp.world.model import World
-from lgp.world.scene_file import load_scene
+from lgp.planner import task_of
+from lgp.scene.scene_file import load_scene
+from lgp.search.tree_search import BoundResult
 
 pytestmark = needs_robots
 

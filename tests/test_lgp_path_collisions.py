@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from lgp_worlds import needs_robots
 
-from lgp.logic import Action
+from lgp.kinematics.world import World
+from lgp.logic.task import Action
 from lgp.path.bounds import PathBounds, Solution
-from lgp.path.collision_rows import FINER, MARGIN, CollisionRows
+from lgp.path.collision_constraints import FINER, MARGIN, CollisionRows
+from lgp.path.feasibility import reason
 from lgp.path.problem import PathProblem
-from lgp.path.verdict import reason
-from lgp.plan import plan, task_of
-from lgp.search import BoundResult
-from lgp.world.model import World
-from lgp.world.scene_file import load_scene
+from lgp.planner import plan, task_of
+from lgp.scene.scene_file import load_scene
+from lgp.search.tree_search import BoundResult
 
 pytestmark = needs_robots
 

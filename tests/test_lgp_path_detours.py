@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 from lgp_worlds import needs_robots
 
-from lgp.logic import Action
+from lgp.kinematics.world import World
+from lgp.logic.task import Action
 from lgp.path import bounds as levels
-from lgp.path.apart import apart
 from lgp.path.bounds import PathBounds, Solution
-from lgp.path.collision_rows import CollisionRows
-from lgp.path.detours import SUSPICIOUS, swings
-from lgp.plan import follow, parse_sequence, task_of
-from lgp.search import SearchResult
-from lgp.world.model import World
-from lgp.world.scene_file import load_scene
+from lgp.path.collision_constraints import CollisionRows
+from lgp.path.collision_path import SUSPICIOUS, apart, swings
+from lgp.planner import follow, parse_sequence, task_of
+from lgp.scene.scene_file import load_scene
+from lgp.search.tree_search import SearchResult
 
 pytestmark = needs_robots
 
@@ -96,7 +95,7 @@ def test_starts_swing_robots_out_between_switches(behind: tuple[PathBounds, Sear
 def test_robots_first_follow_their_path_under_another_cost(
     behind: tuple[PathBounds, SearchResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from lgp.path import detours
+    from lgp.path import collision_path as detours
 
     begun = []
 

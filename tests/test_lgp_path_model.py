@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from lgp_worlds import human_world
 
 import dreba
-from lgp.path.acceleration import Condensed, condense, quadratic
-from lgp.path.convexity import SPARE, Convexity
+from lgp.kinematics.posture import PostureMap
+from lgp.path.constraints import BLEND, Legs
+from lgp.path.costs import Condensed, condense, quadratic
 from lgp.path.ergonomics import Ergonomics
-from lgp.path.legs import BLEND, Legs
-from lgp.world.posture import PostureMap
+from lgp.path.hessian import SPARE, Convexity
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,9 @@ from lgp_worlds import HUMAN_ONLY, needs_robots, screwdriver_world
 import lgp
 import reba
 from lgp.cli import cli
-from lgp.plan import parse_sequence, task_of
-from lgp.tree import draw
-from lgp.world.scene_file import read_scene
+from lgp.planner import parse_sequence, task_of
+from lgp.scene.scene_file import read_scene
+from lgp.search.tree_figure import draw
 
 HEIGHTS = {"left": 1.0, "center": 0.9, "right": 1.1}
 SEQUENCE = """# the paper's example

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lgp.logic import Task, ground, load_domain, parse_atom
-from lgp.search import BoundResult, Budget, SearchResult, Skeleton, Status, search
+from lgp.logic.pddl import load_domain
+from lgp.logic.task import Task, ground, parse_atom
+from lgp.search.tree_search import BoundResult, Budget, SearchResult, Skeleton, Status, search
 
 domain = cache(load_domain)
 TABLES = ("left", "center", "right")

@@ -5,7 +5,11 @@ import pytest
 import scipy.sparse as sp
 from sliced_paths import PathProblem
 
-from lgp.sqp import ActiveSet, Options, Piqp, Solver, Status
+from lgp.sqp.active_set import ActiveSet
+from lgp.sqp.backends import Piqp
+from lgp.sqp.problem import Options
+from lgp.sqp.result import Status
+from lgp.sqp.solver import Solver
 
 OPTIONS = Options(decrease=1e-5)
 

@@ -6,12 +6,13 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lgp.sqp import QP, ActiveSet, Piqp, ProblemError, QPResult, QpSolvers, QPStatus
-from lgp.sqp.dual_walk import BORDERS, DualWalk
-from lgp.sqp.elastic import Elastic
+from lgp.sqp.active_set import ActiveSet
+from lgp.sqp.backends import Piqp, QpSolvers
+from lgp.sqp.dual_active_set import BORDERS, DualWalk
 from lgp.sqp.kkt import DUAL_SHIFTS, KKT
-from lgp.sqp.patterns import ColumnOrder, UpperTriangle
-from lgp.sqp.qp import cost_scale, residuals
+from lgp.sqp.problem import ProblemError
+from lgp.sqp.qp import QP, ColumnOrder, QPResult, QPStatus, UpperTriangle, cost_scale, residuals
+from lgp.sqp.subproblem import Elastic
 
 
 def make_qp(P, q, A=None, b=(), G=None, h=(), lb=None, ub=None):

@@ -7,7 +7,11 @@ import pytest
 import scipy.sparse as sp
 from hock_schittkowski import CASES
 
-from lgp.sqp import ActiveSet, FunctionProblem, Options, Piqp, ProblemError, QpSolvers, Solver, Status, solve
+from lgp.sqp.active_set import ActiveSet
+from lgp.sqp.backends import Piqp, QpSolvers
+from lgp.sqp.problem import FunctionProblem, Options, ProblemError
+from lgp.sqp.result import Status
+from lgp.sqp.solver import Solver, solve
 
 
 def slope_by_differences(problem, x):

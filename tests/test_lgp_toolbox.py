@@ -11,18 +11,18 @@ import pytest
 from lgp_worlds import needs_robots
 
 import lgp
+from lgp.collision.distances import Collisions
 from lgp.experiments import published
 from lgp.experiments.toolbox import CONDITIONS, Condition, _plain, _summary, scores_of
 from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST, heaviest, order_of, parts_of
-from lgp.experiments.toolbox_page import write_page
+from lgp.experiments.toolbox_report import write_page
+from lgp.kinematics.modes import Modes
+from lgp.kinematics.world import World
 from lgp.motion import Motion
 from lgp.path.bounds import PathBounds
-from lgp.path.memory import Memory
+from lgp.path.cache import Memory
 from lgp.path.phases import Phases
-from lgp.plan import parse_sequence, task_of
-from lgp.world.collision import Collisions
-from lgp.world.model import World
-from lgp.world.switches import Modes
+from lgp.planner import parse_sequence, task_of
 
 HANDLE, SIDE = "toolbox/handle", "toolbox/side.left"
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lgp.logic import Task, ground, load_domain, parse_atom
+from lgp.logic.pddl import load_domain
+from lgp.logic.task import Task, ground, parse_atom
 
 HANDLE, SIDE = "toolbox/handle", "toolbox/side.left"
 OBJECTS = {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from lgp_worlds import anywhere, human_world, needs_robots, screwdriver_world
 
-from lgp.world.collision import Collisions
-from lgp.world.switches import Modes, Switch
+from lgp.collision.distances import Collisions
+from lgp.kinematics.modes import Modes, Switch
 
 RIGHT = "human.right_hand"
 

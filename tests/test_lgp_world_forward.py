@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lgp_worlds import human_world, needs_robots, screwdriver_world
 
-from lgp.world.forward import Forward
-from lgp.world.model import FEW, World
+from lgp.kinematics.world import FEW, Forward, World
 
 
 def one_by_one(model: pin.Model, q: np.ndarray, frames: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

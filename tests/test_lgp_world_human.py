@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from lgp_worlds import human_world, needs_robots
 
 from lgp.errors import SceneError
-from lgp.world import human
-from lgp.world.robot import urdf_of
-from lgp.world.stance import knees, legs
+from lgp.kinematics import human
+from lgp.kinematics.leg_ik import knees, legs
+from lgp.kinematics.robot import urdf_of
+from lgp.scene import body_measures as body_measures_
 
 BENT = st.tuples(
     *(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-0.45, -0.05), st.floats(-0.5, 0.5), st.floats(-0.2, 0.7))
@@ -35,7 +36,7 @@ def test_stature_is_the_height_of_the_head(sex: str) -> None:
 
 
 def test_sexes_differ_in_proportion() -> None:
-    male, female = (human.lengths(1.7, sex) for sex in ("male", "female"))
+    male, female = (body_measures_.lengths(1.7, sex) for sex in ("male", "female"))
     assert female["thigh"] < male["thigh"]
     assert female["cervicale"] > male["cervicale"]
 
@@ -106,7 +107,7 @@ def test_a_pelvis_too_high_is_told_in_metres() -> None:
 
 def test_rest_is_the_lowest_score_with_the_feet_down() -> None:
     import reba
-    from lgp.world.posture import PostureMap
+    from lgp.kinematics.posture import PostureMap
 
     for mode in ("planted", "solved", "locked"):
         world = human_world(mode)
@@ -121,6 +122,6 @@ def test_rest_is_the_lowest_score_with_the_feet_down() -> None:
 
 def test_wrong_bodies_are_refused() -> None:
     with pytest.raises(SceneError, match="expected one of male, female; did you mean 'female'"):
-        human.lengths(1.7, "femal")
+        body_measures_.lengths(1.7, "femal")
     with pytest.raises(SceneError, match=r"stature is 17 m, expected 1\.4 to 2\.1 m"):
-        human.lengths(17, "male")
+        body_measures_.lengths(17, "male")

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from lgp_worlds import anywhere, differences, human_world, needs_robots, screwdriver_world
 
 from lgp.errors import WorldError
-from lgp.world import features, robot
-from lgp.world.model import World
-from lgp.world.rotations import exponential, exponential_with_slope, inverse_right_jacobian, logarithm
-from lgp.world.scene import Robot
-from lgp.world.scene_file import load_scene, read_scene
+from lgp.kinematics import features, robot
+from lgp.kinematics.features import exponential, exponential_with_slope, inverse_right_jacobian, logarithm
+from lgp.kinematics.world import World
+from lgp.scene.model import Robot
+from lgp.scene.scene_file import load_scene, read_scene
 
 HAND = "human.right_hand"
 VECTORS = st.tuples(*[st.floats(-1.7, 1.7)] * 3).map(np.array)

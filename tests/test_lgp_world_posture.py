@@ -10,16 +10,15 @@ from lgp_worlds import anywhere, differences, human_world
 from scipy.spatial.transform import Rotation
 
 from lgp.errors import WorldError
-from lgp.world.human import ISB, joint_names
-from lgp.world.model import World
-from lgp.world.posture import PostureMap
-from lgp.world.stance import STRAIGHTEST, knees, legs
-from reba.posture import COLUMNS, INDEX
-from reba.readers.finish import finish
-from reba.readers.memory import array_stream
-from reba.readers.profile import find_profile
+from lgp.kinematics.human import ISB, joint_names
+from lgp.kinematics.leg_ik import STRAIGHTEST, knees, legs
+from lgp.kinematics.posture import PostureMap
+from lgp.kinematics.world import World
+from reba.posture.columns import COLUMNS, INDEX
+from reba.readers.build_table import finish
 from reba.readers.recognise import choose
-from reba.readers.stream import ReadLog, Recording
+from reba.readers.recording.profile import find_profile
+from reba.readers.recording.stream import ReadLog, Recording, array_stream
 
 
 def _as_recorded(path: Path, joints: dict[str, np.ndarray], pelvis: np.ndarray) -> np.ndarray:

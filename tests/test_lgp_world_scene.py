@@ -11,8 +11,8 @@ import pytest
 from lgp_worlds import HUMAN_ONLY
 
 from lgp.errors import SceneError
-from lgp.logic.domain import load_domain
-from lgp.world.scene_file import load_scene, read_scene, shipped_scenes
+from lgp.logic.pddl import load_domain
+from lgp.scene.scene_file import load_scene, read_scene, shipped_scenes
 
 
 def _with(path: str, value: Any) -> dict[str, Any]:

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from lgp_worlds import HUMAN_ONLY, human_world, needs_robots, screwdriver_world
 
 import lgp
-from lgp.world.model import World
-from lgp.world.scene_file import read_scene
-from lgp.world.span import Span, Top, span
+from lgp.kinematics.world import World
+from lgp.path.feasibility import Span, Top, span
+from lgp.scene.scene_file import read_scene
 
 LEVEL = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 

@@ -7,11 +7,11 @@ import pytest
 from lgp_worlds import human_world, needs_robots, screwdriver_world
 
 import reba
+from lgp.collision import random_start as starts
+from lgp.collision.distances import Collisions
+from lgp.collision.random_start import random_start
 from lgp.errors import WorldError
-from lgp.world import starts
-from lgp.world.collision import Collisions
-from lgp.world.posture import PostureMap
-from lgp.world.starts import random_start
+from lgp.kinematics.posture import PostureMap
 
 
 @pytest.mark.parametrize("legs", ["planted", "solved", "locked"])

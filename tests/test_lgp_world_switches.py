@@ -10,10 +10,10 @@ import pytest
 from lgp_worlds import anywhere, differences, human_world
 
 from lgp.errors import WorldError
-from lgp.world.features import Feature
-from lgp.world.model import World
-from lgp.world.scene_file import read_scene
-from lgp.world.switches import Modes, Switch
+from lgp.kinematics.features import Feature
+from lgp.kinematics.modes import Modes, Switch
+from lgp.kinematics.world import World
+from lgp.scene.scene_file import read_scene
 
 RIGHT, LEFT = "human.right_hand", "human.left_hand"
 MOVE = (

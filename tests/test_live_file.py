@@ -15,9 +15,9 @@ from live_sources import COMMAND, GrowingFile, assert_same, batch, moving_body, 
 
 import reba
 from reba.live.follow import Follower
-from reba.live.growing import Growing, open_growing
-from reba.live.reading import Reading
-from reba.live.tally import Steps
+from reba.live.frames import Reading
+from reba.live.session import Steps
+from reba.live.sources import Growing, open_growing
 from reba.readers.mcap import open_mcap
 
 

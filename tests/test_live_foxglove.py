@@ -12,8 +12,7 @@ import pytest
 from test_live_parts import frames
 
 from reba.errors import RebaError
-from reba.live.alert import Alert
-from reba.live.session import Session
+from reba.live.session import Alert, Session
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
 websocket = pytest.importorskip("websocket", reason="websocket-client is not installed")
@@ -87,7 +86,7 @@ def test_the_figure_is_what_the_sdk_makes_of_it(view: View) -> None:
     session = Session("measured", 1.0, Alert(8, 1.0))
     given = frames([9])
     records, scores = session.add(given)
-    from reba.live.skeleton import figure
+    from reba.live.foxglove import figure
 
     update = view._scene(figure(given.angles[0], scores, 0), records[0], 10**9)
     assert isinstance(update, messages.SceneUpdate)

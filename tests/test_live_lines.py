@@ -19,11 +19,10 @@ from mcap_ros2.decoder import DecoderFactory
 
 import reba
 from reba.cli import cli
-from reba.live.alert import Alert
 from reba.live.follow import Follower
-from reba.live.lines import Lines
-from reba.live.reading import Reading
-from reba.live.session import Session
+from reba.live.frames import Reading
+from reba.live.json_lines import Lines
+from reba.live.session import Alert, Session
 
 ASSEMBLY = Path(__file__).resolve().parents[1] / "datasets" / "simulated_assembly.csv"
 

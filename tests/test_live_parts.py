@@ -10,14 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import reba
-from reba.factors import Factors
-from reba.live.alert import Alert, score_of_level
+from reba.live.command import seconds
+from reba.live.foxglove import GREY, SCALE, colour_of, figure
 from reba.live.frames import Frames, later
-from reba.live.latency import Latency
-from reba.live.options import seconds
-from reba.live.session import Session
-from reba.live.skeleton import GREY, SCALE, colour_of, figure
-from reba.scoring import UNKNOWN
+from reba.live.output import Latency
+from reba.live.session import Alert, Session, score_of_level
+from reba.method.scoring import UNKNOWN
+from reba.posture.factors import Factors
 
 RATE = 20.0
 

@@ -18,15 +18,16 @@ from mcap_builder import EPOCH_NS, JOINT_STATE, STEP_NS
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_typestore
 
-from reba.readers.mcap import cdr, open_mcap, protobuf
+from reba.readers.mcap import open_mcap, protobuf
+from reba.readers.mcap import ros as cdr
 from reba.readers.mcap.container import Loaded, Segment
 from reba.readers.mcap.decode import Batch, ColumnDecoder
+from reba.readers.mcap.extract import TEXTS, pick_joints
 from reba.readers.mcap.layout import Span, Undecodable
 from reba.readers.mcap.merge import MOST_SIGNALS
-from reba.readers.mcap.picks import TEXTS, pick_joints
 from reba.readers.mcap.records import Scan
-from reba.readers.mcap.schema import BadSchema, Number, parse
-from reba.readers.stream import Block, ReadLog, Recording
+from reba.readers.mcap.ros import BadSchema, Number, parse
+from reba.readers.recording.stream import Block, ReadLog, Recording
 
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
 QUICK = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

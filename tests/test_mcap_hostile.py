@@ -16,8 +16,9 @@ import zstandard
 from hostile_mcap import CASES
 
 from reba.errors import ReadError
-from reba.readers.mcap import compression, open_mcap, sniff
-from reba.readers.stream import ReadLog
+from reba.readers.mcap import bytes as compression
+from reba.readers.mcap import open_mcap, sniff
+from reba.readers.recording.stream import ReadLog
 
 SLOW_BOMB = "bomb_that_declares_half"
 

@@ -17,9 +17,10 @@ import pytest
 from mcap_builder import COUNT, EPOCH_NS, JOINT_STATE, STEP_NS, TYPES
 
 from reba.errors import ReadError
+from reba.readers.mcap import bytes as bytes_
 from reba.readers.mcap import open_mcap
 from reba.readers.mcap.merge import HOLD
-from reba.readers.stream import Block, ReadLog, Recording
+from reba.readers.recording.stream import Block, ReadLog, Recording
 
 TF = "tf2_msgs/msg/TFMessage"
 LINKS = "xsens_mvn_msgs/msg/LinkStateArray"
@@ -333,7 +334,7 @@ def test_a_sound_summary_saves_unpacking_at_opening(tmp_path: Path, monkeypatch:
     from reba.readers.mcap import container
 
     unpacked = []
-    real = container.unpack
+    real = bytes_.unpack
     monkeypatch.setattr(container, "unpack", lambda *given: unpacked.append(1) or real(*given))
     found = open_mcap(hostile.write("sound", tmp_path))
     peeked = len(unpacked)

@@ -12,11 +12,10 @@ import pytest
 from synthetic_bodies import joints_stream, quaternion, rotation, stream_of
 
 from reba.errors import ProfileError
-from reba.posture import COLUMNS, INDEX
-from reba.readers.mapping import block_angles, mapper_for
-from reba.readers.profile import Profile, find_profile, profiles
-from reba.readers.profile_file import load_profile, parse_profile
-from reba.readers.stream import Block, Stream
+from reba.posture.columns import COLUMNS, INDEX
+from reba.readers.mapping import block_angles, mapper_for, measurable_columns
+from reba.readers.recording.profile import Profile, find_profile, load_profile, parse_profile, profiles
+from reba.readers.recording.stream import Block, Stream
 
 HANGING = {"jRightShoulder_rotx": 90.0, "jLeftShoulder_rotx": -90.0}
 
@@ -225,8 +224,8 @@ def test_shipped_profiles_say_what_they_are() -> None:
     for profile in profiles():
         assert profile.title
         assert profile.source
-        assert len(profile.measures()) >= 8, profile.name
-        assert not set(profile.measures()) & set(profile.cannot)
+        assert len(measurable_columns(profile)) >= 8, profile.name
+        assert not set(measurable_columns(profile)) & set(profile.cannot)
 
 
 GOOD = {"name": "a", "title": "b", "source": "c", "kind": "joints", "columns": {"knee_flexion": ["+{side}_knee"]}}

@@ -18,17 +18,17 @@ from synthetic_bodies import (
 )
 
 from reba.errors import ProfileError, ReadError, RebaError
-from reba.posture import COLUMNS, PostureTable
+from reba.posture.columns import COLUMNS
+from reba.posture.table import PostureTable
 from reba.readers import is_recording, is_recording_folder, read
-from reba.readers.checks import find_gaps, frozen_warning
-from reba.readers.finish import finish
-from reba.readers.frames import AXES
+from reba.readers.build_table import finish
 from reba.readers.info import inspect
-from reba.readers.neutral import parse_neutral
-from reba.readers.profile import find_profile, profiles
+from reba.readers.mapping.reference_frames import RootPose
+from reba.readers.mapping.segments import AXES
+from reba.readers.quality_control import find_gaps, frozen_warning, parse_neutral
 from reba.readers.recognise import choose
-from reba.readers.root import RootPose
-from reba.readers.stream import Recording, Stream
+from reba.readers.recording.profile import find_profile, profiles
+from reba.readers.recording.stream import Recording, Stream
 
 Array = NDArray[np.float64]
 N = 150

@@ -7,13 +7,14 @@ import pytest
 from numpy.typing import NDArray
 from synthetic_bodies import quaternion, rotation, segment_frames, stream_of
 
-from reba.posture import COLUMNS, PostureTable
-from reba.readers.checks import first_frame_alien
-from reba.readers.finish import finish
-from reba.readers.frames import AXES
-from reba.readers.profile import find_profile, profiles
+from reba.posture.columns import COLUMNS
+from reba.posture.table import PostureTable
+from reba.readers.build_table import finish
+from reba.readers.mapping.segments import AXES
+from reba.readers.quality_control import first_frame_alien
 from reba.readers.recognise import choose
-from reba.readers.stream import Recording, Stream
+from reba.readers.recording.profile import find_profile, profiles
+from reba.readers.recording.stream import Recording, Stream
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from reba.errors import ReadError
-from reba.readers.bvh import MAX_JOINTS, open_bvh, sniff
-from reba.readers.stream import ReadLog
+from reba.readers.formats.bvh import MAX_JOINTS, open_bvh, sniff
+from reba.readers.recording.stream import ReadLog
 
 RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
 

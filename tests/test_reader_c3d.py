@@ -11,8 +11,8 @@ import pytest
 from c3d_bytes import DEC, INTEL, MIPS, c3d_bytes
 
 from reba.errors import ReadError
-from reba.readers.c3d import open_c3d, sniff
-from reba.readers.stream import Recording
+from reba.readers.formats.c3d import open_c3d, sniff
+from reba.readers.recording.stream import Recording
 
 RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
 

@@ -9,8 +9,8 @@ import pytest
 from mvnx_text import ERGONOMIC, JOINTS, SEGMENTS, mvnx_text
 
 from reba.errors import ReadError
-from reba.readers.mvnx import open_mvnx, sniff
-from reba.readers.stream import Recording
+from reba.readers.formats.mvnx import open_mvnx, sniff
+from reba.readers.recording.stream import Recording
 
 RNG = np.random.default_rng(5)
 TURNS = RNG.normal(size=(3, 23, 4))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from reba.errors import ReadError
-from reba.readers.opensim import open_opensim, sniff
-from reba.readers.stream import ReadLog
+from reba.readers.formats.opensim import open_opensim, sniff
+from reba.readers.recording.stream import ReadLog
 
 RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
 

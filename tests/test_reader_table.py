@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reba.errors import ReadError
-from reba.posture import COLUMNS
-from reba.readers.stream import ReadLog, Recording, Stream
-from reba.readers.table import open_table, sniff
+from reba.posture.columns import COLUMNS
+from reba.readers.formats.table import open_table, sniff
+from reba.readers.recording.stream import ReadLog, Recording, Stream
 
 RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
 
@@ -269,7 +269,7 @@ def test_damaged_vicon_exports(tmp_path: Path, old: str, new: str, what: str) ->
 
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the real recordings are not beside the checkout")
 def test_real_vicon_export_agrees_with_the_c3d_of_the_trial() -> None:
-    from reba.readers.c3d import open_c3d
+    from reba.readers.formats.c3d import open_c3d
 
     folder = RECORDINGS / "irsst_box_lift"
     for ours, theirs in zip(

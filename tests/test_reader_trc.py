@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from reba.errors import ReadError
-from reba.readers.trc import open_trc, sniff
+from reba.readers.formats.trc import open_trc, sniff
 
 RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
 

@@ -9,10 +9,10 @@ import pytest
 from synthetic_bodies import joints_stream, recording_of, stream_of
 
 from reba.errors import ProfileError
-from reba.posture import COLUMNS
-from reba.readers.profile import find_profile, profiles
+from reba.posture.columns import COLUMNS
 from reba.readers.recognise import bodies, choose, matches
-from reba.readers.stream import Recording, Stream, Topic
+from reba.readers.recording.profile import find_profile, profiles
+from reba.readers.recording.stream import Recording, Stream, Topic
 
 
 def _joints(profile: str, pattern: str = "{name}", leave: tuple[str, ...] = (), name: str = "/joint_states") -> Stream:

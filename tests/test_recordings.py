@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from reba.errors import ProfileError
-from reba.posture import COLUMNS, PostureTable
+from reba.posture.columns import COLUMNS
+from reba.posture.table import PostureTable
 from reba.readers import read
 
 RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"

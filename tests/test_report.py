@@ -20,15 +20,14 @@ from hypothesis import strategies as st
 
 import reba
 from reba.errors import RebaError
-from reba.posture import Quality
+from reba.method.scoring import SCORE_COLUMNS
+from reba.posture.skeleton import LIMBS, joints
+from reba.posture.table import Quality, table_of
 from reba.report import render, write_report
-from reba.report.grade import grade
-from reba.report.recording import recording, shares_of_levels
+from reba.report.labels import BODY, FACTORS, LEVEL_COLOURS, PARTS, RULES
 from reba.report.series import Curve, Steps, band, line, steps
-from reba.report.stickfigure import LIMBS, joints
-from reba.report.words import BODY, FACTORS, LEVEL_COLOURS, PARTS, RULES
-from reba.scores import Scores, table_of
-from reba.scoring import SCORE_COLUMNS
+from reba.report.summary import grade, recording, shares_of_levels
+from reba.scores import Scores
 
 HOSTILE = '<script>alert("x")</script>&\'"'
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import reba
-from reba.rules import rules_of
+from reba.method.rules import rules_of
 
 NUMBERS = (
     "trunk_upright", "neck_upright", "trunk_twist", "trunk_side_bend", "neck_twist", "neck_side_bend", "abduction",

@@ -20,12 +20,13 @@ from scale_work import cluster, die_at, write_recordings
 
 from lgp.experiments import screwdriver
 from lgp.experiments.runs import check_paths, check_runs
-from reba.batch import Options, score_many, sees
-from reba.dataset import Dataset
-from reba.dataset_run import score_into
+from reba.batch.dataset import Dataset
+from reba.batch.dataset_run import score_into
+from reba.batch.manifest import MANIFEST
+from reba.batch.parallel import fan_out
+from reba.batch.run import Options, score_many, sees
+from reba.batch.worker_pool import Lost
 from reba.errors import RebaError
-from reba.fan_out import Lost, fan_out
-from reba.manifest import MANIFEST
 
 distributed = pytest.importorskip("distributed")
 

@@ -18,12 +18,11 @@ import pytest
 from scale_work import HERE, write_recordings
 
 import reba
-from reba.batch import Options
-from reba.content import content_hash, stamp
-from reba.dataset import Dataset, settings
-from reba.dataset_run import DatasetRun, score_into
+from reba.batch.dataset import Dataset, settings
+from reba.batch.dataset_run import DatasetRun, score_into
+from reba.batch.manifest import MANIFEST, content_hash, stamp
+from reba.batch.run import Options
 from reba.errors import RebaError
-from reba.manifest import MANIFEST
 
 KILLED = 12
 """Times that a run is killed before it may end."""
@@ -31,9 +30,9 @@ KILLED = 12
 DRIVER = """
 import os, random, signal, sys, time
 from pathlib import Path
-from reba.batch import Options, find_inputs
-from reba.dataset import Dataset
-from reba.dataset_run import score_into
+from reba.batch.run import Options, find_inputs
+from reba.batch.dataset import Dataset
+from reba.batch.dataset_run import score_into
 folder, output, seed = sys.argv[1:]
 inputs = find_inputs([folder])
 Options().read_and_score(inputs[0]).summary()  # loads everything

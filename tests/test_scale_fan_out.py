@@ -13,10 +13,11 @@ from pathlib import Path
 import pytest
 from scale_work import die_at, refuse, square
 
-from reba import cluster
-from reba.batch import sees
+from reba.batch import dask_cluster as cluster
+from reba.batch.parallel import fan_out
+from reba.batch.run import sees
+from reba.batch.worker_pool import WAITING, Lost
 from reba.errors import RebaError
-from reba.fan_out import WAITING, Lost, fan_out
 
 
 def test_in_this_process_by_default() -> None:

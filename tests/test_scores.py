@@ -10,8 +10,8 @@ import posture_samples as samples
 import pytest
 
 import reba
-from reba.posture import INDEX
-from reba.scoring import SCORE_COLUMNS
+from reba.method.scoring import SCORE_COLUMNS
+from reba.posture.columns import INDEX
 
 TABLE = [
     "time",

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from posture_samples import KNOWN, MEASURED, one, posture, restated, rule_sets, seeds
 
 import reba
-from reba.posture import INDEX
-from reba.scoring import SCORE_COLUMNS
+from reba.method.scoring import SCORE_COLUMNS
+from reba.posture.columns import INDEX
 
 PAPER = reba.PRESETS["paper"]
 

@@ -11,7 +11,7 @@ import pytest
 from posture_samples import MEASURED, one, posture
 
 import reba
-from reba.scoring import CHUNK, SCORE_COLUMNS
+from reba.method.scoring import CHUNK, SCORE_COLUMNS
 
 
 @pytest.mark.parametrize("n", [0, 1, 8191, 8192, 8193, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK + 3])

@@ -12,17 +12,27 @@ from hypothesis import strategies as st
 from scipy import optimize, stats
 from statsmodels.stats.power import TTestPower
 
-from lgp.experiments.statistics import compare
+from lgp.statistics.effect_sizes import effect, friedman, normality, sphericity, within_errors
+from lgp.statistics.formatting import p_said
+from lgp.statistics.paired_tests import compare
 from lgp.study.analysis import analyse
-from lgp.study.assumptions import effect, friedman, normality, sphericity, within_errors
 from lgp.study.labels import Label
-from lgp.study.measures import DEMANDING, LEVELS, PARTS, SIDED, TOTAL
-from lgp.study.missing import missing_cells, warnings
-from lgp.study.scoring import Scored, cells, part_scores, row
-from lgp.study.sources import Failure, Sources
+from lgp.study.recordings import Failure, Sources
+from lgp.study.scoring import (
+    DEMANDING,
+    LEVELS,
+    PARTS,
+    SIDED,
+    TOTAL,
+    Scored,
+    cells,
+    missing_cells,
+    part_scores,
+    row,
+    warnings,
+)
 from lgp.study.study import summarise
-from lgp.study.verdict import p_said
-from reba import score
+from reba.scores import score
 
 CONDITIONS = ("ergonomic", "non-ergonomic")
 

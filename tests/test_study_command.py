@@ -19,17 +19,17 @@ from test_study_labels import log
 import lgp
 import reba
 from lgp.errors import LgpError
+from lgp.kinematics.world import World
+from lgp.scene.scene_file import read_scene
 from lgp.study.commands import simulate_study
 from lgp.study.commands import study as study_command
 from lgp.study.labels import Label, recorded_label
 from lgp.study.movement import VARIATION, Variation, perform, person, smooth_noise
-from lgp.study.page import render
+from lgp.study.report import render
 from lgp.study.retarget import Retarget, _places
 from lgp.study.simulate import simulate, simulated
 from lgp.study.study import study
-from lgp.world.model import World
-from lgp.world.scene_file import read_scene
-from reba.shell import run
+from reba.command_line import run
 
 CONDITIONS = ("lean", "plan")
 LEAN = {"lean": {"trunk_flexion": 70.0, "upper_arm_flexion_right": 60.0}}

@@ -9,11 +9,10 @@ import pytest
 
 import reba
 from lgp.errors import LgpError
-from lgp.study.labels import Label, Pattern, label_of, recorded_label
-from lgp.study.manifest import read_manifest
-from lgp.study.sources import find_sources
+from lgp.study.labels import Label, Pattern, label_of, read_manifest, recorded_label
+from lgp.study.recordings import find_sources
 from reba.errors import RebaError
-from reba.scores import table_of
+from reba.posture.table import table_of
 
 
 def log(path: Path, record: dict[str, str] | None = None, trunk: float = 10.0) -> Path:

@@ -10,7 +10,7 @@ import pytest
 import reference_reba as reference
 
 import reba
-from reba.tables import LEVEL_OF, PART_MAXIMA, TABLES_SHA256
+from reba.method.tables import LEVEL_OF, PART_MAXIMA, TABLES_SHA256
 
 TABLES = {"a": reba.TABLE_A, "b": reba.TABLE_B, "c": reba.TABLE_C}
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from posture_samples import KNOWN, one, posture, restated, rule_sets, seeds
 
 import reba
-from reba.posture import INDEX
-from reba.scoring import CHUNK, UNKNOWN
+from reba.method.scoring import CHUNK, UNKNOWN
+from reba.posture.columns import INDEX
 
 COLUMNS_OF: dict[str, tuple[str, ...]] = {
     "trunk": ("trunk_flexion", "trunk_side_bend", "trunk_twist"),

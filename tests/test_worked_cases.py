@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import reba
-from reba.posture import INDEX, SIDES
+from reba.posture.columns import INDEX, SIDES
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "reba" / "worked_cases.json"
 BODY_A, BODY_B = ("trunk", "neck", "legs"), ("upper_arm", "lower_arm", "wrist")

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import reba
-from reba.limits import Quantity, quantities
-from reba.posture import INDEX
-from reba.worksheet import drivers
+from reba.analysis.worksheet import drivers
+from reba.method.classes import Quantity, quantities
+from reba.posture.columns import INDEX
 
 rule_sets = st.builds(
     reba.Rules,

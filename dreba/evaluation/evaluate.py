@@ -2,72 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import time
+from collections.abc import Callable, Hashable, Mapping
+from functools import partial
+from typing import Any, Final, TypeVar
 
 from dreba.errors import ModelError
-from dreba.poses import Poses
-from reba.posture import INDEX
-
-if TYPE_CHECKING:
-    from dreba.model import Surrogate
-
-Array = NDArray[np.float64]
-
-PUBLISHED: Final[dict[int, float]] = {
-    1: 0.72, 2: 0.91, 3: 0.86, 4: 1.08, 5: 1.02, 6: 1.72, 7: 1.86, 8: 2.18, 9: 2.18, 10: 1.50,
-}  # fmt: skip
-"""RMSE per REBA class of the published model (Busch et al. 2018, Table I)."""
-PUBLISHED_OVERALL: Final = 1.50
-"""Root of the mean square of `PUBLISHED`: the overall RMSE on balanced poses."""
-
-
-@dataclass(frozen=True)
-class ClassError:
-    """Error on the poses of one REBA class: their number, root mean square error, mean error (model minus true)."""
-
-    n: int
-    rmse: float
-    bias: float
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """Error of a model on poses.
-
-    Attributes:
-        kind: of the model.
-        classes: REBA score -> `ClassError`, for the scores that occur.
-        n: number of poses.
-        rmse: over all poses.
-        balanced_rmse: root of the mean over classes of the squared RMSE; equal to `rmse` on balanced poses.
-        spearman: rank correlation with the true score; NaN where one of them is constant.
-        rounded_accuracy: share of poses whose rounded value, kept within 1 to 15, is the true score.
-    """
-
-    kind: str
-    classes: dict[int, ClassError]
-    n: int
-    rmse: float
-    balanced_rmse: float
-    spearman: float
-    rounded_accuracy: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data, as `dreba evaluate --json` prints it; NaN becomes None."""
-        overall = {
-            "n": self.n,
-            "rmse": self.rmse,
-            "balanced_rmse": self.balanced_rmse,
-            "spearman": None if np.isnan(self.spearman) else self.spearman,
-            "rounded_accuracy": self.rounded_accuracy,
-        }
-        classes = {str(score): dataclasses.asdict(error) for score, error in self.classes.items()}
-        return {"kind": self.kind, "classes": classes, "overall": overall}
+from dreba.evaluation import reach_tasks as reach
+from dreba.evaluation.reach_tasks import Starts
+from dreba.sampling.poses import Poses
+from dreba.surrogates.base import Surrogate
+from dreba.surrogates.metrics import Evaluation, evaluation_of
+from dreba.surrogates.registry import About
+from reba.arrays import Array
+from reba.batch.parallel import fan_out
+from reba.batch.worker_pool import Lost
+from reba.posture.columns import COLUMNS, INDEX
 
 
 def evaluate(model: Surrogate, poses: Poses, temperature: float | None = None) -> Evaluation:
@@ -119,45 +69,6 @@ def angles_for(model: Surrogate, poses: Poses) -> Array:
     return poses.angles[:, [INDEX[joint] for joint in model.joints_]]
 
 
-def evaluation_of(kind: str, values: ArrayLike, scores: ArrayLike) -> Evaluation:
-    """Return the error of values (n,) against true scores (n,).
-
-    Raises:
-        ModelError: no poses, or a value that is not finite.
-    """
-    found, true = np.asarray(values, np.float64), np.asarray(scores).astype(int)
-    if found.shape != true.shape or not len(true):
-        raise ModelError(f"{found.shape} values against {true.shape} scores; expected as many of both, at least one")
-    if not np.isfinite(found).all():
-        raise ModelError("the model gives values that are not finite; check the angles")
-    error = found - true
-    classes = {}
-    for score in np.unique(true):
-        own = error[true == score]
-        classes[int(score)] = ClassError(len(own), _rms(own), float(own.mean()))
-    return Evaluation(
-        kind=kind,
-        classes=classes,
-        n=len(true),
-        rmse=_rms(error),
-        balanced_rmse=_rms(np.array([own.rmse for own in classes.values()])),
-        spearman=_spearman(found, true),
-        rounded_accuracy=float(np.mean(np.clip(np.rint(found), 1, 15) == true)),
-    )
-
-
-def distance_to_published(found: Evaluation) -> float:
-    """Return the root mean square difference to Table I over classes 1 to 10.
-
-    Raises:
-        ModelError: one of these classes has no pose.
-    """
-    missing = [score for score in PUBLISHED if score not in found.classes]
-    if missing:
-        raise ModelError(f"no pose has REBA {missing[0]}; Table I is about classes 1 to 10")
-    return _rms(np.array([found.classes[score].rmse - PUBLISHED[score] for score in PUBLISHED]))
-
-
 def fit_to(model: Surrogate, train: Poses, held_out: Poses, sample_weight: Array | None = None, **notes: Any) -> None:
     """Fit a model to poses and note in `about_` where it comes from and its error on held-out poses.
 
@@ -168,7 +79,6 @@ def fit_to(model: Surrogate, train: Poses, held_out: Poses, sample_weight: Array
         sample_weight: (n,) weights of the training poses.
         notes: further provenance (a command line, say).
     """
-    from dreba.model import About
 
     chosen = model.get_params(deep=False).get("joints")
     angles = train.angles if chosen is None else train.angles[:, [INDEX[joint] for joint in chosen]]
@@ -184,14 +94,129 @@ def _brief(poses: Poses) -> dict[str, Any]:
     return {"poses": len(poses), **{key: value for key, value in poses.provenance.items() if key != "domain"}}
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+Name = TypeVar("Name", bound=Hashable)
+Given = TypeVar("Given")
+Result = TypeVar("Result")
+STARTS: Final[tuple[Starts, ...]] = ("random", "neutral")
+"""Where an optimiser starts: anywhere in the limits, or near standing upright."""
 
 
-def _spearman(found: Array, true: NDArray[np.int64]) -> float:
-    from scipy.stats import rankdata
+def compare(
+    models: Mapping[str, Surrogate], poses: Poses, *, jobs: int = 1, scheduler: str | None = None
+) -> list[dict[str, Any]]:
+    """Return one row a model: `domain` of its fit, errors as `Evaluation.to_dict`, `seconds_per_pose` single, batch.
 
-    ranks = [rankdata(values) for values in (found, true)]
-    centred = [rank - rank.mean() for rank in ranks]
-    spread = float(np.sqrt((centred[0] @ centred[0]) * (centred[1] @ centred[1])))
-    return float(centred[0] @ centred[1]) / spread if spread else float("nan")
+    Args:
+        models: by name.
+        poses: the same for all.
+        jobs, scheduler: where models are evaluated, see `reba.batch.parallel.fan_out`; times are those of that place,
+            with whatever else runs there.
+    """
+    return list(_each(partial(_row, poses=poses), models, jobs, scheduler).values())
+
+
+def enable(
+    models: Mapping[str, Surrogate],
+    tasks: int,
+    repeats: int = 3,
+    seed: int = 0,
+    *,
+    jobs: int = 1,
+    scheduler: str | None = None,
+) -> list[dict[str, Any]]:
+    """Return what each model leads to when it is minimised under reach constraints, one row a model and kind of start.
+
+    Args:
+        models: by name; those on other columns than the 22 of the posture table are left out.
+        tasks: number of reach tasks, the same for all.
+        repeats: starts per task.
+        seed: of tasks and starts.
+        jobs, scheduler: where, see `reba.batch.parallel.fan_out`.
+
+    Returns:
+        Rows of "model", "start", "mean_reba" (infeasible runs count 12), "share_best" of runs that reach the best
+        score that any of the models reached on their task, "share_best_of_starts", "infeasible", "evaluations".
+    """
+
+    usable = {name: model for name, model in models.items() if model.joints_ == COLUMNS}
+    given = {(start, name): (start, model) for start in STARTS for name, model in usable.items()}
+    work = partial(_reached, tasks=tasks, repeats=repeats, seed=seed)
+    outcomes = _each(work, given, jobs, scheduler)
+    best = {start: reach.best_known([outcomes[start, name] for name in usable]) for start in STARTS if usable}
+    return [
+        {
+            "model": name,
+            "start": start,
+            "mean_reba": outcome.mean,
+            "share_best": outcome.share_best(best[start]),
+            "share_best_of_starts": outcome.share_best_of_starts(best[start]),
+            "infeasible": outcome.infeasible,
+            "evaluations": outcome.evaluations,
+            "seconds": outcome.seconds,
+        }
+        for (start, name), outcome in outcomes.items()
+    ]
+
+
+def _row(task: tuple[str, Surrogate], poses: Poses) -> dict[str, Any]:
+    name, model = task
+    return {
+        "model": name,
+        "domain": str(model.about_.domain.get("name", "")),
+        **evaluate(model, poses).to_dict(),
+        "seconds_per_pose": time_per_pose(model, poses),
+    }
+
+
+def _reached(task: tuple[Any, tuple[Starts, Surrogate]], tasks: int, repeats: int, seed: int) -> Any:
+
+    _, (start, model) = task
+    beginnings = reach.starts(start, tasks * repeats, seed).reshape(tasks, repeats, -1)
+    return reach.run(reach.method_of(model), reach.tasks(tasks, seed), beginnings)
+
+
+def _each(
+    work: Callable[[tuple[Name, Given]], Result], given: Mapping[Name, Given], jobs: int, scheduler: str | None
+) -> dict[Name, Result]:
+    """Return what `work` makes of every item, in their order.
+
+    Raises:
+        ModelError: the process of one of them died.
+    """
+    found: dict[Name, Result] = {}
+    for (name, _), result in fan_out(work, given.items(), jobs=min(jobs, len(given) or 1), scheduler=scheduler):
+        if isinstance(result, Lost):
+            raise ModelError(f"{name}: {result.reason}; compare it by itself")
+        found[name] = result
+    return {name: found[name] for name in given}
+
+
+ROUNDS: Final = 5
+"""Best of this many: other work on the machine only ever adds time."""
+BATCH: Final = 100_000
+
+
+def time_per_pose(model: Surrogate, poses: Poses) -> dict[str, float]:
+    """Return seconds per pose for value and gradient together: `single` (one call per pose) and `batch`."""
+    angles = angles_for(model, poses)
+    repeats = -(-BATCH // len(angles))
+    batch = angles.repeat(repeats, axis=0)[:BATCH] if repeats > 1 else angles[:BATCH]
+    some = list(angles[:200])
+
+    def one_by_one() -> None:
+        for pose in some:
+            model.value_and_gradient(pose)
+
+    return {
+        "single": _best(one_by_one) / len(some),
+        "batch": _best(lambda: model.value_and_gradient(batch)) / len(batch),
+    }
+
+
+def _best(work: Callable[[], object]) -> float:
+    best = float("inf")
+    for _ in range(ROUNDS):
+        start = time.perf_counter()
+        work()
+        best = min(best, time.perf_counter() - start)
+    return best

@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from reba.arrays import Array
+
 Objective = Callable[[Array], tuple[float, Array]]
 """(d,) -> value and gradient (d,)."""
 Constraint = Callable[[Array], tuple[Array, Array]]
 """(d,) -> residuals (m,), 0 where it is met, and their Jacobian (m, d)."""
-
 SCALE: Final = 30.0
 """[deg] One unit of the scaled variables."""
 ONTO: Final = 50

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Final
 
 from dreba.errors import ModelError
-from dreba.evaluate import check_temperature
-from dreba.export_c import c_source
-from dreba.export_casadi import casadi_json
-from dreba.files import write
-from dreba.graduated import GraduatedModel
-from dreba.model import Surrogate
+from dreba.evaluation.evaluate import check_temperature
+from dreba.export.c import c_source
+from dreba.export.casadi import casadi_json
+from dreba.surrogates.base import Surrogate
+from dreba.surrogates.graduated import GraduatedModel
+from dreba.surrogates.serialization import write
 from reba.errors import did_you_mean
 
 TARGETS: Final[dict[str, tuple[str, Callable[..., str]]]] = {
@@ -20,8 +20,6 @@ TARGETS: Final[dict[str, tuple[str, Callable[..., str]]]] = {
     "casadi": (".casadi", casadi_json),
 }
 """Targets by name: suffix of the file, and the function that gives its text."""
-
-
 C_KEYWORDS: Final = frozenset({
     "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern",
     "float", "for", "goto", "if", "inline", "int", "long", "main", "register", "restrict", "return", "short",

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from dreba import soft_tables
-from dreba.convex import ConvexModel
 from dreba.errors import ModelError
-from dreba.graduated import GraduatedModel
-from dreba.model import Surrogate
-from dreba.quadratic import QuadraticModel
-from dreba.soft import SoftModel
-from dreba.soft_steps import GROUPS, PAIRED, ROWS, SINGLE
-from reba.posture import COLUMNS, INDEX
-from reba.rules import LOAD_EDGES
+from dreba.surrogates import soft_tables
+from dreba.surrogates.base import Surrogate
+from dreba.surrogates.convex import ConvexModel
+from dreba.surrogates.graduated import GraduatedModel
+from dreba.surrogates.quadratic import QuadraticModel
+from dreba.surrogates.soft import SoftModel
+from dreba.surrogates.soft_steps import GROUPS, PAIRED, ROWS, SINGLE
+from reba.method.rules import LOAD_EDGES
+from reba.posture.columns import COLUMNS, INDEX
 
 
 def casadi_function(model: Surrogate, *, temperature: float | None = None, name: str = "dreba") -> Any:

@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dreba.domain import Domain
-from reba.factors import FactorPoints, Factors, points
-from reba.limits import Quantity, quantities
-from reba.posture import INDEX, SIDES
-from reba.scoring import score_array, score_parts
-from reba.tables import PART_MAXIMA
+from reba.arrays import Array
+from reba.method.classes import Quantity, quantities
+from reba.method.factor_points import FactorPoints, points
+from reba.method.scoring import score_array, score_parts
+from reba.method.tables import PART_MAXIMA
+from reba.posture.columns import INDEX, SIDES
+from reba.posture.factors import Factors
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Weights = Literal["bins", "volume", "cells"]
 WEIGHTS: Final = ("bins", "volume", "cells")
 """How likely boxes are before the class is chosen, see `dreba.sample`."""
-
 GROUP_A: Final = ("trunk", "neck", "legs")
 GROUP_B: Final = ("upper_arm", "lower_arm", "wrist")
 

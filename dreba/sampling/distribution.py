@@ -9,17 +9,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dreba.cells import Part, Weights, parts_of
 from dreba.domain import Domain
 from dreba.errors import SampleError
-from reba.factors import ACTIVITIES, Factors, points
-from reba.posture import COLUMNS, SIDES
-from reba.rules import LOAD_EDGES
-from reba.tables import TABLE_A, TABLE_B, TABLE_C
+from dreba.sampling.classes import Part, Weights, parts_of
+from reba.arrays import Array
+from reba.method.factor_points import points
+from reba.method.rules import LOAD_EDGES
+from reba.method.tables import TABLE_A, TABLE_B, TABLE_C
+from reba.posture.columns import COLUMNS, SIDES
+from reba.posture.factors import ACTIVITIES, Factors
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
 _TOTALS: Final = 12
 """Scores A and B run from 1 to 12."""
 

@@ -24,17 +24,16 @@ from typing import Any, Final
 
 import numpy as np
 
-import reba
-from dreba.cells import WEIGHTS, Weights, true_scores
-from dreba.distribution import Plan
 from dreba.domain import Domain, domain_of
 from dreba.errors import SampleError
-from dreba.poses import Poses
-from reba.factors import Factors
-from reba.posture import ANGLES, SIDES
+from dreba.sampling.classes import WEIGHTS, Weights, true_scores
+from dreba.sampling.distribution import Plan
+from dreba.sampling.poses import Poses
+from reba._version import __version__
+from reba.posture.columns import ANGLES, SIDES
+from reba.posture.factors import Factors
 
 Rng = np.random.Generator | int | tuple[int, ...] | None
-
 FACTOR_NAMES: Final = ("load", "coupling", "activity")
 """Factors that can be drawn."""
 ADJUSTMENTS: Final = (
@@ -102,7 +101,7 @@ def sample(
     provenance = {
         "domain": space.to_dict(), "n": int(n), "classes": list(wanted), "weights": weights, "stratified": stratified,
         "factors": list(drawn), **_shared(factors), "adjustments": adjustments, "arms": arms, **seed,
-        "version": reba.__version__,
+        "version": __version__,
     }  # fmt: skip
     return Poses(angles, true_scores(space, angles, used), used, provenance)
 

@@ -15,14 +15,13 @@ import coal
 import numpy as np
 from numpy.typing import NDArray
 
-from lgp.world.bodies import Body, bodies_of
-from lgp.world.model import Kinematics, World
-from lgp.world.rotations import cross
-from lgp.world.switches import Modes
+from lgp.collision.shapes import Body, bodies_of
+from lgp.kinematics.features import cross
+from lgp.kinematics.modes import Modes
+from lgp.kinematics.world import Kinematics, World
+from reba.arrays import Array
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
-
 TOUCH = 0.02
 """[m] A hand that works on a table goes this far into its top: fingers and the heel of a palm are softer than capsules.
 """

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-from numpy.typing import NDArray
 
+from lgp.collision.distances import Collisions
 from lgp.errors import WorldError
-from lgp.world.collision import Collisions
-from lgp.world.posture import PELVIS
-from lgp.world.stance import STRAIGHTEST, legs
-
-if TYPE_CHECKING:
-    from lgp.world.model import World
-
-Array = NDArray[np.float64]
+from lgp.kinematics.leg_ik import STRAIGHTEST, legs
+from lgp.kinematics.posture import PELVIS
+from lgp.kinematics.world import World
+from reba.arrays import Array
 
 TRIES = 2000
 """Postures drawn before a scene counts as leaving no room for any."""

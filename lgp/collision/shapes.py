@@ -7,24 +7,19 @@ from typing import Any
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.world import human
-from lgp.world.model import World
-from lgp.world.scene import Robot
-from lgp.world.scene_file import known_robots
-
-Array = NDArray[np.float64]
+from lgp.kinematics import human
+from lgp.kinematics.world import World
+from lgp.scene.model import Robot
+from lgp.scene.scene_file import known_robots
+from reba.arrays import Array
 
 SHORTEST = 0.03
 """[m] Shorter links get no capsule of their own; those of their neighbours cover them."""
-
 FINGERS = 0.10
 """[m] The last capsule of a robot's arm ends this far before the grasping point."""
-
 SHOULDER = 2
 """Joints of an arm whose links stay beside the body of their robot."""
-
 RADIUS = 0.06
 """[m] Of the links of a robot that is not in the table of robots."""
 

@@ -6,3 +6,5 @@ source (simulated or replayed tracker) -> `View` -> predicates of the current ac
 The human is watched, never commanded. An object found elsewhere than planned moves one robot motion there (`Planner`);
 if that is infeasible the rest is planned anew.
 """
+
+from __future__ import annotations

@@ -8,8 +8,12 @@ from typing import Any
 import click
 
 from lgp.errors import LgpError
-from lgp.plan import COST
-from reba.shell import Stop, console, json_option, print_json
+from lgp.execution.log import Recorder, RunLog
+from lgp.execution.retarget import Planner
+from lgp.execution.trajectory import slowed, violations
+from lgp.plan_record import Plan
+from lgp.planner import COST
+from reba.command_line import Stop, console, json_option, print_json
 
 
 @click.command("run", epilog="Example: lgp plan screwdriver -o plan/ && lgp run plan/ --fault moved@1")
@@ -40,7 +44,7 @@ def run_command(folder: str, export: str | None, as_json: bool, **given: Any) ->
     if export is not None:
         _export(folder, export, given["strict"], as_json)
         return
-    from lgp.execution.live import Address, run_live
+    from lgp.execution.server import Address, run_live
 
     def told(event: Any) -> None:
         why = f" ({event.details['why']})" if event.details.get("why") and event.state != "failed" else ""
@@ -85,8 +89,7 @@ def _run(given: dict[str, Any]) -> Any:
 
 
 def _export(folder: str, file: str, strict: bool, as_json: bool) -> None:
-    from lgp.execution.planner import load_plan
-    from lgp.execution.trajectories import export
+    from lgp.execution.retarget import load_plan
 
     found = export(load_plan(folder), Path(file), slow_down=not strict)
     for text in found["limits"]:
@@ -116,3 +119,51 @@ def _show(summary: dict[str, Any]) -> None:
             f"plan{other}"
         )
     out.print(f"log: {summary['output']}")
+
+
+PAUSE = 1.0
+"""[s] Between the time stamps of two actions; how long a real pause takes, predicates decide."""
+
+
+def export(plan: Plan, file: Path, *, slow_down: bool = False) -> dict[str, Any]:
+    """Write each action's motion of each robot as one trajectory that begins and ends at rest.
+
+    Args:
+        plan: what is exported.
+        file: where.
+        slow_down: stretch motions that are too fast for a joint instead of refusing them.
+
+    Returns:
+        actions: label, seconds, factor by which each was slowed; limits: violations found, in words.
+
+    Raises:
+        LgpError: there is no robot, a motion breaks a limit, or the file cannot be written.
+
+    Example:
+        >>> export(lgp.Plan.load("plan"), Path("robot.mcap"))           # doctest: +SKIP
+    """
+    planner = Planner(plan, None)
+    world = planner.motion.world
+    if not world.scene.robots:
+        raise LgpError(f"{plan.scene.name}: there is no robot whose motion could be exported")
+    rows: list[dict[str, Any]] = []
+    segments, limits = [], []
+    for number, action in enumerate(planner.actions):
+        segment, label, factor = planner.planned(number).segment, action.at(number + 1), 1.0
+        for name in world.scene.robots:
+            broken = violations(world, segment, world.columns(name))
+            limits += [f"{label}: {one}" for one in broken]
+            if any(one.kind == "position" for one in broken) or (broken and not slow_down):
+                hint = "plan again" if broken[0].kind == "position" else "leave out --strict to slow it down"
+                raise LgpError(f"{limits[-len(broken)]}; {hint}")
+            segment, more = slowed(world, segment, world.columns(name))
+            factor *= more
+        segments.append(segment)
+        rows.append({"label": label, "seconds": segment.duration, "factor": factor})
+    about = {"scene": plan.scene.name, "what": "planned motion of the robots"}
+    with RunLog(file, 0.0, about, "ros2") as log:
+        recorder, time = Recorder(log, world), 0.0
+        for segment in segments:
+            recorder.command(time, segment)
+            time += segment.duration + PAUSE
+    return {"output": str(file), "actions": rows, "limits": limits}

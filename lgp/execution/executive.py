@@ -14,22 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from lgp.execution.grippers import grips_after
-from lgp.execution.limits import robot_columns, slowed, violations
-from lgp.execution.observation import Sighting, View
-from lgp.execution.planner import Phase, Planner
-from lgp.execution.predicates import all_hold, check, end_of, first_failing, start_of
-from lgp.execution.recognise import Verdict, grasped
-from lgp.execution.rest import shortened
-from lgp.execution.robots import Robots
-from lgp.execution.segment import BRAKE, Brake
-from lgp.execution.state import OutOfPlace, carrier
+from lgp.execution.predicates import Verdict, all_hold, check, end_of, first_failing, grasped, grips_after, start_of
+from lgp.execution.replan import shortened
+from lgp.execution.retarget import Phase, Planner
+from lgp.execution.simulation import Robots
+from lgp.execution.tracked_scene import OutOfPlace, carrier
+from lgp.execution.tracking import Sighting, View
+from lgp.execution.trajectory import BRAKE, Brake, robot_columns, slowed, violations
 from lgp.motion import Motion
 from lgp.page.sentences import sentences
 
 Report = Callable[[str, str, str, dict[str, Any]], None]
 """Takes state, kind, text and details of what happened."""
-
 SURE = 3
 """Looks in a row that must say that an object was dropped."""
 

@@ -10,11 +10,12 @@ from typing import Final
 
 import numpy as np
 
-from lgp.errors import LgpError, did_you_mean
-from lgp.execution.simulation import SimulatedWorld
-from lgp.execution.tracker import SimulatedTracker
+from lgp.errors import LgpError
+from lgp.execution.simulation import SimulatedTracker, SimulatedWorld
+from lgp.execution.tracked_scene import on_table
 from lgp.execution.worker import Worker
-from lgp.logic import Action
+from lgp.logic.task import Action
+from reba.errors import did_you_mean
 
 KINDS: Final[dict[str, tuple[float, str]]] = {
     "moved": (0.10, "the object is pushed aside on its table, by so many metres"),
@@ -29,7 +30,6 @@ WHEN = 0.5
 """Share of the motion of an action after which its fault happens; `lost` and `stuck` begin with it."""
 EDGE = 0.03
 """[m] What is pushed aside stays so far from the edge of its table."""
-
 _TEXT = re.compile(r"(?P<kind>[a-z]+)@(?P<action>\d+)(?::(?P<amount>[\d.]+))?")
 
 
@@ -142,7 +142,6 @@ class Faults:
 
     def _spot(self, name: str, table: str, amount: float) -> tuple[float, float]:
         """Return a place on a table about so far from where an object is, in a random direction with room for it."""
-        from lgp.execution.state import on_table
 
         top = self.simulation.world.scene.tables[table]
         x, y, _, _ = on_table(top, self.simulation.pose(name))

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from lgp.errors import LgpError
 from lgp.execution.events import Event
 from lgp.execution.log import RunLog
+from lgp.execution.simulation import Attachment
+from reba.arrays import Array
+from reba.readers.mcap.container import Container
 
 LIMIT = 1 << 28
 """[bytes] Largest chunk that is unpacked."""
@@ -62,7 +69,6 @@ def messages(file: Path) -> Iterator[Logged]:
     Raises:
         ReadError: the file is no MCAP log.
     """
-    from reba.readers.mcap.container import Container
 
     container = Container(file, check_crc=True, limit_bytes=LIMIT)
     for segment in container.segments:
@@ -98,3 +104,64 @@ def read_past(file: Path) -> Past | None:
     if state is None:
         return None
     return Past(state["epoch"], tuple(events), state, last / 1e9 - state["epoch"], file)
+
+
+ASIDE = ".interrupted"
+"""Added to the name of a log while its messages are copied."""
+
+
+def checkpoint(
+    epoch: float, time: float, q: Array, closed: Iterable[str], things: Mapping[str, Attachment]
+) -> dict[str, Any]:
+    """Return what a restart needs of the world as plain data.
+
+    Args:
+        epoch: wall-clock time at which the run began [s].
+        time: since then [s].
+        q: (nq,) configuration of everybody.
+        closed: hands whose grippers are closed.
+        things: where objects truly are, for a simulated world.
+    """
+    return {
+        "epoch": epoch,
+        "time": time,
+        "q": q.tolist(),
+        "closed": sorted(closed),
+        "things": {
+            name: {"hand": at.hand, "rotation": at.rotation.tolist(), "position": at.position.tolist()}
+            for name, at in things.items()
+        },
+    }
+
+
+def attachments(state: Mapping[str, Any]) -> dict[str, Attachment]:
+    """Return where objects are by a checkpoint."""
+    return {
+        name: Attachment(at["hand"], np.array(at["rotation"]), np.array(at["position"]))
+        for name, at in state["things"].items()
+    }
+
+
+def continue_log(file: Path) -> Past:
+    """Set the log of an interrupted run aside and return what it says.
+
+    Raises:
+        LgpError: there is no log, or its run is over.
+        ReadError: it is no MCAP log.
+    """
+    aside = file.with_name(file.name + ASIDE)
+    pasts = [past for past in map(_past, (file, aside)) if past is not None]
+    if not pasts:
+        raise LgpError(f"{file}: there is no log to go on from; run without --resume")
+    past = max(pasts, key=lambda one: one.last)
+    if past.over:
+        raise LgpError(f"{file}: the run is over; run without --resume to begin again")
+    os.replace(past.file, aside)
+    return replace(past, file=aside)
+
+
+def _past(file: Path) -> Past | None:
+    """Return what a log says, None if there is none or it breaks off before it says where the run stood."""
+    if not file.is_file() or not file.stat().st_size:
+        return None
+    return read_past(file)

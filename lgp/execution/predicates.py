@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final, NamedTuple
 
-from lgp.execution.observation import View
-from lgp.execution.recognise import Verdict, recognise
-from lgp.logic import Action, Task
-from lgp.logic.atom import Atom
+import numpy as np
+
+from lgp.execution.tracking import View
+from lgp.logic.task import Action, Atom, Task
 
 
 @dataclass(frozen=True)
@@ -71,3 +73,165 @@ def all_hold(verdicts: dict[str, Verdict]) -> bool:
 def first_failing(verdicts: dict[str, Verdict]) -> str:
     """Return why the first that does not hold does not, "" if all hold."""
     return next((verdict.why for verdict in verdicts.values() if not verdict.holds), "")
+
+
+TOGETHER = 0.04
+"""[m] Parts that are to be screwed together stand this near to where their joint has them."""
+
+
+class Verdict(NamedTuple):
+    """Whether an atom holds (None: it cannot be told) and why not."""
+
+    holds: bool | None
+    why: str = ""
+
+
+def grasped(view: View, hand: str, thing: str) -> Verdict:
+    """Return whether a hand has an object: it is at the grasping point and moves with the hand."""
+    if _unsure(view, thing):
+        return Verdict(None, _unsure(view, thing))
+    if view.gap(hand, thing) > view.tolerances.reach:
+        return Verdict(False, f"{thing} is {view.gap(hand, thing):.2f} m away from {hand}")
+    if not _human(view, hand):
+        if hand not in view.now.closed:
+            return Verdict(False, f"{hand} is open")
+    elif _in_gripper(view, thing):
+        return Verdict(False, f"{thing} is still in a gripper")
+    if not view.moves_with(thing, hand):
+        return Verdict(False, f"{thing} does not move with {hand}")
+    return Verdict(True)
+
+
+def free(view: View, hand: str) -> Verdict:
+    """Return whether a hand has nothing: a gripper is open, a human hand is at no object that is off the tables."""
+    if not _human(view, hand):
+        return Verdict(hand not in view.now.closed, f"{hand} is closed")
+    for thing in view.world.scene.things:
+        if view.seen(thing) is None or view.gap(hand, thing) > view.tolerances.reach:
+            continue
+        if not view.table_under(thing) and not _in_gripper(view, thing):
+            return Verdict(False, f"{hand} has {thing}")
+    return Verdict(True)
+
+
+def on_table(view: View, thing: str) -> Verdict:
+    """Return whether an object rests on any table."""
+    if _unsure(view, thing):
+        return Verdict(None, _unsure(view, thing))
+    if not view.table_under(thing):
+        return Verdict(False, f"{thing} lies on no table")
+    return Verdict(view.rests(thing), f"{thing} moves")
+
+
+def placed(view: View, thing: str, table: str) -> Verdict:
+    """Return whether an object rests on a certain table."""
+    found = on_table(view, thing)
+    if found.holds and view.table_under(thing) != table:
+        return Verdict(False, f"{thing} lies on {view.table_under(thing)}, not on {table}")
+    return found
+
+
+def holding(view: View, hand: str, thing: str) -> Verdict:
+    """Return whether a hand keeps an object where it stands."""
+    if _unsure(view, thing):
+        return Verdict(None, _unsure(view, thing))
+    if view.gap(hand, thing) > view.tolerances.reach:
+        return Verdict(False, f"{hand} is {view.gap(hand, thing):.2f} m away from {thing}")
+    if not _human(view, hand) and hand not in view.now.closed:
+        return Verdict(False, f"{hand} is open")
+    return Verdict(view.moves_with(thing, hand), f"{hand} is not at rest at {thing}")
+
+
+def held(view: View, thing: str) -> Verdict:
+    """Return whether any hand keeps an object where it stands."""
+    found = [holding(view, hand, thing) for hand in view.world.scene.hands]
+    return next((one for one in found if one.holds), Verdict(found[0].holds, f"no hand holds {thing}"))
+
+
+def screwed(view: View, first: str, second: str) -> Verdict:
+    """Return whether a human hand rests at the screw of two parts that stand as their joint has them."""
+    for joint in view.world.scene.joints:
+        if set(joint.parts) != {first, second}:
+            continue
+        base, other = view.seen(joint.parts[0]), view.seen(joint.parts[1])
+        if base is None or other is None:
+            return Verdict(None, f"{joint.parts[0] if base is None else joint.parts[1]} is not seen")
+        apart = np.linalg.norm(base.position + base.rotation @ np.array(joint.position) - other.position)
+        if apart > TOGETHER:
+            return Verdict(False, f"{joint.parts[1]} stands {apart:.2f} m away from where it is screwed on")
+        screw = base.position + base.rotation @ np.array(joint.screw)
+        reach = joint.tool + view.tolerances.reach
+        for hand in view.world.scene.hands:
+            near = np.linalg.norm(view.hand(hand).position - screw) <= reach
+            if _human(view, hand) and near and view.moves_with(joint.parts[0], hand):
+                return Verdict(True)
+        return Verdict(False, "no hand is at the screw")
+    return Verdict(None, f"nothing is known about how {first} and {second} are joined")
+
+
+RECOGNISERS: Final[dict[str, Callable[..., Verdict]]] = {
+    "grasped": grasped,
+    "free": free,
+    "on_table": on_table,
+    "placed": placed,
+    "holding": holding,
+    "held": held,
+    "screwed": screwed,
+}
+"""Predicate of a domain -> what it means; others are taken as the plan has them."""
+
+
+def recognise(view: View, atom: Atom) -> Verdict | None:
+    """Return whether an atom holds in the tracked world, None if its predicate has no geometry."""
+    known = RECOGNISERS.get(atom.predicate)
+    return None if known is None else known(view, *atom.arguments)
+
+
+def _unsure(view: View, thing: str) -> str:
+    """Return why nothing can be said about an object, "" if something can."""
+    if view.seen(thing) is None:
+        return f"{thing} is not seen"
+    return "" if view.watched(thing) else f"{thing} was seen for a moment only"
+
+
+def _human(view: View, hand: str) -> bool:
+    return view.world.scene.hands[hand].agent == "human"
+
+
+def _in_gripper(view: View, thing: str) -> bool:
+    """Return whether a closed gripper is at an object."""
+    return any(view.gap(hand, thing) <= view.tolerances.reach for hand in view.now.closed)
+
+
+CLOSING = ("grasped", "holding")
+"""Effects (hand, object) for which the hand closes."""
+
+
+def grips_after(task: Task, action: Action, view: View) -> list[tuple[str, bool]]:
+    """Return the robot hands that close (True) or open (False) at the end of an action's motion.
+
+    A gripper gives an object to a human only once their hand is at it.
+
+    Args:
+        task: of the plan.
+        action: whose motion is over.
+        view: the tracked world.
+    """
+    hands = view.world.scene.hands
+    robots = {name for name, hand in hands.items() if hand.agent != "human"}
+    taking = [name for name in action.arguments if name in hands and name not in robots]
+    things = [name for name in action.arguments if name in view.world.scene.things]
+    found: list[tuple[str, bool]] = []
+    for atom in task.holding(action.adds):
+        hand = atom.arguments[0] if atom.arguments else ""
+        if hand not in robots:
+            continue
+        if atom.predicate in CLOSING:
+            found.append((hand, True))
+        elif atom.predicate == "free" and all(
+            view.gap(taker, thing) <= view.tolerances.reach and view.moves_with(thing, taker)
+            for taker in taking
+            for thing in things
+        ):
+            found.append((hand, False))
+    return found

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.errors import LogicError
-from lgp.execution.pinned import PinnedBounds
-from lgp.logic import Action, Task
+from lgp.execution.fixed_path import PinnedBounds
+from lgp.logic.task import Action, Task
 from lgp.motion import Motion
-from lgp.plan import parse_sequence, plan_within
 from lgp.plan_record import Plan
-from lgp.search import Budget
+from lgp.planner import parse_sequence, plan_within
+from lgp.search.tree_search import Budget
 
 FURTHER = (1, 3)
 """A new plan may have so many actions more than were left; the second only if there is none with the first."""

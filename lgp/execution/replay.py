@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lgp.errors import LgpError, did_you_mean
-from lgp.execution.observation import Observation, Sighting
-from lgp.execution.robots import SimulatedRobots
-from lgp.world.model import World
-from reba.readers.framepose import FramePoses
+from lgp.errors import LgpError
+from lgp.execution.simulation import SimulatedRobots
+from lgp.execution.tracking import Observation, Sighting
+from lgp.kinematics.world import World
+from reba.arrays import Array
+from reba.errors import did_you_mean
+from reba.readers.mapping.reference_frames import FramePoses
 from reba.readers.mcap import open_mcap
-from reba.readers.stream import ReadLog, Recording, Stream
-
-Array = NDArray[np.float64]
+from reba.readers.recording.stream import ReadLog, Recording, Stream
 
 
 class Replay:

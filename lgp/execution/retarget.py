@@ -11,35 +11,31 @@ import copy
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+import dreba
 from lgp.errors import LgpError
-from lgp.execution.idle import planned_course, still_hands
-from lgp.execution.limits import robot_columns, slowed
-from lgp.execution.observation import Sighting, View
-from lgp.execution.pinned import PinnedBounds
-from lgp.execution.rest import brought, plan_rest
-from lgp.execution.segment import Segment
-from lgp.execution.state import atoms_now, carrier, in_hand, on_table, scene_now
-from lgp.logic import Action
-from lgp.logic.atom import Atom
+from lgp.execution.fixed_path import PinnedBounds, planned_course, still_hands
+from lgp.execution.replan import brought, plan_rest
+from lgp.execution.tracked_scene import atoms_now, carrier, in_hand, on_table, scene_now
+from lgp.execution.tracking import Sighting, View
+from lgp.execution.trajectory import Segment, robot_columns, slowed
+from lgp.kinematics.attachments import resting
+from lgp.kinematics.features import logarithm
+from lgp.kinematics.modes import Modes
+from lgp.kinematics.world import World
+from lgp.logic.task import Action, Atom
 from lgp.motion import Motion
-from lgp.plan import COST, task_of
+from lgp.path.bounds import Solution
+from lgp.path.ergonomics import Ergonomics
+from lgp.path.ergonomics import Ergonomics as Cost
 from lgp.plan_record import Plan
-from lgp.world.holders import resting
-from lgp.world.rotations import logarithm
-from lgp.world.scene import Scene
-from lgp.world.switches import Modes
-
-if TYPE_CHECKING:
-    from lgp.path.bounds import Solution
-    from lgp.path.ergonomics import Ergonomics
-    from lgp.world.model import World
-
-Array = NDArray[np.float64]
+from lgp.planner import COST, task_of
+from lgp.scene.model import Scene
+from reba.arrays import Array
 
 TOUCH = 1e-3
 """[m] Bodies that reach deeper into each other were not kept apart."""
@@ -303,9 +299,6 @@ class Planner:
     def ergonomics(self) -> Ergonomics | None:
         """Return the ergonomic cost, prepared once."""
         if self._prepared is None and self._cost is not None and self.plan.scene.human is not None:
-            import dreba
-            from lgp.path.ergonomics import Ergonomics as Cost
-
             self._prepared = Cost(self.motion.world, dreba.load(self._cost))
         return self._prepared
 

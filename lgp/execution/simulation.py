@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.execution.observation import Observation, Sighting, View, box_gap, half_height, on_top
-from lgp.execution.robots import SimulatedRobots
-from lgp.execution.state import in_hand, on_table
-from lgp.world.holders import resting
-from lgp.world.model import World
-
-Array = NDArray[np.float64]
+from lgp.execution.tracked_scene import in_hand, on_table
+from lgp.execution.tracking import Observation, Sighting, View, box_gap, half_height, on_top
+from lgp.execution.trajectory import Move, robot_columns
+from lgp.kinematics.attachments import resting
+from lgp.kinematics.features import exponential
+from lgp.kinematics.modes import Modes
+from lgp.kinematics.world import World
+from reba.arrays import Array
 
 GRASP = 0.025
 """[m] A hand gets hold of an object whose box is this near to its grasping point."""
@@ -133,7 +134,6 @@ class SimulatedWorld:
         return Sighting(at.rotation[0, 0], at.position[0, 0], self.time)
 
     def _first(self) -> dict[str, Attachment]:
-        from lgp.world.switches import Modes
 
         modes = Modes(self.world, ())
         kinematics = self.world.at(self.q[None], modes.frames)
@@ -144,3 +144,90 @@ class SimulatedWorld:
             held = in_hand(self._hand(thing.hand), at) if thing.hand else (at.rotation, at.position)
             found[name] = Attachment(thing.hand, *held)
         return found
+
+
+class Robots(Protocol):
+    """All robots of a scene; the human is not among them."""
+
+    def follow(self, move: Move) -> None:
+        """Move from now on; of the configurations of everybody, robots take their own joints."""
+        ...
+
+    def grip(self, hand: str, closed: bool) -> None:
+        """Close or open a gripper."""
+        ...
+
+
+class SimulatedRobots:
+    """Robots that follow exactly.
+
+    Args:
+        world: whose robots.
+        q: (nq,) first configuration of everybody.
+        closed: hands whose grippers are closed at first.
+
+    Attributes:
+        columns: of q that belong to robots.
+        q: (nq,) present configuration; only `columns` mean anything.
+        speed: (nq,) present velocity.
+        closed: hands whose grippers are closed.
+        stuck: hands whose grippers do not obey, for trying faults.
+    """
+
+    def __init__(self, world: World, q: Array, closed: frozenset[str] = frozenset()) -> None:
+        self.columns = robot_columns(world)
+        self.q, self.speed = np.array(q, dtype=float), np.zeros(len(q))
+        self.closed = set(closed)
+        self.stuck: set[str] = set()
+        self._time = self._began = 0.0
+        self._move: Move | None = None
+
+    def follow(self, move: Move) -> None:
+        """Move from now on."""
+        self._move, self._began = move, self._time
+
+    def grip(self, hand: str, closed: bool) -> None:
+        """Close or open a gripper, unless it is stuck."""
+        if hand not in self.stuck:
+            (self.closed.add if closed else self.closed.discard)(hand)
+
+    def step(self, time: float) -> None:
+        """Go on to a time [s]."""
+        self._time = time
+        if self._move is not None:
+            since = time - self._began
+            self.q[self.columns] = self._move.at(since)[self.columns]
+            self.speed[self.columns] = self._move.velocity(since)[self.columns]
+
+
+class SimulatedTracker:
+    """Observations of a simulated world.
+
+    Args:
+        simulation: what is tracked.
+        rng: of the noise.
+        noise: standard deviation of each coordinate [m].
+        turn: standard deviation about each axis [rad].
+
+    Attributes:
+        lost: object -> time until which it is not seen [s].
+    """
+
+    def __init__(
+        self, simulation: SimulatedWorld, rng: np.random.Generator, noise: float = 0.001, turn: float = 0.003
+    ) -> None:
+        self.simulation, self.rng = simulation, rng
+        self.noise, self.turn = noise, turn
+        self.lost: dict[str, float] = {}
+        self._seen: dict[str, Sighting] = {}
+
+    def observe(self) -> Observation:
+        """Return the present moment; an object that is lost keeps its last sighting."""
+        truth = self.simulation
+        for name in truth.things:
+            pose = truth.pose(name)
+            shift = self.rng.normal(0.0, self.noise, 3)
+            turn = exponential(self.rng.normal(0.0, self.turn, 3))
+            if truth.time >= self.lost.get(name, 0.0):
+                self._seen[name] = Sighting(pose.rotation @ turn, pose.position + shift, truth.time)
+        return Observation(truth.time, truth.q.copy(), dict(self._seen), frozenset(truth.robots.closed))

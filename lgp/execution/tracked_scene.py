@@ -8,19 +8,16 @@ from collections.abc import Set as AbstractSet
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.errors import LgpError
-from lgp.execution.observation import Sighting, View
-from lgp.execution.recognise import TOGETHER, grasped, recognise
-from lgp.logic import Task
-from lgp.logic.atom import Atom
-from lgp.world.holders import UPRIGHT, resting
-from lgp.world.rotations import logarithm
-from lgp.world.scene import Scene, Table
-from lgp.world.scene_file import read_scene
-
-Array = NDArray[np.float64]
+from lgp.execution.predicates import TOGETHER, grasped, recognise
+from lgp.execution.tracking import Sighting, View
+from lgp.kinematics.attachments import UPRIGHT, resting
+from lgp.kinematics.features import logarithm
+from lgp.logic.task import Atom, Task
+from lgp.scene.model import Scene, Table
+from lgp.scene.scene_file import read_scene
+from reba.arrays import Array
 
 LASTING = ("placed", "screwed")
 """Predicates that stay true once they were."""

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.world.model import World
-from lgp.world.scene import Table, Thing
-
-Array = NDArray[np.float64]
+from lgp.kinematics.world import World
+from lgp.scene.model import Table, Thing
+from reba.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.errors import LgpError
-from lgp.execution.planner import Phase, Planner, Spot
-from lgp.execution.segment import Segment
+from lgp.execution.retarget import Phase, Planner, Spot
 from lgp.execution.simulation import SimulatedWorld
-from lgp.logic import Action
-
-Array = NDArray[np.float64]
+from lgp.execution.trajectory import Segment
+from lgp.logic.task import Action
 
 CORRECTIONS = 3
 """A hand that missed an object reaches for it this often again."""

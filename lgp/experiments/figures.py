@@ -6,25 +6,28 @@ Drawn 420 units wide, so that the text is readable on a telephone and the files 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.drawing import INK, LINE, SOFT, line, points, svg, text, ticks
-from lgp.experiments.runs import CONDITIONS, STARTS
-from lgp.experiments.statistics import stars
+from lgp.experiments.runs import CONDITIONS, STARTS, pivot
+from lgp.scene.model import Scene
+from lgp.statistics.paired_tests import stars
+from lgp.svg import INK, LINE, SOFT, line, points, svg, text, ticks
+from reba.arrays import Array
+from reba.method.scoring import score_array
+from reba.method.tables import PART_MAXIMA
+from reba.posture.columns import COLUMNS, SIDES
+from reba.posture.skeleton import SPOTS, Mark, stick_figure
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Array = NDArray[np.float64]
 
 COLOURS: Final = {"non-ergonomic": "#b4540a", "ergonomic": "#1f6fa8", "re-optimized": "#7a68b5"}
 """One per condition; each also has its name beside it."""
 DASHES: Final = {"rest": "none", "random": "6 4"}
 """As in the paper's Fig. 7."""
-
 HEIGHT = 320.0
 _LEFT, _RIGHT, _DOWN = 44.0, 412.0, 272.0
 _BARS_UP, _PROFILE_UP = 96.0, 62.0
@@ -143,3 +146,143 @@ def _grid(at: Sequence[float], y: Any, title: str) -> list[str]:
 
 def _number(value: float | None) -> float:
     return 0.0 if value is None else value
+
+
+COMPARED: Final = ("non-ergonomic", "re-optimized")
+"""Conditions of the two figures: the same sequence of actions, planned without and with the ergonomic cost."""
+
+
+@dataclass(frozen=True)
+class Posture:
+    """A drawn posture: its condition, table, true REBA score, and SVG."""
+
+    condition: str
+    table: str
+    reba: int
+    svg: str
+
+
+@dataclass(frozen=True)
+class Example:
+    """The run that stands for all: of median difference in score between the two conditions.
+
+    Attributes:
+        run, start: which one.
+        of: runs it was chosen from.
+        difference: its score without minus its score with the ergonomic cost.
+        postures: one per condition of `COMPARED`.
+    """
+
+    run: int
+    start: str
+    of: int
+    difference: float
+    postures: tuple[Posture, ...]
+
+
+def example(runs: pd.DataFrame, paths: pd.DataFrame) -> Example | None:
+    """Return the run of median difference, of random starts if there are any; None where none has both conditions."""
+    for start in reversed(STARTS):
+        scores = pivot(runs, "reba_grasp", start)[list(COMPARED)].dropna()
+        if not len(scores):
+            continue
+        differences = (scores[COMPARED[0]] - scores[COMPARED[1]]).sort_values(kind="stable")
+        run = int(differences.index[len(differences) // 2])
+        here = runs[(runs["run"] == run) & (runs["initial"] == start)].set_index("condition")["table"]
+        mine = paths[(paths["run"] == run) & (paths["initial"] == start)]
+        if not set(COMPARED) <= set(mine["condition"]):
+            continue
+        postures = tuple(_posture(mine[mine["condition"] == name], name, str(here[name])) for name in COMPARED)
+        return Example(run, start, len(scores), float(differences.loc[run]), postures)
+    return None
+
+
+def _posture(path: pd.DataFrame, condition: str, table: str) -> Posture:
+
+    last = path.sort_values("slice").iloc[-1]
+    angles = last[list(COLUMNS)].to_numpy(dtype=float)
+    scores = score_array(angles[None], {"load": float(last["load"])})
+    marks = {}
+    for name in SPOTS:
+        part = next((name.removesuffix(f"_{side}") for side in SIDES if name.endswith(side)), name)
+        value = int(scores[name][0])
+        # 255 stands for a score that the angles leave open.
+        if 1 < value <= PART_MAXIMA[part]:
+            marks[name] = Mark(str(value), (value - 1) / (PART_MAXIMA[part] - 1))
+    reba = int(np.rint(last["reba"]))
+    return Posture(condition, table, reba, stick_figure(angles, marks, f"{condition}: grasp with REBA {reba}"))
+
+
+SCALE: Final = 200.0
+"""Units of the drawing per metre."""
+MARGIN: Final = 0.22
+"""Floor drawn around everything [m]."""
+
+
+def reach_map(scene: Scene, spots: pd.DataFrame) -> str:
+    """Return the drawing; the human's forward direction (x) points up, so its left is on the left.
+
+    Args:
+        scene: the scene.
+        spots: rows of `hand table height x y reached`, as `lgp.kinematics.reachability.Reachability.data`.
+    """
+    corners = {name: _corners(table.position, table.size, table.yaw) for name, table in scene.tables.items()}
+    feet = np.array([agent.position[:2] for agent in scene.agents])
+    everything = np.concatenate([*corners.values(), feet])
+    low, high = everything.min(axis=0) - MARGIN, everything.max(axis=0) + MARGIN
+
+    def at(points: Array) -> Array:
+        """Floor [m] (n, 2) -> drawing (n, 2)."""
+        return np.stack([high[1] - points[:, 1], high[0] - points[:, 0]], axis=1) * SCALE
+
+    width, height = (high - low)[::-1] * SCALE
+    parts = []
+    for name, edge in corners.items():
+        outline = " ".join(f"{x:.0f},{y:.0f}" for x, y in at(edge))
+        parts.append(f'<polygon points="{outline}" fill="#ffffff" stroke="{SOFT}"/>')
+        x, y = at(edge).mean(axis=0)
+        top = at(edge)[:, 1].min()
+        parts.append(_text(x, top - 6, name.removeprefix("table."), INK))
+    for (x, y), share in zip(at(_spots(spots)[["x", "y"]].to_numpy()), _spots(spots)["share"], strict=True):
+        parts.append(
+            f'<circle cx="{x:.0f}" cy="{y:.0f}" r="5" fill="#1f6fa8" fill-opacity="{0.08 + 0.82 * share:.2f}" '
+            f'stroke="{SOFT}" stroke-width="0.6"><title>{100 * share:.0f} % of the heights</title></circle>'
+        )
+    for agent, (x, y) in zip(scene.agents, at(feet), strict=True):
+        ahead = np.radians(agent.yaw)
+        nose = at(np.array([agent.position[:2]]) + 0.12 * np.array([[np.cos(ahead), np.sin(ahead)]]))[0]
+        parts.append(f'<circle cx="{x:.0f}" cy="{y:.0f}" r="11" fill="{INK}"/>')
+        parts.append(
+            f'<line x1="{x:.0f}" y1="{y:.0f}" x2="{nose[0]:.0f}" y2="{nose[1]:.0f}" stroke="{INK}" stroke-width="5"/>'
+        )
+        # The name stands behind the back.
+        parts.append(_text(x, y + 28 if nose[1] <= y else y - 18, agent.name, INK))
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
+        f'aria-label="The scene from above with the share of heights that are reached" font-family="sans-serif">'
+        f'<rect width="{width:.0f}" height="{height:.0f}" fill="#f7f8fa" stroke="{LINE}"/>{"".join(parts)}</svg>'
+    )
+
+
+def _spots(spots: pd.DataFrame) -> pd.DataFrame:
+    """Return `x y share`: how many of the heights the human and some hand of a robot reach; one side where it is fixed.
+
+    Tables of a given height are where objects lie at first, which only robots need to reach.
+    """
+    heights = spots.groupby("table")["height"].transform("nunique")
+    human = spots["hand"].str.startswith("human.")
+    wanted = spots[(heights > 1) | ~human].assign(human=human)
+    somebody = wanted.groupby(["table", "x", "y", "height", "human"])["reached"].max()
+    both = somebody.groupby(level=["table", "x", "y", "height"]).min()
+    return both.groupby(level=["table", "x", "y"]).mean().rename("share").reset_index()
+
+
+def _corners(position: tuple[float, float], size: tuple[float, float], yaw: float) -> Array:
+    turn = np.radians(yaw)
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(size) / 2.0
+    rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    return np.asarray(corners @ rotation + position)
+
+
+def _text(x: float, y: float, words: str, colour: str) -> str:
+    return f'<text x="{x:.0f}" y="{y:.0f}" text-anchor="middle" font-size="15" fill="{colour}">{words}</text>'

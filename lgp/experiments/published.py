@@ -12,10 +12,8 @@ SOURCE: Final = (
     "Busch, Toussaint & Lopes, Planning Ergonomic Sequences of Actions in Human-Robot Interaction, ICRA 2018, "
     "section III"
 )
-
 RUNS: Final = 100
 """Runs behind every percentage."""
-
 CHOICE_PERCENT: Final[dict[str, dict[str, dict[str, int]]]] = {
     "rest": {
         "non-ergonomic": {"left": 89, "center": 7, "right": 4},
@@ -27,27 +25,21 @@ CHOICE_PERCENT: Final[dict[str, dict[str, dict[str, int]]]] = {
     },
 }
 """Start -> condition -> table -> share of runs that chose it [%]: Table II (rest), Table III (random)."""
-
 TABLE_NUMBER: Final = {"rest": "Table II", "random": "Table III"}
 """Where the choices of a start are printed."""
-
 CHOSEN_HEIGHT: Final[dict[str, dict[str, tuple[float, float]]]] = {
     "rest": {"non-ergonomic": (1.08, 0.22), "ergonomic": (0.95, 0.15)},
     "random": {"non-ergonomic": (1.02, 0.20)},
 }
 """Start -> condition -> mean and standard deviation of the chosen table's height [m]."""
-
 DRAWN_HEIGHT: Final = (1.10, 0.30)
 """Mean and standard deviation of the heights of all three tables [m]."""
-
 EXPECTED_ORDER: Final = ("ergonomic", "re-optimized", "non-ergonomic")
 """Conditions by their mean REBA score at the grasp, lowest first, with both starts (Figs. 5 and 6)."""
-
 TOOLBOX_SOURCE: Final = (
     "Busch, Toussaint & Lopes, Planning Ergonomic Sequences of Actions in Human-Robot Interaction, ICRA 2018, "
     "section IV, with its names baxterL, baxterR, handR and tableC written as they are called here"
 )
-
 TOOLBOX_SEQUENCES: Final[dict[str, tuple[str, ...]]] = {
     "non-ergonomic": (
         "grasp(1, baxter.left, toolbox/handle)",

@@ -7,21 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lgp.experiments import published
-from lgp.experiments.figures import bars, profile
-from lgp.experiments.findings import findings
-from lgp.experiments.postures import example
-from lgp.experiments.reach_map import reach_map
+from lgp.experiments.figures import bars, example, profile, reach_map
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs
-from lgp.experiments.statistics import stars
-from lgp.experiments.summary import summarise, write_summary
-from reba.report.templates import template
-from reba.writers import write_atomic, write_text
+from lgp.experiments.summary import findings, summarise, write_summary
+from lgp.kinematics.reachability import Reachability
+from lgp.scene.model import Scene
+from lgp.statistics.formatting import number, p_value
+from lgp.statistics.paired_tests import stars
+from reba.files import write_atomic, write_text
+from reba.report.page import template
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from lgp.world.reachability import Reachability
-    from lgp.world.scene import Scene
 
 FIGURE_NUMBER = {"rest": 5, "random": 6}
 """The paper's figure with the bars of a start."""
@@ -109,21 +106,6 @@ def render(
         sensitivity=summary["sensitivity"] or [],
         command=command,
     )
-
-
-def number(value: float | None, digits: int = 2) -> str:
-    """Return a number in words, a dash where there is none."""
-    return "–" if value is None else f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
-
-
-def p_value(value: float | None) -> str:
-    """Return an exact p value: two digits that count.
-
-    Example:
-        >>> p_value(0.0123), p_value(1.24e-9), p_value(None)
-        ('0.012', '1.2e-09', '–')
-    """
-    return "–" if value is None else f"{value:.2g}" if value < 0.0995 else f"{value:.2f}"
 
 
 def _stars(value: float | None) -> str:

@@ -6,97 +6,40 @@ actions of the plan without ("re-optimized"). Heights depend on seed and run alo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+import dreba
+from dreba.surrogates.library import models
+from lgp.collision.random_start import random_start
 from lgp.errors import LgpError
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES
 from lgp.experiments.variations import AS_IT_IS, Variation
-from lgp.plan import COST, parse_sequence, plan_within, task_of
+from lgp.kinematics.world import World
+from lgp.logic.task import Task
+from lgp.path.bounds import PathBounds
+from lgp.path.costs import Weights
+from lgp.path.ergonomics import Ergonomics
 from lgp.plan_record import Plan
-from lgp.search import Budget
-from lgp.world.scene import Scene
-from lgp.world.scene_file import load_scene
-from reba.fan_out import Lost, fan_out
-from reba.posture import COLUMNS
+from lgp.planner import COST, parse_sequence, plan_within, task_of
+from lgp.scene.model import Scene
+from lgp.search.tree_search import Budget
+from reba.batch.parallel import fan_out
+from reba.batch.worker_pool import Lost
+from reba.posture.columns import COLUMNS
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from lgp.logic import Task
-    from lgp.path.ergonomics import Ergonomics
-    from lgp.world.model import World
-
 
 SCENE: Final = "screwdriver"
 GOAL_THING: Final = "screwdriver"
 """What the human is to take."""
 DEPTH: Final = 4
 """Longest sequence; the shortest has three actions and the next five."""
-
-
-def experiment(
-    folder: str | Path,
-    runs: int = 100,
-    *,
-    seed: int = 0,
-    initial: str = "rest",
-    cost: str = COST,
-    jobs: int = 1,
-    scheduler: str | None = None,
-    collisions: bool = False,
-    sensitivity: int = 0,
-    progress: Callable[[int, int], None] | None = None,
-    tell: Callable[[str], None] | None = None,
-    command: str = "",
-) -> dict[str, Any]:
-    """Make the runs that a folder lacks, write its tables, figures and page, and return the summary.
-
-    Args:
-        folder: of the results; runs that are in it stay, so a stopped experiment goes on.
-        runs: how many there shall be.
-        seed, initial, cost, jobs, scheduler, collisions: as for `plan_runs`.
-        sensitivity: runs of each variation of a free choice, 0 for no variations.
-        progress: told how many runs there are and how many there shall be, after each.
-        tell: told which variation is made.
-        command: that made the results, for the page.
-
-    Raises:
-        LgpError: the folder holds runs of other settings, or something that is needed is missing.
-    """
-    from lgp.experiments.page import write_results
-    from lgp.experiments.run_store import RunStore
-    from lgp.experiments.sensitivity import sensitivity as vary
-    from lgp.experiments.statistics import require
-    from lgp.world.model import World
-    from lgp.world.reachability import reachability
-
-    require()
-    settings = {"experiment": SCENE, "scene": SCENE, "seed": seed, "cost": cost, "depth": DEPTH}
-    settings["collisions"] = collisions
-    store = RunStore(folder, settings)
-    missing = sorted(set(range(runs)) - store.done(initial))
-    planned = plan_runs(missing, seed, initial, cost, jobs, scheduler=scheduler, collisions=collisions)
-    for number, made in enumerate(planned, 1):
-        store.append(*made)
-        if progress is not None:
-            progress(runs - len(missing) + number, runs)
-    tables = store.finish()
-    varied = vary(folder, sensitivity, settings, jobs, tell, scheduler) if sensitivity else None
-    world = World(load_scene(SCENE))
-    return write_results(
-        folder,
-        *tables,
-        world.scene,
-        settings=settings,
-        command=command,
-        reach=reachability(world),
-        sensitivity=varied,
-    )
 
 
 def plan_run(
@@ -124,9 +67,6 @@ def plan_run(
         >>> runs[["condition", "table", "reba_grasp"]]                    # doctest: +SKIP
     """
     import pandas as pd
-
-    from lgp.path.problem import Weights
-    from lgp.world.starts import random_start
 
     changed = AS_IT_IS if variation is None else variation
     world, ergonomics = _prepared(cost, changed)
@@ -162,7 +102,7 @@ def plan_runs(
     Args:
         runs: their numbers.
         seed, initial, cost, variation, collisions: as for `plan_run`.
-        jobs, scheduler: where they are planned, see `reba.fan_out.fan_out`.
+        jobs, scheduler: where they are planned, see `reba.batch.parallel.fan_out`.
 
     Raises:
         LgpError: the process of a run died each time.
@@ -178,7 +118,6 @@ def plan_runs(
 
 def _lacks(cost: str) -> str:
     """Return what this process lacks to plan, "" if nothing."""
-    from dreba.files import models
 
     known = cost in models() or Path(cost).is_file()
     return "" if known else f"cannot read {cost}; keep the model where every worker finds it under the same path"
@@ -187,9 +126,6 @@ def _lacks(cost: str) -> str:
 @lru_cache(maxsize=1)
 def _prepared(cost: str, variation: Variation) -> tuple[World, Ergonomics]:
     """Return kinematics and cost; those of the last variation are kept in each process."""
-    import dreba
-    from lgp.path.ergonomics import Ergonomics
-    from lgp.world.model import World
 
     world = World(variation.scene(SCENE))
     return world, Ergonomics(world, dreba.load(Path(cost) if Path(cost).is_file() else cost))
@@ -203,7 +139,6 @@ def _conditions(
     The two conditions with ergonomics ask the same problems, each of which is solved once: the search starts with the
     re-optimized path as the cost to beat. Robots start from their motions without ergonomics.
     """
-    from lgp.path.bounds import PathBounds
 
     budget = Budget(depth=DEPTH)
     without, with_, again = CONDITIONS

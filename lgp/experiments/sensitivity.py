@@ -14,16 +14,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from lgp.experiments.run_store import RunStore
-from lgp.experiments.runs import CONDITIONS, TABLES
+from lgp.experiments.runs import CONDITIONS, TABLES, RunStore
 from lgp.experiments.screwdriver import GOAL_THING, SCENE, plan_runs
 from lgp.experiments.variations import AS_IT_IS, Variation, variations
-from lgp.world.scene_file import load_scene
+from lgp.kinematics.reachability import CLOSE, reach, reachability
+from lgp.kinematics.world import World
+from lgp.scene.scene_file import load_scene
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from lgp.world.model import World
 
 FOLDER: Final = "sensitivity"
 """Folder of the variations, below that of the experiment."""
@@ -46,7 +45,7 @@ def sensitivity(
         folder: of the experiment.
         runs: of every variation.
         settings: of the experiment, with its `seed`, `cost` and `collisions`; all runs start at rest.
-        jobs, scheduler: where they are made, see `reba.fan_out.fan_out`.
+        jobs, scheduler: where they are made, see `reba.batch.parallel.fan_out`.
         progress: told what is made next.
 
     Returns:
@@ -73,7 +72,6 @@ def sensitivity(
 
 def _rows(variation: Variation, runs: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a row per condition; the re-optimized one has the tables of the one without ergonomics."""
-    from lgp.world.model import World
 
     changed = variation.changes != AS_IT_IS.changes
     remark = "; ".join(remarks(World(variation.scene(SCENE)))) if changed else ""
@@ -95,7 +93,6 @@ def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
 
 def remarks(world: World) -> list[str]:
     """Return what takes the task its meaning, or part of it, in words; nothing where all is as it should be."""
-    from lgp.world.reachability import CLOSE, reach, reachability
 
     scene = world.scene
     item = scene.things[GOAL_THING]

@@ -10,12 +10,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+import dreba
 from lgp.errors import LgpError
 from lgp.experiments import published
+from lgp.experiments.summary import write_summary
 from lgp.experiments.toolbox_orders import (
     GRASP_FIRST,
     ORDERS,
@@ -26,16 +28,18 @@ from lgp.experiments.toolbox_orders import (
     sequences,
     skeleton_of,
 )
-from lgp.plan import COST, plan_within, task_of
+from lgp.experiments.toolbox_report import write_page
+from lgp.kinematics.world import World
+from lgp.logic.task import Task
+from lgp.path.bounds import PathBounds
+from lgp.path.costs import Weights
+from lgp.path.ergonomics import Ergonomics
 from lgp.plan_record import Plan
-from lgp.search import Budget
-from lgp.world.scene_file import load_scene
-
-if TYPE_CHECKING:
-    from lgp.logic import Task
-    from lgp.path.bounds import PathBounds
-    from lgp.path.problem import Weights
-    from lgp.world.scene import Scene
+from lgp.planner import COST, plan_within, task_of
+from lgp.scene.model import Scene
+from lgp.scene.scene_file import load_scene
+from lgp.search.tree_search import Budget
+from reba.files import write_atomic
 
 SCENE: Final = "toolbox"
 CONDITIONS: Final = ("non-ergonomic", "ergonomic")
@@ -91,11 +95,6 @@ def experiment(
     Example:
         >>> experiment("results")["conditions"]["ergonomic"]["actions"]         # doctest: +SKIP
     """
-    import dreba
-    from lgp.experiments.toolbox_page import write_page
-    from lgp.path.bounds import PathBounds
-    from lgp.path.ergonomics import Ergonomics
-    from lgp.world.model import World
 
     say = tell or (lambda words: None)
     chosen = load_scene(SCENE) if scene is None else scene
@@ -177,7 +176,6 @@ def _weights(
     tell: Callable[[str], None],
 ) -> list[dict[str, Any]]:
     """Plan the two orders with other weights of the ergonomic cost: one row each."""
-    from lgp.path.problem import Weights
 
     rows = [{"weight": 1.0, "order": order, **parts_of(plan)} for order, plan in orders.items()]
     for factor in factors:
@@ -233,9 +231,6 @@ def scores_of(found: Plan) -> dict[str, Any]:
 def _write(folder: Path, summary: dict[str, Any], found: dict[str, Condition], scene: Scene) -> None:
     """Write the summary and one row a condition; columns of the contract that say nothing here are empty."""
     import pandas as pd
-
-    from lgp.experiments.summary import write_summary
-    from reba.writers import write_atomic
 
     write_summary(folder / "summary.json", _plain(summary))
     height = scene.tables["table.center"].height

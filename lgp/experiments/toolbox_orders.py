@@ -7,13 +7,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from dreba.payload import OMEGA_LOAD
-from lgp.logic import Action, Task
-from lgp.path.acceleration import quadratic
+from dreba.surrogates.task_factors import OMEGA_LOAD
+from lgp.logic.task import Action, Task
 from lgp.path.bounds import PathBounds
-from lgp.plan import parse_sequence, plan_within
+from lgp.path.costs import quadratic
 from lgp.plan_record import Plan
-from lgp.search import Skeleton
+from lgp.planner import parse_sequence, plan_within
+from lgp.search.tree_search import Skeleton
 
 PLACE_FIRST: Final = "place, then grasp"
 GRASP_FIRST: Final = "grasp, then place"

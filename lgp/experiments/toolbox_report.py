@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
-from lgp.drawing import INK, LINE, SOFT, line, points, svg, text, ticks
 from lgp.experiments.figures import COLOURS
-from lgp.experiments.page import number
 from lgp.experiments.toolbox_orders import ORDERS
-from reba.report.templates import template
-from reba.writers import write_atomic, write_text
-
-if TYPE_CHECKING:
-    from lgp.plan_record import Plan
-    from lgp.world.scene import Scene
+from lgp.plan_record import Plan
+from lgp.scene.model import Scene
+from lgp.statistics.formatting import number
+from lgp.svg import INK, LINE, SOFT, line, points, svg, text, ticks
+from reba.files import write_atomic, write_text
+from reba.report.page import template
 
 NAMES: Final = {
     "trunk": "trunk",
@@ -32,7 +30,6 @@ NAMES: Final = {
     "wrist_left": "wrist, left",
 }
 """Part scores as the paper's Fig. 11 calls them."""
-
 HEIGHT = 300.0
 _LEFT, _RIGHT, _UP, _DOWN = 44.0, 412.0, 46.0, 252.0
 

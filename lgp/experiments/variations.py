@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from lgp.world.scene import Scene
-from lgp.world.scene_file import load_scene
+from lgp.scene.model import Scene
+from lgp.scene.scene_file import load_scene
 
 FACTORS: Final = (0.8, 1.2)
 WEIGHT: Final = "weight of the ergonomic cost"

@@ -6,34 +6,23 @@ joints of the pelvis against the place where the person stands come before them.
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.errors import SceneError
-from reba.errors import did_you_mean
-from reba.posture import SIDES
+from lgp.scene.body_measures import lengths, table
+from reba.arrays import Array
+from reba.posture.columns import SIDES
 
 if TYPE_CHECKING:
     import pinocchio as pin
 
-Array = NDArray[np.float64]
-
-TABLE = Path(__file__).parent / "data" / "human.toml"
-STATURE = (1.40, 2.10)
-"""[m] Statures that the body measures may be scaled to."""
-
 ISB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """Axes x forward, y up, z right (ISB) in those of the world: x forward, y left, z up."""
-
 HAND = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Axes of a hand frame in the hand's ISB axes: x along the fingers, z out of the palm."""
-
 AXES = {"hand": HAND, "world": ISB.T}
 LEGS = ("hip_Z", "hip_X", "hip_Y", "knee_Z", "ankle_Z", "ankle_X")
 """Joints of a leg, from the hip down."""
@@ -60,32 +49,6 @@ class Joint:
     axis: Array
     lower: float
     upper: float
-
-
-@cache
-def table() -> dict[str, Any]:
-    """Return the table of joints, segments and sources (read once)."""
-    return tomllib.loads(TABLE.read_text(encoding="utf-8"))
-
-
-def lengths(stature: float, sex: str) -> dict[str, float]:
-    """Return the named body measures [m].
-
-    Raises:
-        SceneError: the sex is unknown, or the stature no adult's.
-
-    >>> round(lengths(1.741, "male")["upper_arm"], 4)
-    0.2817
-    """
-    by_sex = table()["de_leva"]
-    if sex not in by_sex:
-        raise SceneError(f"human sex is {sex!r}, expected one of {', '.join(by_sex)}{did_you_mean(sex, by_sex)}")
-    if not STATURE[0] <= stature <= STATURE[1]:
-        raise SceneError(f"human stature is {stature:g} m, expected {STATURE[0]} to {STATURE[1]} m")
-    measured = {name: value for name, value in by_sex[sex].items() if name != "stature"}
-    scale = stature / by_sex[sex]["stature"]
-    fractions = {name: fraction * stature for name, fraction in table()["fractions"].items()}
-    return {name: value * scale for name, value in measured.items()} | fractions
 
 
 def joints(stature: float, sex: str) -> tuple[Joint, ...]:
@@ -220,18 +183,3 @@ def capsules(stature: float, sex: str) -> list[Capsule]:
 def joint_names() -> tuple[str, ...]:
     """Return the names of the 41 joints in the order of the model."""
     return tuple(joint.name for joint in joints(1.75, "male"))
-
-
-def rest(stature: float, sex: str) -> dict[str, float]:
-    """Return joint -> value [rad or m] of the posture of lowest REBA score, feet on the ground; others are 0."""
-    from lgp.world.stance import legs
-
-    values: dict[str, float] = {}
-    for name, degrees in table()["rest"].items():
-        if name == "pelvis_drop":
-            values["pelvis_z"] = -degrees
-        else:
-            values |= {_sided(name, side): float(np.radians(degrees)) for side in SIDES}
-    pelvis = np.array([[0.0, 0.0, values["pelvis_z"], 0.0, 0.0]])
-    bent, _ = legs(pelvis, stature, sex)
-    return values | {name: float(angle[0]) for name, angle in bent.items()}

@@ -10,7 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from reba.arrays import Array
+
 Residuals = Callable[[Array, NDArray[np.intp]], tuple[Array, Array]]
 """(n, k) joints and the numbers (n,) of their problems -> residuals (n, m) and their Jacobian (n, m, k)."""
 

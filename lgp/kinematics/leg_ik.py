@@ -8,12 +8,11 @@ what is left of the rotation the hip.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.world.human import ISB, LEGS, lengths
-from reba.posture import SIDES
-
-Array = NDArray[np.float64]
+from lgp.kinematics.human import ISB, LEGS, _sided
+from lgp.scene.body_measures import lengths, table
+from reba.arrays import Array
+from reba.posture.columns import SIDES
 
 
 def legs(pelvis: Array, stature: float, sex: str) -> tuple[dict[str, Array], Array]:
@@ -141,3 +140,17 @@ def _about(axis: int, angle: Array) -> Array:
     out[:, j, i] = np.sin(angle)
     out[:, i, j] = -out[:, j, i]
     return out
+
+
+def rest(stature: float, sex: str) -> dict[str, float]:
+    """Return joint -> value [rad or m] of the posture of lowest REBA score, feet on the ground; others are 0."""
+
+    values: dict[str, float] = {}
+    for name, degrees in table()["rest"].items():
+        if name == "pelvis_drop":
+            values["pelvis_z"] = -degrees
+        else:
+            values |= {_sided(name, side): float(np.radians(degrees)) for side in SIDES}
+    pelvis = np.array([[0.0, 0.0, values["pelvis_z"], 0.0, 0.0]])
+    bent, _ = legs(pelvis, stature, sex)
+    return values | {name: float(angle[0]) for name, angle in bent.items()}

@@ -15,16 +15,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.errors import WorldError, did_you_mean
-from lgp.logic.atom import parse_atom
-from lgp.world.fastening import Fastening
-from lgp.world.features import Feature, pose_difference
-from lgp.world.holders import Holder, Pose, fixed_in, fixed_on, held, placed
-from lgp.world.model import Kinematics, World
-
-Array = NDArray[np.float64]
+from lgp.errors import WorldError
+from lgp.kinematics.attachments import Fastening, Holder, Pose, fixed_in, fixed_on, held, placed
+from lgp.kinematics.features import Feature, pose_difference
+from lgp.kinematics.world import Kinematics, World
+from lgp.logic.task import parse_atom
+from reba.arrays import Array
+from reba.errors import did_you_mean
 
 ROLES: Final[dict[str, tuple[str, ...]]] = {
     "grasp": ("hand", "thing"),
@@ -35,7 +33,6 @@ ROLES: Final[dict[str, tuple[str, ...]]] = {
     "release": ("hand", "thing"),
 }
 """What the arguments of each kind of action are, in the order of the paper."""
-
 TAKES: Final = ("grasp", "handover")
 """Kinds after which the hand has the object."""
 

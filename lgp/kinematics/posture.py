@@ -1,34 +1,29 @@
 """Configuration [rad] -> posture table [deg] and its Jacobian: one mapping for the true score and the surrogate.
 
-Same definitions as `reba.angles` for the joints of human.urdf with the pose of the pelvis known. Most columns are joint
-angles; inclination and twist of the trunk and the direction of the upper arms are not and are differentiated in closed
-form.
+Same definitions as `reba.posture.angles` for the joints of human.urdf with the pose of the pelvis known. Most columns
+are joint angles; inclination and twist of the trunk and the direction of the upper arms are not and are differentiated
+in closed form.
 
 Kinks of the definition: the flexion of an upper arm is its elevation within 30 deg of the pure sideways direction
-(`reba.angles.CONE`), a jump on the edge of that cone, and it turns by 360 deg for an arm held straight backwards (out
-of reach of a shoulder). `smooth=True` blends the two over a band of the cone instead; it is the definition elsewhere.
+(`reba.posture.angles.CONE`), a jump on the edge of that cone, and it turns by 360 deg for an arm held straight
+backwards (out of reach of a shoulder). `smooth=True` blends the two over a band of the cone instead; it is the
+definition elsewhere.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.errors import WorldError
-from lgp.world.human import joint_names
-from lgp.world.stance import knees
-from reba.angles import CONE
-from reba.posture import COLUMNS, INDEX, SIDES
+from lgp.kinematics.human import joint_names
+from lgp.kinematics.leg_ik import knees
+from lgp.kinematics.world import World
+from reba.arrays import Array
+from reba.posture.angles import CONE
+from reba.posture.columns import COLUMNS, INDEX, SIDES
 
-if TYPE_CHECKING:
-    from lgp.world.model import World
-
-Array = NDArray[np.float64]
 Step = tuple[int, float, str]
 """An elementary turn: axis 0, 1 or 2, its sense, the joint that turns."""
-
 IN_PELVIS: tuple[Step, ...] = (
     (2, -1.0, "middle_lumbar_Z"),
     (0, 1.0, "middle_lumbar_X"),
@@ -37,10 +32,8 @@ IN_PELVIS: tuple[Step, ...] = (
     (1, 1.0, "middle_thoracic_Y"),
 )
 """Pelvis to thorax, in ISB axes."""
-
 IN_THORAX: tuple[Step, ...] = ((0, -1.0, "clavicle_joint_X"), (2, 1.0, "shoulder_Z"), (0, -1.0, "shoulder_X"))
 """Thorax to upper arm of the right side, and of the left one in a mirror; turning about its own axis moves no arm."""
-
 DIRECT: dict[str, tuple[str, float, float]] = {
     "neck_flexion": ("middle_cervical_Z", 1.0, 0.0),
     "neck_side_bend": ("middle_cervical_X", 1.0, 0.0),
@@ -53,10 +46,8 @@ DIRECT: dict[str, tuple[str, float, float]] = {
     "wrist_twist": ("elbow_Y", 1.0, -90.0),
 }
 """Columns that are joint angles: joint, sense, offset [deg] (as the profile human_description)."""
-
 BAND = (np.sin(np.radians(CONE / 2)), np.sin(np.radians(CONE * 1.5)))
 """Length of the arm's shadow on the sagittal plane between which the smooth flexion blends elevation and flexion."""
-
 PELVIS = ("pelvis_x", "pelvis_y", "pelvis_z", "pelvis_yaw", "pelvis_tilt")
 
 
@@ -70,7 +61,7 @@ class PostureMap:
         WorldError: the world has no human.
 
     Example:
-        >>> from lgp.world.model import World                            # doctest: +SKIP
+        >>> from lgp.kinematics.world import World                            # doctest: +SKIP
         >>> posture = PostureMap(World(load_scene("screwdriver")))       # doctest: +SKIP
         >>> angles, jacobian = posture.evaluate(world.start[None])       # doctest: +SKIP
     """

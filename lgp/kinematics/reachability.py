@@ -13,17 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lgp.world import features
-from lgp.world.holders import fixed_on
-from lgp.world.model import Place, World
-from lgp.world.posture import PostureMap
-from lgp.world.scene import Hand
-from lgp.world.solve import least_squares
+from lgp.kinematics import features
+from lgp.kinematics.attachments import fixed_on
+from lgp.kinematics.ik import least_squares
+from lgp.kinematics.posture import PostureMap
+from lgp.kinematics.world import Place, World
+from lgp.scene.model import Hand
+from reba.arrays import Array
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Array = NDArray[np.float64]
 
 CLOSE = 1e-3
 """[m] A spot nearer than this is reached."""

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lgp.errors import WorldError, did_you_mean
-from lgp.world.scene import Agent, Robot
-from lgp.world.scene_file import known_robots
+from lgp.errors import WorldError
+from lgp.scene.model import Agent, Robot
+from lgp.scene.scene_file import known_robots
+from reba.errors import did_you_mean
 
 if TYPE_CHECKING:
     import pinocchio as pin

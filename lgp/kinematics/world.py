@@ -14,17 +14,17 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from lgp.errors import WorldError, did_you_mean
-from lgp.world import human
-from lgp.world.forward import Forward
-from lgp.world.robot import locked_model, robot_model, slides
-from lgp.world.rotations import cross
-from lgp.world.scene import Agent, Human, Robot, Scene
-from reba.posture import SIDES
+from lgp.errors import WorldError
+from lgp.kinematics import human
+from lgp.kinematics import leg_ik as leg_ik_
+from lgp.kinematics.features import cross
+from lgp.kinematics.robot import locked_model, robot_model, slides
+from lgp.scene.model import Agent, Human, Robot, Scene
+from reba.arrays import Array
+from reba.errors import did_you_mean
+from reba.posture.columns import SIDES
 
-Array = NDArray[np.float64]
 AnyAgent = TypeVar("AnyAgent", bound=Agent)
-
 FEW = 12
 """Configurations up to which Pinocchio, one after the other, is faster than all at once."""
 RADIAN = (180.0 / np.pi, "deg")
@@ -93,7 +93,7 @@ class World:
         planted: feet that stay where they are: frame -> ((3, 3) rotation, (3,) position).
 
     Example:
-        >>> from lgp.world.scene_file import load_scene
+        >>> from lgp.scene.scene_file import load_scene
         >>> world = World(load_scene("screwdriver"))                     # doctest: +SKIP
         >>> world.at(world.start[None], ["baxter.left"]).place("baxter.left").jacobian.shape    # doctest: +SKIP
         (1, 6, 43)
@@ -245,7 +245,7 @@ def _placed(agent: Agent) -> tuple[pin.Model, int, pin.SE3]:
     """Return an agent's model under its own names, the frame it stands in (the world), and its place."""
     if isinstance(agent, Human):
         model = human.human_model(agent.stature, agent.sex)
-        first = {name: _degrees(name, value) for name, value in human.rest(agent.stature, agent.sex).items()}
+        first = {name: _degrees(name, value) for name, value in leg_ik_.rest(agent.stature, agent.sex).items()}
         whole = Human(**{**vars(agent), "joints": first | dict(agent.joints)})
         legs = tuple(f"{side}_{joint}" for side in SIDES for joint in human.LEGS)
         model = locked_model(model, whole, agent.locked + (() if agent.legs == "planted" else legs))
@@ -268,8 +268,125 @@ def _degrees(name: str, value: float) -> float:
 
 def _first(agent: Agent) -> dict[str, float]:
     """Return joint -> first value [rad, m] by full name."""
-    values = human.rest(agent.stature, agent.sex) if isinstance(agent, Human) else {}
+    values = leg_ik_.rest(agent.stature, agent.sex) if isinstance(agent, Human) else {}
     for name, value in agent.joints.items():
         slide = name in ("pelvis_x", "pelvis_y", "pelvis_z")
         values[name] = value if slide else float(np.radians(value))
     return {f"{agent.name}.{name}": value for name, value in values.items()}
+
+
+Numbers = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class _Level:
+    """The k joints as far from the world as each other: their numbers, carriers, columns of q and placements."""
+
+    joints: Numbers
+    parents: Numbers
+    columns: Numbers
+    slides: NDArray[np.bool_]
+    rotation: Array
+    """(k, 3, 3)"""
+    position: Array
+    """(k, 3, 1)"""
+
+
+@dataclass(frozen=True)
+class Placements:
+    """What `Forward.at` returns, for n configurations and F frames.
+
+    Attributes:
+        rotation: (n, F, 3, 3).
+        position: (n, F, 3).
+        spatial: (n, 6, nq) motion of each joint as felt at the world's origin, linear part first.
+    """
+
+    rotation: Array
+    position: Array
+    spatial: Array
+
+
+class Forward:
+    """Forward kinematics of a model whose joints each have one coordinate.
+
+    Args:
+        model: the kinematic tree; frames may still be added to it.
+
+    Example:
+        >>> Forward(model).at(q, [model.getFrameId("human.left_hand")]).position      # doctest: +SKIP
+    """
+
+    def __init__(self, model: pin.Model) -> None:
+        self.model = model
+        data = model.createData()
+        spatial = pin.computeJointJacobians(model, data, np.zeros(model.nq)).reshape(6, model.nq)
+        count = model.njoints
+        self._turns = np.tile(np.eye(3), (count, 1, 1))
+        self._columns = np.array([0, *(model.joints[number].idx_q for number in range(1, count))], dtype=np.intp)
+        self._slides = np.zeros(count, dtype=bool)
+        depth = np.zeros(count, dtype=np.intp)
+        parents = np.array(list(model.parents), dtype=np.intp)
+        for number in range(1, count):
+            motion = spatial[:, self._columns[number]]
+            self._slides[number] = not np.any(np.abs(motion[3:]) > 0.5)
+            axis = data.oMi[number].rotation.T @ (motion[:3] if self._slides[number] else motion[3:])
+            self._turns[number] = _onto(axis)
+            depth[number] = depth[parents[number]] + 1
+        self._levels = []
+        for level in range(1, int(depth.max(initial=0)) + 1):
+            joints = np.flatnonzero(depth == level)
+            carried = self._turns[parents[joints]].transpose(0, 2, 1)
+            placed = [model.jointPlacements[int(joint)] for joint in joints]
+            rotation = carried @ np.array([one.rotation for one in placed]) @ self._turns[joints]
+            position = carried @ np.array([one.translation for one in placed])[:, :, None]
+            self._levels.append(
+                _Level(joints, parents[joints], self._columns[joints], self._slides[joints], rotation, position)
+            )
+
+    def at(self, q: Array, frames: Sequence[int]) -> Placements:
+        """Return the placements of frames, by their numbers in the model, for configurations (n, nq)."""
+        n, count = len(q), self.model.njoints
+        rotations, positions = np.empty((count, n, 3, 3)), np.empty((count, n, 3))
+        rotations[0], positions[0] = np.eye(3), 0.0
+        sine, cosine = np.sin(q.T)[:, :, None], np.cos(q.T)[:, :, None]
+        for level in self._levels:
+            before = rotations[level.parents].reshape(-1, 3 * n, 3)
+            at = (before @ level.rotation).reshape(-1, n, 3, 3)
+            position = positions[level.parents] + (before @ level.position).reshape(-1, n, 3)
+            c, s = cosine[level.columns], sine[level.columns]
+            if level.slides.any():
+                c[level.slides], s[level.slides] = 1.0, 0.0
+                position[level.slides] += at[level.slides, :, :, 2] * q.T[level.columns[level.slides], :, None]
+            along, across = at[..., 0], at[..., 1]
+            turned = rotations[level.joints]
+            turned[..., 0], turned[..., 1], turned[..., 2] = c * along + s * across, c * across - s * along, at[..., 2]
+            rotations[level.joints], positions[level.joints] = turned, position
+        carriers = np.array([self.model.frames[frame].parentJoint for frame in frames], dtype=np.intp)
+        placed = [self.model.frames[frame].placement for frame in frames]
+        turn = self._turns[carriers].transpose(0, 2, 1)
+        before = rotations[carriers].reshape(-1, 3 * n, 3)
+        rotation = (before @ (turn @ np.array([one.rotation for one in placed]))).reshape(-1, n, 3, 3)
+        offset = turn @ np.array([one.translation for one in placed])[:, :, None]
+        position = positions[carriers] + (before @ offset).reshape(-1, n, 3)
+        spatial = self._spatial(rotations[1:, :, :, 2], positions[1:])
+        return Placements(rotation.transpose(1, 0, 2, 3), position.transpose(1, 0, 2), spatial)
+
+    def _spatial(self, axes: Array, positions: Array) -> Array:
+        """Return the motions (n, 6, nq) of joints with given axes and positions (joints, n, 3)."""
+        spatial = np.zeros((axes.shape[1], 6, self.model.nq))
+        columns, slides = self._columns[1:], self._slides[1:]
+        axes, positions = axes.transpose(2, 1, 0), positions.transpose(2, 1, 0)
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            moment = positions[j] * axes[k] - positions[k] * axes[j]
+            spatial[:, i, columns] = np.where(slides, axes[i], moment)
+            spatial[:, 3 + i, columns] = np.where(slides, 0.0, axes[i])
+        return spatial
+
+
+def _onto(axis: Array) -> Array:
+    """Return a rotation (3, 3) whose third column is a unit vector."""
+    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    first = np.cross(other, axis)
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(axis, first), axis])

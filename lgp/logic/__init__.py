@@ -3,10 +3,11 @@
 PDDL text -> Domain -> ground(domain, objects, initial, goal) -> Task: states are integers, one bit an atom
 """
 
-from lgp.logic.atom import Atom, parse_atom
-from lgp.logic.domain import Domain, Schema, load_domain, parse_domain
+from __future__ import annotations
+
 from lgp.logic.heuristic import RelaxedPlan, relaxed_plan, why_unreachable
-from lgp.logic.task import Action, Task, ground
+from lgp.logic.pddl import Domain, Schema, load_domain, parse_domain
+from lgp.logic.task import Action, Atom, Task, ground, parse_atom
 
 __all__ = [
     "Action",

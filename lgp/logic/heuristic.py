@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lgp.logic.atom import Atom
-from lgp.logic.task import Action, Task
+from lgp.logic.task import Action, Atom, Task
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from lgp.errors import LogicError, did_you_mean
+from lgp.errors import LogicError
+from reba.errors import did_you_mean
 
 SUPPORTED: Final = frozenset({":strips", ":typing", ":negative-preconditions"})
 SHIPPED: Final = Path(__file__).resolve().parents[1] / "domains"

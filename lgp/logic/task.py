@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Final, NamedTuple
 
-from lgp.errors import LogicError, did_you_mean
-from lgp.logic.atom import Atom
-from lgp.logic.domain import Domain, Literal, Schema
+from lgp.errors import LogicError
+from lgp.logic.pddl import Domain, Literal, Schema
+from reba.errors import did_you_mean
 
 
 @dataclass(frozen=True)
@@ -192,3 +194,35 @@ def _action(schema: Schema, binding: Mapping[str, str], bit: Mapping[Atom, int])
         adds=mask(schema.effect, True),
         deletes=mask(schema.effect, False),
     )
+
+
+_ATOM: Final = re.compile(r"\s*([A-Za-z_][\w.-]*)\s*\(([^()]*)\)\s*")
+
+
+class Atom(NamedTuple):
+    """A predicate with its arguments."""
+
+    predicate: str
+    arguments: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.predicate}({', '.join(self.arguments)})"
+
+
+def parse_atom(text: str) -> Atom:
+    """Return the atom that a text names.
+
+    Raises:
+        LogicError: the text is not of the form `predicate(argument, ...)`.
+
+    Example:
+        >>> parse_atom("placed(screwdriver, table.left)").arguments
+        ('screwdriver', 'table.left')
+    """
+    found = _ATOM.fullmatch(text)
+    if found is None:
+        raise LogicError(f"{text!r} is no atom; write predicate(argument, ...), as in grasped(human.right_hand, box)")
+    arguments = tuple(word.strip() for word in found[2].split(",")) if found[2].strip() else ()
+    if not all(arguments):
+        raise LogicError(f"{text!r} has an empty argument; write predicate(argument, ...)")
+    return Atom(found[1], arguments)

@@ -3,6 +3,8 @@
 plan -> sentences, view (meshes, frames, shots) -> data, pictures -> folder with index.html
 """
 
+from __future__ import annotations
+
 from lgp.page.page import write_page
 
 __all__ = ["write_page"]

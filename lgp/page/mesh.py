@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.arrays import Array
+
 if TYPE_CHECKING:
     import pyvista
-
-Array = NDArray[np.float64]
 
 PROBE = 0.002
 """[m] How far on both sides of a surface is looked for its outside."""

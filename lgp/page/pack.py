@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lgp.page.camera import ANGLE, NEAREST, ROOM
+from lgp.page.camera import ANGLE, NEAREST, ROOM, Shot
 from lgp.page.mesh import Mesh
-from lgp.page.shots import Shot
 from lgp.page.view import View
-
-Array = NDArray[np.float64]
+from reba.arrays import Array
 
 FULL = 32767
 """Largest of the whole numbers that stand for lengths."""

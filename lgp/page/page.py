@@ -5,20 +5,26 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+import tomllib
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from functools import cache
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lgp.errors import LgpError
 from lgp.motion import Motion
-from lgp.page.libraries import check, library_files
 from lgp.page.pack import packed
 from lgp.page.pictures import write_pictures
-from lgp.page.ribbon import Run, risk, runs
 from lgp.page.sentences import Line, humanised, sentences
 from lgp.page.view import View, view
 from lgp.plan_record import Plan
-from reba.report.templates import read, template
-from reba.report.words import LEVEL_COLOURS
+from reba.method.tables import ACTION_LEVELS, LEVEL_OF
+from reba.report.labels import LEVEL_COLOURS, TEXT_ON
+from reba.report.page import read, template
 
 ASSETS = "assets"
 PICTURES = "pictures"
@@ -132,3 +138,91 @@ def _bar(run: Run, total: float) -> dict[str, Any]:
         "run": run,
         "risk": risk(run.level),
     }
+
+
+TABLE = Path(__file__).parent / "data" / "libraries.toml"
+
+
+@cache
+def table() -> dict[str, Any]:
+    """Return what is needed and where it is (read once)."""
+    return tomllib.loads(TABLE.read_text(encoding="utf-8"))
+
+
+def check() -> None:
+    """Raise the one line that says what to install, if anything that a page needs is missing.
+
+    Raises:
+        LgpError: a package is not installed.
+    """
+    for module, package in table()["modules"].items():
+        try:
+            import_module(module)
+        except ImportError as error:
+            raise _missing(package) from error
+    library_files()
+
+
+def library_files() -> dict[str, Path]:
+    """Return name in the page -> file of a library.
+
+    Raises:
+        LgpError: the package that carries it is not installed, or its files are elsewhere.
+    """
+    found = {}
+    for library in table()["libraries"]:
+        try:
+            distribution = metadata.distribution(library["package"])
+        except metadata.PackageNotFoundError as error:
+            raise _missing(library["package"]) from error
+        carried = sorted(str(file) for file in distribution.files or ())
+        for name, pattern in library["files"].items():
+            inside = [file for file in carried if fnmatch(file, pattern)]
+            if not inside:
+                raise LgpError(
+                    f"{library['package']} {distribution.version} has no {pattern}; install {library['works']}"
+                )
+            found[name] = Path(str(distribution.locate_file(inside[-1])))
+    return found
+
+
+def _missing(package: str) -> LgpError:
+    return LgpError(f"the page needs the package {package}; install it with: pip install 'dreba[page]'")
+
+
+@dataclass(frozen=True)
+class Run:
+    """Slices of one score: start and end [s], score, action level, its colour and that of text on it."""
+
+    start: float
+    end: float
+    score: int
+    level: int
+    colour: str
+    ink: str
+
+
+def runs(plan: Plan) -> tuple[Run, ...]:
+    """Return the ribbon of a plan; () without a human. Each slice counts from the one before it."""
+    scores = plan.reba()
+    if scores is None:
+        return ()
+    total = np.asarray(scores.reba, dtype=int)
+    time = np.concatenate([[0.0], plan.time])
+    firsts = np.flatnonzero(np.diff(total, prepend=-1))
+    lasts = np.append(firsts[1:], len(total))
+    return tuple(
+        _run(float(time[first]), float(time[last]), int(total[first]))
+        for first, last in zip(firsts, lasts, strict=True)
+    )
+
+
+def risk(level: int) -> str:
+    """Return the words of an action level."""
+    return ACTION_LEVELS[level][0]
+
+
+def _run(start: float, end: float, score: int) -> Run:
+    level = int(LEVEL_OF[score])
+    colour = LEVEL_COLOURS[level]
+    return Run(round(start, 6), round(end, 6), score, level, colour, TEXT_ON.get(colour, "#1b2430"))

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lgp.kinematics import human
 from lgp.page.mesh import Mesh, Solid, painted, surface
-from lgp.world import human
-from reba.posture import SIDES
-
-Array = NDArray[np.float64]
+from lgp.scene import body_measures as body_measures_
+from reba.arrays import Array
+from reba.posture.columns import SIDES
 
 TABLE = Path(__file__).parent / "data" / "person.toml"
 INFLUENCES = 4
@@ -79,7 +79,7 @@ class _Shape:
         import pinocchio as pin
 
         self.table, self.scale = table, stature / table["stature"]
-        self.ankle = human.lengths(stature, sex)["ankle_height"]
+        self.ankle = body_measures_.lengths(stature, sex)["ankle_height"]
         model = human.human_model(stature, sex)
         data, q = model.createData(), np.zeros(model.nq)
         for pattern, degrees in table["bind"].items():

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lgp.page.camera import ANGLE, framed
+from lgp.page.camera import ANGLE, Shot, framed
 from lgp.page.mesh import Mesh, colour
-from lgp.page.shots import Shot
 from lgp.page.view import View, skinned
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lgp.world.scene import Human, Scene
-from lgp.world.switches import Switch
+from lgp.kinematics.modes import Switch
+from lgp.scene.model import Human, Scene
 
 TABLE = Path(__file__).parent / "data" / "sentences.toml"
 
@@ -39,8 +39,8 @@ def sentences(scene: Scene, switches: Sequence[Switch]) -> tuple[Line, ...]:
         switches: the actions as geometry, in order.
 
     Example:
-        >>> from lgp.world.scene_file import load_scene
-        >>> from lgp.world.switches import Switch
+        >>> from lgp.scene.scene_file import load_scene
+        >>> from lgp.kinematics.modes import Switch
         >>> scene = load_scene("screwdriver")
         >>> print(sentences(scene, [Switch("grasp", "baxter.left", "screwdriver")])[0].text)
         The robot, using its left arm, picks up the screwdriver from the start table.

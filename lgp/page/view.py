@@ -8,22 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lgp.kinematics import human
 from lgp.motion import Motion
+from lgp.page.camera import Shot, shots_of
 from lgp.page.mesh import Mesh, scattered
+from lgp.page.objects import parts, table_mesh, thing_mesh
 from lgp.page.person import Skin, figure
-from lgp.page.robots import parts
-from lgp.page.shots import Shot
-from lgp.page.subjects import shots_of
-from lgp.page.things import table_mesh, thing_mesh
 from lgp.plan_record import Plan
-from lgp.world import human
-from lgp.world.scene import Human
-
-Array = NDArray[np.float64]
+from lgp.scene.model import Human
+from reba.arrays import Array
 
 RATE = 20.0
 """[Hz] Moments at least; players interpolate between them."""
-
 APART = 0.03
 """[m] Between the points that are looked at for what hides what."""
 

@@ -2,3 +2,5 @@
 
 actions -> `Phases` (switches, loads, slices) -> `PathProblem` over some kept slices -> `PathBounds` for the search
 """
+
+from __future__ import annotations

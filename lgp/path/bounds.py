@@ -14,24 +14,22 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.logic import Action
-from lgp.path.apart import apart, settled
-from lgp.path.collision_rows import CollisionRows
-from lgp.path.detours import SUSPICIOUS, detour
+from lgp.kinematics.world import World
+from lgp.logic.task import Action
+from lgp.path.cache import Memory
+from lgp.path.collision_constraints import CollisionRows
+from lgp.path.collision_path import SUSPICIOUS, apart, detour, settled
+from lgp.path.costs import Costs, Weights
 from lgp.path.ergonomics import Ergonomics
-from lgp.path.feasible import CLOSE, nearest
-from lgp.path.memory import Memory
+from lgp.path.feasibility import CLOSE, Stretch, nearest, reason
 from lgp.path.phases import Phases
-from lgp.path.problem import Costs, PathProblem, Weights
-from lgp.path.stretch import Stretch
-from lgp.path.verdict import reason
-from lgp.search import BoundResult, Skeleton
-from lgp.sqp import Options, Result, solve
-from lgp.world.model import World
-
-Array = NDArray[np.float64]
+from lgp.path.problem import PathProblem
+from lgp.search.tree_search import BoundResult, Skeleton
+from lgp.sqp.problem import Options
+from lgp.sqp.result import Result
+from lgp.sqp.solver import solve
+from reba.arrays import Array
 
 OPTIONS = Options(violation=1e-6, kkt=1e-5, decrease=1e-7, iterations=60)
 """Of paths: violations of a micrometre, costs to seven digits."""
@@ -75,7 +73,7 @@ class Solution:
 
 
 class PathBounds:
-    """The levels of a scene, as `lgp.search.search` asks for them.
+    """The levels of a scene, as `lgp.search.tree_search.search` asks for them.
 
     Args:
         world: the kinematics.

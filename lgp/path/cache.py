@@ -12,15 +12,14 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lgp.kinematics.modes import Modes
+from lgp.kinematics.world import World
+from lgp.path.costs import Costs
 from lgp.path.phases import Phases
-from lgp.path.problem import Costs
-from lgp.sqp import Result
-from lgp.world.model import World
-from lgp.world.switches import Modes
+from lgp.sqp.result import Result
+from reba.arrays import Array
 
-Array = NDArray[np.float64]
 Key = tuple[str, int]
 
 

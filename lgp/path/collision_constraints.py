@@ -1,8 +1,8 @@
 """Inequalities that keep bodies apart: chosen where bodies are near each other, kept while a path is solved.
 
-Few of the pairs of bodies ever come near, so a path starts without rows and gets those it needs, see `lgp.path.apart`.
-A row says margin - distance <= 0 in one slice or between two, on the joints that move its two bodies and the variables
-of how an object among them is held.
+Few of the pairs of bodies ever come near, so a path starts without rows and gets those it needs, see
+`lgp.path.collision_path`. A row says margin - distance <= 0 in one slice or between two, on the joints that move its
+two bodies and the variables of how an object among them is held.
 """
 
 from __future__ import annotations
@@ -12,15 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lgp.collision.distances import Collisions
+from lgp.kinematics.modes import Modes
+from lgp.kinematics.world import World
+from lgp.path.mode_constraints import Blocks, Row
 from lgp.path.phases import Phases
-from lgp.path.switch_rows import Blocks, Row
-from lgp.world.collision import Collisions
-from lgp.world.model import World
-from lgp.world.switches import Modes
+from reba.arrays import Array
 
-Array = NDArray[np.float64]
 Slices = NDArray[np.intp]
-
 MARGIN = 0.01
 """[m] Distance that is kept at the slices, so that little is left to touch between them."""
 AHEAD = 0.02

@@ -1,28 +1,100 @@
-"""Other ways around what is in the way: more starts for a path whose bodies, once kept apart, make it cost much more.
+"""Solve a path so that no bodies touch: rows where bodies are near, a few steps, rows where they have come near since.
 
-A path that was found without regard to bodies leads through some of them, and the nearest path around these may be far
-from the best, which passes on the other side of a table or with a tucked elbow. Small steps do not lead there; starts
-may in which the limbs of robots swing out in every phase, towards postures drawn inside their limits, and back. They
-are tried with little accuracy; the best of them goes on like any path.
+Between two choices of rows the pattern is fixed. What was learnt about the rows so far, multipliers and active set,
+goes on to the next round. A path may stay in contact where its surroundings leave no way out that small steps find;
+the caller sees it in the rows that are left violated.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lgp.path.apart import apart
-from lgp.path.collision_rows import CollisionRows
-from lgp.path.feasible import CLOSE
+from lgp.kinematics.world import World
+from lgp.path.collision_constraints import TOLERATED, CollisionRows
+from lgp.path.feasibility import CLOSE
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
-from lgp.sqp import Options, Result
-from lgp.world.model import World
+from lgp.sqp.problem import Options
+from lgp.sqp.result import Result, Status
+from lgp.sqp.solver import Solver
+from reba.arrays import Array
 
-Array = NDArray[np.float64]
+ROUNDS = 8
+"""Choices of rows."""
+STEPS = 8
+"""Iterations between them, at most."""
+ROUGH = 1e-4
+"""Promised decrease of the cost, relative to it, at which rows are chosen anew."""
+SETTLED = 1e-5
+"""Promised decrease of the cost, relative to it, that is not waited for: rows that come and go change it by more."""
+LONGEST = 0.3
+"""[rad, m] Distances bend too much to trust longer steps."""
+NEAR = 1e-2
+"""[m, rad] Violation up to which a cost is near that of the path it will become."""
+
+
+def apart(
+    make: Callable[[CollisionRows], PathProblem],
+    rows: CollisionRows,
+    first: Result,
+    options: Options,
+    *,
+    solved: bool = True,
+    rounds: int = ROUNDS,
+    worth: float = math.inf,
+) -> tuple[PathProblem, Result]:
+    """Return the last problem and its result.
+
+    Args:
+        make: the path problem with given rows.
+        rows: none yet, or those of `first`.
+        first: result of the problem with these rows. Without rows, found first, it leads to better paths than most
+            cruder starts.
+        options: of the solver; its budget holds for the last round.
+        solved: whether `first` is at its minimum; otherwise it only says where to begin.
+        rounds: choices of rows.
+        worth: cost from which on a path is given up: more rows seldom make it cheaper.
+    """
+    problem, result = make(rows), first
+    fine = solved
+    for number in range(rounds):
+        violated = rows.extend(*problem.split(result.x))
+        if not violated and fine:
+            break
+        if violated:
+            problem = make(rows)
+        fine = not violated or number == rounds - 1
+        chosen = settled(options) if fine else rough(options)
+        limited = replace(chosen, longest_step=min(LONGEST, options.longest_step))
+        result = Solver(limited).solve(problem, result.x, warm=_longer(result, problem))
+        if result.cost >= worth and result.violation <= NEAR:
+            break
+        # Where no step lessens the violation of these rows, a finer solve would not either.
+        fine = fine or result.status is Status.INFEASIBLE
+    return problem, result
+
+
+def rough(options: Options) -> Options:
+    """Return settings that stop as soon as a path shows which rows are missing."""
+    near = replace(options, decrease=max(options.decrease, ROUGH), kkt=max(options.kkt, 10.0 * ROUGH))
+    return replace(near, violation=TOLERATED, iterations=STEPS)
+
+
+def settled(options: Options) -> Options:
+    """Return settings that stop where costs of paths with rows for collisions no longer change visibly."""
+    return replace(options, decrease=max(options.decrease, SETTLED), kkt=max(options.kkt, 10.0 * SETTLED))
+
+
+def _longer(warm: Result, problem: PathProblem) -> Result:
+    """Return a result with multipliers 0 for rows that are new; new rows come last."""
+    new = len(problem.rows.in_rows) - len(warm.y_in)
+    return replace(warm, y_in=np.concatenate([warm.y_in, np.zeros(new)]))
+
 
 SUSPICIOUS = 1.2
 """Times the cost of the path that need not keep bodies apart; what costs more is worth other starts."""
@@ -36,9 +108,9 @@ DRAWN = 24
 """Starts drawn, of which those are tried that lead least through bodies,"""
 TRIED = 4
 """and as many others that these make this many."""
-ROUGH = Options(violation=1e-6, kkt=1e-2, decrease=1e-3, iterations=16)
+COARSE = Options(violation=1e-6, kkt=1e-2, decrease=1e-3, iterations=16)
 """Of trials: good enough to be compared."""
-ROUNDS = 5
+START_ROUNDS = 5
 """Choices of rows of a trial."""
 
 
@@ -72,7 +144,7 @@ def detour(
     for start in (*_like(problem.world, path, like), *_chosen(problem, path, variables)):
         rows = CollisionRows(problem.world, problem.phases, problem.start)
         begin = replace(free, x=problem.join(start, variables))
-        found = Trial(rows, *apart(make, rows, begin, ROUGH, solved=False, rounds=ROUNDS, worth=BETTER * least))
+        found = Trial(rows, *apart(make, rows, begin, COARSE, solved=False, rounds=START_ROUNDS, worth=BETTER * least))
         if found.result.violation <= CLOSE and found.result.cost < BETTER * least:
             best, least = found, found.result.cost
             if least <= ENOUGH * free.cost:

@@ -13,18 +13,18 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lgp.path.blocks import RowBlocks
-from lgp.path.collision_rows import CollisionRows
-from lgp.path.legs import Legs
+from lgp.kinematics import features
+from lgp.kinematics.features import Feature
+from lgp.kinematics.modes import Modes
+from lgp.kinematics.posture import PELVIS, PostureMap
+from lgp.kinematics.world import Kinematics, World
+from lgp.path.collision_constraints import CollisionRows
+from lgp.path.hessian import RowBlocks
+from lgp.path.mode_constraints import Blocks, Row, SwitchRows
 from lgp.path.phases import Phases
-from lgp.path.switch_rows import Blocks, Row, SwitchRows
-from lgp.path.ties import ties
-from lgp.world import features
-from lgp.world.features import Feature
-from lgp.world.model import Kinematics, World
-from lgp.world.switches import Modes
+from lgp.scene.body_measures import lengths
+from reba.arrays import Array
 
-Array = NDArray[np.float64]
 Slices = NDArray[np.intp]
 
 
@@ -171,3 +171,97 @@ class Constraints:
     def bends(self, values: Values, z: Array, y: Array) -> list[Array]:
         """Return for each hand at a switch sum_i y_i d2 row_i by its unknowns in `curved`, (m, m), at some values."""
         return self._switches.bends(values.kinematics, z, y)
+
+
+Pair = tuple[int, int]
+
+
+def ties(
+    world: World, phases: Phases, modes: Modes, limbs: dict[int, Slices], kept: Slices
+) -> tuple[dict[Pair, Slices], dict[Pair, Slices]]:
+    """Return pairs of slices (first, second) -> joints that are equal in both: pairs of kept slices, and others.
+
+    In every other pair the first slice is kept and the second is not.
+
+    Args:
+        world: the kinematics.
+        phases: the sequence.
+        modes: its attachments.
+        limbs: switch whose rows are kept -> joints that rest after it.
+        kept: (P,) slices that are unknowns, rising.
+    """
+    known = {int(slice_) for slice_ in kept}
+    horizon = int(kept[-1]) + 1
+    joints: dict[Pair, set[int]] = {}
+    for number, limb in limbs.items():
+        key = int(phases.keys[number])
+        if key + 1 < horizon:
+            joints.setdefault((key, key + 1), set()).update(limb.tolist())
+    for hand, number, end in modes.stills:
+        if number not in limbs:
+            continue
+        standing = np.flatnonzero(world.support(hand)).tolist()
+        first = int(phases.keys[number])
+        for second in range(first + 1, min(int(phases.keys[end]) + 1, horizon)):
+            joints.setdefault((first, second), set()).update(standing)
+            first = second if second in known else first
+    found: tuple[dict[Pair, Slices], dict[Pair, Slices]] = {}, {}
+    for pair in sorted(joints):
+        found[pair[1] not in known][pair] = np.array(sorted(joints[pair]), dtype=np.intp)
+    return found
+
+
+BLEND = 1e-4
+"""[m] eps: both legs count where they differ by less; 0.07 mm of reach are given away."""
+
+
+class Legs:
+    """The row of a human whose legs are solved for.
+
+    Attributes:
+        columns: columns of q that it depends on, (p,): those of the pelvis that move.
+
+    Example:
+        >>> value, slope = Legs(world).evaluate(world.start[None])            # doctest: +SKIP
+    """
+
+    def __init__(self, world: World) -> None:
+        self.posture = PostureMap(world)
+        moving = [(world.column[f"human.{name}"], name) for name in PELVIS if f"human.{name}" in world.column]
+        self.columns = np.array(sorted(column for column, _ in moving), dtype=np.intp)
+        self._names = [name for _, name in sorted(moving)]
+        self._own = np.searchsorted(self.posture.columns, self.columns)
+        measures = lengths(self.posture.body.stature, self.posture.body.sex)
+        self._longest = measures["thigh"] + measures["shank"]
+        self._out = measures["half_hips"] * np.array([-1.0, 1.0])
+        self._yaw = world.column.get("human.pelvis_yaw")
+
+    def evaluate(self, q: Array) -> tuple[Array, Array]:
+        """Return by how much [m] the legs are too short (n,), not above 0 where both reach, and its slope (n, p)."""
+        beyond, slopes, shares = self._sides(q)
+        longer = beyond.max(axis=1)
+        value = longer + BLEND * np.log(np.exp((beyond - longer[:, None]) / BLEND).sum(axis=1))
+        return value, np.einsum("ns,nsp->np", shares, slopes)
+
+    def curvature(self, q: Array) -> Array:
+        """Return the convex part of the second derivative (n, p, p)."""
+        _, slopes, shares = self._sides(q)
+        apart = slopes[:, 0] - slopes[:, 1]
+        bend = (shares.prod(axis=1) / BLEND)[:, None, None] * apart[:, :, None] * apart[:, None, :]
+        return bend
+
+    def _sides(self, q: Array) -> tuple[Array, Array, Array]:
+        """Return how far each leg is stretched too far (n, 2), the slopes (n, 2, p), and its share in the maximum."""
+        beyond, by_human = self.posture.reach(q)
+        weights = np.exp((beyond - beyond.max(axis=1, keepdims=True)) / BLEND)
+        return beyond, by_human[:, :, self._own], weights / weights.sum(axis=1, keepdims=True)
+
+    def _moved(self, yaw: Array, out: float) -> Array:
+        """Return how a hip moves by the columns, (n, 3, p)."""
+        moved = np.zeros((len(yaw), 3, len(self._names)))
+        for at, name in enumerate(self._names):
+            if name in PELVIS[:3]:
+                moved[:, PELVIS.index(name), at] = 1.0
+            elif name == "pelvis_yaw":
+                moved[:, 0, at], moved[:, 1, at] = out * np.cos(yaw), out * np.sin(yaw)
+        return moved

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from reba.arrays import Array
+
 Slices = NDArray[np.intp]
 
 
@@ -73,3 +74,29 @@ def condense(matrix: Array, kept: Slices, joined: Sequence[tuple[int, int]] = ()
         expand -= spread[:, free] @ follow
         cost = 0.5 * (cost + cost.T)
     return Condensed(cost, expand)
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What the terms of the cost count.
+
+    Attributes:
+        acceleration: per rad^2/s^3 (m^2/s^3 for slides).
+        ergonomics: per score point and second.
+    """
+
+    acceleration: float = 1.0
+    ergonomics: float = 1.0
+
+
+@dataclass(frozen=True)
+class Costs:
+    """The terms of a cost."""
+
+    acceleration: float
+    ergonomics: float
+
+    @property
+    def total(self) -> float:
+        """Their sum."""
+        return self.acceleration + self.ergonomics

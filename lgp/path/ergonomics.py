@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dreba.errors import ModelError
+from dreba.surrogates.base import Surrogate
+from dreba.surrogates.task_factors import delta_payload
 from lgp.errors import LgpError
-from lgp.world.model import World
-from lgp.world.posture import PostureMap
-from reba.posture import COLUMNS, INDEX
-
-if TYPE_CHECKING:
-    from dreba.model import Surrogate
-
-Array = NDArray[np.float64]
+from lgp.kinematics.posture import PostureMap
+from lgp.kinematics.world import World
+from reba.arrays import Array
+from reba.posture.columns import COLUMNS, INDEX
 
 Payload = Literal["linear", "model"]
 PAYLOADS: Final = ("linear", "model")
-
 STARTS = 24
 """Random postures from which the least value of a surrogate is searched, besides the first one."""
 PROBES = 64
@@ -80,7 +78,6 @@ class Ergonomics:
 
     def payload(self, loads: Array) -> Array:
         """Return what loads (n,) [kg] add to the scores of `value`, (n,)."""
-        from dreba.payload import delta_payload
 
         return np.asarray(delta_payload(loads, "linear")) if self.form == "linear" else np.zeros(len(loads))
 
@@ -133,7 +130,6 @@ class Ergonomics:
         return angles, jacobian
 
     def _curvature(self, angles: Array, jacobian: Array, given: dict[str, Any]) -> Array:
-        from dreba.errors import ModelError
 
         try:
             factor = self.model.gauss_newton(angles, **given)

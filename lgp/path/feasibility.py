@@ -1,9 +1,4 @@
-"""How far a hand gets at most, whatever its joints do: a bound that needs no search.
-
-Joint origins are a constant distance apart, or, across one joint, a distance that its limits bound in closed form. The
-shortest sum of such distances along the chain is a length that the hand cannot exceed, counted from where the agent
-stands: the slides of its base and the shift along its first joint's axis.
-"""
+"""The nearest configuration that meets the constraints of a problem: a first point for the solver, or a quick no."""
 
 from __future__ import annotations
 
@@ -13,13 +8,133 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from lgp.world.model import World
-from lgp.world.robot import slides
-from lgp.world.scene import Hand
+from lgp.kinematics.attachments import placed, resting
+from lgp.kinematics.ik import least_squares
+from lgp.kinematics.robot import slides
+from lgp.kinematics.world import World
+from lgp.path.collision_constraints import MARGIN
+from lgp.path.phases import Phases
+from lgp.path.problem import PathProblem
+from lgp.scene.model import Hand, Table, Thing
+from reba.arrays import Array
 
-Array = NDArray[np.float64]
+CLOSE = 1e-4
+"""[m, rad] Violation that counts as met; the solver removes the rest."""
+STEPS, ROUNDS = 10, 4
+"""Steps of a round of the search, and rounds: searches that succeed take 5 to 15 steps."""
+PROGRESS = 0.8
+"""A round that leaves more than this share of the violation is the last."""
 
-ROUNDS = 20
+
+def nearest(problem: PathProblem, start: Array, tolerance: float = CLOSE) -> tuple[Array, float]:
+    """Return x (n,) near a start that violates the constraints least, and the largest violation left [m, rad]."""
+
+    def residuals(x: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+        values = problem.rows.evaluate(*problem.split(x[0]))
+        equal, limits = problem.rows.jacobians(values)
+        broken = values.inequality > 0.0
+        slopes = np.where(broken[:, None], limits.toarray(), 0.0)
+        value = np.concatenate([values.equality, np.where(broken, values.inequality, 0.0)])
+        return value[None], np.concatenate([equal.toarray(), slopes])[None]
+
+    x, before = start[None], np.inf
+    for _ in range(ROUNDS):
+        x, left = least_squares(residuals, x, problem.lower, problem.upper, tolerance, STEPS)
+        if left[0] <= tolerance or left[0] > PROGRESS * before:
+            break
+        before = float(left[0])
+    return x[0], float(left[0])
+
+
+FINE = 1e-4
+"""[m, rad] Violations below this are not worth a word."""
+TURNED = 1e-3
+"""[rad] Turns below this are not worth a word beside a distance."""
+
+
+def reason(problem: PathProblem, x: Array) -> str:
+    """Return the constraint that fails most at x (n,), "" if all hold.
+
+    Example of a result: `phase 1, grasp(1, baxter.left, screwdriver): baxter.left stays 0.496 m away from screwdriver
+    on table.start`.
+    """
+    values = problem.rows.evaluate(*problem.split(x))
+    words: list[tuple[float, str]] = []
+    switches: dict[tuple[int, str], list[float]] = {}
+    for row, value in zip(problem.rows.eq_rows, values.equality, strict=True):
+        if row.kind in ("jump", "screw", "joint"):
+            switches.setdefault((row.number, row.kind), []).append(float(value))
+        elif row.kind == "sole":
+            text = f"{row.name} leaves the ground by {_amount(value, row.unit)}"
+            words.append((abs(value), f"{_slice(problem, row.number)}: {text}"))
+    for (number, kind), difference in switches.items():
+        away, turned = float(np.linalg.norm(difference[:3])), float(np.linalg.norm(difference[3:]))
+        if kind == "joint" and len(difference) == 3:
+            away, turned = float(np.linalg.norm(difference[:2])), abs(difference[2])
+        say = {"jump": _jump, "screw": _screw, "joint": _joint}[kind]
+        words.append((away + turned, f"{_where(problem, number)}: {say(problem, number, away, turned)}"))
+    for row, value in zip(problem.rows.in_rows, values.inequality, strict=True):
+        if row.kind == "tilt":
+            words.append((value, f"{_where(problem, row.number)}: {row.name} {_tilt(problem, row.name, value)}"))
+        elif row.kind == "collision":
+            words.append((value, f"{_slice(problem, row.number)}: {_touch(row.name, value)}"))
+        else:
+            words.append((value, f"{_slice(problem, row.number)}: the {row.name} leg is too short by {value:.3f} m"))
+    amount, text = max(words, default=(0.0, ""))
+    return text if amount > FINE else ""
+
+
+def _jump(problem: PathProblem, number: int, away: float, turned: float) -> str:
+    switch = problem.phases.switches[number]
+    by = switch.table or problem.modes.holder(switch.thing, number).by
+    at = f"in {by}" if by in problem.world.scene.hands else f"on {by}"
+    if away > FINE:
+        what = f"where {switch.thing} lies {at}" if switch.kind == "place" else f"{switch.thing} {at}"
+        more = f", turned by {np.degrees(turned):.1f} deg" if turned > TURNED else ""
+        return f"{switch.hand} stays {away:.3f} m away from {what}{more}"
+    return f"{switch.hand} cannot turn as {switch.thing} lies {at}, {np.degrees(turned):.1f} deg are missing"
+
+
+def _screw(problem: PathProblem, number: int, away: float, turned: float) -> str:
+    switch = problem.phases.switches[number]
+    skew = f", {np.degrees(turned):.1f} deg aslant" if turned > FINE else ""
+    return f"{switch.hand} stays {away:.3f} m away from its place behind the screw{skew}"
+
+
+def _joint(problem: PathProblem, number: int, away: float, turned: float) -> str:
+    switch = problem.phases.switches[number]
+    places = [f"{part} on {problem.modes.holder(part, number).by}" for part in (switch.thing, switch.other)]
+    more = f" and {np.degrees(turned):.1f} deg" if turned > TURNED else ""
+    return f"{' and '.join(places)} stand {away:.3f} m{more} from where they are joined"
+
+
+def _tilt(problem: PathProblem, hand: str, value: float) -> str:
+    limit = problem.world.scene.hands[hand].tilt
+    tilted = np.degrees(np.arccos(np.clip(np.cos(np.radians(limit)) - value, -1.0, 1.0)))
+    return f"must tilt by {tilted:.0f} deg, {tilted - limit:.1f} deg more than it may"
+
+
+def _touch(name: str, value: float) -> str:
+    first, _, second = name.partition(" and ")
+    if value > MARGIN:
+        return f"{first} goes {value - MARGIN:.3f} m into {second}"
+    return f"{first} comes {value:.3f} m nearer to {second} than the {MARGIN:g} m that are kept"
+
+
+def _where(problem: PathProblem, number: int) -> str:
+    return f"phase {number + 1}, {problem.phases.label(number)}"
+
+
+def _slice(problem: PathProblem, at: int) -> str:
+    slice_ = int(problem.kept[at])
+    return f"phase {slice_ // problem.phases.slices + 1}"
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{abs(value):.3f} m" if unit == "m" else f"{np.degrees(abs(value)):.1f} deg"
+
+
+ITERATIONS = 20
 """Alternating projections in search of the direction that separates best; any direction gives a true bound."""
 
 
@@ -61,7 +176,7 @@ class Span:
         """Return by how much [m] the hand stays away from a table top at least; not above 0 if it may reach it."""
         at = 0.5 * (self.lower + self.upper)
         best = -np.inf
-        for _ in range(ROUNDS):
+        for _ in range(ITERATIONS):
             root = self.root + at @ self.slides
             away = top.nearest(root) - root
             distance = float(np.linalg.norm(away))
@@ -142,3 +257,60 @@ def _across(first: Array, second: Array, axis: Array, low: float, high: float) -
     angles = [low, high, *(turn for turn in best + 2.0 * np.pi * np.arange(-2, 3) if low <= turn <= high)]
     most = max(constant + cosine * np.cos(angle) + sine * np.sin(angle) for angle in angles)
     return float(np.sqrt(max(first @ first + second @ second + 2.0 * most, 0.0)))
+
+
+LEAST = 1e-3
+"""[m] Misses below this are left to the solver."""
+
+
+class Stretch:
+    """The spans of the hands of a world, each worked out when first asked for.
+
+    Args:
+        world: the kinematics.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self._spans: dict[str, Span] = {}
+
+    def refusal(self, phases: Phases) -> str:
+        """Return why the hand of the last switch cannot get there, "" if it may.
+
+        Only hands that grasp from a table or place on one are judged.
+        """
+        number = phases.count - 1
+        switch = phases.switches[number]
+        scene = self.world.scene
+        if switch.kind not in ("grasp", "place"):
+            return ""
+        thing = scene.things[switch.thing]
+        table, moved = switch.table or thing.on, bool(switch.table)
+        for earlier in phases.switches[:number] if switch.kind == "grasp" else ():
+            if earlier.thing == switch.thing:
+                table, moved = earlier.table, True
+        if table not in scene.tables:
+            return ""
+        top = _rectangle(scene.tables[table], thing, moved)
+        grip = thing.grip(scene.hands[switch.hand].kind)
+        miss = self._span(switch.hand).beyond(top) - grip.slide - float(np.linalg.norm(grip.at))
+        if miss < LEAST:
+            return ""
+        what = f"{switch.thing} on {table}" if switch.kind == "grasp" else f"where {switch.thing} lies on {table}"
+        return (
+            f"phase {number + 1}, {phases.label(number)}: {switch.hand} stays at least {miss:.3f} m away from {what}, "
+            "however its joints are stretched"
+        )
+
+    def _span(self, hand: str) -> Span:
+        if hand not in self._spans:
+            self._spans[hand] = span(self.world, self.world.scene.hands[hand])
+        return self._spans[hand]
+
+
+def _rectangle(table: Table, thing: Thing, moved: bool) -> Top:
+    """Return where the middle of an object on a table can be: at its first place, or anywhere once it was moved."""
+    yaw = np.radians(table.yaw)
+    sides = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0]])
+    x, y, halves = (0.0, 0.0, placed(table, thing, 0).upper[:2]) if moved else (*thing.at[:2], np.zeros(2))
+    return Top(resting(table, thing, x, y, 0.0, "z" if moved else thing.up)[1], halves, sides)

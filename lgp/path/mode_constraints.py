@@ -8,21 +8,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lgp.path.contact_curvature import contact_curvature
+from lgp.kinematics import features
+from lgp.kinematics.attachments import Fastening, Holder, Pose
+from lgp.kinematics.features import Feature, skew
+from lgp.kinematics.modes import Modes
+from lgp.kinematics.world import Kinematics, World
 from lgp.path.phases import Phases
-from lgp.world import features
-from lgp.world.fastening import Fastening
-from lgp.world.features import Feature
-from lgp.world.model import Kinematics, World
-from lgp.world.switches import Modes
+from reba.arrays import Array
 
-Array = NDArray[np.float64]
 Slices = NDArray[np.intp]
 Blocks = list[tuple[int, Slices]]
-
 AT_TABLES: Final = ("grasp", "place", "hold")
 """Kinds of switches in which a hand works on a table, so that its tilt counts."""
-
 POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
 
 
@@ -186,3 +183,52 @@ class SwitchRows:
             found.append(bend[np.ix_(limb, limb)])
             start += 5 + len(self._joined[number])
         return found
+
+
+STEP: Final = 1e-6
+"""[m, rad] Of the differences that give the second derivatives by a grip."""
+
+
+def contact_curvature(
+    sides: tuple[Holder, Holder], limbs: Slices, own: Slices, kinematics: Kinematics, z: Array, y: Array
+) -> Array:
+    """Return sum_i y_i d2 row_i (m, m) of a contact by the joints of its limbs, then its variables.
+
+    Args:
+        sides: what has the object after the switch, and before.
+        limbs: columns of q.
+        own: places in z.
+        kinematics: of the slice of the switch (n = 1).
+        z: (nz,) all variables.
+        y: (6,) weights of the rows: difference of positions, rotation vector in the frame of the first pose.
+    """
+    poses = [side.pose(kinematics, z[side.variables]) for side in sides]
+    world = np.concatenate([y[:3], poses[0].rotation[0] @ y[3:]])
+    bend, turns = np.zeros((len(limbs) + len(own),) * 2), []
+    for side, pose, sign in zip(sides, poses, (1.0, -1.0), strict=True):
+        places = len(limbs) + np.searchsorted(own, np.arange(side.variables.start, side.variables.stop))
+        moved = np.flatnonzero(np.any(pose.by_q[0][:, limbs] != 0.0, axis=0))
+        turn = np.zeros((3, len(bend)))
+        turn[:, moved], turn[:, places] = pose.by_q[0, 3:][:, limbs[moved]], pose.by_variables[0, 3:]
+        turns.append(turn)
+        if len(moved):
+            every = np.concatenate([moved, places])
+            bend[np.ix_(every, every)] += _held(side, pose, limbs[moved], kinematics, z, sign * world)
+    mixed = -0.5 * (skew(world[3:]) @ turns[1]).T @ turns[0]
+    return np.asarray(bend + mixed + mixed.T)
+
+
+def _held(holder: Holder, held: Pose, limb: Slices, kinematics: Kinematics, z: Array, weights: Array) -> Array:
+    """Return the weighted second derivative (m, m) of the pose of a held object by its limb and grip."""
+    jacobian = np.concatenate([held.by_q[:, :, limb], held.by_variables], axis=2)
+    bend = features.position_curvature(jacobian, weights[None, :3])[0]
+    angular = jacobian[0, 3:]
+    twist = np.triu((skew(weights[3:]) @ angular).T @ angular, 1)
+    bend += 0.5 * (twist + twist.T)
+    # The grip is a rotation vector itself: its parts do not come one after the other.
+    if holder.slopes is not None:
+        grip = z[holder.variables]
+        moved = holder.slopes(kinematics, grip + STEP * np.eye(len(grip)))
+        slopes = weights @ (moved - held.by_variables) / STEP
+        bend[len(limb) :, len(limb) :] = 0.5 * (slopes + slopes.T)
+    return np.asarray(bend)

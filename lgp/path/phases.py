@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.errors import LgpError
-from lgp.logic import Action
-from lgp.world.scene import Scene
-from lgp.world.switches import ROLES, TAKES, Switch
-
-Array = NDArray[np.float64]
+from lgp.kinematics.modes import ROLES, TAKES, Switch
+from lgp.logic.task import Action
+from lgp.scene.model import Scene
+from reba.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Phases:
         seconds: per phase.
 
     Example:
-        >>> from lgp.world.scene_file import load_scene
+        >>> from lgp.scene.scene_file import load_scene
         >>> from lgp.path.phases import Phases
         >>> phases = Phases.of(load_scene("screwdriver"), [])
         >>> phases.total

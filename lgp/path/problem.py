@@ -9,53 +9,24 @@ only removes constraints and lowers the cost, so a smaller problem bounds a larg
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lgp.path.acceleration import Condensed, condense, quadratic
-from lgp.path.blocks import UpperBlocks
-from lgp.path.collision_rows import CollisionRows
+from lgp.kinematics.modes import Modes
+from lgp.kinematics.world import World
+from lgp.path.collision_constraints import CollisionRows
 from lgp.path.constraints import Constraints, Values
-from lgp.path.convexity import Convexity
+from lgp.path.costs import Condensed, Costs, Weights, condense, quadratic
 from lgp.path.ergonomics import Ergonomics
+from lgp.path.hessian import Convexity, UpperBlocks
 from lgp.path.phases import Phases
-from lgp.sqp import Model
-from lgp.world.model import World
-from lgp.world.switches import Modes
+from lgp.sqp.problem import Model
+from reba.arrays import Array
 
-Array = NDArray[np.float64]
 Slices = NDArray[np.intp]
-
 HOLD = 1e-6
 """Curvature of the model in the variables of grasps and placements, which no cost acts on."""
-
-
-@dataclass(frozen=True)
-class Weights:
-    """What the terms of the cost count.
-
-    Attributes:
-        acceleration: per rad^2/s^3 (m^2/s^3 for slides).
-        ergonomics: per score point and second.
-    """
-
-    acceleration: float = 1.0
-    ergonomics: float = 1.0
-
-
-@dataclass(frozen=True)
-class Costs:
-    """The terms of a cost."""
-
-    acceleration: float
-    ergonomics: float
-
-    @property
-    def total(self) -> float:
-        """Their sum."""
-        return self.acceleration + self.ergonomics
 
 
 class PathProblem:

@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from lgp.errors import SceneError, did_you_mean
+from lgp.errors import SceneError
+from reba.errors import did_you_mean
 
 if TYPE_CHECKING:
     import numpy as np

@@ -9,9 +9,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lgp.errors import SceneError, did_you_mean
-from lgp.world.entries import Entries
-from lgp.world.scene import Choice, Grip, Hand, Human, Joint, Robot, Scene, Table, Thing
+from lgp.errors import SceneError
+from lgp.scene.body_measures import STATURE, table
+from lgp.scene.model import Choice, Grip, Hand, Human, Joint, Robot, Scene, Table, Thing
+from reba.errors import did_you_mean
+from reba.toml_table import TomlTable
 
 SHIPPED = Path(__file__).parents[1] / "scenes"
 ROBOTS = Path(__file__).parent / "data" / "robots.toml"
@@ -66,7 +68,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         SceneError: as `load_scene`.
     """
     chosen = _changed(values, changes or {}, name)
-    entries = Entries(name, chosen)
+    entries = TomlTable(name, chosen, SceneError)
     tables = {f"table.{key}": _table(key, entry) for key, entry in entries.tables("tables").items()}
     things = {key: _thing(key, entry, tables) for key, entry in entries.tables("objects").items()}
     scene = Scene(
@@ -108,7 +110,7 @@ def _changed(values: Mapping[str, Any], changes: Mapping[str, Any], name: str) -
     return result
 
 
-def _list(entries: Entries, key: str) -> list[Any]:
+def _list(entries: TomlTable, key: str) -> list[Any]:
     entries.asked.add(key)
     value = entries.values.get(key, [])
     if not isinstance(value, list):
@@ -117,14 +119,13 @@ def _list(entries: Entries, key: str) -> list[Any]:
 
 
 def _choice(number: int, value: Any, name: str) -> Choice:
-    entries = Entries(f"{name}: choices[{number}]", value)
+    entries = TomlTable(f"{name}: choices[{number}]", value, SceneError)
     choice = Choice(entries.texts("keys"), entries.text("reason"))
     entries.done()
     return choice
 
 
-def _human(entries: Entries) -> Human:
-    from lgp.world.human import STATURE, table
+def _human(entries: TomlTable) -> Human:
 
     x, y = entries.vector("position", 2, (0.0, 0.0))
     hands = [f"{side}_hand" for side in ("left", "right")]
@@ -149,7 +150,7 @@ def _human(entries: Entries) -> Human:
     return human
 
 
-def _robot(name: str, entries: Entries) -> Robot:
+def _robot(name: str, entries: TomlTable) -> Robot:
     if name in ("human", "table"):
         raise SceneError(f"{entries.where}: a robot cannot be called {name!r}; give it another name")
     model = entries.text("model")
@@ -162,7 +163,7 @@ def _robot(name: str, entries: Entries) -> Robot:
     hands = entries.tables("hands")
     if not hands:
         defaults = known.get("hands", {})
-        hands = {hand: Entries(f"{entries.where}.hands.{hand}", {}) for hand in defaults}
+        hands = {hand: TomlTable(f"{entries.where}.hands.{hand}", {}, SceneError) for hand in defaults}
     robot = Robot(
         name=name,
         position=place,
@@ -176,7 +177,7 @@ def _robot(name: str, entries: Entries) -> Robot:
     return robot
 
 
-def _hand(agent: str, name: str, entries: Entries, known: Mapping[str, Any]) -> Hand:
+def _hand(agent: str, name: str, entries: TomlTable, known: Mapping[str, Any]) -> Hand:
     hand = Hand(
         agent=agent,
         name=name,
@@ -190,7 +191,7 @@ def _hand(agent: str, name: str, entries: Entries, known: Mapping[str, Any]) -> 
     return hand
 
 
-def _table(name: str, entries: Entries) -> Table:
+def _table(name: str, entries: TomlTable) -> Table:
     if isinstance(entries.values.get("height"), list):
         low, high = entries.vector("height", 2, low=0.01)
         if high < low:
@@ -210,7 +211,7 @@ def _table(name: str, entries: Entries) -> Table:
     return table
 
 
-def _thing(name: str, entries: Entries, tables: Mapping[str, Table]) -> Thing:
+def _thing(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> Thing:
     thing = Thing(
         name=name,
         size=entries.vector("size", 3, low=0.001),
@@ -230,7 +231,7 @@ def _thing(name: str, entries: Entries, tables: Mapping[str, Table]) -> Thing:
     return thing
 
 
-def _grip(entries: Entries) -> Grip:
+def _grip(entries: TomlTable) -> Grip:
     grip = Grip(
         entries.vector("at", 3, (0.0, 0.0, 0.0)),
         entries.unit("along", (0.0, 0.0, -1.0)),
@@ -241,7 +242,7 @@ def _grip(entries: Entries) -> Grip:
 
 
 def _joint(number: int, value: Any, name: str, things: Mapping[str, Thing]) -> Joint:
-    entries = Entries(f"{name}: joints[{number}]", value)
+    entries = TomlTable(f"{name}: joints[{number}]", value, SceneError)
     parts = entries.texts("parts")
     if len(set(parts)) != 2:
         raise SceneError(f"{entries.where}: parts is {list(parts)}, expected the names of two objects")

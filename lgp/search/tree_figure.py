@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import Final
 
-from lgp.search import Node
+from lgp.search.tree_search import Node
 
 BOX: Final = (300, 78)
 """Width and height of a box."""

@@ -21,7 +21,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Protocol
 
-from lgp.logic import Action, Task, relaxed_plan, why_unreachable
+from lgp.logic.heuristic import relaxed_plan, why_unreachable
+from lgp.logic.task import Action, Task
 
 Skeleton = tuple[Action, ...]
 

@@ -4,11 +4,11 @@ A `Problem` gives bounds, values and convex quadratic models; `solve` or a kept 
 one seam (`QPBackend`) to `ActiveSet` (the default), `Piqp`, or any solver that qpsolvers knows (`QpSolvers`).
 """
 
+from __future__ import annotations
+
 from lgp.sqp.active_set import ActiveSet
-from lgp.sqp.backend_piqp import Piqp
-from lgp.sqp.backend_qpsolvers import QpSolvers
-from lgp.sqp.options import Options
-from lgp.sqp.problem import FunctionProblem, Model, Problem, ProblemError
+from lgp.sqp.backends import Piqp, QpSolvers
+from lgp.sqp.problem import FunctionProblem, Model, Options, Problem, ProblemError
 from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus
 from lgp.sqp.result import Iteration, Result, Status, Violation
 from lgp.sqp.solver import Solver, solve

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lgp.sqp.backend_piqp import Piqp
-from lgp.sqp.dual_walk import DualWalk
+from lgp.sqp.backends import Piqp
+from lgp.sqp.dual_active_set import DualWalk
 from lgp.sqp.kkt import KKT
 from lgp.sqp.problem import Vector
 from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus, cost_scale

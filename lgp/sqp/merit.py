@@ -13,7 +13,6 @@ SUFFICIENT = 1e-4
 """Share of the promised decrease that a step must keep (Armijo)."""
 SPARED = 0.1
 """Share of the promised decrease in violation that the penalty leaves to the merit function."""
-
 NOTICED = 1e-10
 """Relative gain in violation below which rounding, not the step, would set the penalty."""
 

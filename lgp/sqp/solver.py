@@ -14,13 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lgp.sqp.merit import Accepted, Promise, promise, search, violation_max, violation_sum
-from lgp.sqp.options import Options
-from lgp.sqp.patterns import check_model, check_vector
-from lgp.sqp.problem import Model, Problem, ProblemError, Values, Vector
-from lgp.sqp.qp import QPBackend, QPResult, QPStatus
-from lgp.sqp.result import Iteration, Result, Status
-from lgp.sqp.state import Residuals, infeasible_stationary, residuals, worst_rows
-from lgp.sqp.step import Step, StepMaker
+from lgp.sqp.problem import Model, Options, Problem, ProblemError, Values, Vector
+from lgp.sqp.qp import QPBackend, QPResult, QPStatus, check_model, check_vector
+from lgp.sqp.result import Iteration, Residuals, Result, Status, infeasible_stationary, residuals, worst_rows
+from lgp.sqp.subproblem import Step, StepMaker
 
 BOTTOM = 1e12
 """A cost this far below its start, relative to it, counts as falling without end."""

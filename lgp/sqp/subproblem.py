@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
 from lgp.sqp.active_set import ActiveSet
-from lgp.sqp.elastic import Elastic
+from lgp.sqp.backends import Piqp
 from lgp.sqp.merit import violation_sum
-from lgp.sqp.patterns import UpperTriangle
 from lgp.sqp.problem import Model, Problem, Values, Vector
-from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus
+from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus, UpperTriangle, cost_scale, same_pattern
 
 FIRST_DAMPING = 1e-4
 """First damping, relative to the largest diagonal entry of the Hessian."""
@@ -21,7 +21,6 @@ PRICES = 5
 """Elastic prices tried, each ten times the last, before the rows count as contradicting each other."""
 HOPEFUL = 0.9
 """An elastic step is taken once it leaves at most this share of the linearised violation."""
-
 CLOSED = 1e-3
 """An elastic step that leaves at most this share shows that the rows no longer contradict each other."""
 
@@ -143,3 +142,70 @@ class StepMaker:
         step = np.clip(found.x, qp.lb, qp.ub)
         curvature = float(step @ qp.hessian_dot(step)) - damping * float(step @ step)
         return Step(step, curvature, found, qp, damping, elastic, hopeless)
+
+
+class Elastic:
+    """Builds and solves elastic QPs of one pattern.
+
+    Args:
+        backend: solves the widened QP; the slacks have no curvature, which suits interior point methods.
+    """
+
+    def __init__(self, backend: QPBackend | None = None) -> None:
+        self.backend = Piqp() if backend is None else backend
+        self._of: QP | None = None
+        self._wide: QP | None = None
+
+    def solve(self, qp: QP, price: float) -> QPResult:
+        """Return the elastic solution, cut to the unknowns of `qp`; its rows may be violated."""
+        wide = self._widen(qp)
+        n, slacks = qp.q.size, 2 * qp.b.size + qp.h.size
+        wide.P.data[: qp.P.nnz] = qp.P.data
+        # The unchanging -1 and +1 close each row, so the values of a row keep their places.
+        wide.A.data[self._a] = qp.A.data
+        wide.G.data[self._g] = qp.G.data
+        price = max(price, 1e-8 / cost_scale(qp))
+        filled = replace(
+            wide,
+            q=np.concatenate([qp.q, np.full(slacks, price)]),
+            b=qp.b,
+            h=qp.h,
+            lb=np.concatenate([qp.lb, np.zeros(slacks)]),
+            ub=np.concatenate([qp.ub, np.full(slacks, np.inf)]),
+        )
+        found = self.backend.solve(filled)
+        return replace(found, x=found.x[:n], z_box=found.z_box[:n], solver=f"elastic {found.solver}")
+
+    def _widen(self, qp: QP) -> QP:
+        """Return the widened QP, its pattern made on first use."""
+        if self._wide is not None and self._of is not None:
+            old = self._of
+            if all(same_pattern(*pair) for pair in ((old.P, qp.P), (old.A, qp.A), (old.G, qp.G))):
+                return self._wide
+        m_e, m_i = qp.b.size, qp.h.size
+        self._of = replace(qp, P=qp.P.copy(), A=qp.A.copy(), G=qp.G.copy())
+        n, slacks = qp.q.size, 2 * m_e + m_i
+        diagonal = sp.csc_matrix((np.zeros(slacks), (np.arange(slacks), np.arange(slacks))), shape=(slacks, slacks))
+        hessian = sp.block_diag([qp.P, diagonal], format="csc")
+        eye, none = sp.eye_array(m_e, format="csr"), sp.csr_matrix((m_e, m_i))
+        equality = sp.csr_matrix(sp.hstack([_labels(qp.A), -eye, eye, none], format="csr"))
+        limit = sp.csr_matrix(
+            sp.hstack([_labels(qp.G), sp.csr_matrix((m_i, 2 * m_e)), -sp.eye_array(m_i, format="csr")], format="csr")
+        )
+        self._a, self._g = np.flatnonzero(equality.data > 1.5), np.flatnonzero(limit.data > 1.5)
+        self._wide = QP(
+            P=sp.csc_matrix(hessian),
+            q=np.zeros(n + slacks),
+            A=equality,
+            b=qp.b,
+            G=limit,
+            h=qp.h,
+            lb=np.zeros(n + slacks),
+            ub=np.zeros(n + slacks),
+        )
+        return self._wide
+
+
+def _labels(matrix: sp.csr_matrix) -> sp.csr_matrix:
+    """Return the pattern filled with twos, told apart from the -1 and +1 of the slacks."""
+    return sp.csr_matrix((np.full(matrix.nnz, 2.0), matrix.indices, matrix.indptr), shape=matrix.shape)

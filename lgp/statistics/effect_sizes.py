@@ -10,11 +10,9 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.experiments.statistics import SAME, epsilon
-
-Array = NDArray[np.float64]
+from lgp.statistics.paired_tests import SAME, epsilon
+from reba.arrays import Array
 
 LEVEL = 0.95
 """Confidence of intervals."""

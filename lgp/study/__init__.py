@@ -3,3 +3,5 @@
 labels, manifest -> sources -> scoring -> analysis (assumptions) -> verdict, missing -> study -> page, figures.
 Simulated studies: retarget, movement -> simulate.
 """
+
+from __future__ import annotations

@@ -13,17 +13,13 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.experiments.statistics import Comparison, anova, compare, holm, mean_of, require
-from lgp.study.assumptions import effect, friedman, normality, sphericity, within_errors
-from lgp.study.measures import EXTRA, LEVELS, PARTS, TOTAL
-from lgp.study.scoring import by_condition
+from lgp.statistics.effect_sizes import effect, friedman, normality, sphericity, within_errors
+from lgp.statistics.paired_tests import Comparison, anova, compare, holm, mean_of, require
+from lgp.study.scoring import EXTRA, LEVELS, PARTS, TOTAL, by_condition
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Array = NDArray[np.float64]
 
 
 def analyse(cells: pd.DataFrame, conditions: Sequence[str]) -> dict[str, Any]:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
 from lgp.errors import LgpError
+from lgp.statistics.formatting import number, p_value
+from lgp.study.scoring import PARTS, TOTAL
 from reba.cli import options_of, scoring_options
-from reba.shell import Stop, command_line, console, json_option, print_json
+from reba.command_line import Stop, command_line, console, json_option, print_json
 
 
 @click.command(
@@ -40,7 +46,7 @@ def study(
     --pattern names them. Angles that no recording holds count as neutral unless --missing says otherwise.
     """
     from lgp.study.study import study as make
-    from reba.batch import check_report
+    from reba.batch.run import check_report
 
     check_report(report, logs)
     if output is not None and Path(output).is_file():
@@ -56,8 +62,6 @@ def study(
     if as_json:
         print_json({**found.summary, "output": output, "report": report})
     else:
-        from lgp.study.terminal import show_study
-
         show_study(console(), found.summary)
     for failure in found.summary["failed"]:
         click.echo(f"lgp: {failure['error']}", err=True)
@@ -93,3 +97,38 @@ def simulate_study(
         print_json({"simulated": True, "seed": seed, "output": output, "logs": made})
     else:
         click.echo(f"{output}: {len(made)} simulated logs of {participants} people; next: lgp study {output}")
+
+
+def show_study(console: Console, found: Mapping[str, Any]) -> None:
+    """Print the decision, means and tests of the total and of the parts, and what is missing."""
+    console.print(Text(("SIMULATED DATA. " if found["simulated"] else "") + found["verdict"], style="bold"))
+    conditions = found["conditions"]
+    table = Table(header_style="bold")
+    for name in ("mean score", *conditions, "first - second", "95 % interval", "p (t)", "p (ranks)", "g"):
+        table.add_column(Text(name), justify="left" if name == "mean score" else "right")
+    rows = [("REBA", found[TOTAL]), *((PARTS[name], one) for name, one in found["parts"].items())]
+    for title, one in rows:
+        means = [_mean(one["conditions"][name]) for name in conditions]
+        tests = [_test(pair, len(conditions) > 2) for pair in one["pairs"]] or [[""] * 5]
+        tests = [["no difference", "", "", "", ""]] if one.get("constant") else tests
+        for place, test in enumerate(tests):
+            first = [title, *means] if not place else [""] * (len(means) + 1)
+            table.add_row(*map(Text, [*first, *test]))
+    console.print(table)
+    if len(conditions) > 1:
+        console.print("± standard error between people; p after Holm; g: Hedges' g of paired differences")
+    for gap in found["missing"]:
+        console.print(f"missing: {gap['participant']}, {gap['condition']}: {gap['why']}")
+    for said in found["warnings"]:
+        console.print(f"note: {said}")
+
+
+def _mean(one: Mapping[str, Any]) -> str:
+    return f"{number(one['mean'])} ± {number(one['se'])}" if one["n"] else "no recording"
+
+
+def _test(pair: Mapping[str, Any], named: bool) -> list[str]:
+    interval = f"{number(pair['low'])} to {number(pair['high'])}"
+    values = (p_value(pair["p_holm"]), p_value(pair["wilcoxon_p_holm"]), number(pair["g"]))
+    names = f"{pair['first']} - {pair['second']}: " if named else ""
+    return [names + number(pair["difference"]), interval, *values]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from lgp.study.measures import PARTS, TOTAL
+from lgp.statistics.formatting import p_said, signed
+from lgp.study.scoring import PARTS, TOTAL
 
 ALPHA: Final = 0.05
 
@@ -90,20 +91,6 @@ def agreement(found: Mapping[str, Any]) -> list[str]:
                 f"{p_said(shape)}); the signed ranks, which do not need that, give {p_said(by_rank)}"
             )
     return said
-
-
-def p_said(p: float | None) -> str:
-    """Return a p value as it is written in a sentence.
-
-    >>> p_said(0.0312), p_said(0.00002), p_said(None)
-    ('p = .031', 'p < .001', 'p not defined')
-    """
-    return "p not defined" if p is None else "p < .001" if p < 0.001 else f"p = {p:.3f}".replace("0.", ".")
-
-
-def signed(value: float | None) -> str:
-    """Return a number with its sign."""
-    return "not defined" if value is None else f"{value:+.2f}".replace("-", "\N{MINUS SIGN}")
 
 
 def _shown(p: float | None) -> bool:

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.study.retarget import Course
-from reba.posture import ANGLES, COLUMNS, INDEX
+from reba.arrays import Array
+from reba.posture.columns import ANGLES, COLUMNS, INDEX
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Array = NDArray[np.float64]
 
 STEADY: Final = ("trunk_flexion", "trunk_side_bend", "trunk_twist", "knee_flexion", "shoulder_elevation")
 """Angles of heavy or stiff parts, which vary by half as much as others."""

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lgp.errors import LgpError
-from lgp.study.labels import RECORD, Label, Pattern, recorded_label
-from lgp.study.manifest import read_manifest
-from reba.batch import find_inputs
+from lgp.study.labels import RECORD, Label, Pattern, read_manifest, recorded_label
+from reba.batch.run import find_inputs
 from reba.errors import RebaError
 
 

@@ -1,16 +1,81 @@
-"""The figures of a study as plain SVG: the paper's Fig. 11, and a line per participant."""
+"""The page of a study: one HTML file that needs no network, in the style of the reports of `reba`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
+from pathlib import PurePath
 from typing import Any, Final
 
 import numpy as np
 
-from lgp.drawing import INK, LINE, SOFT, line, svg, text, ticks
-from lgp.experiments.statistics import stars
-from lgp.study.measures import PARTS, TOTAL
+from lgp.statistics.formatting import number, p_value
+from lgp.statistics.paired_tests import stars
+from lgp.study.scoring import EXTRA, LEVELS, PARTS, SIDED, TOTAL
+from lgp.svg import INK, LINE, SOFT, line, svg, text, ticks
+from reba.method.tables import ACTION_LEVELS
+from reba.report.page import template
+
+SOURCE: Final = (
+    "Busch, Toussaint & Lopes, Planning Ergonomic Sequences of Actions in Human-Robot Interaction, ICRA 2018, "
+    "section IV-C"
+)
+"""Where the figure and the analysis of variance are from."""
+
+
+def render(found: Mapping[str, Any], *, command: str = "") -> str:
+    """Return the page as HTML.
+
+    Args:
+        found: the summary of a study.
+        command: command line to show, so that the page can be made again.
+    """
+    from markupsafe import Markup
+
+    files = [one["input"] for one in (*found["recordings"], *found["failed"])]
+    filters: dict[str, Callable[..., str]] = {
+        "p": p_value,
+        "number": number,
+        "mark": _mark,
+        "file": _name,
+        "percent": _percent,
+        "short": lambda text: _short(text, files),
+    }
+    conditions = found["conditions"]
+    return template("lgp.study", "study.html", filters).render(
+        found=found,
+        conditions=conditions,
+        total=found[TOTAL],
+        parts={PARTS[name]: one for name, one in found["parts"].items()},
+        sided=[PARTS[name].split(" (")[0].lower() for name in SIDED],
+        described={EXTRA[name]: one for name, one in found["described"].items()},
+        levels=[(level, ACTION_LEVELS[level][0], found["levels"][name]) for level, name in enumerate(LEVELS)],
+        bars=Markup(bars(found, conditions)),
+        paired=Markup(paired(found, conditions)),
+        source=SOURCE,
+        command=command,
+    )
+
+
+def _mark(p: float | None) -> str:
+    return "" if p is None or not stars(p) else f" {stars(p)}"
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{100 * share:.0f} %"
+
+
+def _name(path: str) -> str:
+    """Return the name of a file with its folder, which may hold the participant; not where it lies on a machine."""
+    return "/".join(PurePath(path.replace("\\", "/")).parts[-2:])
+
+
+def _short(text: str, files: Sequence[str]) -> str:
+    """Return text with the names of files instead of where they lie."""
+    for file in sorted(files, key=len, reverse=True):
+        text = text.replace(file, _name(file))
+    return text
+
 
 COLOURS: Final = ("#1f6fa8", "#b4540a", "#7a68b5", "#2e7d4f", "#8c6d1f", "#a33b66")
 """One per condition in their order, from the first again after the last; each also has its name beside it."""
@@ -48,12 +113,12 @@ def bars(found: Mapping[str, Any], conditions: Sequence[str]) -> str:
     step = (_RIGHT - _LEFT) / len(groups)
     width = min(step * 0.8 / len(conditions), 46.0)
     parts = [*key, *_grid(top, down, scale)]
-    for number, (title, one) in enumerate(groups):
-        middle = _LEFT + step * (number + 0.5)
+    for index, (title, one) in enumerate(groups):
+        middle = _LEFT + step * (index + 0.5)
         for place, name in enumerate(conditions):
             at = middle + (place - (len(conditions) - 1) / 2) * width
             parts += _bar(one["conditions"][name], at, width * 0.88, down, scale, colour(place))
-        mark = _mark(one["pairs"])
+        mark = _stars(one["pairs"])
         high = max((_or(one["conditions"][name]["mean"]) + _or(one["conditions"][name]["se"])) for name in conditions)
         parts += [text(middle, down - high * scale - 6, mark, size=15)] if mark else []
         turned = text(0, 0, title, size=13, anchor="end")
@@ -107,11 +172,11 @@ def paired(found: Mapping[str, Any], conditions: Sequence[str]) -> str:
         parts.append(_person(name, [row[condition] for condition in conditions], places, y))
     if named:
         parts += _names(people, conditions, right + 19, y)
-    for number, condition in enumerate(conditions):
+    for index, condition in enumerate(conditions):
         one = found[TOTAL]["conditions"][condition]
         if one["mean"] is not None:
             middle = y(one["mean"])
-            parts.append(line(places[number] - 15, middle, places[number] + 15, middle, colour(number), 5.0))
+            parts.append(line(places[index] - 15, middle, places[index] + 15, middle, colour(index), 5.0))
     label = f"Lines: mean REBA score of each participant in {', '.join(conditions)}; thick bars are the means"
     return svg(parts, label, down + 12)
 
@@ -168,7 +233,7 @@ def _grid(top: float, down: float, scale: float) -> list[str]:
     return [*parts, line(_LEFT, down, _RIGHT, down, INK)]
 
 
-def _mark(pairs: Sequence[Mapping[str, Any]]) -> str:
+def _stars(pairs: Sequence[Mapping[str, Any]]) -> str:
     known = [pair["p_holm"] for pair in pairs if pair.get("p_holm") is not None]
     return stars(min(known)) if known else ""
 

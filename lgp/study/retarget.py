@@ -1,7 +1,7 @@
 """A planned motion done by a person of another stature: working hands where the plan has them, the rest little changed.
 
 The person's body is scaled; the configuration of the plan is then moved, slice by slice, by the shortest step in the
-joints that brings both hands to their places (damped least squares, `lgp.world.solve`). A hand's place is the planned
+joints that brings both hands to their places (damped least squares, `lgp.kinematics.ik`). A hand's place is the planned
 one as far as the plan moves it away from rest; a resting hand stays with the body. Nothing is planned again: robot,
 timing and places of objects are those that the plan was made for, as in a study where everybody gets the same plan.
 """
@@ -9,19 +9,18 @@ timing and places of objects are those that the plan was made for, as in a study
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lgp.errors import LgpError
+from lgp.kinematics.ik import least_squares
+from lgp.kinematics.posture import PostureMap
+from lgp.kinematics.world import World
 from lgp.plan_record import Plan
-from reba.posture import SIDES
-
-if TYPE_CHECKING:
-    from lgp.world.model import World
-
-Array = NDArray[np.float64]
+from reba.arrays import Array
+from reba.posture.columns import SIDES
 
 WORKING: Final = 0.15
 """[m] A hand this far from where it rested counts as working in full; before, in part, smoothly."""
@@ -68,7 +67,6 @@ class Retarget:
     """
 
     def __init__(self, plan: Plan, name: str = "the plan") -> None:
-        from lgp.world.model import World
 
         if not plan.feasible:
             raise LgpError(f"{name}: there is no plan in it ({plan.reason}); give a feasible one")
@@ -99,9 +97,6 @@ class Retarget:
         return self._courses[stature]
 
     def _course(self, stature: float) -> Course:
-        from lgp.world.model import World
-        from lgp.world.posture import PostureMap
-        from lgp.world.solve import least_squares
 
         world = World(replace(self.scene, human=replace(self.human, stature=stature)))
         own, _ = _places(world, self.path)

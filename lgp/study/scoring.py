@@ -9,24 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from lgp.study.labels import Label
-from lgp.study.measures import DEMANDING, LEVELS, PARTS, SIDED, TOTAL
-from lgp.study.sources import Failure, Sources
+from lgp.study.recordings import Failure, Sources
+from reba.analysis.exposure import column, distribution, durations, level_shares
+from reba.arrays import Array
+from reba.batch.run import Options
 from reba.errors import RebaError
-from reba.exposure import column, distribution, durations, level_shares
-from reba.posture import SIDES
+from reba.posture.columns import SIDES
+from reba.scores import Scores
 
 if TYPE_CHECKING:
-    from reba.batch import Options
-    from reba.scores import Scores
-
-Array = NDArray[np.float64]
+    import pandas as pd
 
 KEYS: Final = ("participant", "condition", "trial")
 DEMANDING_FROM: Final = 2
@@ -169,3 +168,118 @@ def by_condition(table: pd.DataFrame, measure: str, conditions: Sequence[str]) -
     """Return participants (sorted, rows) x conditions (columns) of one measure; NaN where there is no recording."""
     wide = table.pivot(index="participant", columns="condition", values=measure)
     return wide.reindex(columns=list(conditions)).sort_index()
+
+
+TOTAL: Final = "reba"
+"""The measure that a study is decided by: time-weighted mean REBA."""
+PARTS: Final[dict[str, str]] = {
+    "load_force": "Weight (load and force)",
+    "upper_arm": "Shoulder (upper arm)",
+    "lower_arm": "Elbow (lower arm)",
+    "wrist": "Wrist",
+    "trunk": "Trunk",
+    "neck": "Neck",
+    "legs": "Legs",
+    "coupling": "Coupling",
+    "activity": "Activity",
+}
+"""Part scores whose means are compared, those that the paper's Fig. 11 speaks of first; the words in front are its."""
+SIDED: Final = ("upper_arm", "lower_arm", "wrist", "coupling")
+"""Parts with a score per side; compared is the side that gives the total in each frame."""
+LEVELS: Final = tuple(f"level_{level}" for level in range(5))
+"""Shares of time in each action level."""
+DEMANDING: Final = "demanding"
+"""Share of time at REBA 4 or more: action level 2, medium, and above."""
+EXTRA: Final[dict[str, str]] = {
+    DEMANDING: "Share of time at REBA 4 or more",
+    "seconds": "Duration of the recordings [s]",
+}
+"""Measures that are described beside the parts and not tested."""
+SHORT: Final = 0.5
+"""A recording is called short below this share of the median duration of its condition."""
+BROKEN: Final = "the recording breaks off"
+"""How the note of a recording begins that was read up to where it breaks off (`reba.posture.table.Quality.notes`)."""
+FEW_PAIRS: Final = 6
+"""Signed ranks of fewer pairs never reach p < .05, two-sided: 2 / 2^5 = .0625."""
+
+
+def missing_cells(sources: Sources, scored: Scored, conditions: Sequence[str]) -> list[dict[str, str]]:
+    """Return participant, condition and reason wherever a participant lacks a condition."""
+    have = set(zip(scored.recordings["participant"], scored.recordings["condition"], strict=True))
+    why = {(label.participant, label.condition): "planned, no recording given" for label in sources.absent}
+    for failure in scored.failed:
+        if failure.label is not None:
+            why[failure.label.participant, failure.label.condition] = f"cannot be used: {failure.error}"
+    people = {label.participant for _, label in sources.named} | {label.participant for label in sources.absent}
+    return [
+        {"participant": who, "condition": what, "why": why.get((who, what), "no recording")}
+        for who, what in product(sorted(people), conditions)
+        if (who, what) not in have
+    ]
+
+
+def warnings(scored: Scored, found: dict[str, Any], cells: pd.DataFrame) -> list[str]:
+    """Return what a reader must know before using the numbers, one sentence each.
+
+    Args:
+        scored: the recordings.
+        found: what `analyse` returned.
+        cells: one row per participant and condition.
+    """
+    said = [*_simulated(scored.recordings), *_unlike(scored), *_open(scored.recordings), *_short(scored.recordings)]
+    for pair in found[TOTAL]["pairs"]:
+        if 1 < pair["n"] < FEW_PAIRS:
+            said.append(
+                f"{pair['first']} against {pair['second']}: with {pair['n']} pairs the signed ranks cannot reach "
+                "p < .05, whatever the effect"
+            )
+    trials = sorted(set(cells["trials"].tolist()))
+    if len(trials) > 1:
+        said.append(f"participants have {trials[0]} to {trials[-1]} recordings of a condition; each counts once")
+    for pair in found["described"]["seconds"]["pairs"]:
+        if pair["n"] > 1 and (pair["low"] > 0 or pair["high"] < 0):
+            longer = "longer" if pair["difference"] > 0 else "shorter"
+            said.append(
+                f"{pair['first']} took {abs(pair['difference']):.1f} s {longer} than {pair['second']} on average; "
+                "mean scores are per second and say nothing about the sum over the task"
+            )
+    broken = [(file, text) for file, lines in scored.notes.items() for text in lines if text.startswith(BROKEN)]
+    return [*said, *(f"{file}: {text}" for file, text in broken)]
+
+
+def _simulated(table: pd.DataFrame) -> list[str]:
+    made = int(table["simulated"].sum())
+    if 0 < made < len(table):
+        return [f"{made} of {len(table)} recordings are simulated; do not mix them with recordings of people"]
+    return []
+
+
+def _unlike(scored: Scored) -> list[str]:
+    """Return which angles some recordings lack that others have: they count as neutral where they are lacking."""
+    sets: dict[str, set[str]] = {file: set(names) for file, names in scored.unmeasured.items()}
+    everywhere = set[str].intersection(*sets.values())
+    partly = sorted(set[str]().union(*sets.values()) - everywhere)
+    lacking = [file for file, names in sets.items() if names & set(partly)]
+    if not partly:
+        return []
+    return [f"not measured alike: {len(lacking)} of {len(sets)} recordings lack {', '.join(partly)}"]
+
+
+def _open(table: pd.DataFrame) -> list[str]:
+    seconds = table["seconds"] / table["seconds"].sum()
+    known, low, high = (float((table[name] * seconds).sum()) for name in ("determined", "reba_low", "reba_high"))
+    if known > 1.0 - 1e-9:
+        return []
+    return [
+        f"unmeasured angles leave the score open in {1.0 - known:.0%} of the time; over everything they could have "
+        f"been the mean of all recordings lies between {low:.2f} and {high:.2f}"
+    ]
+
+
+def _short(table: pd.DataFrame) -> list[str]:
+    usual = table.groupby("condition")["seconds"].transform("median")
+    rows = table[table["seconds"] < SHORT * usual]
+    return [
+        f"{one.input}: {one.seconds:.1f} s, less than half of what is usual in {one.condition}"
+        for one in rows.itertuples()
+    ]

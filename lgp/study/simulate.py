@@ -19,9 +19,10 @@ from lgp.plan_record import Plan
 from lgp.study.labels import RECORD, Label
 from lgp.study.movement import VARIATION, Movement, Variation, perform, person
 from lgp.study.retarget import Course, Retarget
-from reba.json_text import as_json
-from reba.posture import INDEX
-from reba.scores import table_of
+from reba._version import __version__
+from reba.files import as_json
+from reba.posture.columns import INDEX
+from reba.posture.table import table_of
 from reba.writers import write_postures
 
 SIMULATION: Final = "simulation"
@@ -157,7 +158,6 @@ def _about(
     offsets: Mapping[str, Mapping[str, float]] | None,
 ) -> dict[str, str]:
     """Return how a log was made, as text by key."""
-    from reba import __version__
 
     plan = plans[log.label.condition]
     scene = plan.scene.name if isinstance(plan, Plan) else Path(plan).name

@@ -11,15 +11,17 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from lgp.errors import LgpError, did_you_mean
+from lgp.errors import LgpError
+from lgp.statistics.paired_tests import require
 from lgp.study.analysis import analyse
-from lgp.study.missing import missing_cells, warnings
-from lgp.study.scoring import Scored, cells, score_sources
-from lgp.study.sources import Sources, find_sources
-from lgp.study.verdict import agreement, parts_sentence, verdict
-from reba.batch import Options
-from reba.json_text import as_json
-from reba.writers import write_atomic, write_text
+from lgp.study.conclusions import agreement, parts_sentence, verdict
+from lgp.study.recordings import Sources, find_sources
+from lgp.study.report import render
+from lgp.study.scoring import Scored, cells, missing_cells, score_sources, warnings
+from reba.batch.run import Options
+from reba.errors import did_you_mean
+from reba.files import as_json, write_atomic, write_text
+from reba.method.rules import rules_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,7 +64,6 @@ class Study:
         Raises:
             RebaError: the file cannot be written.
         """
-        from lgp.study.page import render
 
         html = render(self.summary, command=command)
         write_atomic(Path(path), lambda part: write_text(part, html))
@@ -98,8 +99,6 @@ def study(
         >>> study(["logs"]).summary["verdict"]                              # doctest: +SKIP
         'The mean REBA score is 0.84 lower with ergonomic than with non-ergonomic ...'
     """
-    from lgp.experiments.statistics import require
-    from reba.rules import rules_of
 
     require()
     rules_of(options.rules)

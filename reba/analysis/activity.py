@@ -23,8 +23,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.posture import COLUMNS, INDEX, SIDES
-from reba.rules import Rules
+from reba.method.rules import Rules
+from reba.posture.columns import COLUMNS, INDEX, SIDES
 
 PARTS: dict[str, tuple[str, ...]] = {
     "trunk": ("trunk_flexion", "trunk_side_bend", "trunk_twist"),
@@ -41,10 +41,8 @@ PARTS: dict[str, tuple[str, ...]] = {
     },
 }
 """Body parts whose movement is watched, with their angles."""
-
 RAPID_PARTS = ("trunk", "neck", "legs", "upper_arm_left", "upper_arm_right")
 """Parts whose rapid change is a change of posture; hands and forearms move fast in ordinary work."""
-
 GRID_HZ = 20.0
 """[Hz] Signals are looked at on a regular grid of at most this rate."""
 MAX_GAP = 0.5
@@ -53,7 +51,6 @@ GAIT_SWING = 20.0
 """[deg] The difference of the knees swings at least this far in a step."""
 GAIT_MIN_SWINGS = 3
 """Alternations of the knees in a row that make a stretch walking."""
-
 Flags = NDArray[np.bool_]
 Signal = NDArray[np.float64]
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.factors import ACTIVITIES, COUPLINGS, SUPPORTS
-from reba.gravity import against_gravity
-from reba.limits import Quantity, quantities
-from reba.posture import ANGLES, INDEX, SIDES
-from reba.rules import LOAD_EDGES
-
-if TYPE_CHECKING:
-    from reba.scores import Scores
+from reba.analysis.score_table import ScoreTable
+from reba.method.classes import Quantity, quantities
+from reba.method.rules import LOAD_EDGES
+from reba.posture.angles import against_gravity
+from reba.posture.columns import ANGLES, INDEX, SIDES
+from reba.posture.factors import ACTIVITIES, COUPLINGS, SUPPORTS
 
 Points = NDArray[np.int16]
 _BEST: Final = np.array([angle.best for angle in ANGLES for _ in angle.columns])
@@ -118,7 +116,7 @@ def goals() -> tuple[Goal, ...]:
     )
 
 
-def choices(scores: Scores, frames: NDArray[np.int64]) -> tuple[Choice, ...]:
+def choices(scores: ScoreTable, frames: NDArray[np.int64]) -> tuple[Choice, ...]:
     """Return everything that can be changed about the frames and counts for the total, with the points as it is."""
     angles = np.array(scores.angles[frames], np.float64).T
     if scores.rules.upper_arm_reference == "gravity":
@@ -173,11 +171,11 @@ def _range(rows: NDArray[np.float64]) -> str:
     return f"{low:.1f} deg" if high - low < 0.05 else f"{low:.1f} to {high:.1f} deg"
 
 
-def _at(scores: Scores, name: str, frames: NDArray[np.int64]) -> NDArray[Any]:
+def _at(scores: ScoreTable, name: str, frames: NDArray[np.int64]) -> NDArray[Any]:
     return np.broadcast_to(getattr(scores.factors, name), len(scores.data))[frames]
 
 
-def _factors(scores: Scores, frames: NDArray[np.int64]) -> list[Choice]:
+def _factors(scores: ScoreTable, frames: NDArray[np.int64]) -> list[Choice]:
     def yes(name: str) -> Points:
         flags: Points = _at(scores, name, frames).astype(np.int16)
         return flags
@@ -208,7 +206,7 @@ def _factors(scores: Scores, frames: NDArray[np.int64]) -> list[Choice]:
     return found
 
 
-def _coupling(scores: Scores, frames: NDArray[np.int64], side: str) -> Choice:
+def _coupling(scores: ScoreTable, frames: NDArray[np.int64], side: str) -> Choice:
     codes = scores.data[f"coupling_{side}"].to_numpy(np.int16)[frames]
     better = [
         Option(np.minimum(codes, code).astype(np.int16), 0.0, COUPLINGS[code], COUPLINGS[int(codes.max())])

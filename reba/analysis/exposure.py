@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from reba.scoring import SCORE_COLUMNS
-from reba.tables import ACTION_LEVELS, LEVEL_OF
-
-if TYPE_CHECKING:
-    from reba.scores import Scores
+from reba.analysis.score_table import ScoreTable
+from reba.analysis.worksheet import drivers
+from reba.method.scoring import SCORE_COLUMNS
+from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 
 HELD_SECONDS: Final = 1.0
 """[s] A score counts as held from this time on; shorter peaks are likely flicker of a measurement."""
@@ -90,13 +89,13 @@ def distribution(scores: NDArray[Any], weights: NDArray[np.float64]) -> Distribu
     return Distribution(mean, median, p90, int(occurring[-1]))
 
 
-def column(scores: Scores, name: str) -> NDArray[np.float64]:
+def column(scores: ScoreTable, name: str) -> NDArray[np.float64]:
     """Return one column of the score table as (n,) floats, NaN where undetermined."""
     values: NDArray[np.float64] = scores.data[name].to_numpy(np.float64, na_value=np.nan)
     return values
 
 
-def level_shares(scores: Scores, name: str = "action_level") -> dict[str, float]:
+def level_shares(scores: ScoreTable, name: str = "action_level") -> dict[str, float]:
     """Return the share of time in action levels "0" to "4" and "undetermined"."""
     weights = durations(scores.time)
     levels = column(scores, name)
@@ -110,20 +109,20 @@ def _level_times(levels: NDArray[np.float64], weights: NDArray[np.float64]) -> d
     return {str(level): float(time) for level, time in enumerate(times)}
 
 
-def held(scores: Scores, seconds: float = HELD_SECONDS) -> int | None:
+def held(scores: ScoreTable, seconds: float = HELD_SECONDS) -> int | None:
     """Return the highest score that is held for `seconds` without a break (of the low end of the range)."""
     timeline = _Timeline(scores)
     return next((score for score in timeline.scores if timeline.runs(score, seconds)[0].size), None)
 
 
-def stretches(scores: Scores, at_least: int) -> list[Interval]:
+def stretches(scores: ScoreTable, at_least: int) -> list[Interval]:
     """Return every stretch in which the low end of REBA is at least a score; gaps end a stretch."""
     timeline = _Timeline(scores)
     first, last = timeline.runs(at_least)
     return [timeline.interval(a, b, at_least) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
 
 
-def worst_intervals(scores: Scores, count: int = WORST_INTERVALS) -> list[Interval]:
+def worst_intervals(scores: ScoreTable, count: int = WORST_INTERVALS) -> list[Interval]:
     """Return the worst stretches, highest score first, then longest; none overlaps another.
 
     Stretches held for at least a second come first; shorter ones fill up only where there are not enough.
@@ -147,7 +146,7 @@ def worst_intervals(scores: Scores, count: int = WORST_INTERVALS) -> list[Interv
 class _Timeline:
     """The low end of REBA over time, cut at gaps: start and end [s] of every frame, and where a gap follows."""
 
-    def __init__(self, scores: Scores) -> None:
+    def __init__(self, scores: ScoreTable) -> None:
         self.low = scores.data["reba_low"].to_numpy(np.int16)
         self.scores = np.flatnonzero(np.bincount(self.low, minlength=1))[::-1].tolist()
         self.start = scores.time
@@ -172,12 +171,11 @@ class _Timeline:
         return Interval(float(self.start[first]), float(self.end[last]), reba, middle)
 
 
-def summarise(scores: Scores) -> dict[str, Any]:
+def summarise(scores: ScoreTable) -> dict[str, Any]:
     """Return the exposure of one recording as plain data (the object of `reba score --json` without paths).
 
     `reba` holds a statistic only where the measured angles determine it; `range` always holds both ends.
     """
-    from reba.worksheet import drivers
 
     time = scores.time
     weights = durations(time)
@@ -255,7 +253,34 @@ def _part(points: NDArray[np.float64], weights: NDArray[np.float64]) -> dict[str
     return {"mean": distribution(points, weights).mean, "determined": known}
 
 
-def _side_shares(scores: Scores, side: str, weights: NDArray[np.float64]) -> dict[str, float]:
+def _side_shares(scores: ScoreTable, side: str, weights: NDArray[np.float64]) -> dict[str, float]:
     reba = column(scores, f"reba_{side}")
     levels = np.where(np.isnan(reba), np.nan, LEVEL_OF[np.nan_to_num(reba).astype(np.int64)])
     return _level_times(levels, weights / (weights.sum() or 1.0))
+
+
+def compare(a: ScoreTable, b: ScoreTable) -> dict[str, Any]:
+    """Return the summaries of two recordings and b minus a for every figure both have.
+
+    Part means are compared over frames in which they are known; a figure that one side lacks has no difference.
+    """
+    first, second = summarise(a), summarise(b)
+    difference = {
+        "reba": {key: _minus(first["reba"][key], second["reba"][key]) for key in first["reba"]},
+        "range": {key: _minus(first["range"][key], second["range"][key]) for key in first["range"]},
+        "held": _minus(first["held"]["reba"], second["held"]["reba"]),
+        "action_levels": {
+            level: _minus(first["action_levels"][level], second["action_levels"][level])
+            for level in first["action_levels"]
+        },
+        "parts": {part: _minus(first["parts"][part]["mean"], second["parts"][part]["mean"]) for part in PARTS},
+    }
+    only = {
+        "only_a_unmeasured": sorted(set(a.unmeasured) - set(b.unmeasured)),
+        "only_b_unmeasured": sorted(set(b.unmeasured) - set(a.unmeasured)),
+    }
+    return {"a": first, "b": second, "difference": difference, **only}
+
+
+def _minus(a: float | None, b: float | None) -> float | None:
+    return None if a is None or b is None else b - a

@@ -12,23 +12,20 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.changes import Change, Choice, Goal, choices, goals
+from reba.analysis.changes import Change, Choice, Goal, choices, goals
+from reba.analysis.score_table import ScoreTable
+from reba.analysis.worksheet import GROUP_A, GROUP_B
 from reba.errors import PostureError
-from reba.posture import SIDES
-from reba.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
-from reba.worksheet import GROUP_A, GROUP_B
-
-if TYPE_CHECKING:
-    from reba.scores import Scores
+from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
+from reba.posture.columns import SIDES
 
 WORST_SECONDS: Final = 60.0
 """[s] Length of a worst stretch that is improved as a whole."""
-
 Points = NDArray[np.int16]
 
 
@@ -63,12 +60,12 @@ class Improvement:
         return {**asdict(self), "text": self.text()}
 
 
-def improve_frame(scores: Scores, frame: int, to_level: int | None = None) -> list[Improvement]:
+def improve_frame(scores: ScoreTable, frame: int, to_level: int | None = None) -> list[Improvement]:
     """Return the smallest changes for one frame, one for each goal that can be reached; see `improve_frames`."""
     return improve_frames(scores, np.array([frame]), to_level)
 
 
-def worst_stretch(scores: Scores, seconds: float = WORST_SECONDS) -> NDArray[np.int64]:
+def worst_stretch(scores: ScoreTable, seconds: float = WORST_SECONDS) -> NDArray[np.int64]:
     """Return the frames of the stretch of `seconds` with the highest mean REBA (low end of the range)."""
     time = scores.time
     if not len(time):
@@ -82,12 +79,12 @@ def worst_stretch(scores: Scores, seconds: float = WORST_SECONDS) -> NDArray[np.
     return np.arange(first, stop[first])
 
 
-def improve_worst(scores: Scores, seconds: float = WORST_SECONDS, to_level: int | None = None) -> list[Improvement]:
+def improve_worst(scores: ScoreTable, seconds: float = WORST_SECONDS, to_level: int | None = None) -> list[Improvement]:
     """Return the smallest limits that lower the action level of the worst stretch in every one of its frames."""
     return improve_frames(scores, worst_stretch(scores, seconds), to_level)
 
 
-def improve_frames(scores: Scores, frames: NDArray[np.int64], to_level: int | None = None) -> list[Improvement]:
+def improve_frames(scores: ScoreTable, frames: NDArray[np.int64], to_level: int | None = None) -> list[Improvement]:
     """Return the smallest common changes that bring every given frame to a lower action level.
 
     Unmeasured angles are taken as neutral: a change can only be asked of what is known.

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from reba.factors import COUPLINGS, SUPPORTS
-from reba.gravity import against_gravity
-from reba.limits import Quantity, quantities
-from reba.posture import INDEX, SIDES
-from reba.rules import LOAD_EDGES
-from reba.tables import ACTION_LEVELS, PART_MAXIMA
-
-if TYPE_CHECKING:
-    from reba.scores import Scores
+from reba.analysis.score_table import ScoreTable
+from reba.method.classes import Quantity, quantities
+from reba.method.rules import LOAD_EDGES
+from reba.method.tables import ACTION_LEVELS, PART_MAXIMA
+from reba.posture.angles import against_gravity
+from reba.posture.columns import INDEX, SIDES
+from reba.posture.factors import COUPLINGS, SUPPORTS
 
 GROUP_A = ("trunk", "neck", "legs")
 GROUP_B = ("upper_arm", "lower_arm", "wrist")
@@ -71,7 +69,7 @@ class Worksheet:
         return asdict(self)
 
 
-def worksheet(scores: Scores, frame: int) -> Worksheet:
+def worksheet(scores: ScoreTable, frame: int) -> Worksheet:
     """Return the worksheet of a frame (row of the score table)."""
     row = scores.data.iloc[frame]
     known = {name: None if pd.isna(row[name]) else int(row[name]) for name in scores.data.columns if name != "time"}
@@ -98,7 +96,7 @@ def worksheet(scores: Scores, frame: int) -> Worksheet:
     return Worksheet(float(row["time"]), tuple(lines), known, risk, action, scores.rules.name)
 
 
-def drivers(scores: Scores, frame: int, most: int = 4) -> list[str]:
+def drivers(scores: ScoreTable, frame: int, most: int = 4) -> list[str]:
     """Return what gives the most points in a frame: "trunk flexion 62 deg (over 60): +3", highest first.
 
     Only the side of the worse arm speaks, or both where they are equal.
@@ -154,18 +152,18 @@ def _at(value: Any, frame: int) -> Any:
     return given[0] if len(given) == 1 else given[frame]
 
 
-def _knees_count(scores: Scores, frame: int) -> bool:
+def _knees_count(scores: ScoreTable, frame: int) -> bool:
     return scores.rules.seated_knees or str(_at(scores.factors.support, frame)) != SUPPORTS[3]
 
 
-def _support(scores: Scores, frame: int) -> list[Line]:
+def _support(scores: ScoreTable, frame: int) -> list[Line]:
     support = str(_at(scores.factors.support, frame))
     points = 2 if support == "unilateral" else scores.rules.walking_legs if support == "walking" else 1
     rule = "one leg or unstable" if support == "unilateral" else "both legs, walking or sitting"
     return [Line("legs", points, "support", support, rule, least=1)]
 
 
-def _load(scores: Scores, frame: int) -> list[Line]:
+def _load(scores: ScoreTable, frame: int) -> list[Line]:
     load = float(_at(scores.factors.load, frame))
     points = int(load >= LOAD_EDGES[0]) + int(load > LOAD_EDGES[1])
     rule = ("under 5 kg", "5 to 10 kg", "over 10 kg")[points]
@@ -175,7 +173,7 @@ def _load(scores: Scores, frame: int) -> list[Line]:
     return lines
 
 
-def _supported(scores: Scores, frame: int, side: str, lines: list[Line]) -> list[Line]:
+def _supported(scores: ScoreTable, frame: int, side: str, lines: list[Line]) -> list[Line]:
     if not _at(getattr(scores.factors, f"arm_supported_{side}"), frame):
         return []
     so_far = sum(line.points or 0 for line in lines if line.part == f"upper_arm_{side}")
@@ -183,12 +181,12 @@ def _supported(scores: Scores, frame: int, side: str, lines: list[Line]) -> list
     return [Line(f"upper_arm_{side}", points, f"{side} arm support", "yes", "leaning or supported, never below 1")]
 
 
-def _coupling(scores: Scores, frame: int, side: str) -> list[Line]:
+def _coupling(scores: ScoreTable, frame: int, side: str) -> list[Line]:
     points = int(scores.data[f"coupling_{side}"].iloc[frame])
     return [Line(f"coupling_{side}", points, f"{side} coupling", COUPLINGS[points], f"{COUPLINGS[points]} grip")]
 
 
-def _activity(scores: Scores, frame: int) -> list[Line]:
+def _activity(scores: ScoreTable, frame: int) -> list[Line]:
     rules = {
         "static": f"a part held over {scores.rules.static_seconds:g} s",
         "repeated": f"small movements over {scores.rules.repeated_per_minute:g} a minute",

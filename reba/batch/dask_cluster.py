@@ -14,8 +14,9 @@ from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from typing import Any, Final
 
+from reba._version import __version__
+from reba.batch.worker_pool import WAITING, Lost
 from reba.errors import RebaError
-from reba.fan_out import WAITING, Lost
 
 CONNECT: Final = 5.0
 """[s] Until a scheduler must answer."""
@@ -26,7 +27,6 @@ NO_WORKERS: Final = 30.0
 REFRESH: Final = 5.0
 """[s] Between two looks at how many workers there are."""
 SAME: Final = "install the same dreba on scheduler and workers as here"
-
 _one_at_a_time = threading.Lock()
 
 
@@ -35,7 +35,7 @@ class Cluster:
 
     Args:
         address: of its scheduler.
-        probe: see `reba.fan_out.fan_out`.
+        probe: see `reba.batch.parallel.fan_out`.
 
     Raises:
         RebaError: distributed is not installed, or the scheduler or its workers cannot be used.
@@ -122,17 +122,15 @@ class Cluster:
         self._count()
 
     def _probe(self, probe: Callable[[], str] | None) -> None:
-        import reba
-
-        here = reba.__version__
+        here = __version__
 
         def lacks_package() -> str:
             # Defined in here it travels as code: a worker without the package could not load it from its module.
             try:
-                import reba
+                from reba._version import __version__ as there
             except ImportError as error:
                 return f"cannot load dreba ({error}); install it there as it is here"
-            return "" if reba.__version__ == here else f"has dreba {reba.__version__}, this is {here}; install the same"
+            return "" if there == here else f"has dreba {there}, this is {here}; install the same"
 
         for question in (lacks_package, probe):
             answers = {} if question is None else self._ask(question)
@@ -192,7 +190,7 @@ def _carrier() -> Callable[[bytes], Any]:
     def carried(packed: bytes) -> Any:
         import pickle
 
-        from reba.cluster import run_alone
+        from reba.batch.dask_cluster import run_alone
 
         return run_alone(*pickle.loads(packed))
 

@@ -21,11 +21,11 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
 
-from reba.batch import Options, Outcome
-from reba.content import Content, stamp
+from reba._version import __version__
+from reba.batch.manifest import FAILED, SCORED, Content, Entry, Manifest, stamp
+from reba.batch.run import Options, Outcome
 from reba.errors import RebaError
-from reba.manifest import FAILED, SCORED, Entry, Manifest
-from reba.rules import rules_of
+from reba.method.rules import rules_of
 
 PART: Final = "scores.parquet"
 """Name of the one file of a recording."""
@@ -34,7 +34,6 @@ LOCK: Final = "_lock"
 """Held while a command writes to the dataset; not empty after one that did not end by itself."""
 LONGEST: Final = 200
 """Characters of a name in a path, written for a path; file systems end at 255."""
-
 NEW: Final = "new"
 CHANGED: Final = "the file changed"
 RETRIED: Final = "failed before"
@@ -216,7 +215,6 @@ def settings(options: Options) -> dict[str, Any]:
     Raises:
         RebaError: the rules or the profile cannot be used.
     """
-    import reba
 
     rules = rules_of(options.rules)
     given = asdict(replace(options, rules=rules.name))
@@ -224,7 +222,7 @@ def settings(options: Options) -> dict[str, Any]:
     if Path(options.profile).is_file():
         given["profile"] = f"{Path(options.profile).name} {_digest(Path(options.profile).read_bytes())}"
     return {
-        "version": reba.__version__,
+        "version": __version__,
         "rules": rules.name,
         "rules_hash": _digest(json.dumps(asdict(rules), sort_keys=True).encode()),
         "options": given,

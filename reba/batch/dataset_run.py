@@ -12,10 +12,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from reba.batch import Options, Outcome, score_one, sees
-from reba.content import Content, content_hash, stamp
-from reba.dataset import LOCK, Dataset, Part, settings
-from reba.fan_out import Lost, fan_out
+from reba.batch.dataset import LOCK, Dataset, Part, settings
+from reba.batch.manifest import Content, content_hash, stamp
+from reba.batch.parallel import fan_out
+from reba.batch.run import Options, Outcome, score_one, sees
+from reba.batch.worker_pool import Lost
 from reba.scores import Scores
 
 
@@ -77,7 +78,7 @@ def score_into(
         dataset: open.
         inputs: recordings.
         options: how they are scored.
-        jobs, scheduler: where, as for `reba.fan_out.fan_out`.
+        jobs, scheduler: where, as for `reba.batch.parallel.fan_out`.
         keep: whether the run holds the scores themselves (for a report); then everything is scored.
         done: called with the name of each recording.
 

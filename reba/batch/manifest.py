@@ -6,6 +6,7 @@ ends in the middle of a line leaves a broken end, which is cut off when the mani
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import time
@@ -15,16 +16,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from reba.errors import RebaError
-from reba.json_text import as_json
+from reba.files import _sha256, as_json
 
 MANIFEST: Final = "_manifest.jsonl"
 """Its name; readers of Parquet datasets pass over what begins with an underscore."""
 SYNC: Final = 0.5
 """[s] At most until a line is safe from a power cut; from the end of this process it is so at once."""
-
 SCORED: Final = "scored"
 FAILED: Final = "failed"
-
 FIELDS: Final = (
     "recording", "input", "size", "modified", "hash", "version", "rules", "rules_hash", "options", "outcome",
 )  # fmt: skip
@@ -141,3 +140,46 @@ class Manifest:
         self.entries[path] = Entry(
             recording, size, modified, digest, version, rules, same if same == text else text, outcome, place, length
         )
+
+
+@dataclass(frozen=True)
+class Content:
+    """What identifies the content of a recording.
+
+    Attributes:
+        size: bytes of all its files.
+        modified: of the file that changed last [ns since 1970].
+        hash: SHA-256 of a file; of the names and hashes of its files for a folder.
+    """
+
+    size: int
+    modified: int
+    hash: str
+
+
+def stamp(path: str | Path) -> tuple[int, int]:
+    """Return size and time of change of a file or folder; (-1, -1) if it cannot be looked at."""
+    try:
+        found = [os.stat(file) for file in _files(Path(path))]
+    except OSError:
+        return -1, -1
+    return sum(stat.st_size for stat in found), max((stat.st_mtime_ns for stat in found), default=0)
+
+
+def content_hash(path: str | Path) -> str:
+    """Return the SHA-256 of a file, or of a folder's names and hashes; "" if it cannot be read."""
+    place = Path(path)
+    try:
+        if not place.is_dir():
+            return _sha256(place)
+        lines = [f"{file.relative_to(place)} {_sha256(file)}\n" for file in _files(place)]
+    except OSError:
+        return ""
+    return hashlib.sha256("".join(lines).encode(errors="surrogateescape")).hexdigest()
+
+
+def _files(path: Path) -> Iterator[Path]:
+    if not path.is_dir():
+        yield path
+        return
+    yield from sorted(file for file in path.rglob("*") if file.is_file())

@@ -9,11 +9,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from reba.batch.manifest import MANIFEST
+from reba.batch.parallel import fan_out
+from reba.batch.worker_pool import Lost
 from reba.errors import RebaError
-from reba.fan_out import Lost, fan_out
-from reba.manifest import MANIFEST
+from reba.method.scoring import Missing
+from reba.readers import is_recording, is_recording_folder, read
 from reba.scores import Scores, score
-from reba.scoring import Missing
 from reba.writers import SUFFIXES, write_scores
 
 SCORED_SUFFIX: Final = ".scores.parquet"
@@ -39,7 +41,6 @@ class Options:
         Raises:
             RebaError: the recording or an option is bad.
         """
-        from reba.readers import read
 
         postures = read(path, profile=self.profile, topic=self.topic, neutral=self.neutral, strict=self.strict)
         return score(postures, rules=self.rules, activity=self.activity, missing=self.missing, **self.factors)
@@ -74,7 +75,6 @@ def find_inputs(given: Sequence[str]) -> list[str]:
     Raises:
         RebaError: a path does not exist or cannot be looked into, or a folder holds no recording.
     """
-    from reba.readers import is_recording, is_recording_folder
 
     found: dict[str, None] = {}
     for name in given:
@@ -116,7 +116,8 @@ def _inside(
 def plan_output(inputs: Sequence[str], output: str | None) -> tuple[Path | None, Path | None]:
     """Return the file and the folder for the scores: one of them, or neither if nothing is to be written.
 
-    One input and an ending of .parquet, .csv or .mcap name a file; everything else is a folder, see `reba.dataset`.
+    One input and an ending of .parquet, .csv or .mcap name a file; everything else is a folder, see
+    `reba.batch.dataset`.
 
     Raises:
         RebaError: several inputs but one output file, a file that is the recording, or an unknown ending.
@@ -186,7 +187,7 @@ def score_many(
         inputs: recordings.
         output: file for the scores, if there is one input.
         options: how they are scored.
-        jobs, scheduler: where, as for `reba.fan_out.fan_out`.
+        jobs, scheduler: where, as for `reba.batch.parallel.fan_out`.
         keep: whether the outcomes hold the scores themselves (for a report), not only their summaries.
 
     Raises:

@@ -6,3 +6,5 @@ What the readers decide from a whole recording (unit, vertical, columns that wer
 decided from its first seconds here, by the same functions; frames of that time wait and are handed out after it.
 Everything kept is bounded: it does not grow with the length of the recording.
 """
+
+from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Mapping
@@ -12,16 +13,13 @@ from typing import Any
 import click
 
 from reba.errors import RebaError
-from reba.factors import Factors, checked
-from reba.live.alert import Alert
 from reba.live.follow import Follower
-from reba.live.growing import open_growing
-from reba.live.latency import Latency
-from reba.live.lines import Lines
-from reba.live.output import write_lines
-from reba.live.reading import Reading, neutral_until
-from reba.live.session import Session
-from reba.live.source import Source
+from reba.live.frames import Reading, neutral_until
+from reba.live.json_lines import Lines
+from reba.live.output import Latency, write_lines
+from reba.live.session import Alert, Session, score_of_level
+from reba.live.sources import Source, open_growing
+from reba.posture.factors import Factors, checked
 from reba.scores import named_activity
 
 INTERRUPTED = 130
@@ -174,3 +172,49 @@ def _view(port: int | None) -> Any:
 
 def _tell(text: str) -> None:
     click.echo(f"reba: {' '.join(text.split())}", err=True)
+
+
+ALERT = 8
+"""Score from which on to alert: the paper's high risk, action necessary soon."""
+FACTORS = ("load", "coupling", "support")
+_FORM = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(s|min)?")
+_UNITS = {None: 1.0, "s": 1.0, "min": 60.0}
+
+
+def seconds(name: str, text: str) -> float:
+    """Return a length of time [s].
+
+    >>> seconds("window", "1.5min"), seconds("hold", "2")
+    (90.0, 2.0)
+
+    Raises:
+        RebaError: it is none.
+    """
+    form = _FORM.fullmatch(text.strip())
+    if form is None:
+        raise RebaError(f"--{name} is {text!r}; expected seconds, like 2s, 0.5 or 1min")
+    return float(form[1]) * _UNITS[form[2]]
+
+
+def live_options(given: dict[str, Any]) -> Options:
+    """Return the options.
+
+    Raises:
+        RebaError: one of them cannot be used, or both alert options are given.
+    """
+    if given["alert"] is not None and given["alert_level"] is not None:
+        raise RebaError("--alert and --alert-level say the same; give one of them")
+    alert = given["alert"] or ALERT
+    if given["alert_level"] is not None:
+        alert = score_of_level(given["alert_level"])
+    return Options(
+        reading=Reading(given["profile"], given["topic"], given["neutral"], seconds("settle", given["settle"])),
+        factors={name: given[name] for name in FACTORS if given[name] is not None},
+        activity=given["activity"],
+        rules=given["rules"],
+        alert=alert,
+        hold=seconds("hold", given["hold"]),
+        window=seconds("window", given["window"]),
+        until_idle=given["until_idle"],
+        foxglove=given["foxglove"],
+    )

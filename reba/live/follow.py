@@ -7,17 +7,16 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final
 
 from reba.errors import ProfileError, ReadError
-from reba.factors import Factors, checked, expand_sides
-from reba.live.bodies import Bodies
-from reba.live.frames import Frames
-from reba.live.reading import NotYet, Reading
-from reba.live.rows import Rows
-from reba.live.source import Source
+from reba.live.frames import Frames, NotYet, Reading
+from reba.live.joint_frames import Bodies
+from reba.live.sources import Source
+from reba.live.table_rows import Rows
+from reba.posture.factors import Factors, checked, expand_sides
 from reba.readers.mcap import classified, gathered
 from reba.readers.mcap.container import Segment
-from reba.readers.profile import find_profile, profiles
 from reba.readers.recognise import choose
-from reba.readers.stream import ReadLog
+from reba.readers.recording.profile import find_profile, profiles
+from reba.readers.recording.stream import ReadLog
 
 POLL: Final = 0.002
 """[s] Pause between two looks at a source that has nothing new."""

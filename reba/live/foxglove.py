@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
+from reba.arrays import Array
 from reba.errors import RebaError
-from reba.factors import SUPPORTS
 from reba.live.frames import Frames
 from reba.live.output import encoder
-from reba.live.skeleton import STATURE, Colour, Figure, figure
-from reba.report.stickfigure import LENGTHS
-from reba.scoring import SCORE_COLUMNS, ScoreArrays
+from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays
+from reba.method.tables import PART_MAXIMA
+from reba.posture.columns import INDEX
+from reba.posture.factors import SUPPORTS
+from reba.posture.skeleton import LENGTHS, LIMBS, joints
 
 PORT: Final = 8765
 TOPICS: Final = {"scores": "/ergonomics/reba", "figure": "/ergonomics/figure"}
@@ -155,3 +158,80 @@ def record_schema() -> dict[str, Any]:
             },
         },
     }
+
+
+Colour = tuple[float, float, float, float]
+STATURE: Final = 1.75
+"""[m] The size of the figure."""
+GREY: Final[Colour] = (0.6, 0.6, 0.6, 0.6)
+"""Limbs whose part score is not determined."""
+SCALE: Final[tuple[Colour, ...]] = ((0.18, 0.63, 0.30, 1.0), (0.98, 0.75, 0.18, 1.0), (0.80, 0.14, 0.14, 1.0))
+"""From the lowest part score to the highest."""
+PLAIN: Final[tuple[tuple[str, str, str], ...]] = (
+    ("shoulder_left", "shoulder_right", "trunk"),
+    ("hip_left", "hip_right", "legs"),
+)
+"""Lines that are no limbs, and the part whose colour they take."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Points to draw.
+
+    Attributes:
+        lines: (m, 2, 3) ends of m lines [m]: x forward, y to the left, z up; the feet stand on z = 0.
+        colours: of each line.
+        head: (3,) centre of the head [m].
+        head_colour: of the head.
+    """
+
+    lines: Array
+    colours: tuple[Colour, ...]
+    head: Array
+    head_colour: Colour
+
+
+def part_of(limb: str) -> str:
+    """Return the part score that colours a limb.
+
+    >>> part_of("shank_left"), part_of("wrist_right")
+    ('legs', 'wrist_right')
+    """
+    return "legs" if limb.startswith(("thigh", "shank")) else limb
+
+
+def colour_of(part: str, score: int) -> Colour:
+    """Return the colour of a part score on the way from its lowest to its highest value."""
+    if score == UNKNOWN:
+        return GREY
+    highest = next(most for name, most in PART_MAXIMA.items() if part.startswith(name))
+    place = (score - 1) / (highest - 1) * (len(SCALE) - 1)
+    below = min(int(place), len(SCALE) - 2)
+    share = place - below
+    red, green, blue, alpha = ((1 - share) * a + share * b for a, b in zip(SCALE[below], SCALE[below + 1], strict=True))
+    return red, green, blue, alpha
+
+
+def figure(angles: Array, scores: ScoreArrays, frame: int, sitting: bool = False) -> Figure:
+    """Return the figure of one frame.
+
+    Args:
+        angles: (22,) degrees, NaN = not measured, drawn neutral and grey where it leaves the part score open.
+        scores: of n frames.
+        frame: which of them.
+        sitting: whether the person sits.
+    """
+    place = joints(angles, sitting)
+    floor = min(float(point[1]) for point in place.values())
+    at = {name: STATURE * np.array([p[0], -p[2], p[1] - floor]) for name, p in place.items()}
+    drawn = [(a, b, part_of(limb)) for limb, (a, b, _) in LIMBS.items()]
+    drawn += [(a, a.replace("ankle", "toe"), "legs") for a in at if a.startswith("ankle")]
+    drawn += PLAIN
+    colour = {part: colour_of(part, int(scores[part][frame])) for _, _, part in drawn}
+    neck = GREY if np.isnan(angles[INDEX["neck_flexion"]]) else colour["neck"]
+    return Figure(
+        lines=np.array([(at[a], at[b]) for a, b, _ in drawn]),
+        colours=tuple(colour[part] for _, _, part in drawn),
+        head=at["head"],
+        head_colour=neck,
+    )

@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import ProfileError, ReadError
-from reba.factors import Factors
-from reba.live.frames import Array, Frames, later
-from reba.live.reading import NotYet, Reading, neutral_until
-from reba.live.root import LiveRoot
-from reba.live.source import Source, followed
-from reba.live.watch import Watch
-from reba.posture import COLUMNS
-from reba.readers.collect import Samples, collect
-from reba.readers.correct import correct
-from reba.readers.finish import root_streams
-from reba.readers.frames import AXES
-from reba.readers.joints import JointMapper
-from reba.readers.mapping import Mapper, block_angles, mapper_for
+from reba.live.frames import Frames, NotYet, Reading, later, neutral_until
+from reba.live.sources import Source, followed
+from reba.posture.columns import COLUMNS
+from reba.posture.factors import Factors
+from reba.readers.build_table import root_streams
+from reba.readers.mapping import Mapper, Samples, block_angles, collect, mapper_for
+from reba.readers.mapping.joints import JointMapper
+from reba.readers.mapping.reference_frames import HOLD, FramePoses, RootPose, read_root, root_samples
+from reba.readers.mapping.segments import AXES
 from reba.readers.mcap.container import Segment
-from reba.readers.neutral import apply_neutral, neutral_offsets, parse_neutral, subtract
-from reba.readers.profile import Profile
+from reba.readers.quality_control import Corrections, apply_neutral, correct, neutral_offsets, parse_neutral, subtract
 from reba.readers.recognise import Match
-from reba.readers.root import RootPose, read_root
-from reba.readers.stream import Block, ReadLog, Recording
+from reba.readers.recording.profile import Profile
+from reba.readers.recording.stream import Block, Kind, ReadLog, Recording, Stream
 
 
 class Bodies:
@@ -82,7 +80,7 @@ class Bodies:
     def _decide(
         self, samples: Samples, mapper: Mapper, match: Match, profile: Profile, reading: Reading, path: str
     ) -> None:
-        """Decide what `reba.readers.finish` decides from a whole recording."""
+        """Decide what `reba.readers.build_table` decides from a whole recording."""
         self._corrections = correct(samples, mapper, profile, match.stream.kind, reading.neutral)
         reasons = self._corrections.reasons
         self.unmeasured = [column for column in COLUMNS if column in reasons]
@@ -163,3 +161,143 @@ class Bodies:
 
 def _rows(block: Block, which: slice | NDArray[np.bool_]) -> Block:
     return replace(block, time=block.time[which], values=block.values[which])
+
+
+LONGEST = 60.0
+"""[s] Samples older than this behind the newest one are let go in any case."""
+KEPT = 2.0
+"""[s] Samples older than this behind the oldest waiting frame are let go."""
+
+
+class LiveRoot:
+    """Follows the frame of the pelvis.
+
+    Args:
+        pose: what the first samples gave: axes and vertical.
+        stream: where the frame is.
+        name: the frame.
+    """
+
+    def __init__(self, pose: RootPose, stream: Stream, name: str) -> None:
+        self._poses = FramePoses(stream, (name,))
+        self._intake = followed(stream, self._poses.wanted, ReadLog())
+        self._stream, self._name = stream, name
+        self.pose = replace(pose, time=np.empty(0), quaternions=np.empty((0, 4)))
+
+    def take(self, source: Source, segment: Segment) -> None:
+        """Take up the samples of a segment."""
+        self._intake.take(source, segment)
+        block = self._intake.flush_whole()
+        if block is None:
+            return
+        rows = root_samples(self._poses, self._stream, self._name, block)
+        time = np.concatenate([self.pose.time, rows[:, 0]])
+        quaternions = np.concatenate([self.pose.quaternions, rows[:, 1:]])
+        order = np.argsort(time, kind="stable")
+        time, quaternions = time[order], quaternions[order]
+        flips = np.cumprod(np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0, -1.0, 1.0))
+        quaternions[1:] *= flips[:, None]
+        self.pose = replace(self.pose, time=time, quaternions=quaternions)
+        if len(time):
+            self.forget(float(time[-1]) - LONGEST)
+
+    def until(self, newest: float) -> float:
+        """Return the time up to which frames need not wait: a later sample is there, or none came for too long.
+
+        Args:
+            newest: time of the newest frame that waits.
+        """
+        last = float(self.pose.time[-1]) if len(self.pose.time) else -np.inf
+        return max(last, newest - HOLD)
+
+    def forget(self, before: float) -> None:
+        """Let go of samples that no frame from time `before` on can need."""
+        kept = max(int(np.searchsorted(self.pose.time, before - KEPT)) - 1, 0)
+        self.pose = replace(self.pose, time=self.pose.time[kept:], quaternions=self.pose.quaternions[kept:])
+
+
+EVERY: Final = 10.0
+"""[s] Of the recording between two looks."""
+MOST: Final = 1024
+"""Frames kept for it: every second, fourth, ... of the recording."""
+
+
+class Watch:
+    """Keeps a thinned history of angles and says once where a decision would be another now.
+
+    Args:
+        mapper: what maps the recording; it keeps the ranges of its joints.
+        profile, kind, neutral: as `reba.readers.quality_control.correct`.
+        decided: what the first seconds gave.
+        tell: takes the warning.
+    """
+
+    def __init__(
+        self,
+        mapper: Mapper,
+        profile: Profile,
+        kind: Kind,
+        neutral: str,
+        decided: Corrections,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._mapper, self._profile, self._kind, self._neutral = mapper, profile, kind, neutral
+        self._decided = decided
+        self._tell = tell
+        self._table = np.empty((MOST, 1 + len(COLUMNS)))
+        self._kept = self._seen = 0
+        self._step = 1
+        self._next: float | None = None
+        self.told = False
+
+    def add(self, time: Array, angles: Array) -> None:
+        """Take up (n,) times [s] and (n, 22) angles [deg] before any correction."""
+        if self.told:
+            return
+        first = -self._seen % self._step
+        for at in range(first, len(time), self._step):
+            if self._kept == MOST:
+                self._table[: MOST // 2] = self._table[::2]
+                self._kept, self._step = MOST // 2, self._step * 2
+            self._table[self._kept, 0] = time[at]
+            self._table[self._kept, 1:] = angles[at]
+            self._kept += 1
+        self._seen += len(time)
+        if self._next is None:
+            self._next = float(time[0]) + EVERY
+        if time[-1] >= self._next:
+            self._next = float(time[-1]) + EVERY
+            self.look()
+
+    def look(self) -> None:
+        """Decide again, and say what would be otherwise, once."""
+        if self.told or not self._kept:
+            return
+        mapper = self._copied()
+        before = len(mapper.warnings)
+        settled = mapper.settled()
+        found = correct(
+            Samples(self._table[: self._kept].copy(), ReadLog()), mapper, self._profile, self._kind, self._neutral
+        )
+        if not settled:
+            what = "; ".join(mapper.warnings[before:][:1]) or "the unit or the vertical is another"
+        elif shown := set(self._decided.hidden) - set(found.hidden):
+            name = COLUMNS[min(shown)]
+            what = f"{name} was taken as not measured ({self._decided.reasons[name]}), and moves"
+        elif hidden := set(found.hidden) - set(self._decided.hidden):
+            name = COLUMNS[min(hidden)]
+            what = f"{name} was taken as measured, and counts as not measured ({found.reasons[name]})"
+        elif found.turned != self._decided.turned:
+            what = f"the sign of {', '.join(COLUMNS[at] for at in found.turned or self._decided.turned)} is the other"
+        else:
+            return
+        self.told = True
+        self._tell(
+            f"what came later contradicts the first seconds: {what}; `reba score` decides from the whole recording, "
+            "a longer --settle from more of it"
+        )
+
+    def _copied(self) -> Mapper:
+        """Return a copy of the mapper to ask, which leaves the one at work as it is."""
+        shared = [getattr(self._mapper, name, None) for name in ("profile", "stream", "root")]
+        return copy.deepcopy(self._mapper, {id(thing): thing for thing in shared if thing is not None})

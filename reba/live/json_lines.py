@@ -19,13 +19,13 @@ from typing import Any, Final
 import numpy as np
 
 from reba.errors import ReadError, did_you_mean
-from reba.posture import COLUMNS
+from reba.posture.columns import COLUMNS
 from reba.readers.mcap.container import Loaded, Segment
 from reba.readers.mcap.decode import load_json
+from reba.readers.mcap.extract import kind_of_json, pick_angles, stamp_of
 from reba.readers.mcap.layout import Undecodable
-from reba.readers.mcap.picks import kind_of_json, pick_angles, stamp_of
 from reba.readers.mcap.records import Channel, Scan, Schema
-from reba.readers.memory import clip
+from reba.readers.recording.stream import clip
 
 NAME: Final = "standard input"
 CHANNEL: Final = 1
@@ -46,7 +46,7 @@ class LoadedLines(Loaded):
 
 
 class Lines:
-    """Lines of a pipe as they come; what `reba.live.source.Source` asks for.
+    """Lines of a pipe as they come; what `reba.live.sources.Source` asks for.
 
     Args:
         descriptor: of the open pipe or file.

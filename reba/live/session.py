@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import deque
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from statistics import median
+from typing import Any, Final
 
 from reba.errors import RebaError
-from reba.live.alert import Alert
 from reba.live.frames import Frames
-from reba.live.tally import Stay, Steps, Tally, Window
-from reba.rules import Rules, rules_of
-from reba.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays, score_array
+from reba.method.rules import Rules, rules_of
+from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays, score_array
+from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 
 
 class Session:
@@ -111,3 +113,144 @@ class Session:
 
 HEAD = ("reba", "reba_low", "reba_high", "action_level")
 """Columns that stand first in a record."""
+LEVELS: Final = len(ACTION_LEVELS)
+STEPS: Final = 501
+"""Sample periods of which the median is taken."""
+
+
+@dataclass(frozen=True)
+class Stay:
+    """A frame and how long it counts: `time` [s], `span` [ns], both ends of REBA, its level, whether it is high."""
+
+    time: float
+    span: int
+    low: int
+    high: int
+    level: int | None
+    above: bool
+
+
+class Tally:
+    """Sums over frames, each as long as it counts."""
+
+    def __init__(self) -> None:
+        self.total = self.above = self._low = self._high = 0
+        self._levels = [0] * (LEVELS + 1)
+
+    def add(self, stay: Stay, sign: int = 1) -> None:
+        """Add a frame, or take it away again with `sign` -1."""
+        span = sign * stay.span
+        self.total += span
+        self.above += span * stay.above
+        self._low += span * stay.low
+        self._high += span * stay.high
+        self._levels[LEVELS if stay.level is None else stay.level] += span
+
+    def mean(self) -> dict[str, float | None]:
+        """Return the mean of both ends of REBA, and of REBA where they agree."""
+        if not self.total:
+            return {"mean": None, "mean_low": None, "mean_high": None}
+        low, high = self._low / self.total, self._high / self.total
+        return {"mean": low if self._low == self._high else None, "mean_low": low, "mean_high": high}
+
+    def seconds(self) -> dict[str, float]:
+        """Return the seconds in each action level, and those in which it is not determined."""
+        names = [*map(str, range(LEVELS)), "undetermined"]
+        return {name: span / 1e9 for name, span in zip(names, self._levels, strict=True)}
+
+
+class Window(Tally):
+    """The same over the last seconds.
+
+    Args:
+        seconds: length.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__()
+        self.length = seconds
+        self._stays: deque[Stay] = deque()
+
+    def push(self, stay: Stay, now: float) -> None:
+        """Add a frame and let go of those before the window that ends at `now` [s]."""
+        self.add(stay)
+        self._stays.append(stay)
+        while self._stays and self._stays[0].time < now - self.length - 1e-9:
+            self.add(self._stays.popleft(), -1)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a line says of it."""
+        share = self.above / self.total if self.total else None
+        return {"seconds": self.total / 1e9, **self.mean(), "share_above": share}
+
+
+class Steps:
+    """How long each frame counts: until the next one, across a gap one usual period; see `reba.analysis.exposure`."""
+
+    def __init__(self) -> None:
+        self._steps: deque[float] = deque(maxlen=STEPS)
+
+    def add(self, step: float) -> bool:
+        """Take up the step [s] to a frame; return whether it is a gap."""
+        gap = step > 0.2 and bool(self._steps) and step > 5 * self.period()
+        if not gap:
+            self._steps.append(step)
+        return gap
+
+    def period(self) -> float:
+        """Return the usual period [s]; a single frame counts a second."""
+        return median(self._steps) if self._steps else 1.0
+
+
+def score_of_level(risk: str) -> int:
+    """Return the lowest REBA score of an action level.
+
+    >>> score_of_level("high")
+    8
+    """
+    level = [name for name, _ in ACTION_LEVELS].index(risk.replace("-", " "))
+    return next(score for score in range(1, len(LEVEL_OF)) if LEVEL_OF[score] == level)
+
+
+@dataclass
+class Alert:
+    """Follows one score over time.
+
+    Attributes:
+        score: from this on the score is high.
+        hold: [s] a score has to stay high to raise the alert, and below to clear it.
+        active: whether it is raised.
+        since: [s] when it was raised.
+        raised: how often it was.
+    """
+
+    score: int
+    hold: float
+    active: bool = False
+    since: float | None = None
+    raised: int = 0
+    _turned: float | None = None
+
+    def update(self, time: float, score: int, gap: bool) -> str | None:
+        """Take up a frame; return "raised" or "cleared" where that happens with it.
+
+        Args:
+            time: [s].
+            score: what the frame has at least.
+            gap: whether the frame follows a gap, across which nothing is held.
+        """
+        above = score >= self.score
+        if above == self.active:
+            self._turned = None
+            return None
+        if self._turned is None or gap:
+            self._turned = time
+        if time - self._turned < self.hold - 1e-9:
+            return None
+        self.active, self.since, self._turned = above, time if above else None, None
+        self.raised += above
+        return "raised" if above else "cleared"
+
+    def to_dict(self, event: str | None) -> dict[str, Any]:
+        """Return what a line says of it."""
+        return {"active": self.active, "since": self.since, "event": event}

@@ -8,24 +8,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from reba.arrays import Array
 from reba.errors import PostureError
-from reba.factors import BOTH_SIDES, FACTORS, Factors, checked, expand_sides
-from reba.live.frames import Array, Frames
-from reba.live.reading import NotYet, Reading, neutral_until
-from reba.live.source import Source, followed
-from reba.posture import COLUMNS, INDEX
+from reba.live.frames import Frames, NotYet, Reading, neutral_until
+from reba.live.sources import Source, followed
+from reba.posture.columns import COLUMNS, INDEX
+from reba.posture.factors import BOTH_SIDES, FACTORS, Factors, checked, expand_sides
+from reba.posture.table import RAISED, angles_of, refuse_infinite, table_of
 from reba.readers.mcap.container import Segment
-from reba.readers.neutral import apply_neutral, neutral_offsets, parse_neutral, subtract
+from reba.readers.quality_control import apply_neutral, neutral_offsets, parse_neutral, subtract
 from reba.readers.recognise import Match
-from reba.readers.stream import ReadLog
-from reba.scores import RAISED, angles_of, table_of
-from reba.scoring import refuse_infinite
+from reba.readers.recording.stream import ReadLog
 
 Row = dict[str, Any]
-
 KNOWN = frozenset((*COLUMNS, *RAISED, *FACTORS, *BOTH_SIDES))
 """Columns that count."""
-
 KNOWN_PLAIN = KNOWN - set(RAISED) | {"time"}
 """Of these, those that need no reading of words."""
 _PLAIN = (float, int, type(None))

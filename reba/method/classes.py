@@ -10,16 +10,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from reba.posture import SIDES
-from reba.rules import (
-    KNEE_EDGES,
-    LOWER_ARM_RANGE,
-    NECK_EDGE,
-    TRUNK_EDGES,
-    UPPER_ARM_EDGES,
-    WRIST_EDGE,
-    Rules,
-)
+from reba.method.rules import KNEE_EDGES, LOWER_ARM_RANGE, NECK_EDGE, TRUNK_EDGES, UPPER_ARM_EDGES, WRIST_EDGE, Rules
+from reba.posture.columns import SIDES
 
 INF: Final = float("inf")
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from reba.errors import RulesError, did_you_mean
+from reba.files import write_atomic, write_text
 
 TRUNK_EDGES: Final = (20.0, 60.0)
 """[deg] Trunk flexion classes 2|3 (also extension 2|3) and 3|4 [HM2000]."""
@@ -116,7 +117,6 @@ class Rules:
         Raises:
             RebaError: the place cannot be written to.
         """
-        from reba.writers import write_atomic, write_text
 
         write_atomic(Path(path), lambda part: write_text(part, self.to_toml()))
 
@@ -202,7 +202,6 @@ _ANY_DEPARTURE: Final[dict[str, Any]] = dict.fromkeys(
     ),
     0.0,
 )  # fmt: skip
-
 PRESETS: Final[dict[str, Rules]] = {
     "measured": Rules(),
     "paper": dataclasses.replace(Rules(name="paper"), **_ANY_DEPARTURE),

@@ -17,10 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reba.errors import PostureError
-from reba.factors import FactorPoints, Factors, points
-from reba.gravity import against_gravity
-from reba.posture import ANGLES, COLUMNS, INDEX, SIDES
-from reba.rules import (
+from reba.method.factor_points import FactorPoints, points
+from reba.method.rules import (
     KNEE_EDGES,
     LOWER_ARM_RANGE,
     NECK_EDGE,
@@ -30,24 +28,24 @@ from reba.rules import (
     Rules,
     rules_of,
 )
-from reba.tables import LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
+from reba.method.tables import LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
+from reba.posture.angles import against_gravity
+from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
+from reba.posture.factors import Factors
+from reba.posture.table import refuse_infinite
 
 Missing = Literal["range", "neutral", "worst", "error"]
 MISSING: Final = ("range", "neutral", "worst", "error")
 """What may stand for a score that unmeasured angles leave open, see `score_array`."""
-
 UNKNOWN: Final = 255
 """Stands in every array of `ScoreArrays` for a score that the measured angles do not determine."""
-
 CHUNK: Final = 16_000
 """Frames handled at once: few enough for the cache, enough to make the cost of a numpy call small."""
 TILE: Final = 1000
 """Frames turned from rows to columns at once: a tile of 88 kB is read and written within the first caches."""
-
 _BEST: Final = np.array([angle.best for angle in ANGLES for _ in angle.columns])
 _WORST: Final = np.array([angle.worst for angle in ANGLES for _ in angle.columns])
 _A, _B, _C = (np.ascontiguousarray(table.ravel()) for table in (TABLE_A, TABLE_B, TABLE_C))
-
 Scores8 = NDArray[np.uint8]
 
 
@@ -92,7 +90,6 @@ class ScoreArrays:
 
 SCORE_COLUMNS: Final = tuple(field.name for field in fields(ScoreArrays))
 """Columns of the score table after `time`, in their public order."""
-
 _ROW: Final = {name: row for row, name in enumerate(SCORE_COLUMNS)}
 _RANGED: Final = SCORE_COLUMNS[: SCORE_COLUMNS.index("reba_low")]
 
@@ -154,16 +151,6 @@ def score_array(
             block[:, first : first + len(rows)] = rows.T
         _score_block(block, complete, given.rows(start, stop), chosen, missing, out[:, start:stop], start)
     return ScoreArrays(*out)
-
-
-def refuse_infinite(angles: NDArray[np.float64], start: int = 0) -> None:
-    """Raise `PostureError` where angles (n, 22) are infinite; `start` is the number of their first frame."""
-    infinite = np.isinf(angles)
-    if infinite.any():
-        frame, column = np.argwhere(infinite)[0]
-        raise PostureError(
-            f"{COLUMNS[column]} is infinite at frame {start + frame}; expected degrees, or NaN if not measured"
-        )
 
 
 def _score_block(

@@ -20,7 +20,6 @@ _A = """
 3567 5678 6789
 4678 6789 7899
 """
-
 # One line per upper arm score 1-6; blocks for lower arm 1, 2; in a block wrist 1-3.
 _B = """
 122 123
@@ -30,7 +29,6 @@ _B = """
 678 788
 788 899
 """
-
 # One line per Score A 1-12; columns Score B 1-12; one hexadecimal digit a cell (a = 10, b = 11, c = 12).
 _C = """
 111233456777
@@ -46,7 +44,6 @@ aaabbbbccccc
 bbbbcccccccc
 cccccccccccc
 """
-
 TABLES_SHA256: Final = "41df1df3ee0cfb4e2bf3a369a6e79aeaffd465bb24dfb488606af7a9fa5fd395"
 """sha256 of the uint8 bytes of A[trunk][neck][legs], B[upper arm][lower arm][wrist] and C row-major, in this order."""
 
@@ -59,13 +56,10 @@ def _cells(text: str, shape: tuple[int, ...]) -> NDArray[np.uint8]:
 
 TABLE_A: Final[NDArray[np.uint8]] = _cells(_A, (5, 3, 4))
 """Trunk (1-5), neck (1-3), legs (1-4) -> 1-9. Read-only; indices are scores minus 1."""
-
 TABLE_B: Final[NDArray[np.uint8]] = _cells(_B, (6, 2, 3))
 """Upper arm (1-6), lower arm (1-2), wrist (1-3) -> 1-9. Read-only; indices are scores minus 1."""
-
 TABLE_C: Final[NDArray[np.uint8]] = _cells(_C, (12, 12))
 """Score A (1-12), Score B (1-12) -> 1-12. Read-only; indices are scores minus 1."""
-
 PART_MAXIMA: Final[dict[str, int]] = {
     "trunk": 5,
     "neck": 3,
@@ -78,10 +72,8 @@ PART_MAXIMA: Final[dict[str, int]] = {
     "activity": 3,
 }
 """Highest score of each part; body parts start at 1, load/force, coupling and activity at 0."""
-
 ACTION_LEVEL_FROM: Final[tuple[int, ...]] = (1, 2, 4, 8, 11)
 """Lowest REBA score of action levels 0 to 4 (the paper's numbering)."""
-
 ACTION_LEVELS: Final[tuple[tuple[str, str], ...]] = (
     ("negligible", "none necessary"),
     ("low", "may be necessary"),

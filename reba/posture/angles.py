@@ -12,15 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.posture import COLUMNS, INDEX, SIDES
-
-Array = NDArray[np.float64]
+from reba.arrays import Array
+from reba.posture.columns import COLUMNS, INDEX, SIDES
 
 CONE = 30.0
 """[deg] Nearer than this to the pure sideways direction an arm has no plane of flexion; its elevation is used.
 
 There 5 mm of noise in a joint centre turns the plane by tens of degrees, while the elevation stays within two."""
-
 MIRROR = np.array([1.0, 1.0, -1.0])
 """Left seen as right: the z axis turns round."""
 
@@ -223,3 +221,30 @@ def _limbs(body: Body, side: str, found: dict[str, Array]) -> None:
     arm = body.frames.get(f"upper_arm_{side}")
     if arm is not None:
         found[f"wrist_twist_{side}"] = _twist(_mirrored(_relative(arm, forearm), side))
+
+
+def against_gravity(columns: NDArray[np.float64]) -> None:
+    """Replace the upper arm columns of `columns` (22, m) [deg] by their angles against gravity, in place.
+
+    The frame keeps the trunk's right axis as nearly as a horizontal axis can. NaN in the trunk or the arm gives NaN.
+
+    Example: a trunk 60 deg forward with the arms hanging (60 deg of flexion against the trunk line) gives 0 deg.
+    """
+    flexion, bend, twist = (
+        np.radians(columns[INDEX[name]]) for name in ("trunk_flexion", "trunk_side_bend", "trunk_twist")
+    )
+    # The vertical in trunk axes (x forward, y up, z right): inclined by flexion, then bend, then twist about y.
+    x, y, z = -np.sin(flexion), np.cos(bend) * np.cos(flexion), -np.sin(bend) * np.cos(flexion)
+    up = np.stack([np.cos(twist) * x - np.sin(twist) * z, y, np.sin(twist) * x + np.cos(twist) * z])
+    right = np.array([0.0, 0.0, 1.0])[:, None] - up * up[2]
+    right /= np.maximum(np.linalg.norm(right, axis=0), 1e-12)
+    forward = np.cross(up, right, axis=0)
+    for side, name in enumerate(SIDES):
+        outward = -1.0 if name == "left" else 1.0
+        flex = columns[INDEX["upper_arm_flexion_left"] + side]
+        abduct = columns[INDEX["upper_arm_abduction_left"] + side]
+        a, f = np.radians(abduct), np.radians(flex)
+        arm = np.stack([np.cos(a) * np.sin(f), -np.cos(a) * np.cos(f), outward * np.sin(a)])
+        along, down, across = (np.einsum("im,im->m", arm, axis) for axis in (forward, -up, right))
+        flex[:] = np.degrees(np.arctan2(along, down))
+        abduct[:] = np.degrees(np.arcsin(np.clip(outward * across, -1.0, 1.0)))

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.errors import PostureError, did_you_mean
-from reba.posture import SIDES
-from reba.rules import LOAD_EDGES, Rules
+from reba.posture.columns import SIDES
 
 COUPLINGS: Final = ("good", "fair", "poor", "unacceptable")
 """Coupling 0 to 3."""
@@ -23,7 +22,6 @@ SUPPORTS: Final = ("bilateral", "unilateral", "walking", "sitting")
 """How the legs bear the weight."""
 ACTIVITIES: Final = ("static", "repeated", "unstable")
 """The three kinds of activity, +1 each."""
-
 ASSUMED: Final[dict[str, str]] = {
     "load": "load 0 kg",
     "shock": "no shock",
@@ -36,7 +34,6 @@ ASSUMED: Final[dict[str, str]] = {
 """What is assumed for a factor that nobody gave."""
 ASSUMED_ACTIVITY: Final = "activity from the movement"
 """The same for activity, which is found in the movement itself."""
-
 Points = NDArray[np.uint8]
 
 
@@ -90,7 +87,6 @@ BOTH_SIDES: Final = ("coupling", "arm_supported")
 """Names that stand for a factor of both sides."""
 _GRIPS: Final = tuple(f"coupling_{side}" for side in SIDES)
 _FLAGS: Final = ("shock", *(f"arm_supported_{side}" for side in SIDES), *ACTIVITIES)
-
 FACTORS: Final = tuple(field.name for field in fields(Factors))
 """The factor names, which are also the names of factor columns of a posture table."""
 
@@ -111,26 +107,6 @@ def expand_sides(given: Mapping[str, Any]) -> dict[str, Any]:
     return values
 
 
-@dataclass(frozen=True)
-class FactorPoints:
-    """Factors turned into points: uint8 arrays that broadcast over the frames.
-
-    Of shape (n,) or (1,); `coupling` and `arm_supported` (2, n) or (2, 1), left and right.
-    """
-
-    load_force: Points
-    coupling: Points
-    arm_supported: NDArray[np.bool_]
-    legs: Points
-    knees_count: Points
-    activity: Points
-
-    def rows(self, start: int, stop: int) -> FactorPoints:
-        """Return the points of frames start to stop."""
-        given = (getattr(self, field.name) for field in fields(self))
-        return FactorPoints(*(one if one.shape[-1] == 1 else one[..., start:stop] for one in given))
-
-
 def checked(factors: Factors, n: int) -> Factors:
     """Return the factors of n frames in one spelling: kilograms, booleans and words, as one value or (n,) arrays.
 
@@ -146,32 +122,6 @@ def checked(factors: Factors, n: int) -> Factors:
     support = np.array(SUPPORTS)[_choice("support", factors.support, SUPPORTS, n)]
     given = {"load": load_kg(factors.load, n), "support": support, **couplings, **flags}
     return Factors(**{name: plain(values) for name, values in given.items()})
-
-
-def points(factors: Factors, rules: Rules, n: int) -> FactorPoints:
-    """Return the points of n frames.
-
-    Raises:
-        PostureError: a value is missing, out of range or has another number of frames.
-    """
-    load = load_kg(factors.load, n)
-    load_points = (load >= LOAD_EDGES[0]).astype(np.uint8) + (load > LOAD_EDGES[1])
-    coupling = np.stack(np.broadcast_arrays(*(_choice(name, getattr(factors, name), COUPLINGS, n) for name in _GRIPS)))
-    if not rules.coupling_without_load:
-        coupling = (coupling * (load > 0)).astype(np.uint8)
-    support = _choice("support", factors.support, SUPPORTS, n)
-    walking = support == SUPPORTS.index("walking")
-    legs = 1 + (support == SUPPORTS.index("unilateral")) + walking * (rules.walking_legs - 1)
-    sitting = support == SUPPORTS.index("sitting")
-    flags = {name: flag(name, getattr(factors, name), n) for name in _FLAGS}
-    return FactorPoints(
-        load_force=(load_points + flags["shock"]).astype(np.uint8),
-        coupling=coupling,
-        arm_supported=np.stack(np.broadcast_arrays(*(flags[f"arm_supported_{side}"] for side in SIDES))),
-        legs=legs.astype(np.uint8),
-        knees_count=(~sitting | rules.seated_knees).astype(np.uint8),
-        activity=np.asarray(sum(flags[name].astype(np.uint8) for name in ACTIVITIES), np.uint8),
-    )
 
 
 def load_kg(value: Any, n: int) -> NDArray[np.float64]:

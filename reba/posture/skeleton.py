@@ -1,7 +1,7 @@
 """A person drawn from posture angles: 3D joint centres, two views, one SVG.
 
-The trunk's frame and the direction of the upper arm follow `reba.gravity`: x forward, y up, z to the right. What the
-angles leave open is drawn plainly: hips and ankles so that the feet stay below the body, unmeasured limbs in their
+The trunk's frame and the direction of the upper arm follow `reba.posture.angles`: x forward, y up, z to the right. What
+the angles leave open is drawn plainly: hips and ankles so that the feet stay below the body, unmeasured limbs in their
 neutral place as grey dashes.
 """
 
@@ -11,21 +11,17 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reba.posture import INDEX, SIDES
-
-Array = NDArray[np.float64]
+from reba.arrays import Array
+from reba.posture.columns import INDEX, SIDES
 
 LENGTHS: Final[dict[str, float]] = {
     "shank": 0.246, "thigh": 0.245, "trunk": 0.288, "neck": 0.06, "head": 0.13, "upper_arm": 0.186, "forearm": 0.146,
     "hand": 0.09, "shoulders": 0.215, "hips": 0.17,
 }  # fmt: skip
 """Segment lengths as shares of stature, rounded from Drillis & Contini (1966) in Winter, Biomechanics, fig. 4.1."""
-
 NEUTRAL: Final = np.array([80.0 if name.startswith("lower_arm") else 0.0 for name in INDEX])
 """[deg] Where an unmeasured limb is drawn."""
-
 LIMBS: Final[dict[str, tuple[str, str, str]]] = {
     "trunk": ("hip", "neck", "trunk_flexion"),
     "neck": ("neck", "head", "neck_flexion"),
@@ -42,7 +38,6 @@ LIMBS: Final[dict[str, tuple[str, str, str]]] = {
     },
 }
 """Limb -> its two joints and the angle without which it counts as unmeasured."""
-
 SPOTS: Final[dict[str, tuple[str, ...]]] = {
     "trunk": ("chest",),
     "neck": ("neck",),
@@ -54,10 +49,8 @@ SPOTS: Final[dict[str, tuple[str, ...]]] = {
     },
 }
 """Part score -> the joints that carry its mark."""
-
 VIEWS: Final[tuple[tuple[str, float], ...]] = (("from the right", 0.0), ("from the front", 65.0))
 """Title of each view and how far the person is turned towards the viewer [deg]."""
-
 _HEIGHT, _WIDTH, _SCALE = 250.0, 190.0, 220.0
 
 

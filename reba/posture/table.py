@@ -5,62 +5,20 @@ Columns, signs and units are public (README, "The posture table"); everything el
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from reba.errors import PostureError, did_you_mean
+from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
+from reba.posture.factors import BOTH_SIDES, FACTORS, flag
 
 if TYPE_CHECKING:
     import pandas as pd
-
-SIDES: tuple[str, str] = ("left", "right")
-
-
-@dataclass(frozen=True)
-class Angle:
-    """One angle of the posture table, for one or both sides.
-
-    Attributes:
-        name: column name without a side.
-        sided: whether there are a `_left` and a `_right` column.
-        positive: the positive sense.
-        best: an angle [deg] that gives the lowest part score.
-        worst: an angle [deg] that gives the highest part score.
-    """
-
-    name: str
-    sided: bool
-    positive: str
-    best: float
-    worst: float
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The column names: one, or left then right."""
-        return tuple(f"{self.name}_{side}" for side in SIDES) if self.sided else (self.name,)
-
-
-ANGLES: tuple[Angle, ...] = (
-    Angle("trunk_flexion", False, "forward, inclination from vertical where the source gives it", 0.0, 180.0),
-    Angle("trunk_side_bend", False, "to the right", 0.0, 180.0),
-    Angle("trunk_twist", False, "to the left, counter-clockwise seen from above", 0.0, 180.0),
-    Angle("neck_flexion", False, "forward, head relative to trunk", 0.0, 180.0),
-    Angle("neck_side_bend", False, "to the right", 0.0, 180.0),
-    Angle("neck_twist", False, "to the left", 0.0, 180.0),
-    Angle("knee_flexion", True, "flexion, 0 straight", 0.0, 180.0),
-    Angle("upper_arm_flexion", True, "forward of the trunk line, 0 hanging", 0.0, 180.0),
-    Angle("upper_arm_abduction", True, "away from the body", 0.0, 180.0),
-    Angle("shoulder_elevation", True, "girdle raised", 0.0, 180.0),
-    Angle("lower_arm_flexion", True, "elbow flexion, 0 straight", 80.0, 0.0),
-    Angle("wrist_flexion", True, "palmar", 0.0, 180.0),
-    Angle("wrist_deviation", True, "ulnar", 0.0, 180.0),
-    Angle("wrist_twist", True, "pronation from the thumb-up mid position", 0.0, 180.0),
-)
-"""The angles in their public order, with the ends that bound every score (the tables are monotone)."""
-
-COLUMNS: tuple[str, ...] = tuple(column for angle in ANGLES for column in angle.columns)
-"""The 22 angle columns in their public order."""
-
-INDEX: dict[str, int] = {column: index for index, column in enumerate(COLUMNS)}
-"""Position of each angle column in `COLUMNS`."""
 
 
 @dataclass(frozen=True)
@@ -125,3 +83,92 @@ class PostureTable:
     recognised: str = ""
     quality: Quality = field(default_factory=Quality)
     epoch: float = 0.0
+
+
+RAISED = tuple(f"shoulder_raised_{side}" for side in SIDES)
+"""Boolean columns that may stand in for `shoulder_elevation_*`."""
+_ELEVATION = next(angle for angle in ANGLES if angle.name == "shoulder_elevation")
+
+
+def table_of(frame: pd.DataFrame) -> PostureTable:
+    """Return a DataFrame as a posture table.
+
+    Raises:
+        PostureError: it is no DataFrame, no column is known, one stands twice or is no number, or time does not
+            increase.
+    """
+    if not isinstance(frame, pd.DataFrame):
+        raise PostureError(
+            f"postures are of type {type(frame).__name__}; expected what reba.read returns or a DataFrame "
+            "(arrays of angles go to reba.score_array)"
+        )
+    known = ("time", *COLUMNS, *FACTORS, *BOTH_SIDES, *RAISED)
+    if not any(name in COLUMNS or name in RAISED for name in frame.columns):
+        names = ", ".join(str(name) for name in list(frame.columns)[:6])
+        hint = did_you_mean(str(frame.columns[0]), COLUMNS) if len(frame.columns) else ""
+        raise PostureError(
+            f"no angle column among: {names or 'none'}; expected some of {', '.join(COLUMNS[:3])}, ...{hint}"
+        )
+    columns: dict[str, Any] = {"time": np.arange(len(frame), dtype=np.float64)}
+    used = [str(name) for name in frame.columns if str(name) in known]
+    if twice := [name for name in dict.fromkeys(used) if used.count(name) > 1]:
+        raise PostureError(f"column {twice[0]} stands {used.count(twice[0])} times; keep one of them")
+    for name in used:
+        if name in COLUMNS or name == "time":
+            columns[name] = _numbers(frame, name)
+        else:
+            columns[name] = frame[name].to_numpy()
+    time = columns["time"]
+    bad = ~np.isfinite(time)
+    if bad.any():
+        where = int(np.argmax(bad))
+        raise PostureError(f"time is {time[where]} at frame {where}; expected seconds at every frame")
+    back = np.diff(time) <= 0
+    if back.any():
+        where = int(np.argmax(back))
+        raise PostureError(
+            f"time does not increase after frame {where} ({time[where]} s); sort the rows and drop duplicates"
+        )
+    # A misspelt column would otherwise only show as "not measured".
+    near = [(str(n), did_you_mean(str(n), COLUMNS)) for n in frame.columns if str(n) not in known]
+    wrong = [f"column {name!r} is not used{hint}" for name, hint in near if hint]
+    table = PostureTable(pd.DataFrame(columns), source="DataFrame", recognised="posture table columns")
+    table = dataclasses.replace(table, quality=dataclasses.replace(table.quality, warnings=tuple(wrong)))
+    empty = np.isnan(angles_of(table.data)).all(axis=0)
+    return dataclasses.replace(table, unmeasured=tuple(np.array(COLUMNS)[empty].tolist()))
+
+
+def _numbers(frame: pd.DataFrame, name: str) -> NDArray[np.float64]:
+    if (kind := frame[name].dtype.kind) in "mMc":
+        what = "complex numbers" if kind == "c" else "dates"
+        raise PostureError(f"column {name} holds {what}; expected {'seconds' if name == 'time' else 'degrees'}")
+    try:
+        return pd.to_numeric(frame[name]).to_numpy(np.float64, na_value=np.nan)
+    except (TypeError, ValueError) as error:
+        raise PostureError(f"column {name} holds something that is no number ({error}); expected degrees") from error
+
+
+def angles_of(data: pd.DataFrame) -> NDArray[np.float64]:
+    """Return the (n, 22) angles of a posture table, without a copy where its columns stand in one block."""
+    if tuple(data.columns) == ("time", *COLUMNS):
+        return data.to_numpy()[:, 1:]
+    angles = np.full((len(data), len(COLUMNS)), np.nan)
+    for index, name in enumerate(COLUMNS):
+        if name in data:
+            angles[:, index] = data[name]
+    for side, name in enumerate(RAISED):
+        if name in data:
+            column = angles[:, INDEX["shoulder_elevation_left"] + side]
+            raised = np.where(flag(name, data[name].to_numpy(), len(data)), _ELEVATION.worst, _ELEVATION.best)
+            column[:] = np.where(np.isnan(column), raised, column)
+    return angles
+
+
+def refuse_infinite(angles: NDArray[np.float64], start: int = 0) -> None:
+    """Raise `PostureError` where angles (n, 22) are infinite; `start` is the number of their first frame."""
+    infinite = np.isinf(angles)
+    if infinite.any():
+        frame, column = np.argwhere(infinite)[0]
+        raise PostureError(
+            f"{COLUMNS[column]} is infinite at frame {start + frame}; expected degrees, or NaN if not measured"
+        )

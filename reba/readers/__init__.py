@@ -9,21 +9,25 @@ import os
 from pathlib import Path
 
 from reba.errors import ReadError
-from reba.posture import PostureTable
+from reba.posture.table import PostureTable
+from reba.readers import formats
+from reba.readers.build_table import finish
+from reba.readers.formats import open_recording
+from reba.readers.quality_control import parse_neutral
+from reba.readers.recognise import choose
+from reba.readers.recording.profile import find_profile, profiles
 
 __all__ = ["is_recording", "is_recording_folder", "read"]
 
 
 def is_recording(path: Path) -> bool:
     """Return whether a file looks like a recording that `read` knows."""
-    from reba.readers import formats
 
     return formats.is_recording(path)
 
 
 def is_recording_folder(path: Path) -> bool:
     """Return whether a folder is one recording in splits, and not a folder of recordings."""
-    from reba.readers import formats
 
     return formats.is_recording_folder(path)
 
@@ -56,11 +60,6 @@ def read(
     Example:
         >>> reba.read("lift.mcap").data[["time", "trunk_flexion"]]  # doctest: +SKIP
     """
-    from reba.readers.finish import finish
-    from reba.readers.formats import open_recording
-    from reba.readers.neutral import parse_neutral
-    from reba.readers.profile import find_profile, profiles
-    from reba.readers.recognise import choose
 
     for name, value in (("path", path), ("profile", profile)):
         if not isinstance(value, str | os.PathLike):

@@ -6,12 +6,19 @@ from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import ProfileError, ReadError
-from reba.posture import COLUMNS, INDEX, PostureTable, Quality
-from reba.readers.checks import (
+from reba.posture.columns import COLUMNS, INDEX
+from reba.posture.table import PostureTable, Quality
+from reba.readers.formats import file_hash
+from reba.readers.mapping import collect, in_order, mapper_for
+from reba.readers.mapping.reference_frames import RootPose, read_root
+from reba.readers.mapping.segments import AXES
+from reba.readers.quality_control import (
+    apply_neutral,
     beyond_limits,
+    correct,
     empty_columns,
     find_gaps,
     first_frame_alien,
@@ -19,18 +26,9 @@ from reba.readers.checks import (
     median_rate,
     patchy_columns,
 )
-from reba.readers.collect import collect, in_order
-from reba.readers.correct import correct
-from reba.readers.formats import file_hash
-from reba.readers.frames import AXES
-from reba.readers.mapping import mapper_for
-from reba.readers.neutral import apply_neutral
-from reba.readers.profile import Profile
 from reba.readers.recognise import Match
-from reba.readers.root import RootPose, read_root
-from reba.readers.stream import ReadLog, Recording, Stream
-
-Array = NDArray[np.float64]
+from reba.readers.recording.profile import Profile
+from reba.readers.recording.stream import ReadLog, Recording, Stream
 
 
 def finish(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from reba.errors import ProfileError
-from reba.posture import COLUMNS, PostureTable
-from reba.readers.finish import finish
+from reba.posture.columns import COLUMNS
+from reba.posture.table import PostureTable
+from reba.readers.build_table import finish
 from reba.readers.formats import open_recording
-from reba.readers.neutral import parse_neutral
-from reba.readers.profile import Profile, find_profile, profiles
+from reba.readers.quality_control import parse_neutral
 from reba.readers.recognise import Match, choose, matches
-from reba.readers.stream import Recording
+from reba.readers.recording.profile import Profile, find_profile, profiles
+from reba.readers.recording.stream import Recording
 
 MOST_ALTERNATIVES = 5
 

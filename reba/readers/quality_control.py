@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.posture import ANGLES, COLUMNS, INDEX, SIDES
-
-Array = NDArray[np.float64]
+from reba.arrays import Array
+from reba.errors import RebaError
+from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
+from reba.readers.mapping import Mapper, Samples
+from reba.readers.mapping.joints import some
+from reba.readers.recording.profile import Profile
+from reba.readers.recording.stream import Kind
 
 LIMITS: dict[str, tuple[float, float]] = {
     "trunk_flexion": (-60.0, 180.0),
@@ -28,24 +34,18 @@ LIMITS: dict[str, tuple[float, float]] = {
     "wrist_twist": (-130.0, 140.0),
 }
 """[deg] Beyond these no person moves: normal ranges (AAOS 1965; limits of human.urdf) with a margin for soft tissue."""
-
 GAP = 0.2
 """[s] A stretch without samples is a gap when it is longer than this and than `PERIODS` sample periods."""
-
 PERIODS = 5.0
-
 JUMP = 20.0
 """[deg] A first frame that differs by more from the second is no part of the movement, if the next ones do not."""
-
 FROZEN = 0.5
 """[s] Longer stretches of exactly equal frames are reported."""
-
 LINKED: tuple[tuple[str, ...], ...] = (
     ("neck_flexion", "neck_side_bend", "neck_twist"),
     *((f"wrist_flexion_{side}", f"wrist_deviation_{side}", f"wrist_twist_{side}") for side in SIDES),
 )
 """Columns of one segment frame: if one of them is impossible, the frame is wrong and so are the others."""
-
 STILL = 1e-6
 """[deg] Frames and markers always tremble; a column that does not was not measured."""
 
@@ -172,3 +172,132 @@ def _beyond(angles: Array) -> dict[str, tuple[int, str]]:
 def empty_columns(angles: Array) -> list[str]:
     """Return the columns of `COLUMNS` without any value in (n, 22) angles."""
     return [column for column, index in INDEX.items() if not np.isfinite(angles[:, index]).any()]
+
+
+BENT = 10.0
+"""[deg] A hinge that bends the other way by more is not hyperextended, its sign is."""
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """What was done to the angles of a recording.
+
+    Attributes:
+        turned: positions of columns whose sign was turned round.
+        hidden: positions of columns that were not measured and were blanked.
+        reasons: column -> why it has no value.
+    """
+
+    turned: tuple[int, ...]
+    hidden: tuple[int, ...]
+    reasons: dict[str, str]
+
+    def apply(self, angles: Array) -> None:
+        """Do the same to further (n, 22) angles [deg], in place."""
+        angles[:, self.turned] = -angles[:, self.turned]
+        angles[:, self.hidden] = np.nan
+
+
+def correct(samples: Samples, mapper: Mapper, profile: Profile, kind: Kind, neutral: str) -> Corrections:
+    """Blank the columns that were not measured and turn wrong signs, in place; return what was done.
+
+    Args:
+        samples: of the whole recording, as mapped.
+        mapper: what mapped them, after all of them.
+        profile: what their names mean.
+        kind: of the stream.
+        neutral: neutral posture that is going to be subtracted.
+    """
+    angles = samples.angles
+    reasons = {
+        **dead_columns(angles, samples.seconds, kind, profile.dummies),
+        **mapper.dead(samples.seconds),
+    }
+    if neutral == "none":
+        for column in profile.needs_neutral:
+            reasons[column] = "it has no zero of its own: give a neutral posture (neutral='first:3s')"
+    turned = _upright_sign(angles, profile.sign_from_range, mapper)
+    if kind != "joints":
+        reasons |= impossible_columns(angles)
+    elif wrong := [column for column in impossible_columns(angles) if column not in reasons]:
+        mapper.warnings.append(f"most frames are impossible in {some(wrong)}: another convention than {profile.name}?")
+    reasons |= profile.cannot
+    hidden = tuple(INDEX[column] for column in reasons)
+    angles[:, hidden] = np.nan
+    for column in empty_columns(angles):
+        reasons.setdefault(column, "no value in any frame")
+    return Corrections(turned, hidden, reasons)
+
+
+def _upright_sign(angles: Array, columns: tuple[str, ...], mapper: Mapper) -> tuple[int, ...]:
+    """Turn the sign of hinges round if the largest bend of all of them is negative: a limb bends one way only."""
+    at = tuple(INDEX[column] for column in columns)
+    values = angles[:, at]
+    lowest, highest = (float(pick(values, initial=0.0)) for pick in (np.nanmin, np.nanmax))
+    if not at or lowest >= -BENT or -lowest <= highest:
+        return ()
+    angles[:, at] = -values
+    span = f"{lowest:.0f} .. {highest:.0f}"
+    mapper.assumed.append(f"{', '.join(columns)}: flexion is negative in this source ({span} deg); sign turned round")
+    return at
+
+
+KEPT = ("knee_flexion", "lower_arm_flexion")
+"""Angles with a zero of their own."""
+AROUND = 0.5
+"""[s] `at:T` takes the median of this much on either side."""
+_FORM = re.compile(r"(first|at):\s*(\d+(?:\.\d*)?|\.\d+)\s*s?")
+Window = Callable[[Array], NDArray[np.bool_]]
+
+
+def parse_neutral(spec: str) -> Window | None:
+    """Return which of (n,) times [s] belong to the neutral stretch, or None for "none".
+
+    Raises:
+        RebaError: the text is not `none`, `first:3s` or `at:12.5`.
+    """
+    if spec == "none":
+        return None
+    form = _FORM.fullmatch(spec.strip()) if isinstance(spec, str) else None
+    seconds = float(form[2]) if form else 0.0
+    if form is None or (form[1] == "first" and seconds <= 0):
+        raise RebaError(f"neutral is {spec!r}, expected none, first:3s (seconds from the start) or at:12.5")
+    if form[1] == "first":
+        return lambda time: time <= time[0] + seconds
+    return lambda time: np.abs(time - seconds) <= AROUND
+
+
+def neutral_offsets(angles: Array) -> dict[int, float]:
+    """Return the position of each column that has no zero of its own -> its median [deg] in (n, 22) angles."""
+    known = {index: angles[np.isfinite(angles[:, index]), index] for index in range(len(COLUMNS))}
+    return {
+        index: float(np.median(values))
+        for index, values in known.items()
+        if len(values) and not COLUMNS[index].startswith(KEPT)
+    }
+
+
+def subtract(angles: Array, offsets: dict[int, float]) -> None:
+    """Subtract the neutral posture from (n, 22) angles [deg] in place."""
+    for index, offset in offsets.items():
+        angles[:, index] = np.round(angles[:, index] - offset, 9) + 0.0
+
+
+def apply_neutral(time: Array, angles: Array, spec: str) -> str:
+    """Subtract the median posture of the stretch from (n, 22) angles [deg] in place; return what was done.
+
+    Raises:
+        RebaError: the text is wrong, or no frame lies in the stretch.
+    """
+    window = parse_neutral(spec)
+    if window is None:
+        return ""
+    chosen = window(time) if len(time) else np.zeros(0, dtype=bool)
+    if not chosen.any():
+        span = f"{time[0]:.2f} to {time[-1]:.2f} s" if len(time) else "no frames"
+        raise RebaError(f"neutral {spec!r} holds no frame; the recording has {span}: choose a time within")
+    offsets = neutral_offsets(angles[chosen])
+    subtract(angles, offsets)
+    parts = [f"{COLUMNS[index]} {offset:.1f}" for index, offset in offsets.items() if abs(offset) >= 5.0]
+    shifts = f": {', '.join(parts)} deg" if parts else ""
+    return f"neutral posture from {int(chosen.sum())} frames ({spec}) subtracted{shifts}"

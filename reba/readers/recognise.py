@@ -9,12 +9,11 @@ from functools import cache
 
 from reba.errors import ProfileError, did_you_mean
 from reba.readers.mapping import obtainable
-from reba.readers.profile import Profile
-from reba.readers.stream import Recording, Stream
+from reba.readers.recording.profile import Profile
+from reba.readers.recording.stream import Recording, Stream
 
 PREFERENCE = {"joints": 0, "points": 1, "frames": 2}
 """Frames carry the world and full orientations, so they win where joints give no more columns."""
-
 ENOUGH = 0.5
 """Share of a joints profile that is enough without all of its required joints; what lacks is not measured."""
 

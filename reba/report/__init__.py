@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from reba.errors import RebaError
-from reba.writers import write_atomic, write_text
-
-if TYPE_CHECKING:
-    from reba.scores import Scores
+from reba.files import write_atomic, write_text
+from reba.report.page import page
+from reba.scores import Scores
 
 
 def render(scores: Sequence[Scores], *, command: str = "") -> str:
@@ -29,7 +27,6 @@ def render(scores: Sequence[Scores], *, command: str = "") -> str:
     """
     if not scores:
         raise RebaError("a report needs at least one scored recording; none was given")
-    from reba.report.page import page
 
     return page(scores, command)
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
+
+from reba.method.tables import ACTION_LEVELS, LEVEL_OF
+from reba.posture.columns import ANGLES, SIDES
 
 LEVEL_COLOURS: Final[tuple[str, ...]] = ("#5aa5d6", "#bfe0ef", "#ffe8a3", "#f9a35c", "#b92d2b")
 """Action levels 0 to 4: blue to red by way of yellow after ColorBrewer RdYlBu, which colour-blind people can tell
 apart; a level never stands by its colour alone."""
-
 PART_COLOURS: Final[tuple[str, ...]] = ("#eef0f6", "#e3e1f1", "#c3bfe2", "#9e95ce", "#7a68b5", "#5c3c99", "#3f1273")
 """Part scores 0 to 6: one hue, light to dark."""
-
 TEXT_ON: Final[dict[str, str]] = dict.fromkeys((LEVEL_COLOURS[4], *PART_COLOURS[4:]), "#ffffff")
 """Text colour on the dark ones of these colours; dark text on all others."""
-
 PARTS: Final[dict[str, str]] = {
     "trunk": "Trunk",
     "neck": "Neck",
@@ -30,7 +31,6 @@ PARTS: Final[dict[str, str]] = {
     "activity": "Activity",
 }
 """Part score columns in worksheet order, with their titles."""
-
 BODY: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     ("trunk", "the trunk", ("trunk_flexion", "trunk_side_bend", "trunk_twist")),
     ("neck", "the neck", ("neck_flexion", "neck_side_bend", "neck_twist")),
@@ -40,7 +40,6 @@ BODY: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     ("wrist", "the wrists", ("wrist_flexion", "wrist_deviation", "wrist_twist")),
 )
 """Part score, its words, and the angles (without sides) that it is made of."""
-
 RULES: Final[dict[str, str]] = {
     "name": "name of the rules",
     "trunk_upright": "trunk counts as upright up to this flexion or extension [deg]",
@@ -70,7 +69,6 @@ RULES: Final[dict[str, str]] = {
     "rapid_seconds": "... within [s]",
 }
 """What each field of `reba.Rules` decides, in a few words."""
-
 FACTORS: Final[dict[str, str]] = {
     "load": "Load [kg]",
     "shock": "Shock or rapid force",
@@ -84,7 +82,6 @@ FACTORS: Final[dict[str, str]] = {
     "unstable": "Activity: rapid or unstable",
 }
 """Factors with their titles."""
-
 SOURCES: Final[tuple[str, ...]] = (
     "Hignett S, McAtamney L (2000). Rapid Entire Body Assessment (REBA). Applied Ergonomics 31:201-205.",
     "Hignett S, McAtamney L (2005). Rapid Entire Body Assessment. In: Handbook of Human Factors and Ergonomics "
@@ -92,7 +89,6 @@ SOURCES: Final[tuple[str, ...]] = (
     "Hignett S. REBA. In: Fundamentals and Assessment Tools for Occupational Ergonomics, chapter 42, Table 42.2.",
 )
 """Where the method is published."""
-
 LIMITS: Final[tuple[str, ...]] = (
     "REBA was made for selected postures that a trained observer rates. Scoring every frame of a recording is a "
     "screening: it shows where to look, and does not replace the judgement of an ergonomist at the workplace.",
@@ -103,3 +99,91 @@ LIMITS: Final[tuple[str, ...]] = (
     "The edges used are listed under Assumptions.",
 )
 """What a reader must know before using the numbers."""
+
+
+def seconds(value: float) -> str:
+    """Return a duration: "12.3 s", "2 min 56 s", "1 h 00 min".
+
+    >>> seconds(176.2)
+    '2 min 56 s'
+    """
+    if value < 120:
+        return f"{value:.1f} s"
+    if value < 7200:
+        return f"{int(value) // 60} min {int(value) % 60:02d} s"
+    return f"{int(value) // 3600} h {int(value) // 60 % 60:02d} min"
+
+
+def percent(share: float) -> str:
+    """Return a share: "0 %", "<0.1 %", "3.4 %", "38 %", with a space that does not break.
+
+    >>> percent(0.034)
+    '3.4\xa0%'
+    """
+    if 0 < share < 0.001:
+        return "<0.1\xa0%"
+    return f"{100 * share:.0f}\xa0%" if share == 0 or share >= 0.0995 else f"{100 * share:.1f}\xa0%"
+
+
+def span(low: float | None, high: float | None, digits: int = 0) -> str:
+    """Return "4 to 8", or one number where both ends are equal; "not known" for None.
+
+    >>> span(4, 8), span(5.04, 5.02, 1)
+    ('4 to 8', '5.0')
+    """
+    if low is None or high is None:
+        return "not known"
+    first, second = f"{low:.{digits}f}", f"{high:.{digits}f}"
+    return first if first == second else f"{first} to {second}"
+
+
+def risk(low: int | None, high: int | None) -> str:
+    """Return the risk of a score or a range of scores: "high", "medium to very high"."""
+    if low is None or high is None:
+        return "not known"
+    first, second = ACTION_LEVELS[LEVEL_OF[low]][0], ACTION_LEVELS[LEVEL_OF[high]][0]
+    return first if first == second else f"{first} to {second}"
+
+
+def action(level: int) -> str:
+    """Return what an action level asks for: "no action necessary", "action necessary soon"."""
+    asked = ACTION_LEVELS[level][1]
+    return f"no action {asked.removeprefix('none ')}" if asked.startswith("none ") else f"action {asked}"
+
+
+def listed(items: Sequence[str]) -> str:
+    """Return "a", "a and b" or "a, b and c"."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
+
+
+def angle_name(column: str) -> str:
+    """Return a column for people.
+
+    >>> angle_name("wrist_flexion_left")
+    'left wrist flexion'
+    """
+    for side in SIDES:
+        if column.endswith(f"_{side}"):
+            return f"{side} {column.removesuffix(f'_{side}')}".replace("_", " ").replace("lower arm", "elbow")
+    return column.replace("_", " ")
+
+
+def body_parts(columns: Sequence[str]) -> list[str]:
+    """Return columns for people, a whole part or both sides as one: "the wrists", "neck twist".
+
+    >>> body_parts(["neck_twist", "knee_flexion_left", "knee_flexion_right"])
+    ['neck twist', 'the knees']
+    """
+    of_angle = {angle.name: angle.columns for angle in ANGLES}
+    found = []
+    for _, words, angles in BODY:
+        every = [column for name in angles for column in of_angle[name]]
+        if all(column in columns for column in every):
+            found.append(words)
+            continue
+        for name in angles:
+            if all(column in columns for column in of_angle[name]):
+                found.append(name.replace("_", " "))
+            else:
+                found += [angle_name(column) for column in of_angle[name] if column in columns]
+    return found

@@ -2,33 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from importlib import resources
 from typing import TYPE_CHECKING, Any, Final
 
-from reba.report import phrases
-from reba.report.angles import angle_rows
-from reba.report.assumptions import activity_rows, factor_rows, rule_rows, unmeasured_rows
-from reba.report.figures import angle_figure, time_figure
-from reba.report.grade import RULE
-from reba.report.parts import effects, part_shares
-from reba.report.recording import Recording, recording, shares_of_levels
+from reba._version import __version__
+from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
+from reba.report import labels as phrases
+from reba.report.findings import WHY_P90, demanding_time, verdict, worse_side, worst, worst_minute
+from reba.report.labels import LEVEL_COLOURS, LIMITS, PART_COLOURS, SOURCES, TEXT_ON
+from reba.report.plots import angle_figure, time_figure, time_label, time_svg
+from reba.report.sections import (
+    activity_rows,
+    angle_rows,
+    effects,
+    factor_rows,
+    part_shares,
+    rule_rows,
+    unmeasured_rows,
+)
 from reba.report.series import BUCKETS, DRAW_ALL, VIEWS
-from reba.report.static_plot import time_label, time_svg
-from reba.report.templates import read, template
-from reba.report.verdict import WHY_P90, demanding_time, verdict, worse_side
-from reba.report.words import LIMITS, SOURCES
-from reba.report.worst import worst, worst_minute
-from reba.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
+from reba.report.summary import RULE, Recording, recording, shares_of_levels
+from reba.scores import Scores
 
 if TYPE_CHECKING:
-    from reba.scores import Scores
+    from jinja2 import Template
 
 LEVEL_SCORES: Final = tuple(
     f"{low}" if low + 1 == after else f"{low} to {after - 1}"
     for low, after in zip(ACTION_LEVEL_FROM, (*ACTION_LEVEL_FROM[1:], 16), strict=True)
 )
 """Scores of each action level, in words."""
-
 SAME_AXIS: Final = 0.2
 """Recordings share the length of their time axes unless the shortest is below this share of the longest."""
 
@@ -138,3 +142,57 @@ def _level_rows(record: Recording) -> list[dict[str, Any]]:
         if level is not None or any(cell["seconds"] > 0 for cell in cells):
             rows.append({"level": level, "cells": cells})
     return rows
+
+
+BASE = "base.html"
+"""What pages extend: head, shared style, and the blocks `title`, `style` and `body`."""
+
+
+def template(
+    package: str, name: str, filters: Mapping[str, Callable[..., Any]] | None = None, scripted: bool = False
+) -> Template:
+    """Return a template of a package; every name that it uses must be given to `render`.
+
+    Args:
+        package: where it is, `lgp.study`; its first part is named as the program that made the page.
+        name: file name in the package.
+        filters: name -> function.
+        scripted: whether the page runs scripts of its own; others forbid all.
+
+    Example:
+        >>> print(template("reba.report", "base.html").render()[:15])
+        <!DOCTYPE html>
+    """
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(
+        loader=FunctionLoader(lambda wanted: read("reba.report" if wanted == BASE else package, wanted)),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= dict(filters or {})
+    environment.globals |= {
+        "program": package.partition(".")[0],
+        "version": __version__,
+        "style": Markup(_colours() + read("reba.report", "style.css")),
+        "scripted": scripted,
+    }
+    return environment.get_template(name)
+
+
+def read(package: str, name: str) -> str:
+    """Return the text of a file in a package."""
+    return (resources.files(package) / name).read_text(encoding="utf-8")
+
+
+def _colours() -> str:
+    """Return the classes l0 to l4 and p0 to p6 as CSS: a colour and a text colour that stands out from it."""
+    named = {f"l{i}": colour for i, colour in enumerate(LEVEL_COLOURS)}
+    named |= {f"p{i}": colour for i, colour in enumerate(PART_COLOURS)}
+    fills = [f".{name} {{ background: {colour}; color: {TEXT_ON.get(colour, '#1b2430')}; }}\n" for name, colour in
+             named.items()]  # fmt: skip
+    edges = [f".l{i}-edge {{ border-left-color: {colour} !important; }}\n" for i, colour in enumerate(LEVEL_COLOURS)]
+    return "".join((*fills, *edges))

@@ -7,18 +7,16 @@ highest score in it, so nothing that was reached is lost and every point shown i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.exposure import column, durations
-from reba.scoring import ScoreArrays, score_array
+from reba.analysis.exposure import column, durations
+from reba.arrays import Array
+from reba.method.scoring import ScoreArrays, score_array
+from reba.scores import Scores
 
-if TYPE_CHECKING:
-    from reba.scores import Scores
-
-Array = NDArray[np.float64]
 BUCKETS: Final = 2000
 """Columns that a time axis is divided into."""
 DRAW_ALL: Final = 3

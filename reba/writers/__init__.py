@@ -7,23 +7,21 @@ target and renamed once it is whole.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
+from reba._version import __version__
 from reba.errors import RebaError
-from reba.factors import FACTORS
-from reba.json_text import as_json
-from reba.posture import PostureTable
-
-if TYPE_CHECKING:
-    from reba.scores import Scores
+from reba.files import as_json, write_atomic, write_text
+from reba.posture.factors import FACTORS
+from reba.posture.table import PostureTable
+from reba.scores import Scores
+from reba.writers.mcap import write_mcap
 
 ROWS: Final = 16_384
 """Rows converted at a time, so that writing an hour does not need a second copy of the table."""
@@ -59,10 +57,9 @@ def write_postures(
 
 def about_postures(postures: PostureTable) -> dict[str, Any]:
     """Return what belongs to a posture table beside its numbers, as plain data."""
-    import reba
 
     return {
-        "reba_version": reba.__version__,
+        "reba_version": __version__,
         "source": Path(postures.source).name,
         "topic": postures.topic,
         "profile": postures.profile,
@@ -92,24 +89,6 @@ def _factor(values: Any) -> Any:
     return given[0].item() if len(given) == 1 else "per frame"
 
 
-def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
-    """Call `write` with a temporary path beside `path` and rename it when it is whole.
-
-    Raises:
-        RebaError: the place cannot be written to.
-    """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(part)
-        part.replace(path)
-    except OSError as error:
-        raise RebaError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from error
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
-
-
 def _write(
     data: pd.DataFrame,
     about: dict[str, Any],
@@ -126,16 +105,9 @@ def _write(
         text = as_json(about, indent=1) + "\n"
         write_atomic(path.with_name(path.name + ".meta.json"), lambda part: write_text(part, text))
     elif suffix == ".mcap":
-        from reba.mcap_output import write_mcap
-
         write_atomic(path, lambda part: write_mcap(data, about, part, postures, kind, records))
     else:
         raise RebaError(f"{path}: ending {suffix!r} is unknown; choose one of {', '.join(SUFFIXES)}")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file in UTF-8."""
-    path.write_text(text, encoding="utf-8")
 
 
 def _parquet(data: pd.DataFrame, about: dict[str, Any], path: Path) -> None:

@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from reba.json_text import as_json
-from reba.posture import COLUMNS, PostureTable
+from reba.files import as_json
+from reba.posture.columns import COLUMNS
+from reba.posture.table import PostureTable
+from reba.readers.mcap.container import Container
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -97,7 +99,6 @@ def _copy_beside(writer: Writer, source: Path, channel: int, ours: Iterator[tupl
 
     A recording that breaks off is copied up to the break, as it was scored up to the break.
     """
-    from reba.readers.mcap.container import Container
 
     container = Container(source, check_crc=True, limit_bytes=LIMIT)
     schemas: dict[int, int] = {0: 0}

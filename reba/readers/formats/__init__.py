@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from reba.errors import ReadError
-from reba.readers.stream import Recording
+from reba.readers.mcap import open_mcap
+from reba.readers.mcap import sniff as is_mcap
+from reba.readers.recording.stream import Recording
 
 HEAD = 8192
 """Bytes of a file that are looked at to tell its format."""
-
 _SPLIT = re.compile(r"(_\d+)?\.mcap(\.zstd)?$")
 
 
@@ -48,12 +49,12 @@ class Format:
 
 
 FORMATS: tuple[Format, ...] = (
-    Format("C3D", (".c3d",), "reba.readers.c3d", "open_c3d"),
-    Format("BVH", (".bvh",), "reba.readers.bvh", "open_bvh"),
-    Format("OpenSim motion", (".mot", ".sto"), "reba.readers.opensim", "open_opensim"),
-    Format("TRC markers", (".trc",), "reba.readers.trc", "open_trc"),
-    Format("Xsens MVNX", (".mvnx",), "reba.readers.mvnx", "open_mvnx"),
-    Format("posture or joint table", (".csv", ".tsv", ".parquet"), "reba.readers.table", "open_table"),
+    Format("C3D", (".c3d",), "reba.readers.formats.c3d", "open_c3d"),
+    Format("BVH", (".bvh",), "reba.readers.formats.bvh", "open_bvh"),
+    Format("OpenSim motion", (".mot", ".sto"), "reba.readers.formats.opensim", "open_opensim"),
+    Format("TRC markers", (".trc",), "reba.readers.formats.trc", "open_trc"),
+    Format("Xsens MVNX", (".mvnx",), "reba.readers.formats.mvnx", "open_mvnx"),
+    Format("posture or joint table", (".csv", ".tsv", ".parquet"), "reba.readers.formats.table", "open_table"),
 )
 """Formats beside MCAP, the surest to tell first."""
 
@@ -79,8 +80,6 @@ def open_recording(path: str | Path, *, strict: bool = False) -> Recording:
             next(place.iterdir(), None)
     except OSError as error:
         raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
-    from reba.readers.mcap import open_mcap
-    from reba.readers.mcap import sniff as is_mcap
 
     if place.is_dir() or is_mcap(place):
         return open_mcap(place, strict=strict)
@@ -105,7 +104,6 @@ def open_recording(path: str | Path, *, strict: bool = False) -> Recording:
 
 def is_recording(path: Path) -> bool:
     """Return whether a file looks like a recording, by its name and its content."""
-    from reba.readers.mcap import sniff as is_mcap
 
     try:
         if not path.is_file():

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.errors import ReadError
-from reba.readers.memory import array_stream, clip, unique_names
-from reba.readers.stream import ReadLog, Recording, Topic
+from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, clip, unique_names
 
 METRES: dict[str, float] = {
     **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),

@@ -13,16 +13,13 @@ from typing import Literal
 import numpy as np
 
 from reba.errors import ReadError
-from reba.readers.memory import array_stream, check_time, clip, unique_names
-from reba.readers.stream import ReadLog, Recording, Topic
-from reba.readers.text import number_rows, read_lines
+from reba.readers.formats.text import number_rows, read_lines
+from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, check_time, clip, unique_names
 
 KEYS = (b"indegrees", b"nrows", b"datarows", b"ncolumns", b"datacolumns")
 """Header keys that tell an OpenSim file where `endheader` stands beyond its first bytes."""
-
 UNITS: dict[str, Literal["deg", "rad", ""]] = {"yes": "deg", "y": "deg", "true": "deg", "no": "rad", "n": "rad"}
 """The words of `inDegrees`; anything else leaves the unit open."""
-
 TIMES = ("time", "t")
 """Names of the first column, in lower case."""
 

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from reba.errors import ReadError
-from reba.readers.memory import clip, unique_names
-from reba.readers.stream import ReadLog, Topic
-from reba.readers.text import decode, read_bytes
+from reba.readers.formats.text import decode, read_bytes
+from reba.readers.recording.stream import ReadLog, Topic, clip, unique_names
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,18 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.errors import ReadError
-from reba.readers.memory import clip
-from reba.readers.stream import ReadLog
+from reba.readers.recording.stream import ReadLog, clip
 
 CHUNK = 20_000
 """Lines converted at once, so that the words of a long file never stand in memory together."""
-
 MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 """Byte order marks and the encodings that they announce."""
-
 LARGEST = 1e12
 """No angle, length or time of a recording is larger; beyond it sums of products overflow."""
-
 BLANKS = frozenset({"", "nan", "na", "n/a", "-nan", "nan(ind)", "-nan(ind)", "null", "none"})
 """Words that stand for "no value", in lower case."""
 

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.errors import ReadError
-from reba.readers.markers import marker_recording, metres
-from reba.readers.memory import check_time, clip
-from reba.readers.stream import ReadLog, Recording
-from reba.readers.text import number_rows, read_lines
+from reba.readers.formats.marker_sets import marker_recording, metres
+from reba.readers.formats.text import number_rows, read_lines
+from reba.readers.recording.stream import ReadLog, Recording, check_time, clip
 
 NAMES_AT = 3
 """Index of the line with the marker names."""

@@ -12,14 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from reba.errors import ReadError
-from reba.readers.markers import marker_recording, metres
-from reba.readers.memory import check_time, clip
-from reba.readers.stream import ReadLog, Recording, Topic
-from reba.readers.text import number_rows, read_lines
+from reba.readers.formats.marker_sets import marker_recording, metres
+from reba.readers.formats.text import number_rows, read_lines
+from reba.readers.recording.stream import ReadLog, Recording, Topic, check_time, clip
 
 SECTIONS = ("trajectories", "devices", "joints", "model outputs", "segments", "events", "segments outputs")
 """First lines of a Vicon export in lower case."""
-
 HEADER = 5
 """Lines of a section before its rows."""
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reba.angles import Body, frame_across, frame_of
-from reba.posture import SIDES
-from reba.readers.orient import Orientation
-from reba.readers.profile import Profile
-from reba.readers.stream import Block, Stream
+from reba.arrays import Array
+from reba.posture.angles import Body, frame_across, frame_of
+from reba.posture.columns import SIDES
+from reba.readers.mapping.reference_frames import Orientation
+from reba.readers.recording.profile import Profile
+from reba.readers.recording.stream import Block, Stream
 
-Array = NDArray[np.float64]
 Points = dict[str, Array]
-
 LIMBS = {
     "upper_arm": ("shoulder", "elbow"),
     "forearm": ("elbow", "wrist"),
@@ -24,7 +22,6 @@ LIMBS = {
     "shank": ("knee", "ankle"),
 }
 """Segments and the centres at their near and far ends."""
-
 CENTRES = {
     "elbow": ("elbow_lateral", "elbow_medial"),
     "wrist": ("wrist_radial", "wrist_ulnar"),
@@ -33,12 +30,10 @@ CENTRES = {
     "ankle": ("ankle_lateral", "ankle_medial"),
 }
 """Centres between two markers, where the centre itself is not given."""
-
 HARRINGTON = {"back": (-0.24, -0.0099), "down": (-0.30, -0.0109), "out": (0.33, 0.0073)}
 """Hip centre from the middle of the ASIS: slope times pelvis depth (back) or width (down, out), plus metres.
 
 Harrington et al. 2007, J Biomech 40, 595-602."""
-
 LEANING = (
     "neck flexion is the inclination of the line from neck to head, which leans about 20 deg forward in an upright "
     "person: use a neutral calibration (neutral='first:3s')"

@@ -1,21 +1,170 @@
-"""Which way is up, and do the names of left and right fit: asked of the body, not of the convention.
-
-Camera systems write y down, exporters turn axes, labels get exchanged. The head of a person is above the feet over
-most of a recording, and toes point forward; both are summed over all frames and compared with what was assumed.
-"""
+"""Poses along a tree of frames: quaternions and positions in the frame at the root."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import NDArray
 
-from reba.angles import unit
+from reba.arrays import Array
+from reba.posture.angles import cross, unit
+from reba.readers.recording.profile import Profile
+from reba.readers.recording.stream import Block, ReadLog, Stream
 
-Array = NDArray[np.float64]
+
+class FramePoses:
+    """World poses of some frames of a stream.
+
+    Args:
+        stream: a stream of frames.
+        names: the frames whose poses are wanted.
+    """
+
+    def __init__(self, stream: Stream, names: Sequence[str]) -> None:
+        self._parent = dict(zip(stream.names, stream.parents or ("",) * len(stream.names), strict=False))
+        wanted: dict[str, None] = {}
+        for name in names:
+            while name in self._parent and name not in wanted:
+                wanted[name] = None
+                name = self._parent[name]
+        self.wanted = tuple(wanted)
+        self._block: Block | None = None
+        self._known: dict[str, tuple[Array, Array]] = {}
+
+    def root_of(self, name: str) -> str:
+        """Return the frame that a chain of parents ends in, "" for the world."""
+        seen = set()
+        while name in self._parent and name not in seen:
+            seen.add(name)
+            name = self._parent[name]
+        return name
+
+    def world(self, block: Block, name: str) -> tuple[Array, Array]:
+        """Return (n, 4) quaternions qx qy qz qw and (n, 3) positions of a frame in its root; NaN where unknown."""
+        if self._block is not block:
+            self._block, self._known = block, {}
+            self._at = {known: index for index, known in enumerate(block.names)}
+            self._parent.update(zip(block.names, block.parents, strict=False))
+        if name in self._known:
+            return self._known[name]
+        at = self._at.get(name)
+        if at is None:
+            nothing = np.full((len(block.time), 7), np.nan)
+            return nothing[:, 3:], nothing[:, :3]
+        position, quaternion = block.values[:, at, :3], unit(block.values[:, at, 3:])
+        self._known[name] = (quaternion, position)  # a loop of parents ends here
+        parent = self._parent.get(name, "")
+        if parent in self._at:
+            base, origin = self.world(block, parent)
+            position = origin + rotated(base, position)
+            quaternion = product(base, quaternion)
+        self._known[name] = (quaternion, position)
+        return self._known[name]
+
+
+def product(a: Array, b: Array) -> Array:
+    """Return the (n, 4) product of quaternions qx qy qz qw: first b, then a."""
+    av, aw, bv, bw = a[:, :3], a[:, 3:], b[:, :3], b[:, 3:]
+    vector = aw * bv + bw * av + cross(av, bv)
+    return np.concatenate([vector, aw * bw - np.sum(av * bv, axis=1, keepdims=True)], axis=1)
+
+
+def rotated(quaternion: Array, vectors: Array) -> Array:
+    """Return (n, 3) vectors turned by (n, 4) unit quaternions."""
+    across = 2.0 * cross(quaternion[:, :3], vectors)
+    return vectors + quaternion[:, 3:] * across + cross(quaternion[:, :3], across)
+
+
+def matrices(quaternions: Array) -> Array:
+    """Return (n, 3, 3) rotation matrices of (n, 4) unit quaternions qx qy qz qw."""
+    x, y, z, w = np.ascontiguousarray(quaternions.T)
+    result = np.empty((len(quaternions), 3, 3))
+    for index, (i, j, k) in enumerate(((x, y, z), (y, z, x), (z, x, y))):
+        after = (index + 1) % 3
+        result[:, index, index] = 1.0 - 2.0 * (j * j + k * k)
+        result[:, index, after] = 2.0 * (i * j - k * w)
+        result[:, after, index] = 2.0 * (i * j + k * w)
+    return result
+
+
+HOLD = 0.2
+"""[s] A pose is not carried further than this beyond the samples it comes from."""
+
+
+@dataclass(frozen=True)
+class RootPose:
+    """Orientation of the pelvis over time.
+
+    Attributes:
+        time: (m,) Unix time or seconds [s], increasing.
+        quaternions: (m, 4) qx qy qz qw of the frame in the world, neighbours in the same half of the sphere.
+        axes: (3, 3) the ISB axes of the pelvis in that frame.
+        up: (3,) vertical of the world.
+        assumed: what was taken for what.
+    """
+
+    time: Array
+    quaternions: Array
+    axes: Array
+    up: Array
+    assumed: str
+
+    def at(self, time: Array) -> Array:
+        """Return (n, 3, 3) ISB frames of the pelvis at (n,) times, between samples by the shorter arc; NaN in gaps."""
+        after = np.clip(np.searchsorted(self.time, time), 1, max(len(self.time) - 1, 1))
+        after = np.minimum(after, len(self.time) - 1)
+        before = np.maximum(after - 1, 0)
+        start, end = self.time[before], self.time[after]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.clip(np.nan_to_num((time - start) / (end - start)), 0.0, 1.0)[:, None]
+        mixed = (1.0 - share) * self.quaternions[before] + share * self.quaternions[after]
+        near = np.minimum(np.abs(time - start), np.abs(time - end)) <= HOLD
+        mixed = np.where(near[:, None], mixed, np.nan)
+        return np.matmul(matrices(unit(mixed)), self.axes)
+
+
+def root_samples(poses: FramePoses, stream: Stream, name: str, block: Block) -> Array:
+    """Return the (m, 5) times [s] and quaternions of a frame in a block, those without a pose left out."""
+    quaternions, _ = poses.world(block, name)
+    rows = np.column_stack([block.time + stream.epoch, quaternions])
+    return rows[np.isfinite(rows).all(axis=1)]
+
+
+def read_root(profile: Profile, streams: list[tuple[Stream, str]], axes: Array) -> RootPose | None:
+    """Return the pelvis' pose from the first stream that holds it, or None.
+
+    Args:
+        profile: the joints profile.
+        streams: streams of frames of the recording and the name of the root frame in each.
+        axes: (3, 3) the ISB axes in the root frame.
+    """
+    for stream, name in streams:
+        poses = FramePoses(stream, (name,))
+        parts: list[Array] = []
+        for block in stream.blocks(ReadLog(), poses.wanted):
+            parts.append(root_samples(poses, stream, name, block))
+        samples = np.concatenate(parts) if parts else np.empty((0, 5))
+        if not len(samples):
+            continue
+        samples = samples[np.argsort(samples[:, 0], kind="stable")]
+        time, quaternions = samples[:, 0], samples[:, 1:]
+        flips = np.cumprod(np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0, -1.0, 1.0))
+        quaternions[1:] *= flips[:, None]
+        orientation = Orientation(stream.up, "z")
+        orientation.watch(np.matmul(matrices(quaternions), axes)[:, :, 1], None, None, None)
+        orientation.settled()
+        up = orientation.up
+        if up is None:
+            continue
+        world = poses.root_of(name) or "the world"
+        text = f"pelvis orientation from frame {name} of {stream.name}, vertical {orientation.name} of {world}"
+        return RootPose(time, quaternions, axes, up, text)
+    return None
+
 
 AGAINST = -0.5
 """Cosine between the vertical a file states and the body's own, below which the file is not believed."""
-
 ASLANT = 0.5
 """The same for a vertical that is only usual with a source."""
 

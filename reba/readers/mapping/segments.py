@@ -5,27 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reba.angles import Body, frame_across, frame_of, turned, unit
+from reba.arrays import Array
 from reba.errors import ProfileError
-from reba.posture import SIDES
-from reba.readers.framepose import FramePoses, matrices, rotated
-from reba.readers.orient import Orientation, axis_name, axis_vector
-from reba.readers.profile import Profile
-from reba.readers.stream import Block, Stream
-
-Array = NDArray[np.float64]
+from reba.posture.angles import Body, frame_across, frame_of, turned, unit
+from reba.posture.columns import SIDES
+from reba.readers.mapping.reference_frames import FramePoses, Orientation, axis_name, axis_vector, matrices, rotated
+from reba.readers.recording.profile import Profile
+from reba.readers.recording.stream import Block, Stream
 
 AXES: dict[str, Array] = {
     "isb": np.eye(3),
     "ros": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
 }
 """Columns: the ISB axes x forward, y up, z right, in frames of a convention."""
-
 VERTICAL = {"isb": "y", "ros": "z", "rest": ""}
 """The vertical axis of the world that is usual with frames of a convention."""
-
 BONE = {
     "upper_arm": "forearm",
     "forearm": "hand",

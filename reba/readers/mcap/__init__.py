@@ -11,14 +11,13 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from reba.errors import ReadError
+from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
+from reba.readers.mcap.channels import Part, Unused, classify, recording_files
 from reba.readers.mcap.container import Container, Store
-from reba.readers.mcap.source import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.streams import StreamReader, first_look
-from reba.readers.mcap.topics import Part, Unused, classify, recording_files
-from reba.readers.stream import ReadLog, Recording, Stream, Topic
+from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic
 
 __all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
-
 MAX_CHUNK = 1 << 30
 """[bytes] The largest chunk, record or unpacked file that is accepted."""
 

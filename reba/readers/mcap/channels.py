@@ -9,18 +9,17 @@ from pathlib import Path
 from typing import Final
 
 from reba.errors import ReadError
-from reba.readers.mcap import cdr, protobuf
-from reba.readers.mcap import schema as ros
+from reba.readers.mcap import protobuf, ros
+from reba.readers.mcap import ros as cdr
+from reba.readers.mcap.bytes import ZSTD_MAGIC
 from reba.readers.mcap.container import Segment, Store
 from reba.readers.mcap.decode import Batch, ColumnDecoder, Decoder, JsonDecoder, load_json
+from reba.readers.mcap.extract import PICKERS, TEXTS, Picker, kind_of_json, pick_transforms
 from reba.readers.mcap.layout import Undecodable, Walked
-from reba.readers.mcap.picks import PICKERS, TEXTS, Picker, kind_of_json, pick_transforms
 from reba.readers.mcap.records import Channel, Schema
-from reba.readers.mcap.source import ZSTD_MAGIC
-from reba.readers.stream import Kind
+from reba.readers.recording.stream import Kind
 
 Make = Callable[[frozenset[str] | None], Decoder]
-
 _ROS: Final = {("cdr", "ros2msg"): "ROS 2", ("ros1", "ros1msg"): "ROS 1"}
 """Message and schema encodings that `cdr.py` walks."""
 STATIC: Final = "tf_static"

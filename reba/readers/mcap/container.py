@@ -18,9 +18,8 @@ from mcap.opcode import Opcode
 
 from reba.errors import ReadError
 from reba.readers.mcap import records
-from reba.readers.mcap.compression import BadChunk, unpack
+from reba.readers.mcap.bytes import MAGIC, BadChunk, Source, unpack
 from reba.readers.mcap.records import BadRecord, Channel, ChunkHead, Scan, Schema
-from reba.readers.mcap.source import MAGIC, Source
 
 _PEEK: Final = 1 << 14
 _WINDOW: Final = 1 << 20

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.readers.mcap.container import Loaded
+from reba.readers.mcap.extract import Pick, Picker, Stamp, Value
 from reba.readers.mcap.layout import VARINT, Layout, Rows, Run, Span, Undecodable, Walked, runs, take
-from reba.readers.mcap.picks import Pick, Picker, Stamp, Value
-from reba.readers.stream import ReadLog
+from reba.readers.recording.stream import ReadLog
 
 NO_STAMP: Final = np.iinfo(np.int64).min
 """Stamp of a message that carries none, or zero."""

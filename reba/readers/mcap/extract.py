@@ -10,15 +10,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from reba.factors import FACTORS
-from reba.posture import COLUMNS
+from reba.posture.columns import COLUMNS
+from reba.posture.factors import FACTORS
 from reba.readers.mcap.layout import Span, Undecodable
-from reba.readers.stream import Kind
+from reba.readers.recording.stream import Kind
 
 Value = Span | float | None
 Stamp = tuple[Value, Value]
 """Seconds and nanoseconds."""
-
 TEXTS: Final = frozenset({"name", "child_frame_id", "parent_frame_id", "frame_id"})
 """Text fields that decide what numbers mean; other text may differ between messages of one layout."""
 POSE: Final = 7
@@ -214,7 +213,6 @@ def pick_angles(tree: Any) -> list[Pick]:
 
 TABLE_COLUMNS: Final = (*COLUMNS, "shoulder_raised_left", "shoulder_raised_right", *FACTORS)
 """Columns that a row of a posture table may have."""
-
 PICKERS: Final[Mapping[str, tuple[Kind, Picker]]] = {
     "sensor_msgs/JointState": ("joints", pick_joints),
     "foxglove.JointStates": ("joints", pick_joints),

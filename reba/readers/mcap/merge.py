@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.readers.mcap.decode import NO_STAMP, Piece
-from reba.readers.mcap.picks import POSE
-from reba.readers.stream import Block, ReadLog
+from reba.readers.mcap.extract import POSE
+from reba.readers.recording.stream import Block, ReadLog
 
 HOLD: Final = 0.5
 """A value is held for this long [s] for rows whose message does not bring the signal."""
@@ -24,7 +24,6 @@ MOST_SIGNALS: Final = 2000
 """Names kept in one stream; no body has more, and names that change with every message would fill the memory."""
 BLOCK_ROWS: Final = 4096
 """Messages gathered before a block is handed out."""
-
 Values = NDArray[np.float64]
 
 

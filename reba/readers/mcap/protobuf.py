@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from reba.readers.mcap.layout import VARINT, Span, Tree, Undecodable, Walked
-from reba.readers.mcap.schema import BadSchema
+from reba.readers.mcap.ros import BadSchema
 
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _DOUBLE, _FLOAT, _STRING, _MESSAGE = 1, 2, 9, 11

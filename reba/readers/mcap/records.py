@@ -16,7 +16,6 @@ MESSAGE_HEAD: Final = 22
 """Channel, sequence, log time and publish time before the payload of a message."""
 INDEX_HEAD: Final = 6
 """Channel and byte count at the head of a MessageIndex record."""
-
 _HEAD = struct.Struct("<BQ")
 _U16 = struct.Struct("<H")
 _U32 = struct.Struct("<I")

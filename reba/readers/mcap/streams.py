@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from reba.errors import ReadError
+from reba.readers.mcap.channels import Part, batch_of, segments_of
 from reba.readers.mcap.container import Segment, Store
 from reba.readers.mcap.decode import NO_STAMP, Decoder, Piece, load_json
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.merge import MOST_SIGNALS, Clock, Merger
-from reba.readers.mcap.topics import Part, batch_of, segments_of
-from reba.readers.stream import Block, Kind, ReadLog, Stream
+from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
 
 if TYPE_CHECKING:
     import pandas as pd

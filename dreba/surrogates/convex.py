@@ -1,0 +1,216 @@
+"""`ConvexModel`: a sum of convex functions of one angle each, hinges whose coefficients are not negative, as a QP."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dreba.domain import BEST
+from dreba.errors import ModelError
+from dreba.surrogates.base import Surrogate
+from dreba.surrogates.registry import register
+from dreba.surrogates.task_factors import Given
+from dreba.surrogates.validation import COUNT, POSITIVE, Allowed
+from reba.arrays import Array
+from reba.method.rules import LOAD_EDGES
+from reba.posture.columns import ANGLES
+from reba.posture.factors import load_kg
+
+_SIGNED = ("trunk_side_bend", "trunk_twist", "neck_side_bend", "neck_twist")
+RIDGE: Final = 1e-9
+"""Added to the diagonal of the normal equations, as a share of its mean."""
+CHUNK: Final = 2048
+"""Poses whose hinges are held at once."""
+
+
+class Hinges(NamedTuple):
+    """Hinges written out: value w h(scale q - offset), with h as in `ConvexModel`; r rows.
+
+    Attributes:
+        joint: (r,) number of the angle, rising.
+        scale: (r,) [1/deg], its sign the direction.
+        offset: (r,).
+        weight: (r,) points, above 0.
+    """
+
+    joint: NDArray[np.intp]
+    scale: Array
+    offset: Array
+    weight: Array
+
+
+@register
+class ConvexModel(Surrogate):
+    """Value = constant + sum over angles and knots of w |h((s q - k) / width)|, all weights w >= 0.
+
+    A hinge rises from 0 at its knot, rounded over `width` so that the gradient is continuous: h(t) is t^2 / 2 from 0 to
+    1 and t - 1/2 beyond. Every angle has hinges in both directions away from its best angle; the two signs of a side
+    bend or twist, and left and right, share their weights. Coefficients: non-negative least squares
+    (Lawson & Hanson 1974) on the normal equations.
+
+    Args:
+        knots: hinges per direction of an angle.
+        width: [deg] over which a hinge bends.
+        joints: columns of the angles if not all 22.
+    """
+
+    kind = "convex"
+    mirror = True
+    learned: ClassVar[dict[str, int]] = {"knots_": 2, "weights_": 2, "constant_": 0, "points_": 1}
+
+    allowed: ClassVar[dict[str, Allowed]] = {"knots": COUNT, "width": POSITIVE}
+
+    knots_: Array
+    weights_: Array
+    constant_: float
+    points_: Array
+
+    def __init__(self, knots: int = 12, width: float = 10.0, joints: Sequence[str] | None = None) -> None:
+        self.knots = knots
+        self.width = width
+        self.joints = joints
+
+    @property
+    def convex(self) -> bool:
+        """Always."""
+        return True
+
+    def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
+        from scipy.optimize import nnls
+
+        if len(scores) < 2:
+            raise ModelError(f"{len(scores)} sample is too few poses to fit anything; give 1000 or more")
+        profile = _profiles(self.joints_)
+        self.knots_ = self._places(poses, profile)
+        gram, right = self._normal_equations(poses, scores, weights / weights.sum(), given, profile)
+        # The last two columns are the constant and its opposite, so that it may have either sign.
+        lower = np.linalg.cholesky(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)))
+        found = nnls(lower.T, np.linalg.solve(lower, right))[0]
+        self.weights_ = found[:-4].reshape(-1, self.knots)[profile].reshape(len(self.joints_), -1)
+        self.points_ = found[-4:-2]
+        self.constant_ = float(found[-2] - found[-1])
+        self._fold()
+
+    def _normal_equations(
+        self, poses: Array, scores: Array, weights: Array, given: Given, profile: NDArray[np.intp]
+    ) -> tuple[Array, Array]:
+        """Return the Gram matrix and right side over: hinges of each profile, load, coupling, 1, -1."""
+        count = int(profile.max()) + 1
+        spread = (np.arange(count)[:, None] == profile).astype(float)
+        n = len(poses)
+        load, coupling, activity = np.broadcast_arrays(*_points(given, n), given.activity, np.zeros(n))[:3]
+        size = count * self.knots + 4
+        gram, right = np.zeros((size, size)), np.zeros(size)
+        for start in range(0, n, CHUNK):
+            rows = slice(start, start + CHUNK)
+            hinges = _hinge(self._arguments(poses[rows])).reshape(-1, len(profile), self.knots)
+            features = (spread @ hinges).reshape(len(hinges), -1)
+            one = np.ones(len(hinges))
+            matrix = np.column_stack([features, load[rows], coupling[rows], one, -one])
+            weighted = matrix * weights[rows, None]
+            gram += weighted.T @ matrix
+            right += weighted.T @ (scores - activity)[rows]
+        return gram, right
+
+    def _places(self, poses: Array, profile: NDArray[np.intp]) -> Array:
+        """Return (d, 2 knots): distances of the knots from the best angle, upwards then downwards."""
+        away = poses - np.array([BEST[joint] for joint in self.joints_])
+        reach = np.stack([away.max(axis=0), -away.min(axis=0)], axis=1).ravel()
+        far = np.array([max(float(reach[profile == own].max()), 1.0) for own in profile])
+        steps = np.arange(self.knots) / self.knots
+        return np.asarray((far[:, None] * steps).reshape(len(self.joints_), -1))
+
+    def _arguments(self, poses: Array) -> Array:
+        """Return (n, d, 2 knots): how far each angle is past each knot, in widths."""
+        away = poses - np.array([BEST[joint] for joint in self.joints_])
+        senses = np.repeat([1.0, -1.0], self.knots_.shape[1] // 2)
+        return (away[:, :, None] * senses - self.knots_) / self.width
+
+    def _restore(self, state: dict[str, Any]) -> None:
+        super()._restore(state)
+        shape = (len(self.joints_), 2 * self.knots)
+        if self.knots_.shape != shape or self.weights_.shape != shape or self.points_.shape != (2,):
+            raise ModelError(f"knots_ or weights_ do not fit {len(self.joints_)} joints; the file is damaged")
+        if (self.weights_ < 0).any():
+            raise ModelError("weights_ holds a negative weight; the file is damaged")
+        self._fold()
+
+    def _value_gradient(self, poses: Array, given: Given) -> tuple[Array, Array]:
+        value = np.full(len(poses), self.constant_)
+        gradient = np.empty(poses.shape)
+        for start in range(0, len(poses), CHUNK):
+            rows = slice(start, start + CHUNK)
+            past = self._past(poses[rows])
+            inside = np.clip(past, 0.0, 1.0)
+            gradient[rows] = (self._by_column @ inside).T
+            np.maximum(past, 0.0, out=past)
+            inside *= -0.5 * inside
+            inside += past * np.minimum(past, 1.0)
+            value[rows] += self._weight @ inside
+        load, coupling = _points(given, len(poses))
+        value += self.points_[0] * load + self.points_[1] * coupling + given.activity
+        return value, gradient
+
+    def _hessian(self, poses: Array, given: Given) -> Array:
+        out = np.zeros((len(poses), len(self.joints_), len(self.joints_)))
+        diagonal = np.arange(len(self.joints_))
+        out[:, diagonal, diagonal] = self._bends(poses)
+        return out
+
+    def _gauss_newton(self, poses: Array, given: Given) -> Array:
+        return np.sqrt(self._hessian(poses, given))
+
+    def _bends(self, poses: Array) -> Array:
+        past = self._past(poses)
+        return np.asarray(((abs(self._by_column) / self.width) @ ((past > 0.0) & (past < 1.0))).T)
+
+    def hinges(self) -> Hinges:
+        """Return the hinges that weigh something, those of an angle side by side."""
+        joint, number = np.nonzero(self.weights_)
+        sense = np.repeat([1.0, -1.0], self.knots)[number]
+        best = np.array([BEST[name] for name in self.joints_])[joint]
+        offset = (sense * best + self.knots_[joint, number]) / self.width
+        return Hinges(joint, sense / self.width, offset, self.weights_[joint, number])
+
+    def _fold(self) -> None:
+        """Keep the hinges that weigh something as rows for evaluation."""
+        joint, scale, offset, self._weight = self.hinges()
+        self._joint, self._scale, self._offset = joint, scale[:, None], offset[:, None]
+        self._by_column = np.zeros((len(self.joints_), len(joint)))
+        self._by_column[joint, np.arange(len(joint))] = self._weight * scale
+
+    def _past(self, poses: Array) -> Array:
+        """Return (r, n): how far the angle of each kept hinge is past its knot, in widths."""
+        past = poses.T.take(self._joint, axis=0)
+        past *= self._scale
+        past -= self._offset
+        return past
+
+    def _payload(self) -> dict[str, Any]:
+        return {"form": "classes", "load": float(self.points_[0]), "coupling": float(self.points_[1]), "activity": 1.0}
+
+
+def _hinge(t: Array) -> Array:
+    """Return t^2 / 2 from 0 to 1 and t - 1/2 beyond."""
+    inside = np.clip(t, 0.0, 1.0)
+    return inside * (np.maximum(t, 0.0) - 0.5 * inside)
+
+
+def _profiles(joints: tuple[str, ...]) -> NDArray[np.intp]:
+    """Return (2 d,) numbers of the weights that each angle uses upwards and downwards.
+
+    Left and right share theirs; both directions do for side bends and twists of the trunk and neck.
+    """
+    names = {column: angle.name for angle in ANGLES for column in angle.columns}
+    keys = [f"{names[j]}{'' if names[j] in _SIGNED else sense}" for j in joints for sense in ("+", "-")]
+    return np.asarray(np.unique(keys, return_inverse=True)[1])
+
+
+def _points(given: Given, n: int) -> tuple[Array, Array]:
+    """Return load points and the worse coupling."""
+    load = load_kg(given.load, n)
+    points = (load >= LOAD_EDGES[0]).astype(float) + (load > LOAD_EDGES[1])
+    return points, np.maximum(*(np.asarray(side, np.float64) for side in given.coupling))

@@ -1,0 +1,159 @@
+"""`GraduatedModel`: a convex score first, then the soft tables from blunt to sharp: the planner's default cost.
+
+A single accurate surrogate is a poor cost: it is as flat as the score it approximates. Minimised in stages, each from
+the result of the last, the convex score leads to the right region and the soft tables sharpen what it found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar, Literal, NamedTuple
+
+from dreba.errors import ModelError
+from dreba.surrogates.base import Surrogate
+from dreba.surrogates.convex import ConvexModel
+from dreba.surrogates.quadratic import QuadraticModel
+from dreba.surrogates.registry import About, register
+from dreba.surrogates.serialization import from_dict, to_dict
+from dreba.surrogates.soft import LADDER, SoftModel
+from dreba.surrogates.task_factors import Given
+from dreba.surrogates.validation import COUNT, FALLING, POSITIVE, SEED, Allowed, one_of
+from reba.arrays import Array
+
+FIRST: dict[str, type[Surrogate]] = {"quadratic": QuadraticModel, "convex": ConvexModel}
+"""What may be the first stage."""
+
+
+class Stage(NamedTuple):
+    """One stage: a model and the temperature it is evaluated at [deg], None for a model without one."""
+
+    name: str
+    model: Surrogate
+    temperature: float | None
+
+    def objective(self, **given: Any) -> Callable[[Array], tuple[float, Array]]:
+        """Return a function of one pose (d,) -> value and gradient; `given` are load, coupling, activity.
+
+        Example:
+            >>> import dreba
+            >>> poses = dreba.sample(200, rng=0)
+            >>> model = GraduatedModel(updates=5).fit(poses.angles, poses.reba)
+            >>> value, slope = model.stages_[0].objective(load=3.0)(poses.angles[0])
+            >>> slope.shape
+            (22,)
+        """
+
+        def evaluate(angles: Array) -> tuple[float, Array]:
+            value, gradient = self.model.value_and_gradient(angles, temperature=self.temperature, **given)
+            return float(value), gradient
+
+        return evaluate
+
+
+@register
+class GraduatedModel(Surrogate):
+    """Stages of one cost. Evaluated as one model it is its soft tables.
+
+    Args:
+        first: kind of the first stage, "convex" or "quadratic".
+        ladder: [deg] temperatures of the soft stages, falling.
+        temperature: [deg] the one used where an evaluation names none.
+        updates, seed: of the fit of the soft tables, see `SoftModel`.
+        joints: columns of the angles if not all 22.
+
+    Attributes:
+        stages_: the stages in the order in which to minimise them.
+    """
+
+    kind = "graduated"
+    monotone = True
+    mirror = True
+    learned: ClassVar[dict[str, int]] = {}
+
+    allowed: ClassVar[dict[str, Allowed]] = {
+        "first": one_of(*FIRST),
+        "ladder": FALLING,
+        "temperature": POSITIVE,
+        "updates": COUNT,
+        "seed": SEED,
+    }
+
+    def __init__(
+        self,
+        first: Literal["quadratic", "convex"] = "convex",
+        ladder: tuple[float, ...] = LADDER,
+        temperature: float = 2.0,
+        updates: int = 4000,
+        seed: int = 0,
+        joints: tuple[str, ...] | None = None,
+    ) -> None:
+        self.first = first
+        self.ladder = ladder
+        self.temperature = temperature
+        self.updates = updates
+        self.seed = seed
+        self.joints = joints
+
+    @staticmethod
+    def of(first: Surrogate, soft: SoftModel) -> GraduatedModel:
+        """Return the stages of two fitted models.
+
+        Raises:
+            ModelError: the first is no first stage, or they have different joints.
+        """
+        model = GraduatedModel(
+            first.kind,  # type: ignore[arg-type]
+            tuple(soft.ladder), soft.temperature, soft.updates, soft.seed, soft.joints,
+        )  # fmt: skip
+        model.joints_ = soft.joints_
+        model.n_features_in_ = len(soft.joints_)
+        model._hold(first, soft)
+        model.about_ = soft.about_
+        return model
+
+    def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
+        parts = (
+            FIRST[self.first](joints=self.joints_),
+            SoftModel(self.ladder, self.temperature, updates=self.updates, seed=self.seed, joints=self.joints_),
+        )
+        for part in parts:
+            part.joints_ = self.joints_
+            part.n_features_in_ = len(self.joints_)
+            part._fit(poses, scores, weights, given)
+            part.about_ = About()
+        self._hold(*parts)
+
+    def _hold(self, first: Surrogate, soft: Surrogate) -> None:
+        if first.kind not in FIRST or not isinstance(soft, SoftModel) or first.joints_ != soft.joints_:
+            raise ModelError(
+                f"stages are {first.kind!r} and {soft.kind!r}; expected quadratic or convex, then soft, on equal joints"
+            )
+        self.first_, self.soft_ = first, soft
+        self.temperatures_ = soft.temperatures_
+        self.stages_ = (
+            Stage(first.kind, first, None),
+            *(Stage(f"soft {t:g} deg", soft, t) for t in soft.temperatures_),
+        )
+
+    def _state(self) -> dict[str, Any]:
+        return {"first": to_dict(self.first_), "soft": to_dict(self.soft_)}
+
+    def _restore(self, state: dict[str, Any]) -> None:
+        if set(state) != {"first", "soft"}:
+            raise ModelError(f"parameters are {', '.join(sorted(state))}; expected first, soft")
+        first, soft = from_dict(state["first"]), from_dict(state["soft"])
+        if first.kind != self.first or soft.joints_ != self.joints_:
+            raise ModelError("the stages do not agree with the model that holds them; the file is damaged")
+        self._hold(first, soft)
+
+    def _value(self, poses: Array, given: Given) -> Array:
+        return self.soft_._value(poses, given)
+
+    def _value_gradient(self, poses: Array, given: Given) -> tuple[Array, Array]:
+        return self.soft_._value_gradient(poses, given)
+
+    def _hessian(self, poses: Array, given: Given) -> Array:
+        return self.soft_._hessian(poses, given)
+
+    def _gauss_newton(self, poses: Array, given: Given) -> Array:
+        return self.soft_._gauss_newton(poses, given)

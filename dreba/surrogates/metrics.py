@@ -1,0 +1,116 @@
+"""How far a model is from the true score: per REBA class, overall, in rank, rounded."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dreba.errors import ModelError
+from reba.arrays import Array
+
+PUBLISHED: Final[dict[int, float]] = {
+    1: 0.72, 2: 0.91, 3: 0.86, 4: 1.08, 5: 1.02, 6: 1.72, 7: 1.86, 8: 2.18, 9: 2.18, 10: 1.50,
+}  # fmt: skip
+"""RMSE per REBA class of the published model (Busch et al. 2018, Table I)."""
+PUBLISHED_OVERALL: Final = 1.50
+"""Root of the mean square of `PUBLISHED`: the overall RMSE on balanced poses."""
+
+
+@dataclass(frozen=True)
+class ClassError:
+    """Error on the poses of one REBA class: their number, root mean square error, mean error (model minus true)."""
+
+    n: int
+    rmse: float
+    bias: float
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Error of a model on poses.
+
+    Attributes:
+        kind: of the model.
+        classes: REBA score -> `ClassError`, for the scores that occur.
+        n: number of poses.
+        rmse: over all poses.
+        balanced_rmse: root of the mean over classes of the squared RMSE; equal to `rmse` on balanced poses.
+        spearman: rank correlation with the true score; NaN where one of them is constant.
+        rounded_accuracy: share of poses whose rounded value, kept within 1 to 15, is the true score.
+    """
+
+    kind: str
+    classes: dict[int, ClassError]
+    n: int
+    rmse: float
+    balanced_rmse: float
+    spearman: float
+    rounded_accuracy: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data, as `dreba evaluate --json` prints it; NaN becomes None."""
+        overall = {
+            "n": self.n,
+            "rmse": self.rmse,
+            "balanced_rmse": self.balanced_rmse,
+            "spearman": None if np.isnan(self.spearman) else self.spearman,
+            "rounded_accuracy": self.rounded_accuracy,
+        }
+        classes = {str(score): dataclasses.asdict(error) for score, error in self.classes.items()}
+        return {"kind": self.kind, "classes": classes, "overall": overall}
+
+
+def evaluation_of(kind: str, values: ArrayLike, scores: ArrayLike) -> Evaluation:
+    """Return the error of values (n,) against true scores (n,).
+
+    Raises:
+        ModelError: no poses, or a value that is not finite.
+    """
+    found, true = np.asarray(values, np.float64), np.asarray(scores).astype(int)
+    if found.shape != true.shape or not len(true):
+        raise ModelError(f"{found.shape} values against {true.shape} scores; expected as many of both, at least one")
+    if not np.isfinite(found).all():
+        raise ModelError("the model gives values that are not finite; check the angles")
+    error = found - true
+    classes = {}
+    for score in np.unique(true):
+        own = error[true == score]
+        classes[int(score)] = ClassError(len(own), _rms(own), float(own.mean()))
+    return Evaluation(
+        kind=kind,
+        classes=classes,
+        n=len(true),
+        rmse=_rms(error),
+        balanced_rmse=_rms(np.array([own.rmse for own in classes.values()])),
+        spearman=_spearman(found, true),
+        rounded_accuracy=float(np.mean(np.clip(np.rint(found), 1, 15) == true)),
+    )
+
+
+def distance_to_published(found: Evaluation) -> float:
+    """Return the root mean square difference to Table I over classes 1 to 10.
+
+    Raises:
+        ModelError: one of these classes has no pose.
+    """
+    missing = [score for score in PUBLISHED if score not in found.classes]
+    if missing:
+        raise ModelError(f"no pose has REBA {missing[0]}; Table I is about classes 1 to 10")
+    return _rms(np.array([found.classes[score].rmse - PUBLISHED[score] for score in PUBLISHED]))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _spearman(found: Array, true: NDArray[np.int64]) -> float:
+    from scipy.stats import rankdata
+
+    ranks = [rankdata(values) for values in (found, true)]
+    centred = [rank - rank.mean() for rank in ranks]
+    spread = float(np.sqrt((centred[0] @ centred[0]) * (centred[1] @ centred[1])))
+    return float(centred[0] @ centred[1]) / spread if spread else float("nan")

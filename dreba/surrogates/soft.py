@@ -1,0 +1,202 @@
+"""`SoftModel`: REBA's own tables made smooth, at a ladder of temperatures, unfitted or learned on balanced poses."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, ClassVar
+
+import numpy as np
+
+from dreba.errors import ModelError
+from dreba.surrogates import soft_curvature, soft_fit
+from dreba.surrogates.base import Surrogate
+from dreba.surrogates.registry import register
+from dreba.surrogates.soft_tables import SoftTables
+from dreba.surrogates.task_factors import Given
+from dreba.surrogates.validation import COUNT, FALLING, POSITIVE, SEED, YES_NO, Allowed, check_parameters
+from reba.arrays import Array
+from reba.method.rules import LOAD_EDGES, Rules, rules_of
+from reba.posture.columns import ANGLES, COLUMNS
+from reba.posture.factors import load_kg
+
+LADDER = (16.0, 8.0, 4.0, 2.0, 1.0)
+"""[deg] The default ladder, blunt to sharp."""
+_NEUTRAL = np.array([angle.best for angle in ANGLES for _ in angle.columns])
+_BLOCKS = {
+    "thresholds": (27,), "heights": (27,), "overlap": (3,), "table_a": (5, 3, 4), "table_b": (6, 2, 3),
+    "table_c": (12, 12),
+}  # fmt: skip
+
+
+@register
+class SoftModel(Surrogate):
+    """Soft tables: sigmoid steps of temperature T [deg], multilinear Tables A, B, C, a smooth worse side.
+
+    Load, coupling and activity enter where REBA adds them; load counts by its exact classes (under 5, to 10, over
+    10 kg). Left and right share every parameter. Values are not clipped to 1: the learned neutral pose reads below it.
+
+    Args:
+        ladder: [deg] temperatures, falling; the model holds one set of parameters for each.
+        temperature: [deg] the one used where an evaluation names none.
+        learn: False keeps the printed tables and thresholds, and then any temperature can be asked for.
+        rules: preset whose thresholds are the start ("measured" or "paper").
+        updates: steps of the fit at each temperature, 512 poses each.
+        seed: of the order of the poses.
+        joints: columns of the angles if not all 22; the others stay at their lowest score.
+
+    Example:
+        >>> model = SoftModel(learn=False).fit(np.zeros((2, 22)), [1, 1])
+        >>> squat = np.zeros(22)
+        >>> squat[6:8] = 70.0  # both knees
+        >>> round(model.value(squat, temperature=0.001), 3)  # table scores: legs 3, elbows straight
+        2.0
+    """
+
+    kind = "soft"
+    monotone = True
+    mirror = True
+    learned: ClassVar[dict[str, int]] = {
+        "thresholds_": 2, "heights_": 2, "overlap_": 2, "table_a_": 4, "table_b_": 4, "table_c_": 3,
+    }  # fmt: skip
+
+    allowed: ClassVar[dict[str, Allowed]] = {
+        "ladder": FALLING,
+        "temperature": POSITIVE,
+        "learn": YES_NO,
+        "updates": COUNT,
+        "seed": SEED,
+    }
+
+    thresholds_: Array
+    heights_: Array
+    overlap_: Array
+    table_a_: Array
+    table_b_: Array
+    table_c_: Array
+
+    def __init__(
+        self,
+        ladder: tuple[float, ...] = LADDER,
+        temperature: float = 2.0,
+        learn: bool = True,
+        rules: str = "measured",
+        updates: int = 4000,
+        seed: int = 0,
+        joints: tuple[str, ...] | None = None,
+    ) -> None:
+        self.ladder = ladder
+        self.temperature = temperature
+        self.learn = learn
+        self.rules = rules
+        self.updates = updates
+        self.seed = seed
+        self.joints = joints
+
+    def tables(self, temperature: float | None = None) -> SoftTables:
+        """Return the tables at a temperature of the ladder (any, if not learned), None for the default one.
+
+        Raises:
+            ModelError: a temperature that the model does not hold.
+        """
+        wanted = float(self.temperature if temperature is None else temperature)
+        if wanted not in self._tables:
+            if self.learn:
+                raise ModelError(
+                    f"temperature {wanted:g} is not on the ladder; this model holds "
+                    f"{', '.join(f'{t:g}' for t in self.temperatures_)}"
+                )
+            self._tables[wanted] = SoftTables.of(self._rules(), wanted)
+        return self._tables[wanted]
+
+    def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
+        self._check_parameters()
+        angles, (added, activity) = self._whole(poses), self._added(given, len(poses))
+        added = np.zeros((3, 1)) if added is None else added
+        rng = np.random.default_rng(self.seed)
+        found: dict[float, SoftTables] = {}
+        # From sharp to blunt: the sharp tables start nearest to the exact ones, each next one starts from the last.
+        tables = SoftTables.of(self._rules(), min(self.ladder))
+        for temperature in sorted(self.ladder):
+            if self.learn:
+                tables = dataclasses.replace(tables, temperature=float(temperature))
+                tables = soft_fit.learn(tables, angles, scores, weights, added, activity, self.updates, rng)
+            else:
+                tables = SoftTables.of(self._rules(), temperature)
+            found[float(temperature)] = tables
+        self._hold(found)
+
+    def _check_parameters(self) -> None:
+        # Again beside `fit`: the stages of `GraduatedModel` are fitted one by one.
+        check_parameters(self.allowed, self.get_params(deep=False))
+        if self.learn and float(self.temperature) not in self.ladder:
+            raise ModelError(
+                f"temperature {self.temperature!r} is not on the ladder {tuple(self.ladder)}; use one of it"
+            )
+
+    def _rules(self) -> Rules:
+        return rules_of(self.rules)
+
+    def _hold(self, found: dict[float, SoftTables]) -> None:
+        self.temperatures_ = tuple(float(t) for t in self.ladder)
+        self._tables = found
+        for name in _BLOCKS:
+            setattr(self, f"{name}_", np.array([getattr(found[t], name) for t in self.temperatures_]))
+
+    def _restore(self, state: dict[str, Any]) -> None:
+        super()._restore(state)
+        self._check_parameters()
+        for name, shape in _BLOCKS.items():
+            held = getattr(self, f"{name}_").shape
+            if held != (len(self.ladder), *shape):
+                raise ModelError(f"{name}_ has shape {held}; expected {(len(self.ladder), *shape)}")
+        self._hold(
+            {
+                float(t): SoftTables(**{name: getattr(self, f"{name}_")[i] for name in _BLOCKS}, temperature=float(t))
+                for i, t in enumerate(self.ladder)
+            }
+        )
+
+    # Evaluation: columns that the model does not have stay neutral.
+
+    def _whole(self, poses: Array) -> Array:
+        if self.joints_ == COLUMNS:
+            return poses
+        angles = np.tile(_NEUTRAL, (len(poses), 1))
+        angles[:, self._places()] = poses
+        return angles
+
+    def _places(self) -> list[int]:
+        return [COLUMNS.index(joint) for joint in self.joints_]
+
+    def _added(self, given: Given, n: int) -> tuple[Array | None, Any]:
+        """Return (3, 1) or (3, n) points on Score A and both Scores B, None for none, and those on the total."""
+        if given.nothing:
+            return None, given.activity
+        load = load_kg(given.load, n)
+        points = (load >= LOAD_EDGES[0]).astype(float) + (load > LOAD_EDGES[1])
+        try:
+            rows = [np.atleast_1d(np.asarray(side, float)) for side in given.coupling]
+            added = np.array(np.broadcast_arrays(points, *rows))
+        except ValueError as error:
+            raise ModelError(f"coupling is {given.coupling!r}; expected left and right points, 0 to 3") from error
+        if added.shape[0] != 3 or added.shape[1] not in (1, n):
+            raise ModelError(f"coupling is {given.coupling!r}; expected left and right, one value or one for each pose")
+        return added, given.activity
+
+    def _value(self, poses: Array, given: Given) -> Array:
+        return self.tables(given.temperature).value(self._whole(poses), *self._added(given, len(poses)))
+
+    def _value_gradient(self, poses: Array, given: Given) -> tuple[Array, Array]:
+        tables = self.tables(given.temperature)
+        value, gradient = tables.value_gradient(self._whole(poses), *self._added(given, len(poses)))
+        return value, gradient if self.joints_ == COLUMNS else gradient[:, self._places()]
+
+    def _hessian(self, poses: Array, given: Given) -> Array:
+        added = self._added(given, len(poses))[0]
+        out = soft_curvature.hessian(self.tables(given.temperature), self._whole(poses), added)
+        return out if self.joints_ == COLUMNS else out[:, self._places()][:, :, self._places()]
+
+    def _gauss_newton(self, poses: Array, given: Given) -> Array:
+        added = self._added(given, len(poses))[0]
+        out = soft_curvature.gauss_newton(self.tables(given.temperature), self._whole(poses), added)
+        return out if self.joints_ == COLUMNS else out[:, :, self._places()]

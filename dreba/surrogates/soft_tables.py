@@ -1,0 +1,339 @@
+"""REBA made smooth: sigmoid steps, multilinear Tables A, B, C and a smooth worse side, with the analytic gradient.
+
+    angles -> 45 steps, sigmoids of temperature T [deg] -> nine parts -> A, B left, B right -> smooth worse B -> C
+
+Every stage is an array of (rows, n) over all poses; left and right arm stand beside each other in one array, Table A
+and both B lookups go through one multilinear interpolation. The gradient is the reverse pass by hand. As T goes to 0
+the value of the unfitted tables is the exact score of `reba.method.scoring`, whose stages these are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dreba.errors import ModelError
+from dreba.surrogates.soft_steps import GROUPS, PAIRED, ROWS, SINGLE, STEPS, steps_of
+from reba.arrays import Array
+from reba.method.rules import Rules
+from reba.method.tables import TABLE_A, TABLE_B, TABLE_C
+from reba.posture.columns import COLUMNS, INDEX
+
+CHUNK: Final = 1024
+"""Poses handled at once, so that all rows stay in the second-level cache."""
+KNEE_WIDTH: Final = 0.5
+"""Width of the smooth worse knee, degrees per degree of temperature."""
+SIDE_WIDTH: Final = 0.05
+"""Width of the smooth worse side, points of Score B per degree of temperature."""
+_KNEES: Final = INDEX["knee_flexion_left"]
+_WORSE_KNEE: Final = len(COLUMNS)
+_HIGHEST: Final = np.array([4, 5, 5, 2, 1, 1, 3, 2, 2], float)[:, None]
+_LAST_CELL: Final = _HIGHEST - 1
+_STRIDES: Final = np.array([6, 2, 2, 3, 2, 2, 1, 1, 1], float)[:, None]
+_FIRST_CELL: Final = np.array([0, 24, 24], float)[:, None]
+
+
+class Pass(NamedTuple):
+    """What the forward pass leaves for the reverse pass and for curvature; n poses.
+
+    Attributes:
+        value: (n,).
+        steps: (45, n) tanh of half the step arguments.
+        groups: (17, n) sums of the steps.
+        knee: (n,) share of the left knee in the worse one.
+        knee_root: (n,) [deg] smooth absolute difference of the knees.
+        inside: (9, n) whether a part lies within its table, 1.0 or 0.0.
+        place: (9, n) position in the table cell, 0 to 1.
+        cell: (3, n) cell number of A, B left, B right.
+        coef: (8, 3, n) monomial coefficients there.
+        slopes: (3, 3, n) derivative of A, B left, B right by their three parts.
+        side: (n,) share of the left arm in the worse Score B.
+        side_root: (n,) smooth absolute difference of both Scores B.
+        cell_c: (n,) cell number of Table C.
+        place_c: (2, n) position there.
+        slopes_c: (2, n) derivative by Score A and Score B.
+        cross_c: (n,) mixed derivative by both.
+    """
+
+    value: Array
+    steps: Array
+    groups: Array
+    knee: Array
+    knee_root: Array
+    inside: Array
+    place: Array
+    cell: NDArray[np.intp]
+    coef: Array
+    slopes: Array
+    side: Array
+    side_root: Array
+    cell_c: NDArray[np.intp]
+    place_c: Array
+    slopes_c: Array
+    cross_c: Array
+
+
+@dataclass(frozen=True)
+class SoftTables:
+    """Smooth tables at one temperature.
+
+    Attributes:
+        thresholds: (27,) [deg] along the direction of each step of `soft_steps.steps_of`.
+        heights: (27,) points a step adds, not negative.
+        overlap: (3,) how far the adjustments of trunk, neck, wrist share a point: 1 one together, 0 one each.
+        table_a, table_b, table_c: (5, 3, 4), (6, 2, 3), (12, 12), non-decreasing along every axis.
+        temperature: [deg], above 0.
+
+    Example:
+        >>> tables = SoftTables.of(Rules(), temperature=0.001)
+        >>> pose = np.zeros((1, 22))
+        >>> pose[0, INDEX["trunk_flexion"]] = 70.0
+        >>> float(tables.value(pose)[0].round(6))
+        2.0
+    """
+
+    thresholds: Array
+    heights: Array
+    overlap: Array
+    table_a: Array
+    table_b: Array
+    table_c: Array
+    temperature: float
+
+    @staticmethod
+    def of(rules: Rules, temperature: float) -> SoftTables:
+        """Return the printed tables and the thresholds of the rules, unfitted.
+
+        Raises:
+            ModelError: a rule that needs more than angles, or a temperature not above 0.
+        """
+        if rules.upper_arm_reference != "trunk" or rules.two_sides != "worse":
+            raise ModelError(
+                f"soft tables read the arm against the trunk and take the worse side, but the rules say "
+                f"{rules.upper_arm_reference!r} and {rules.two_sides!r}; use rules with 'trunk' and 'worse'"
+            )
+        if not temperature > 0:
+            raise ModelError(f"temperature is {temperature}; expected degrees above 0, such as 0.001 for almost exact")
+        return SoftTables(
+            thresholds=np.array([step.threshold for step in steps_of(rules)]),
+            heights=np.ones(len(STEPS)),
+            overlap=np.array([float(rules.twist_and_bend == "one")] * 2 + [1.0]),
+            table_a=TABLE_A.astype(float),
+            table_b=TABLE_B.astype(float),
+            table_c=TABLE_C.astype(float),
+            temperature=float(temperature),
+        )
+
+    # Constants of the passes, derived once.
+
+    @cached_property
+    def _scale(self) -> Array:
+        return ROWS.sense[:, None] / (2.0 * self.temperature)
+
+    @cached_property
+    def _offset(self) -> Array:
+        return self.thresholds[ROWS.step][:, None] / (2.0 * self.temperature)
+
+    @cached_property
+    def _into_groups(self) -> Array:
+        weights = np.zeros((len(GROUPS), len(ROWS.step)))
+        weights[ROWS.group, np.arange(len(ROWS.step))] = self.heights[ROWS.step] / 2.0
+        return weights
+
+    @cached_property
+    def _group_middle(self) -> Array:
+        return self._into_groups.sum(axis=1, keepdims=True)
+
+    @cached_property
+    def _into_columns(self) -> Array:
+        places = np.zeros((_WORSE_KNEE + 1, len(ROWS.step)))
+        places[ROWS.column, np.arange(len(ROWS.step))] = self._scale[:, 0]
+        return places
+
+    @cached_property
+    def _shared(self) -> Array:
+        return self.overlap[[0, 1, 2, 2]][:, None]
+
+    @cached_property
+    def _coef_ab(self) -> Array:
+        cells = np.concatenate([self.table_a.ravel(), self.table_b.ravel()])
+        return np.ascontiguousarray(MONOMIALS_AB @ cells[CORNERS_AB])
+
+    @cached_property
+    def _coef_c(self) -> Array:
+        return np.ascontiguousarray(MONOMIALS_C @ self.table_c.ravel()[CORNERS_C])
+
+    # Evaluation.
+
+    def value(self, angles: Array, added: Array | None = None, activity: Any = 0.0) -> Array:
+        """Return (n,) values; arguments as in `value_gradient`."""
+        out = np.empty(len(angles))
+        for rows in _chunks(len(angles)):
+            out[rows] = self.forward(angles[rows].T, _part(added, rows)).value
+        return out + activity
+
+    def value_gradient(self, angles: Array, added: Array | None = None, activity: Any = 0.0) -> tuple[Array, Array]:
+        """Return (n,) values and (n, 22) gradients [1/deg].
+
+        Args:
+            angles: (n, 22) degrees.
+            added: (3, n) or (3, 1) points on Score A, Score B left and right: load and coupling; None for none.
+            activity: points on the total, a scalar or (n,).
+        """
+        if len(angles) <= CHUNK:
+            run = self.forward(angles.T, added)
+            return run.value + activity, self.reverse(run).T
+        value, gradient = np.empty(len(angles)), np.empty(angles.shape)
+        for rows in _chunks(len(angles)):
+            run = self.forward(angles[rows].T, _part(added, rows))
+            value[rows], gradient[rows] = run.value, self.reverse(run).T
+        return value + activity, gradient
+
+    def forward(self, columns: Array, added: Array | None = None) -> Pass:
+        """Run the chain on columns (22, n)."""
+        temperature = self.temperature
+        angles = np.empty((_WORSE_KNEE + 1, columns.shape[1]))
+        angles[:_WORSE_KNEE] = columns
+        angles[_WORSE_KNEE], knee, knee_root = _smooth_max(
+            columns[_KNEES], columns[_KNEES + 1], KNEE_WIDTH * temperature
+        )
+        steps = angles.take(ROWS.column, axis=0)
+        steps *= self._scale
+        steps -= self._offset
+        np.tanh(steps, out=steps)
+        groups = self._into_groups @ steps
+        groups += self._group_middle
+
+        parts = np.empty((9, columns.shape[1]))
+        one, other = groups[4:8], groups[8:12]
+        parts[PAIRED] = groups[:4] + one + other - self._shared * one * other
+        parts[SINGLE] = groups[12:]
+        place = np.minimum(np.maximum(parts, 0.0), _HIGHEST)
+        inside = (place == parts).astype(float)
+        corner = np.minimum(np.floor(place), _LAST_CELL)
+        place -= corner
+        corner *= _STRIDES
+        cell = (corner[:3] + corner[3:6] + corner[6:] + _FIRST_CELL).astype(np.intp)
+        coef = self._coef_ab.take(cell, axis=1)
+        table, slopes = trilinear(coef, place)
+        if added is not None:
+            table += added
+        worse, side, side_root = _smooth_max(table[1], table[2], SIDE_WIDTH * temperature)
+        value, cell_c, place_c, slopes_c, cross_c = self._through_c(table[0], worse)
+        return Pass(
+            value, steps, groups, knee, knee_root, inside, place, cell, coef, slopes,
+            side, side_root, cell_c, place_c, slopes_c, cross_c,
+        )  # fmt: skip
+
+    def _through_c(self, score_a: Array, score_b: Array) -> tuple[Array, NDArray[np.intp], Array, Array, Array]:
+        """Return value, cell, place, slopes and mixed slope of Table C at scores A and B from 1 to 12."""
+        scores = np.array([score_a, score_b])
+        scores -= 1.0
+        place = np.minimum(np.maximum(scores, 0.0), 11.0)
+        inside = place == scores
+        corner = np.minimum(np.floor(place), 10.0)
+        place -= corner
+        cell = (corner[0] * 11.0 + corner[1]).astype(np.intp)
+        constant, by_b, by_a, cross = self._coef_c.take(cell, axis=1)
+        slope_a = by_a + cross * place[1]
+        slope_b = by_b + cross * place[0]
+        value = constant + by_b * place[1] + slope_a * place[0]
+        slopes = np.array([slope_a, slope_b])
+        slopes *= inside
+        return value, cell, place, slopes, cross * (inside[0] & inside[1])
+
+    def reverse(self, run: Pass, weight: Array | None = None) -> Array:
+        """Return the gradient (22, n), or that of values times weight (n,)."""
+        out = self._into_columns @ self.reverse_steps(self.reverse_groups(self.reverse_parts(run, weight), run), run)
+        out[_KNEES] += out[_WORSE_KNEE] * run.knee
+        out[_KNEES + 1] += out[_WORSE_KNEE] * (1.0 - run.knee)
+        return out[:_WORSE_KNEE]
+
+    def reverse_tables(self, run: Pass, weight: Array | None = None) -> Array:
+        """Return the derivative (3, n) by Score A, Score B left and right."""
+        out = np.empty((3, len(run.value)))
+        by_a, by_b = run.slopes_c if weight is None else run.slopes_c * weight
+        out[0] = by_a
+        np.multiply(by_b, run.side, out=out[1])
+        np.subtract(by_b, out[1], out=out[2])
+        return out
+
+    def reverse_parts(self, run: Pass, weight: Array | None = None) -> Array:
+        """Return the derivative (9, n) by the parts."""
+        slopes = run.slopes * self.reverse_tables(run, weight)
+        return slopes.reshape(9, -1) * run.inside
+
+    def reverse_groups(self, by_part: Array, run: Pass) -> Array:
+        """Return the derivative (17, n) by the groups of steps from that by the parts."""
+        out = np.empty_like(run.groups)
+        paired = by_part[PAIRED]
+        out[:4] = paired
+        out[4:8] = paired * (1.0 - self._shared * run.groups[8:12])
+        out[8:12] = paired * (1.0 - self._shared * run.groups[4:8])
+        out[12:] = by_part[SINGLE]
+        return out
+
+    def reverse_steps(self, by_group: Array, run: Pass) -> Array:
+        """Return the derivative (45, n) by the arguments of the steps from that by the groups."""
+        out = self._into_groups.T @ by_group
+        out *= 1.0 - run.steps * run.steps
+        return out
+
+
+def _smooth_max(left: Array, right: Array, width: float) -> tuple[Array, Array, Array]:
+    """Return a smooth maximum, its derivative by `left`, and the smooth absolute difference.
+
+    Half the width is taken off, so that equal arguments give themselves: an overshoot would leave the tables.
+    """
+    difference = left - right
+    root = np.sqrt(difference * difference + width * width)
+    return 0.5 * (left + right + root - width), 0.5 + 0.5 * difference / root, root
+
+
+def _chunks(n: int) -> list[slice]:
+    return [slice(start, min(start + CHUNK, n)) for start in range(0, n, CHUNK)]
+
+
+def _part(added: Array | None, rows: slice) -> Array | None:
+    """Return the added points of some poses; (3, 1) stands for all."""
+    return added if added is None or added.shape[1] == 1 else added[:, rows]
+
+
+def _corner_numbers(shape: tuple[int, ...], first: int) -> NDArray[np.intp]:
+    """Return (2^k, cells): numbers of the corners of every cell of a table, first index slowest."""
+    numbers = np.arange(np.prod(shape)).reshape(shape) + first
+    k = len(shape)
+    corners = []
+    for corner in range(2**k):
+        shifts = [(corner >> (k - 1 - axis)) & 1 for axis in range(k)]
+        part = numbers[tuple(slice(s, size - 1 + s) for s, size in zip(shifts, shape, strict=True))]
+        corners.append(part.ravel())
+    return np.array(corners)
+
+
+_ONE: Final = np.array([[1.0, 0.0], [-1.0, 1.0]])
+CORNERS_AB: Final = np.hstack([_corner_numbers((5, 3, 4), 0), _corner_numbers((6, 2, 3), 60)])
+"""(8, 34) cell corners among the 60 cells of A followed by the 36 of B; 24 cells of A, 10 of B."""
+CORNERS_C: Final = _corner_numbers((12, 12), 0)
+"""(4, 121) cell corners among the 144 cells of C."""
+MONOMIALS_AB: Final = np.kron(_ONE, np.kron(_ONE, _ONE))
+"""(8, 8) corner values -> coefficients of 1, c, b, bc, a, ac, ab, abc inside a cell."""
+MONOMIALS_C: Final = np.kron(_ONE, _ONE)
+"""(4, 4) corner values -> coefficients of 1, y, x, xy."""
+
+
+def trilinear(coef: Array, place: Array) -> tuple[Array, Array]:
+    """Return (3, n) interpolated values and (3, 3, n) slopes from the coefficients of 1, c, b, bc, a, ac, ab, abc."""
+    a, b, c = place[:3], place[3:6], place[6:]
+    slopes = np.empty((3, *a.shape))
+    low_b = coef[2] + coef[3] * c
+    low = coef[0] + coef[1] * c + low_b * b
+    high_b = coef[6] + coef[7] * c
+    slopes[0] = coef[4] + coef[5] * c + high_b * b
+    slopes[1] = low_b + high_b * a
+    slopes[2] = coef[1] + coef[3] * b + (coef[5] + coef[7] * b) * a
+    return low + slopes[0] * a, slopes

@@ -1,0 +1,143 @@
+"""What a pose carries beside its angles: load, coupling, activity, and the temperature of an evaluation."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dreba.errors import ModelError
+from reba.method.factor_points import points
+from reba.method.rules import LOAD_EDGES, Rules
+from reba.posture.factors import FACTORS, Factors
+from reba.posture.factors import load_kg as checked_load
+
+Values = NDArray[np.float64]
+
+
+class Given(NamedTuple):
+    """Scalars or (n,) arrays; every field broadcasts over the poses.
+
+    Attributes:
+        load: [kg], not negative.
+        coupling: left and right coupling points, 0 (good) to 3 (unacceptable).
+        activity: activity points, 0 to 3.
+        temperature: [deg] of the smoothing, None for the kind's own default.
+    """
+
+    load: Any = 0.0
+    coupling: tuple[Any, Any] = (0, 0)
+    activity: Any = 0
+    temperature: float | None = None
+
+    @property
+    def nothing(self) -> bool:
+        """Whether neither load nor coupling nor activity is given."""
+        return self is NOTHING or all(
+            type(value) in (int, float) and value == 0 for value in (self.load, *self.coupling, self.activity)
+        )
+
+    def rows(self, which: Any) -> Given:
+        """Return the same for some poses (a slice or an index array)."""
+
+        def cut(value: Any) -> Any:
+            return value[which] if np.ndim(value) else value
+
+        return Given(
+            cut(self.load), (cut(self.coupling[0]), cut(self.coupling[1])), cut(self.activity), self.temperature
+        )
+
+    @staticmethod
+    def checked(load: Any, coupling: Any, activity: Any, temperature: Any, n: int) -> Given:
+        """Return what a caller gave for n poses.
+
+        Raises:
+            ModelError: no number, a value out of range, or another length than n.
+        """
+        if not isinstance(coupling, tuple | list) or len(coupling) != 2:
+            raise ModelError(f"coupling is {coupling!r}; expected left and right points, such as (0, 1)")
+        _check("load", load, n, np.inf, "kilograms, 0 or more")
+        for side in coupling:
+            _check("coupling", side, n, HIGHEST_POINTS, "points from 0 (good) to 3 (unacceptable)")
+        _check("activity", activity, n, HIGHEST_POINTS, "points from 0 to 3")
+        if temperature is not None and (not isinstance(temperature, _NUMBER) or isinstance(temperature, bool)):
+            raise ModelError(f"temperature is {temperature!r}; expected degrees, or None for the model's own")
+        return Given(load, (coupling[0], coupling[1]), activity, None if temperature is None else float(temperature))
+
+
+NOTHING = Given()
+"""No load, good coupling, no activity, the kind's own temperature."""
+_MODELLED = ("load", "coupling_left", "coupling_right", "static", "repeated", "unstable")
+HIGHEST_POINTS: Final = 3
+"""Most coupling points of a hand, and most activity points."""
+_NUMBER: Final = (int, float, np.integer, np.floating)
+
+
+def _check(name: str, value: Any, n: int, highest: float, expected: str) -> None:
+    if type(value) in (int, float):  # one number, the usual case, without the cost of an array
+        fits = 0 <= value <= highest and value != np.inf
+    else:
+        try:
+            array = np.asarray(value, np.float64)
+        except (TypeError, ValueError) as error:
+            raise ModelError(f"{name} is {str(value)[:80]!r}; expected {expected}") from error
+        if array.shape not in ((), (1,), (n,)):
+            raise ModelError(f"{name} has shape {array.shape}; expected one value or one for each of {n} poses")
+        fits = bool(((array >= 0) & (array <= highest) & np.isfinite(array)).all())
+    if not fits:
+        raise ModelError(f"{name} is {str(value)[:80]}; expected {expected}")
+
+
+def given_of(factors: Factors | None, n: int) -> Given:
+    """Return the factors of n poses as points that a surrogate takes.
+
+    Raises:
+        ModelError: a factor that surrogates have no input for (shock, support, arm support) is not at its default.
+        reba.PostureError: a factor has a wrong value or length.
+    """
+    if factors is None:
+        return NOTHING
+    for name in FACTORS:
+        default = getattr(Factors(), name)
+        if name not in _MODELLED and np.any(np.asarray(getattr(factors, name)) != default):
+            raise ModelError(
+                f"factor {name} is not {default!r} throughout, but surrogates know load, coupling and activity only"
+            )
+    found = points(factors, Rules(), n)
+    coupling = tuple(side.astype(float) for side in found.coupling)
+    return Given(checked_load(factors.load, n), (coupling[0], coupling[1]), found.activity.astype(float))
+
+
+Payload = Literal["tree", "linear"]
+PAYLOADS: Final = ("tree", "linear")
+OMEGA_LOAD: Final = 5.0
+"""[kg] Load that costs 1 in the linear form (equation 4)."""
+
+
+def delta_payload(load: ArrayLike, form: Payload = "tree", omega: float = OMEGA_LOAD) -> Any:
+    """Return the cost of a load, a float or (n,).
+
+    Args:
+        load: [kg], one or (n,), not negative.
+        form: "tree": 0 below 5 kg, 1 from 5 to 10 kg, 2 above, the decision tree of equation (3); "linear":
+            load / omega, equation (4), which makes light loads cost something and has a gradient.
+        omega: [kg] load that costs 1 in the linear form.
+
+    Raises:
+        ModelError: an unknown form, or a load that is negative or no number.
+
+    Example:
+        >>> delta_payload(7.0), delta_payload(7.0, "linear")
+        (1.0, 1.4)
+    """
+    kilograms = np.asarray(load, np.float64)
+    if not (np.isfinite(kilograms).all() and (kilograms >= 0).all()):
+        raise ModelError(f"load is {load!r}; expected kilograms, 0 or more")
+    if form == "linear":
+        cost = kilograms / omega
+    elif form == "tree":
+        cost = (kilograms >= LOAD_EDGES[0]).astype(float) + (kilograms > LOAD_EDGES[1])
+    else:
+        raise ModelError(f"payload is {form!r}; expected one of {', '.join(PAYLOADS)}")
+    return float(cost) if cost.ndim == 0 else cost

@@ -1,0 +1,189 @@
+"""What a model is given is checked here: angles, column names, weights, and degrees that may be radians."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dreba.errors import ModelError, RadiansWarning
+from reba.arrays import Array
+from reba.errors import did_you_mean
+from reba.posture.columns import COLUMNS
+
+LARGEST: Final = 360.0
+"""[deg] No angle of a posture is larger."""
+RADIANS_BELOW: Final = 3.2
+"""Angles that all lie below this in size are taken for radians: no domain of limb angles is that narrow in degrees."""
+RADIANS_POSES: Final = 10
+"""Fewer poses may well be close to rest, all of them."""
+
+
+def checked_poses(angles: ArrayLike, joints: tuple[str, ...]) -> tuple[Array, bool]:
+    """Return angles as (n, d) and whether a single pose (d,) was given. Of a table the columns are taken by name.
+
+    Raises:
+        ModelError: no numbers, another shape, NaN, infinity, or an angle that no body has.
+    """
+    columns = getattr(angles, "columns", None)
+    if columns is not None:
+        missing = [joint for joint in joints if joint not in columns]
+        if missing:
+            raise ModelError(f"the table has no column {missing[0]!r}; expected {', '.join(joints)}")
+        angles = angles[list(joints)]  # type: ignore[index, call-overload]
+    try:
+        poses = np.asarray(angles, np.float64)
+    except (TypeError, ValueError) as error:
+        raise ModelError("angles hold something that is no number; expected degrees") from error
+    single = poses.ndim == 1
+    if single:
+        poses = poses[None]
+    if poses.ndim != 2 or poses.shape[1] != len(joints):
+        raise ModelError(
+            f"angles have shape {np.shape(angles)}; expected (n, {len(joints)}) or ({len(joints)},) degrees in the "
+            f"order of joints_"
+        )
+    check_size(poses, joints)
+    return poses, single
+
+
+def check_size(poses: Array, joints: Sequence[str]) -> None:
+    """Check that angles (n, d) are finite and, of postures, not larger than `LARGEST`.
+
+    Raises:
+        ModelError: NaN, infinity, or an angle that no body has.
+    """
+    # One comparison serves all: NaN and infinity fail it as well.
+    if poses.size and not abs(poses).max() <= LARGEST:
+        if not np.isfinite(poses).all():
+            raise ModelError("angles hold NaN or infinity; a surrogate needs every angle, leave such poses out")
+        if any(joint not in COLUMNS for joint in joints):
+            return  # columns that are no posture may hold anything
+        row, column = divmod(int(np.argmax(abs(poses))), poses.shape[1])
+        raise ModelError(
+            f"{joints[column]} is {poses[row, column]:.6g} in pose {row}; expected degrees from -{LARGEST:g} to "
+            f"{LARGEST:g}, so check the unit or leave such poses out"
+        )
+
+
+def warn_if_radians(angles: Array, joints: Sequence[str]) -> None:
+    """Warn if the angles (n, d) of posture columns look like radians.
+
+    Warns:
+        RadiansWarning: at least `RADIANS_POSES` poses of known columns and no angle as large as `RADIANS_BELOW`.
+    """
+    if len(angles) < RADIANS_POSES or not float(abs(angles).max(initial=0.0)) < RADIANS_BELOW:
+        return
+    if all(joint in COLUMNS for joint in joints):
+        warnings.warn(
+            f"every angle lies within +-{RADIANS_BELOW}: these look like radians; expected degrees, "
+            "convert with numpy.degrees",
+            RadiansWarning,
+            stacklevel=3,
+        )
+
+
+def checked_weights(given: ArrayLike | None, n: int) -> Array:
+    """Return the weights (n,) of n poses; ones for None.
+
+    Raises:
+        ModelError: no numbers, another length, negative, infinite, or only zeros.
+    """
+    try:
+        weights = np.ones(n) if given is None else np.asarray(given, np.float64)
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"sample_weight holds something that is no number; expected ({n},) weights") from error
+    if weights.ndim == 0:
+        weights = np.full(n, float(weights))
+    if weights.shape != (n,):
+        raise ModelError(f"sample_weight has shape {weights.shape}; expected ({n},), one weight per pose")
+    if not (np.isfinite(weights).all() and (weights >= 0).all() and weights.any()):
+        raise ModelError("sample_weight holds negative or infinite values, or only zeros; expected 0 or more")
+    return weights
+
+
+def checked_joints(named: Any, columns: int, kind: str, any_columns: bool) -> tuple[str, ...]:
+    """Return the names of d columns: those given, or those of the posture table, or x0, x1 ...
+
+    Args:
+        named: names, or None.
+        columns: d.
+        kind: of the model, for the error.
+        any_columns: whether names outside the posture table are fine.
+
+    Raises:
+        ModelError: another number of names, an unknown one, or one twice.
+    """
+    if named is None:
+        joints = COLUMNS if columns == len(COLUMNS) else tuple(f"x{index}" for index in range(columns))
+    elif isinstance(named, str) or not isinstance(named, Sequence | np.ndarray):
+        raise ModelError(f"joints is {named!r}; expected column names such as ('trunk_flexion', 'neck_flexion')")
+    else:
+        joints = tuple(str(name) for name in named)
+    if len(joints) != columns:
+        raise ModelError(f"{len(joints)} joints are named, but the poses have {columns} columns; name each column")
+    unknown = [name for name in joints if name not in COLUMNS]
+    if unknown and not any_columns:
+        raise ModelError(
+            f"column {unknown[0]!r} is not in the posture table{did_you_mean(unknown[0], COLUMNS)}; "
+            f"kind {kind!r} needs the columns of reba.COLUMNS, all {len(COLUMNS)} or named by joints="
+        )
+    if len(set(joints)) != len(joints):
+        raise ModelError(f"joints are named twice: {', '.join(joints)}; name each column once")
+    return joints
+
+
+_WHOLE: Final = (int, np.integer)
+_NUMBER: Final = (*_WHOLE, float, np.floating)
+_YES_NO: Final = (bool, np.bool_)
+
+
+class Allowed(NamedTuple):
+    """What a parameter may be: in words, and as a test."""
+
+    expected: str
+    fits: Callable[[Any], bool]
+
+
+def _is(value: Any, kinds: tuple[type, ...]) -> bool:
+    return isinstance(value, kinds) and not isinstance(value, _YES_NO)
+
+
+def one_of(*names: str) -> Allowed:
+    """Return that a parameter is one of some names."""
+    return Allowed("one of " + ", ".join(names), lambda value: isinstance(value, str) and value in names)
+
+
+YES_NO: Final = Allowed("True or False", lambda value: isinstance(value, _YES_NO))
+POSITIVE: Final = Allowed("a number above 0", lambda value: _is(value, _NUMBER) and 0 < value < np.inf)
+NOT_NEGATIVE: Final = Allowed("a number, 0 or more", lambda value: _is(value, _NUMBER) and 0 <= value < np.inf)
+COUNT: Final = Allowed("a whole number above 0", lambda value: _is(value, _WHOLE) and value > 0)
+SEED: Final = Allowed("a whole number from 0 to 4294967295", lambda value: _is(value, _WHOLE) and 0 <= value < 2**32)
+COUNTS: Final = Allowed(
+    "whole numbers above 0, such as (124, 7)",
+    lambda value: isinstance(value, tuple | list) and len(value) > 0 and all(COUNT.fits(item) for item in value),
+)
+FALLING: Final = Allowed(
+    "falling temperatures above 0 [deg], such as (16.0, 8.0, 4.0, 2.0, 1.0)",
+    lambda value: (
+        isinstance(value, tuple | list)
+        and len(value) > 0
+        and all(POSITIVE.fits(item) for item in value)
+        and all(blunt > sharp for blunt, sharp in pairwise(value))
+    ),
+)
+
+
+def check_parameters(allowed: dict[str, Allowed], given: dict[str, Any]) -> None:
+    """Check parameters by name; those that `allowed` does not know pass.
+
+    Raises:
+        ModelError: one is not as allowed.
+    """
+    for name, rule in allowed.items():
+        if not rule.fits(given[name]):
+            raise ModelError(f"{name} is {given[name]!r}; expected {rule.expected}")

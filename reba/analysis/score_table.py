@@ -1,0 +1,66 @@
+"""The score table of a recording together with the postures, rules and factors it was computed from."""
+
+from __future__ import annotations
+
+import numbers
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from reba.errors import PostureError
+from reba.method.rules import Rules
+from reba.method.scoring import Missing
+from reba.posture.factors import Factors
+from reba.posture.table import PostureTable, angles_of
+
+
+@dataclass(frozen=True)
+class ScoreTable:
+    """Scores of one recording, with what they were computed from.
+
+    Attributes:
+        data: the score table: `time`, then `reba.method.scoring.SCORE_COLUMNS` as nullable integers; missing where the
+            measured angles leave more than one value.
+        postures: the posture table that was scored.
+        rules: the rules, every threshold included.
+        factors: the factors that were used, activity included.
+        assumed: factors that nobody gave and what was assumed, and what the reader had to assume.
+        unmeasured: angle columns without any value.
+        activity_causes: for activity found in the movement: kind -> part -> share of frames.
+        missing: what stands for undetermined scores.
+    """
+
+    data: pd.DataFrame
+    postures: PostureTable
+    rules: Rules
+    factors: Factors
+    assumed: tuple[str, ...]
+    unmeasured: tuple[str, ...]
+    missing: Missing = "range"
+    activity_causes: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """(n,) seconds."""
+        return self.data["time"].to_numpy(np.float64)
+
+    @property
+    def angles(self) -> NDArray[np.float64]:
+        """(n, 22) degrees in the order of `reba.COLUMNS`, NaN = not measured."""
+        return angles_of(self.postures.data)
+
+    def frame_at(self, time: float) -> int:
+        """Return the row nearest to `time` [s].
+
+        Raises:
+            PostureError: the time lies outside the recording.
+        """
+        stamps = self.time
+        if not isinstance(time, numbers.Real):
+            raise PostureError(f"time is {time!r}; expected seconds")
+        if not len(stamps) or not stamps[0] - 0.5 <= time <= stamps[-1] + 0.5:
+            span = f"{stamps[0]:g} to {stamps[-1]:g} s" if len(stamps) else "no frames"
+            raise PostureError(f"time {time:g} s lies outside the recording ({span}); choose a time inside")
+        return int(np.argmin(np.abs(stamps - time)))
