@@ -2,9 +2,9 @@
 
     OMP_NUM_THREADS=1 python benchmarks/sqp.py [--json FILE] [--slices 20 40 80] [--repeat 3]
 
-The problem is `tests/sliced_paths.py`: accelerations, a dense posture cost on 23 joints, 76 nonlinear equalities at
-four key slices, joint limits everywhere, optionally 8 pairs of spheres in every slice. Three tables, all in
-milliseconds and the best of several runs:
+The problem is `tests/support/sliced_paths.py`: accelerations, a dense posture cost on 23 joints, 76 nonlinear
+equalities at four key slices, joint limits everywhere, optionally 8 pairs of spheres in every slice. Three tables, all
+in milliseconds and the best of several runs:
 - one QP (the third of a solve from rest) by back end, the active set cold and warm;
 - whole solves: from rest, and warm from the path to places 1 cm away; also by PIQP, and with spheres;
 - verdicts on places out of reach.
@@ -22,10 +22,9 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from machine import machine
-from sliced_paths import PathProblem
 
 from lgp.sqp.active_set import ActiveSet
 from lgp.sqp.backends import Piqp, QpSolvers
@@ -34,6 +33,7 @@ from lgp.sqp.qp import QP, QPBackend, QPResult, residuals
 from lgp.sqp.result import Result
 from lgp.sqp.solver import Solver
 from lgp.sqp.subproblem import StepMaker
+from tests.support.sliced_paths import PathProblem
 
 SLICES = (20, 40, 80, 160, 320)
 OPTIONS = Options(decrease=1e-4)

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "datasets")]
+sys.path[:0] = [str(ROOT), str(ROOT / "datasets")]
 
 FRAMES = 4
 
@@ -23,9 +23,9 @@ def _shipped(pattern: str) -> list[bytes]:
 
 def mcap() -> list[bytes]:
     """Joint states packed, stored and without chunks; frames and transforms in CDR, JSON and Protobuf."""
-    import encode_motion
-    import mcap_builder as make
-    from body_motion import PARENTS, BodyMotion
+    from tests.support import encode_motion
+    from tests.support import mcap_builder as make
+    from tests.support.body_motion import PARENTS, BodyMotion
 
     plan = make.whole(make.payloads()[:FRAMES])
     stored = {"compression": "", "pack": bytes}
@@ -62,7 +62,7 @@ def _points(profile: str) -> list[str]:
 
 def c3d() -> list[bytes]:
     """Floats and integers, Intel and MIPS, and a body of Plug-in Gait markers."""
-    from c3d_bytes import DEC, MIPS, c3d_bytes
+    from tests.support.c3d_bytes import DEC, MIPS, c3d_bytes
 
     xyz = np.arange(36.0).reshape(3, 4, 3) * 20
     body = _points("markers_plug_in_gait")
@@ -77,7 +77,7 @@ def c3d() -> list[bytes]:
 
 def bvh() -> list[bytes]:
     """Three joints, and a body with the names of MotionBuilder."""
-    from test_reader_bvh import SMALL
+    from tests.reba.readers.formats.test_bvh import SMALL
 
     names = [name for name in _points("bvh_motionbuilder") if name != "Hips"]
     channels = "OFFSET 0 10 0\nCHANNELS 3 Zrotation Yrotation Xrotation\n"
@@ -93,7 +93,7 @@ def bvh() -> list[bytes]:
 
 def opensim() -> list[bytes]:
     """Three coordinates, and those of a body, in degrees and in radians."""
-    from test_reader_opensim import SMALL
+    from tests.reba.readers.formats.test_opensim import SMALL
 
     names = _points("opensim")
     row = "\t".join(["5.5"] * len(names))
@@ -104,7 +104,7 @@ def opensim() -> list[bytes]:
 
 def trc() -> list[bytes]:
     """Four markers, and the first frames of the recording in `datasets/`."""
-    from test_reader_trc import SMALL
+    from tests.reba.readers.formats.test_trc import SMALL
 
     lines = (ROOT / "datasets" / "balancing_keypoints.trc").read_bytes().splitlines(keepends=True)
     return [SMALL.encode(), b"".join(lines[: 6 + FRAMES])]
@@ -112,7 +112,7 @@ def trc() -> list[bytes]:
 
 def mvnx() -> list[bytes]:
     """A body with segments and joint angles."""
-    from mvnx_text import mvnx_text
+    from tests.support.mvnx_text import mvnx_text
 
     turns = np.tile([1.0, 0, 0, 0], (2, 23, 1))
     return [mvnx_text(turns, np.ones((2, 23, 3)), np.zeros((2, 22, 3)), np.zeros((2, 6, 3))).encode()]
@@ -120,7 +120,7 @@ def mvnx() -> list[bytes]:
 
 def table() -> list[bytes]:
     """Posture and joint tables and an export of Vicon."""
-    from test_reader_table import SMALL, VICON
+    from tests.reba.readers.formats.test_table import SMALL, VICON
 
     lines = (ROOT / "datasets" / "simulated_assembly.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     joints = "time," + ",".join(_points("human_description")) + "\n"

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browser import complaints, needs_browser, pages_on_paper, resize, too_wide, until, visible
 
 import dreba
 from dreba.report import write_report
+from tests.support.browser import complaints, needs_browser, pages_on_paper, resize, too_wide, until, visible
 
-pytestmark = needs_browser
+pytestmark = [pytest.mark.slow, needs_browser]
 
 ANGLES = 14
 """Of the posture table, of two sides one: each has a small plot of its polynomial, and one of the whole model."""

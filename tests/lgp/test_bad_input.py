@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from lgp_worlds import needs_robots
 
 import dreba
 from lgp.cli import cli
 from lgp.errors import LgpError
+from tests.support.lgp_worlds import needs_robots
+
+pytestmark = pytest.mark.slow
+
 
 SCENE = """
 domain = "screwdriver"

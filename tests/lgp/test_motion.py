@@ -10,7 +10,7 @@ import pytest
 import lgp
 from lgp.motion import Motion
 from lgp.scene.scene_file import read_scene
-from tests.lgp_worlds import HUMAN_ONLY
+from tests.support.lgp_worlds import HUMAN_ONLY
 
 BOX = HUMAN_ONLY | {"initial": ["on_table(box)", "free(human.right_hand)", "free(human.left_hand)"]}
 

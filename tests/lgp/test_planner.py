@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
-from lgp_worlds import HUMAN_ONLY, needs_robots, screwdriver_world
 
 import lgp
 import reba
@@ -18,6 +17,10 @@ from lgp.cli import cli
 from lgp.planner import parse_sequence, task_of
 from lgp.scene.scene_file import read_scene
 from lgp.search.tree_figure import draw
+from tests.support.lgp_worlds import HUMAN_ONLY, needs_robots, screwdriver_world
+
+pytestmark = pytest.mark.slow
+
 
 HEIGHTS = {"left": 1.0, "center": 0.9, "right": 1.1}
 SEQUENCE = """# the paper's example

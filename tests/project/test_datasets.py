@@ -16,12 +16,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
-from urdf_chain import forward, human_urdf, read_joints
 
 import reba
 from reba.posture.columns import COLUMNS
+from tests.support.paths import DATASETS
+from tests.support.urdf_chain import forward, human_urdf, read_joints
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "datasets"))
+sys.path.insert(0, str(DATASETS))
 import assembly
 import balancing
 import make_datasets

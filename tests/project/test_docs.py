@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import doctest
 import re
-from pathlib import Path
 
 import dreba
 from dreba.cli import cli
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 GUIDE = ROOT / "docs" / "surrogates.md"
 TEXT = GUIDE.read_text(encoding="utf-8")
 

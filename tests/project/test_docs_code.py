@@ -20,8 +20,11 @@ import lgp.cli
 import reba.cli
 from lgp.planner import task_of
 from lgp.scene.scene_file import read_scene
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
+pytestmark = pytest.mark.slow
+
+
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 COMMANDS = {"reba": reba.cli.cli, "dreba": dreba.cli.cli, "lgp": lgp.cli.cli}
 KINDS = {"python", "console", "toml", "text", "json", "{toctree}"}

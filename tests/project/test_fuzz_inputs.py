@@ -10,12 +10,16 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+from tests.support.paths import ROOT
+
 sys.path.insert(0, str(ROOT / "fuzz"))
 
-import run as fuzz  # noqa: E402
-from check import Result, check  # noqa: E402
-from targets import TARGETS  # noqa: E402
+import run as fuzz
+from check import Result, check
+from targets import TARGETS
+
+pytestmark = pytest.mark.slow
+
 
 REGRESSIONS = sorted(path for path in (ROOT / "fuzz" / "regressions").rglob("*") if path.is_file())
 SHARE = 8

@@ -14,8 +14,8 @@ import pytest
 
 import reba
 from reba.cli import cli, main
+from tests.support.paths import DATASETS
 
-DATASETS = Path(__file__).resolve().parents[1] / "datasets"
 ASSEMBLY = str(DATASETS / "simulated_assembly.csv")
 PALLETS = str(DATASETS / "simulated_palletising.mcap")
 

@@ -6,12 +6,12 @@ import json
 
 import numpy as np
 import pandas as pd
-import posture_samples as samples
 import pytest
 
 import reba
 from reba.method.scoring import SCORE_COLUMNS
 from reba.posture.columns import INDEX
+from tests.support import posture_samples as samples
 
 TABLE = [
     "time",

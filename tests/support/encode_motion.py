@@ -1,7 +1,7 @@
 """One recorded movement in the encodings in which ROS and Foxglove recordings carry a person.
 
-    python tests/encode_motion.py RECORDING.bvh --table          how far each encoding carries the angles
-    python tests/encode_motion.py RECORDING.bvh --folder OUT     write the MCAP files
+    python -m tests.support.encode_motion RECORDING.bvh --table          how far each encoding carries the angles
+    python -m tests.support.encode_motion RECORDING.bvh --folder OUT     write the MCAP files
 
 Each writer takes the same segment poses, so that whatever differs after reading is what an encoding cannot carry.
 """
@@ -16,13 +16,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from body_motion import PARENTS, BodyMotion, read_xsens_bvh
-from joint_angles import STAND_UP, Hinges, human_urdf_angles, ros4hri_angles, trunk_as_line
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "datasets"))
+from tests.support.body_motion import PARENTS, BodyMotion, read_xsens_bvh
+from tests.support.joint_angles import STAND_UP, Hinges, human_urdf_angles, ros4hri_angles, trunk_as_line
+from tests.support.paths import DATASETS
+
+sys.path.insert(0, str(DATASETS))
 from palletising import JOINTS
 from ros2_bag import Ros2Bag
 from ros2_messages import NANOSECONDS, Transform
@@ -31,7 +33,7 @@ Array = NDArray[np.float64]
 EPOCH = 1_700_000_000 * NANOSECONDS
 BODY = "7c2f"
 MODEL = "skeleton"
-LIBRARY = "tests/encode_motion.py"
+LIBRARY = "tests.support.encode_motion"
 _VECTOR = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyz"}}
 _QUATERNION = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyzw"}}
 _TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
@@ -209,7 +211,7 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         paths = write_all(folder, read_xsens_bvh(arguments.recording))
         if arguments.table:
-            from compare_encodings import agreement_table, compare_all
+            from tests.support.compare_encodings import agreement_table, compare_all
 
             print(agreement_table(compare_all(arguments.recording, paths, folder)))
 

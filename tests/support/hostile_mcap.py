@@ -1,6 +1,6 @@
 """Broken, odd and hostile MCAP recordings, and what a reader must do with each: right data, or one clear error.
 
-    python tests/hostile_mcap.py OUTDIR
+    python -m tests.support.hostile_mcap OUTDIR
 
 The cases are those of a survey of nine reader set-ups, each of which failed on several, and some more.
 """
@@ -14,10 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import lz4.frame
-import mcap_builder as make
 import numpy as np
 import zstandard
-from mcap_builder import COUNT, EPOCH_NS, MAGIC, NAMES, PER_CHUNK, STEP_NS
+
+from tests.support import mcap_builder as make
+from tests.support.mcap_builder import COUNT, EPOCH_NS, MAGIC, NAMES, PER_CHUNK, STEP_NS
 
 BOMB = 6 << 30
 _LENGTH_AT = 1

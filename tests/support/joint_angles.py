@@ -9,9 +9,10 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from body_motion import BodyMotion
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from tests.support.body_motion import BodyMotion
 
 Array = NDArray[np.float64]
 Angles = dict[str, Array]

@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from body_motion import PARENTS, BodyMotion
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from scipy.spatial.transform import Rotation
 
 import reba
 from reba.method.scoring import SCORE_COLUMNS
+from tests.support.body_motion import PARENTS, BodyMotion
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 PALLETISING = ROOT / "datasets" / "simulated_palletising.mcap"
 COMMAND = str(Path(sys.executable).parent / "reba")
 

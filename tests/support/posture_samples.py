@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import reference_reba as reference
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import reba
 from reba.method.scoring import SCORE_COLUMNS
 from reba.posture.columns import INDEX
+from tests.support import reference_reba as reference
 
 MEASURED = reba.PRESETS["measured"]
 KNOWN = SCORE_COLUMNS[: SCORE_COLUMNS.index("reba_low")]

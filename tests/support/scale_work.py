@@ -15,8 +15,7 @@ import pandas as pd
 
 import reba
 from reba.errors import RebaError
-
-HERE = Path(__file__).resolve().parent
+from tests.support.paths import ROOT
 
 
 def square(number: int) -> int:
@@ -65,7 +64,7 @@ def cluster(folder: Path, workers: int = 2, prelude: str = "") -> Iterator[str]:
     file = folder / "scheduler.json"
     log = (folder / "cluster.log").open("w")
     # A task is given up after two deaths: each takes seconds until the worker is there again.
-    env = {**os.environ, "PYTHONPATH": str(HERE), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
     common = ["--scheduler-file", str(file), "--no-dashboard"]
     start = "import sys; {} from distributed.cli.dask_{} import main; main()"
 

@@ -12,8 +12,7 @@ from scipy.stats import spearmanr
 import dreba
 from dreba.report import render
 from dreba.surrogates.metrics import PUBLISHED, distance_to_published, evaluation_of
-
-ROOT = Path(__file__).resolve().parents[1]
+from tests.support.paths import ROOT
 
 
 @pytest.fixture(scope="module")

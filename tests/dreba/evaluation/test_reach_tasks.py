@@ -15,6 +15,8 @@ from dreba.evaluation.staged_minimiser import Effort, minimise
 from dreba.surrogates.graduated import GraduatedModel
 from dreba.surrogates.soft import SoftModel
 
+pytestmark = pytest.mark.slow
+
 
 @cache
 def graduated() -> GraduatedModel:

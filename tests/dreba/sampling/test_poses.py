@@ -14,8 +14,8 @@ from dreba.domain import BEST, Domain
 from dreba.sampling.classes import true_scores
 from dreba.sampling.poses import columns_named
 from reba.posture.columns import COLUMNS, INDEX
+from tests.support.paths import RECORDINGS
 
-RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
 REAL = {
     "squat_opencap/squats1_videoAndMocap.mot": 13,
     "running_opensim/subject02_running_arms_ik.mot": 13,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from lgp_worlds import anywhere, human_world, needs_robots, screwdriver_world
 
 from lgp.collision.distances import Collisions
 from lgp.kinematics.modes import Modes, Switch
+from tests.support.lgp_worlds import anywhere, human_world, needs_robots, screwdriver_world
 
 RIGHT = "human.right_hand"
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from lgp_worlds import human_world, needs_robots, screwdriver_world
 
 import reba
 from lgp.collision import random_start as starts
@@ -12,6 +11,7 @@ from lgp.collision.distances import Collisions
 from lgp.collision.random_start import random_start
 from lgp.errors import WorldError
 from lgp.kinematics.posture import PostureMap
+from tests.support.lgp_worlds import human_world, needs_robots, screwdriver_world
 
 
 @pytest.mark.parametrize("legs", ["planted", "solved", "locked"])

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import pytest
 
 from lgp.cli import main
-from tests.execution_plans import saved
-from tests.lgp_worlds import needs_robots
+from tests.support.execution_plans import saved
+from tests.support.lgp_worlds import needs_robots
 
-pytestmark = needs_robots
+pytestmark = [pytest.mark.slow, needs_robots]
 
 
 class Done(NamedTuple):

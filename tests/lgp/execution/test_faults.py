@@ -11,10 +11,10 @@ from lgp.execution.executive import Settings
 from lgp.execution.faults import KINDS, parse_fault
 from lgp.execution.session import Run, Session, compare
 from lgp.execution.worker import EXACT
-from tests.execution_plans import kinds, saved, went
-from tests.lgp_worlds import needs_robots
+from tests.support.execution_plans import kinds, saved, went
+from tests.support.lgp_worlds import needs_robots
 
-pytestmark = needs_robots
+pytestmark = [pytest.mark.slow, needs_robots]
 QUICK = Settings(patience=1.5, reminder=0.5, search=3.0)
 
 

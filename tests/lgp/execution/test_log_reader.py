@@ -14,10 +14,10 @@ import pytest
 import lgp
 import reba
 from lgp.execution.log_reader import ASIDE, messages, read_past
-from tests.execution_plans import kinds, saved, small_plan, went
-from tests.lgp_worlds import needs_robots
+from tests.support.execution_plans import kinds, saved, small_plan, went
+from tests.support.lgp_worlds import needs_robots
 
-pytestmark = needs_robots
+pytestmark = [pytest.mark.slow, needs_robots]
 CODE = """
 import sys
 from lgp.cli import main

@@ -19,7 +19,7 @@ from lgp.kinematics.world import World
 from lgp.logic.task import parse_atom
 from lgp.planner import task_of
 from lgp.scene.scene_file import read_scene
-from tests.lgp_worlds import HUMAN_ONLY, needs_robots, screwdriver_world
+from tests.support.lgp_worlds import HUMAN_ONLY, needs_robots, screwdriver_world
 
 HAND = "human.right_hand"
 

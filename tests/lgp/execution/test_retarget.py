@@ -15,8 +15,8 @@ from lgp.execution.tracking import Observation, Sighting, View
 from lgp.kinematics.modes import Modes
 from lgp.planner import task_of
 from lgp.scene.model import Scene
-from tests.execution_plans import small_plan
-from tests.lgp_worlds import needs_robots, screwdriver_world
+from tests.support.execution_plans import small_plan
+from tests.support.lgp_worlds import needs_robots, screwdriver_world
 
 pytestmark = needs_robots
 HANDLE, SIDE, HAND = "toolbox/handle", "toolbox/side.left", "human.right_hand"

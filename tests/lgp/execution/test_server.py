@@ -19,6 +19,9 @@ from lgp.execution import server as serving
 from lgp.execution.events import Event, Hub
 from lgp.execution.server import PageServer
 
+pytestmark = pytest.mark.slow
+
+
 pytest.importorskip("uvicorn", reason="uvicorn is not installed")
 
 

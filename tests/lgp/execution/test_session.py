@@ -17,10 +17,10 @@ from lgp.execution.session import TICK
 from lgp.execution.worker import Habits
 from lgp.kinematics.posture import PostureMap
 from lgp.motion import Motion
-from tests.execution_plans import kinds, saved, small_plan, went
-from tests.lgp_worlds import needs_robots
+from tests.support.execution_plans import kinds, saved, small_plan, went
+from tests.support.lgp_worlds import needs_robots
 
-pytestmark = needs_robots
+pytestmark = [pytest.mark.slow, needs_robots]
 
 
 @pytest.fixture(scope="module")

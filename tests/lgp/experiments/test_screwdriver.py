@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from lgp_worlds import needs_robots
 
 from lgp.experiments import screwdriver
 from lgp.experiments import screwdriver_experiment as screwdriver_experiment_
 from lgp.experiments.runs import CONDITIONS, check_paths, check_runs
+from tests.support.lgp_worlds import needs_robots
 
-pytestmark = needs_robots
+pytestmark = [pytest.mark.slow, needs_robots]
 
 Tables = tuple[pd.DataFrame, pd.DataFrame]
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from lgp_worlds import needs_robots
 
 import lgp
 from lgp.experiments import sensitivity as module
@@ -15,6 +14,7 @@ from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, empty
 from lgp.experiments.screwdriver import plan_run
 from lgp.experiments.sensitivity import remarks, sensitivity
 from lgp.experiments.variations import AS_IT_IS, WEIGHT, Variation, variations
+from tests.support.lgp_worlds import needs_robots
 
 pytestmark = needs_robots
 SETTINGS = {"seed": 0, "cost": "convex", "collisions": True}

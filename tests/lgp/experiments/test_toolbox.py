@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lgp_worlds import needs_robots
 
 import lgp
 from lgp.collision.distances import Collisions
@@ -23,6 +22,10 @@ from lgp.path.bounds import PathBounds
 from lgp.path.cache import Memory
 from lgp.path.phases import Phases
 from lgp.planner import parse_sequence, task_of
+from tests.support.lgp_worlds import needs_robots
+
+pytestmark = pytest.mark.slow
+
 
 HANDLE, SIDE = "toolbox/handle", "toolbox/side.left"
 

@@ -7,13 +7,13 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lgp_worlds import human_world, needs_robots
 
 from lgp.errors import SceneError
 from lgp.kinematics import human
 from lgp.kinematics.leg_ik import knees, legs
 from lgp.kinematics.robot import urdf_of
 from lgp.scene import body_measures as body_measures_
+from tests.support.lgp_worlds import human_world, needs_robots
 
 BENT = st.tuples(
     *(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-0.45, -0.05), st.floats(-0.5, 0.5), st.floats(-0.2, 0.7))

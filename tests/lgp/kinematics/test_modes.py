@@ -7,13 +7,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from lgp_worlds import anywhere, differences, human_world
 
 from lgp.errors import WorldError
 from lgp.kinematics.features import Feature
 from lgp.kinematics.modes import Modes, Switch
 from lgp.kinematics.world import World
 from lgp.scene.scene_file import read_scene
+from tests.support.lgp_worlds import anywhere, differences, human_world
 
 RIGHT, LEFT = "human.right_hand", "human.left_hand"
 MOVE = (

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lgp_worlds import anywhere, differences, human_world
 from scipy.spatial.transform import Rotation
 
 from lgp.errors import WorldError
@@ -19,6 +18,7 @@ from reba.readers.build_table import finish
 from reba.readers.recognise import choose
 from reba.readers.recording.profile import find_profile
 from reba.readers.recording.stream import ReadLog, Recording, array_stream
+from tests.support.lgp_worlds import anywhere, differences, human_world
 
 
 def _as_recorded(path: Path, joints: dict[str, np.ndarray], pelvis: np.ndarray) -> np.ndarray:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from lgp_worlds import anywhere, human_world, needs_robots, screwdriver_world
 
 from lgp.kinematics.ik import least_squares
 from lgp.kinematics.reachability import carries, reach, reachability
+from tests.support.lgp_worlds import anywhere, human_world, needs_robots, screwdriver_world
 
 
 def test_least_squares_finds_the_nearest_point_of_a_box() -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lgp_worlds import anywhere, differences, human_world, needs_robots, screwdriver_world
 
 from lgp.errors import WorldError
 from lgp.kinematics import features, robot
@@ -17,6 +16,7 @@ from lgp.kinematics.features import exponential, exponential_with_slope, inverse
 from lgp.kinematics.world import World
 from lgp.scene.model import Robot
 from lgp.scene.scene_file import load_scene, read_scene
+from tests.support.lgp_worlds import anywhere, differences, human_world, needs_robots, screwdriver_world
 
 HAND = "human.right_hand"
 VECTORS = st.tuples(*[st.floats(-1.7, 1.7)] * 3).map(np.array)

@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lgp_worlds import human_world, needs_robots, screwdriver_world
 
 from lgp.kinematics.world import FEW, Forward, World
+from tests.support.lgp_worlds import human_world, needs_robots, screwdriver_world
 
 
 def one_by_one(model: pin.Model, q: np.ndarray, frames: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -25,7 +25,10 @@ from lgp.page.sentences import humanised, sentences
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene, read_scene
 from reba.posture import columns as columns_
-from tests.lgp_worlds import HUMAN_ONLY, needs_robots
+from tests.support.lgp_worlds import HUMAN_ONLY, needs_robots
+
+pytestmark = pytest.mark.slow
+
 
 needs_page = pytest.mark.skipif(
     any(importlib.util.find_spec(name) is None for name in ("pyvista", "trimesh", "collada")),

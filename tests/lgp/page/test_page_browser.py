@@ -14,14 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browser import chromium, complaints, needs_browser, resize, until
-from lgp_worlds import HUMAN_ONLY
 
 import lgp
 from lgp.scene.scene_file import read_scene
+from tests.support.browser import chromium, complaints, needs_browser, resize, until
+from tests.support.lgp_worlds import HUMAN_ONLY
 
 PACKAGES = all(importlib.util.find_spec(name) for name in ("pyvista", "trimesh", "collada"))
 pytestmark = [
+    pytest.mark.slow,
     needs_browser,
     pytest.mark.skipif(not PACKAGES, reason="the extra `page` is not installed"),
 ]

@@ -7,7 +7,6 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lgp_worlds import needs_robots
 
 import dreba
 from lgp.errors import LgpError
@@ -22,8 +21,9 @@ from lgp.path.problem import PathProblem
 from lgp.planner import task_of
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import BoundResult
+from tests.support.lgp_worlds import needs_robots
 
-pytestmark = needs_robots
+pytestmark = [pytest.mark.slow, needs_robots]
 
 SLICES = 4
 GRASP, TAKE = "grasp(baxter.right, screwdriver)", "grasp(human.right_hand, screwdriver)"

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lgp_worlds import needs_robots
 
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
@@ -17,6 +16,7 @@ from lgp.path.problem import PathProblem
 from lgp.planner import plan, task_of
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import BoundResult
+from tests.support.lgp_worlds import needs_robots
 
 pytestmark = needs_robots
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lgp_worlds import needs_robots
 
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
@@ -18,6 +17,7 @@ from lgp.path.collision_path import SUSPICIOUS, apart, swings
 from lgp.planner import follow, parse_sequence, task_of
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import SearchResult
+from tests.support.lgp_worlds import needs_robots
 
 pytestmark = needs_robots
 

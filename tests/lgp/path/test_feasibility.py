@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lgp_worlds import HUMAN_ONLY, human_world, needs_robots, screwdriver_world
 
 import lgp
 from lgp.kinematics.world import World
 from lgp.path.feasibility import Span, Top, span
 from lgp.scene.scene_file import read_scene
+from tests.support.lgp_worlds import HUMAN_ONLY, human_world, needs_robots, screwdriver_world
 
 LEVEL = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lgp_worlds import human_world
 
 import dreba
 from lgp.kinematics.posture import PostureMap
@@ -14,6 +13,7 @@ from lgp.path.constraints import BLEND, Legs
 from lgp.path.costs import Condensed, condense, quadratic
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.hessian import SPARE, Convexity
+from tests.support.lgp_worlds import human_world
 
 
 @pytest.fixture(scope="module")

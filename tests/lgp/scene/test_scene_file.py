@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lgp_worlds import HUMAN_ONLY
 
 from lgp.errors import SceneError
 from lgp.logic.pddl import load_domain
 from lgp.scene.scene_file import load_scene, read_scene, shipped_scenes
+from tests.support.lgp_worlds import HUMAN_ONLY
 
 
 def _with(path: str, value: Any) -> dict[str, Any]:

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from sliced_paths import PathProblem
 
 from lgp.sqp.active_set import ActiveSet
 from lgp.sqp.backends import Piqp
 from lgp.sqp.problem import Options
 from lgp.sqp.result import Status
 from lgp.sqp.solver import Solver
+from tests.support.sliced_paths import PathProblem
 
 OPTIONS = Options(decrease=1e-5)
 

@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hock_schittkowski import CASES
 
 from lgp.sqp.active_set import ActiveSet
 from lgp.sqp.backends import Piqp, QpSolvers
 from lgp.sqp.problem import FunctionProblem, Options, ProblemError
 from lgp.sqp.result import Status
 from lgp.sqp.solver import Solver, solve
+from tests.support.hock_schittkowski import CASES
 
 
 def slope_by_differences(problem, x):

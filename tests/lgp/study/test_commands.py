@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from lgp_worlds import HUMAN_ONLY
-from test_study_labels import log
 
 import lgp
 import reba
@@ -30,6 +28,11 @@ from lgp.study.retarget import Retarget, _places
 from lgp.study.simulate import simulate, simulated
 from lgp.study.study import study
 from reba.command_line import run
+from tests.lgp.study.test_labels import log
+from tests.support.lgp_worlds import HUMAN_ONLY
+
+pytestmark = pytest.mark.slow
+
 
 CONDITIONS = ("lean", "plan")
 LEAN = {"lean": {"trunk_flexion": 70.0, "upper_arm_flexion_right": 60.0}}

@@ -7,7 +7,6 @@ import itertools
 
 import numpy as np
 import pandas as pd
-import posture_samples as samples
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,6 +18,7 @@ from reba.method.classes import quantities
 from reba.method.tables import ACTION_LEVEL_FROM, LEVEL_OF
 from reba.posture.angles import against_gravity
 from reba.posture.columns import INDEX
+from tests.support import posture_samples as samples
 
 rule_sets = st.builds(
     lambda base, **changes: reba.PRESETS[base].replace(**changes),

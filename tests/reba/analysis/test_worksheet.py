@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-import posture_samples as samples
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,6 +12,7 @@ import reba
 from reba.analysis.worksheet import drivers
 from reba.method.classes import Quantity, quantities
 from reba.posture.columns import INDEX
+from tests.support import posture_samples as samples
 
 rule_sets = st.builds(
     reba.Rules,

@@ -15,8 +15,6 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from lgp_worlds import needs_robots
-from scale_work import cluster, die_at, write_recordings
 
 from lgp.experiments import screwdriver
 from lgp.experiments.runs import check_paths, check_runs
@@ -27,6 +25,11 @@ from reba.batch.parallel import fan_out
 from reba.batch.run import Options, score_many, sees
 from reba.batch.worker_pool import Lost
 from reba.errors import RebaError
+from tests.support.lgp_worlds import needs_robots
+from tests.support.scale_work import cluster, die_at, write_recordings
+
+pytestmark = pytest.mark.slow
+
 
 distributed = pytest.importorskip("distributed")
 

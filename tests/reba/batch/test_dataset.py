@@ -15,7 +15,6 @@ from typing import Any
 import pandas as pd
 import pyarrow.dataset as ds
 import pytest
-from scale_work import HERE, write_recordings
 
 import reba
 from reba.batch.dataset import Dataset, settings
@@ -23,6 +22,11 @@ from reba.batch.dataset_run import DatasetRun, score_into
 from reba.batch.manifest import MANIFEST, content_hash, stamp
 from reba.batch.run import Options
 from reba.errors import RebaError
+from tests.support.paths import ROOT
+from tests.support.scale_work import write_recordings
+
+pytestmark = pytest.mark.slow
+
 
 KILLED = 12
 """Times that a run is killed before it may end."""
@@ -200,8 +204,8 @@ def whole_and_once(folder: Path, inputs: list[str]) -> None:
 
 
 def test_the_guide_prints_what_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(HERE.parent)
-    result = doctest.testfile(str(HERE.parent / "docs" / "scale.md"), module_relative=False)
+    monkeypatch.chdir(ROOT)
+    result = doctest.testfile(str(ROOT / "docs" / "scale.md"), module_relative=False)
     assert result.attempted >= 8
     assert result.failed == 0
 
@@ -225,14 +229,14 @@ def test_the_command_and_its_processes_killed_together_or_alone(tmp_path: Path) 
     out = tmp_path / "out"
     code = "import sys; from reba.cli import main; sys.argv[0] = 'reba'; main()"
     command = [sys.executable, "-c", code, "score", str(tmp_path / "in"), "-o", f"{out}/", "--json", "--jobs", "2"]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=HERE.parent)
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT)
     deadline = time.monotonic() + 120.0
     while not (out / MANIFEST).exists() or len(lines(out)) < 3:
         assert time.monotonic() < deadline
         time.sleep(0.01)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    done = subprocess.run(command, capture_output=True, text=True, cwd=HERE.parent, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True)
     result = json.loads(done.stdout)
     assert result["failed"] == []
     assert [recording["input"] for recording in result["recordings"]] == inputs

@@ -11,13 +11,15 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from scale_work import die_at, refuse, square
 
 from reba.batch import dask_cluster as cluster
 from reba.batch.parallel import fan_out
 from reba.batch.run import sees
 from reba.batch.worker_pool import WAITING, Lost
 from reba.errors import RebaError
+from tests.support.scale_work import die_at, refuse, square
+
+pytestmark = pytest.mark.slow
 
 
 def test_in_this_process_by_default() -> None:

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from test_live_parts import frames
 
 from reba.errors import RebaError
 from reba.live.session import Alert, Session
+from tests.reba.live.test_session import frames
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
 websocket = pytest.importorskip("websocket", reason="websocket-client is not installed")
@@ -20,6 +20,9 @@ websocket = pytest.importorskip("websocket", reason="websocket-client is not ins
 from foxglove import messages  # noqa: E402
 
 from reba.live.foxglove import TOPICS, View  # noqa: E402
+
+pytestmark = pytest.mark.slow
+
 
 PROTOCOLS = ["foxglove.sdk.v1", "foxglove.websocket.v1"]
 

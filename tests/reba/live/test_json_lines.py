@@ -13,7 +13,6 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from live_sources import assert_same, batch, json_lines, rewritten, run_live
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -23,8 +22,13 @@ from reba.live.follow import Follower
 from reba.live.frames import Reading
 from reba.live.json_lines import Lines
 from reba.live.session import Alert, Session
+from tests.support.live_sources import assert_same, batch, json_lines, rewritten, run_live
+from tests.support.paths import DATASETS
 
-ASSEMBLY = Path(__file__).resolve().parents[1] / "datasets" / "simulated_assembly.csv"
+pytestmark = pytest.mark.slow
+
+
+ASSEMBLY = DATASETS / "simulated_assembly.csv"
 
 
 def rows(table: pd.DataFrame) -> list[dict[str, Any]]:

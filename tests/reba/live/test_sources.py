@@ -8,10 +8,7 @@ import signal
 import subprocess
 from pathlib import Path
 
-import mcap_builder as make
 import pytest
-from encode_motion import write_xsens_tf
-from live_sources import COMMAND, GrowingFile, assert_same, batch, moving_body, rewritten, run_live
 
 import reba
 from reba.live.follow import Follower
@@ -19,6 +16,11 @@ from reba.live.frames import Reading
 from reba.live.session import Steps
 from reba.live.sources import Growing, open_growing
 from reba.readers.mcap import open_mcap
+from tests.support import mcap_builder as make
+from tests.support.encode_motion import write_xsens_tf
+from tests.support.live_sources import COMMAND, GrowingFile, assert_same, batch, moving_body, rewritten, run_live
+
+pytestmark = pytest.mark.slow
 
 
 def recording(kind: str, folder: Path) -> Path:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import posture_samples as samples
 import pytest
-import reference_reba as reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from posture_samples import KNOWN, MEASURED, one, posture, restated, rule_sets, seeds
 
 import reba
 from reba.method.scoring import SCORE_COLUMNS
 from reba.posture.columns import INDEX
+from tests.support import posture_samples as samples
+from tests.support import reference_reba as reference
+from tests.support.posture_samples import KNOWN, MEASURED, one, posture, restated, rule_sets, seeds
 
 PAPER = reba.PRESETS["paper"]
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
-import posture_samples as samples
 import pytest
-from posture_samples import MEASURED, one, posture
 
 import reba
 from reba.method.scoring import CHUNK, SCORE_COLUMNS
+from tests.support import posture_samples as samples
+from tests.support.posture_samples import MEASURED, one, posture
 
 
 @pytest.mark.parametrize("n", [0, 1, 8191, 8192, 8193, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK + 3])

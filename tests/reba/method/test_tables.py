@@ -7,10 +7,10 @@ import itertools
 
 import numpy as np
 import pytest
-import reference_reba as reference
 
 import reba
 from reba.method.tables import LEVEL_OF, PART_MAXIMA, TABLES_SHA256
+from tests.support import reference_reba as reference
 
 TABLES = {"a": reba.TABLE_A, "b": reba.TABLE_B, "c": reba.TABLE_C}
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,9 @@ import pytest
 
 import reba
 from reba.posture.columns import INDEX, SIDES
+from tests.support.paths import SHARED
 
-SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "reba" / "worked_cases.json"
+CASES = SHARED / "reba" / "worked_cases.json"
 BODY_A, BODY_B = ("trunk", "neck", "legs"), ("upper_arm", "lower_arm", "wrist")
 
 OUR_NAMES = {
@@ -39,9 +39,9 @@ WORDS = {"0-20": 10.0, "30-60": 45.0, "60-100": 80.0, "about 20": 20.0, "about 0
 
 
 def cases() -> list[dict[str, Any]]:
-    if not SHARED.exists():
+    if not CASES.exists():
         return []
-    return list(json.loads(SHARED.read_text(encoding="utf-8"))["cases"])
+    return list(json.loads(CASES.read_text(encoding="utf-8"))["cases"])
 
 
 CASES = cases()

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_bodies import body_of, rotation, segment_frames
 
 from reba.posture.angles import CONE, Body, angle_between, arm_angles, frame_of, posture_angles, turned
 from reba.posture.columns import COLUMNS, INDEX
+from tests.support.synthetic_bodies import body_of, rotation, segment_frames
 
 RANGES: dict[str, tuple[float, float]] = {
     "trunk_flexion": (-40, 120),

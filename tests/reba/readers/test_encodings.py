@@ -8,22 +8,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from body_motion import PARENTS, BodyMotion, read_xsens_bvh
-from compare_encodings import Agreement, agreement_table, compare_all
-from encode_motion import BODY, EPOCH, MODEL, write_all
-from joint_angles import STAND_UP, Hinges, human_urdf_angles, ros4hri_angles, trunk_line
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory as ProtobufDecoder
 from mcap_ros2.decoder import DecoderFactory as Ros2Decoder
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from urdf_chain import forward, human_urdf, read_joints
+
+from tests.support.body_motion import PARENTS, BodyMotion, read_xsens_bvh
+from tests.support.compare_encodings import Agreement, agreement_table, compare_all
+from tests.support.encode_motion import BODY, EPOCH, MODEL, write_all
+from tests.support.joint_angles import STAND_UP, Hinges, human_urdf_angles, ros4hri_angles, trunk_line
+from tests.support.paths import RECORDINGS
+from tests.support.urdf_chain import forward, human_urdf, read_joints
 
 Array = NDArray[np.float64]
-BOX_LIFT = (
-    Path(__file__).resolve().parents[1].parent / "shared" / "recordings" / "box_lift_xsens_bvh" / "MotionBox_XSens.bvh"
-)
+BOX_LIFT = RECORDINGS / "box_lift_xsens_bvh" / "MotionBox_XSens.bvh"
 pytestmark = pytest.mark.skipif(not BOX_LIFT.exists(), reason="the shared recordings are not beside the checkout")
 
 SIDES = {"left": 1.0, "right": -1.0}

@@ -8,14 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from synthetic_bodies import (
-    RATE,
-    joints_stream,
-    quaternion,
-    recording_of,
-    rotation,
-    stream_of,
-)
 
 from reba.errors import ProfileError, ReadError, RebaError
 from reba.posture.columns import COLUMNS
@@ -29,6 +21,14 @@ from reba.readers.quality_control import find_gaps, frozen_warning, parse_neutra
 from reba.readers.recognise import choose
 from reba.readers.recording.profile import find_profile, profiles
 from reba.readers.recording.stream import Recording, Stream
+from tests.support.synthetic_bodies import (
+    RATE,
+    joints_stream,
+    quaternion,
+    recording_of,
+    rotation,
+    stream_of,
+)
 
 Array = NDArray[np.float64]
 N = 150

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from synthetic_bodies import quaternion, rotation, segment_frames, stream_of
 
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
@@ -15,6 +14,7 @@ from reba.readers.quality_control import first_frame_alien
 from reba.readers.recognise import choose
 from reba.readers.recording.profile import find_profile, profiles
 from reba.readers.recording.stream import Recording, Stream
+from tests.support.synthetic_bodies import quaternion, rotation, segment_frames, stream_of
 
 Array = NDArray[np.float64]
 

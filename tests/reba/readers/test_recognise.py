@@ -6,13 +6,13 @@ import re
 
 import numpy as np
 import pytest
-from synthetic_bodies import joints_stream, recording_of, stream_of
 
 from reba.errors import ProfileError
 from reba.posture.columns import COLUMNS
 from reba.readers.recognise import bodies, choose, matches
 from reba.readers.recording.profile import find_profile, profiles
 from reba.readers.recording.stream import Recording, Stream, Topic
+from tests.support.synthetic_bodies import joints_stream, recording_of, stream_of
 
 
 def _joints(profile: str, pattern: str = "{name}", leave: tuple[str, ...] = (), name: str = "/joint_states") -> Stream:

@@ -6,7 +6,6 @@ Where the definition differs the expected range is this package's own, and the r
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,7 @@ from reba.errors import ProfileError
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
 from reba.readers import read
-
-RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
+from tests.support.paths import RECORDINGS
 
 pytestmark = pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the shared recordings are not beside the checkout")
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from browser import complaints, needs_browser, pages_on_paper, resize, too_wide, until, visible
 
 import reba
 from reba.report import write_report
 from reba.scores import Scores
+from tests.support.browser import complaints, needs_browser, pages_on_paper, resize, too_wide, until, visible
 
-pytestmark = needs_browser
+pytestmark = [pytest.mark.slow, needs_browser]
 
 
 def scored(n: int, seed: int) -> Scores:

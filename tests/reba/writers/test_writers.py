@@ -15,8 +15,7 @@ from mcap.writer import Writer
 
 import reba
 from reba.scores import Scores
-
-DATASETS = Path(__file__).resolve().parents[1] / "datasets"
+from tests.support.paths import DATASETS
 
 
 @pytest.fixture

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from reba.errors import ReadError
 from reba.readers.formats.bvh import MAX_JOINTS, open_bvh, sniff
 from reba.readers.recording.stream import ReadLog
-
-RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
+from tests.support.paths import RECORDINGS
 
 SMALL = """HIERARCHY
 ROOT Hips

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from c3d_bytes import DEC, INTEL, MIPS, c3d_bytes
 
 from reba.errors import ReadError
 from reba.readers.formats.c3d import open_c3d, sniff
 from reba.readers.recording.stream import Recording
-
-RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
+from tests.support.c3d_bytes import DEC, INTEL, MIPS, c3d_bytes
+from tests.support.paths import RECORDINGS
 
 POINTS = np.arange(24.0).reshape(4, 2, 3) * 50.0 - 300.0
 

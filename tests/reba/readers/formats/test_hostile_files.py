@@ -10,15 +10,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from c3d_bytes import c3d_bytes
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mvnx_text import mvnx_text
-from test_reader_bvh import SMALL as BVH
-from test_reader_opensim import SMALL as MOT
-from test_reader_table import SMALL as CSV
-from test_reader_table import VICON
-from test_reader_trc import SMALL as TRC
 
 from reba.errors import ReadError
 from reba.readers.formats.bvh import open_bvh
@@ -28,6 +21,13 @@ from reba.readers.formats.opensim import open_opensim
 from reba.readers.formats.table import open_table
 from reba.readers.formats.trc import open_trc
 from reba.readers.recording.stream import Recording
+from tests.reba.readers.formats.test_bvh import SMALL as BVH
+from tests.reba.readers.formats.test_opensim import SMALL as MOT
+from tests.reba.readers.formats.test_table import SMALL as CSV
+from tests.reba.readers.formats.test_table import VICON
+from tests.reba.readers.formats.test_trc import SMALL as TRC
+from tests.support.c3d_bytes import c3d_bytes
+from tests.support.mvnx_text import mvnx_text
 
 Opener = Callable[[Path], Recording]
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mvnx_text import ERGONOMIC, JOINTS, SEGMENTS, mvnx_text
 
 from reba.errors import ReadError
 from reba.readers.formats.mvnx import open_mvnx, sniff
 from reba.readers.recording.stream import Recording
+from tests.support.mvnx_text import ERGONOMIC, JOINTS, SEGMENTS, mvnx_text
 
 RNG = np.random.default_rng(5)
 TURNS = RNG.normal(size=(3, 23, 4))

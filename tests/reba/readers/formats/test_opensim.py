@@ -10,8 +10,7 @@ import pytest
 from reba.errors import ReadError
 from reba.readers.formats.opensim import open_opensim, sniff
 from reba.readers.recording.stream import ReadLog
-
-RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
+from tests.support.paths import RECORDINGS
 
 SMALL = """Coordinates
 version=1

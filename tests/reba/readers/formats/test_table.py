@@ -14,8 +14,7 @@ from reba.errors import ReadError
 from reba.posture.columns import COLUMNS
 from reba.readers.formats.table import open_table, sniff
 from reba.readers.recording.stream import ReadLog, Recording, Stream
-
-RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
+from tests.support.paths import RECORDINGS
 
 SMALL = """time,trunk_flexion,knee_flexion_left,support,shock,coupling_left,load
 0.0,10.5,1,bilateral,True,good,3.5

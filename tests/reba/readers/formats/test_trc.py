@@ -9,8 +9,7 @@ import pytest
 
 from reba.errors import ReadError
 from reba.readers.formats.trc import open_trc, sniff
-
-RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
+from tests.support.paths import RECORDINGS
 
 SMALL = (
     "PathFileType\t4\t(X/Y/Z)\tsmall.trc\n"

@@ -9,12 +9,10 @@ from typing import Any
 
 import foxglove.messages as fox
 import hypothesis.strategies as st
-import mcap_builder as make
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from mcap.reader import make_reader
-from mcap_builder import EPOCH_NS, JOINT_STATE, STEP_NS
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_typestore
 
@@ -28,6 +26,8 @@ from reba.readers.mcap.merge import MOST_SIGNALS
 from reba.readers.mcap.records import Scan
 from reba.readers.mcap.ros import BadSchema, Number, parse
 from reba.readers.recording.stream import Block, ReadLog, Recording
+from tests.support import mcap_builder as make
+from tests.support.mcap_builder import EPOCH_NS, JOINT_STATE, STEP_NS
 
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
 QUICK = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

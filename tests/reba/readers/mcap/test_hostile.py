@@ -8,17 +8,17 @@ import sys
 import textwrap
 from pathlib import Path
 
-import hostile_mcap as hostile
-import mcap_builder as make
 import numpy as np
 import pytest
 import zstandard
-from hostile_mcap import CASES
 
 from reba.errors import ReadError
 from reba.readers.mcap import bytes as compression
 from reba.readers.mcap import open_mcap, sniff
 from reba.readers.recording.stream import ReadLog
+from tests.support import hostile_mcap as hostile
+from tests.support import mcap_builder as make
+from tests.support.hostile_mcap import CASES
 
 SLOW_BOMB = "bomb_that_declares_half"
 

@@ -10,17 +10,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import hostile_mcap as hostile
-import mcap_builder as make
 import numpy as np
 import pytest
-from mcap_builder import COUNT, EPOCH_NS, JOINT_STATE, STEP_NS, TYPES
 
 from reba.errors import ReadError
 from reba.readers.mcap import bytes as bytes_
 from reba.readers.mcap import open_mcap
 from reba.readers.mcap.merge import HOLD
 from reba.readers.recording.stream import Block, ReadLog, Recording
+from tests.support import hostile_mcap as hostile
+from tests.support import mcap_builder as make
+from tests.support.mcap_builder import COUNT, EPOCH_NS, JOINT_STATE, STEP_NS, TYPES
 
 TF = "tf2_msgs/msg/TFMessage"
 LINKS = "xsens_mvn_msgs/msg/LinkStateArray"

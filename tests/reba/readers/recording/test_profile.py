@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic_bodies import joints_stream, quaternion, rotation, stream_of
 
 from reba.errors import ProfileError
 from reba.posture.columns import COLUMNS, INDEX
 from reba.readers.mapping import block_angles, mapper_for, measurable_columns
 from reba.readers.recording.profile import Profile, find_profile, load_profile, parse_profile, profiles
 from reba.readers.recording.stream import Block, Stream
+from tests.support.synthetic_bodies import joints_stream, quaternion, rotation, stream_of
 
 HANGING = {"jRightShoulder_rotx": 90.0, "jLeftShoulder_rotx": -90.0}
 
