@@ -46,7 +46,7 @@ def methods(net_poses: int) -> list[reach.Method]:
 
 
 def table(
-    kind: reach.Starts, chosen: Sequence[reach.Method], given: Sequence[reach.Task], seed: int
+    kind: reach.Starts, chosen: Sequence[reach.Method], given: Sequence[reach.ReachTask], seed: int
 ) -> list[dict[str, object]]:
     """Return one row per method."""
     count = STARTS[kind]

@@ -32,12 +32,12 @@ from lgp.kinematics.world import World
 from lgp.logic.task import Action
 from lgp.path.bounds import OPTIONS, PathBounds, Solution
 from lgp.path.collision_constraints import CollisionRows
-from lgp.path.collision_path import apart
+from lgp.path.collision_path import solve_collision_free
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.problem import PathProblem
 from lgp.planner import task_of
 from lgp.scene.scene_file import load_scene, read_scene
-from lgp.sqp.problem import Options
+from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result
 from lgp.sqp.solver import Solver
 
@@ -48,7 +48,7 @@ LINES = (
     "place(human.right_hand, {thing}, table.right)",
 )
 HEIGHTS = {"left": 0.9, "center": 1.0, "right": 0.95}
-SOLVED = Options(violation=1e-6, kkt=1e-5, decrease=1e-4, iterations=60)
+SOLVED = SolverOptions(violation=1e-6, kkt=1e-5, decrease=1e-4, iterations=60)
 """Cost to four digits, as in what KOMO's default reaches; rows to a micrometre."""
 TOLERANCES = {"KOMO, default": None, "KOMO, tight": 2e-4}
 """Where KOMO stops; the second is among the loosest at which it calls some of its paths feasible."""
@@ -134,7 +134,7 @@ def warm_row(case: str, bounds: PathBounds, actions: tuple[Action, ...], repeat:
 def around(bounds: PathBounds, phases: Any, free: Result) -> tuple[PathProblem, Result]:
     """Solve with collisions, from the path without."""
     rows = CollisionRows(bounds.world, phases, bounds.start)
-    return apart(lambda given: bounds.problem("path", phases, apart=given), rows, free, bounds.options)
+    return solve_collision_free(lambda given: bounds.problem("path", phases, apart=given), rows, free, bounds.options)
 
 
 def describe(case: str, problem: PathProblem, found: Result) -> dict[str, Any]:

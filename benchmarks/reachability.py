@@ -17,7 +17,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from lgp.kinematics.reachability import Reachability, carries, reachability
+from lgp.kinematics.reachability import Reachability, reachability, transport_reachability
 from lgp.kinematics.world import World
 from lgp.scene.scene_file import load_scene
 
@@ -40,7 +40,7 @@ def main() -> None:
     print(f"{len(found.data)} questions of reach in {seconds:.2f} s")
     print(shares.round(2).to_string(na_rep="-"))
     for thing in world.scene.things:
-        carried = carries(world, thing, HEIGHTS, spots=3)
+        carried = transport_reachability(world, thing, HEIGHTS, spots=3)
         print(f"\n{thing}, picked up where it lies and put down by the same hand:")
         table = carried.pivot_table(index=["hand", "table"], columns="height", values="reached", aggfunc="mean")
         print(table.round(2).to_string())

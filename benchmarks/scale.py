@@ -37,7 +37,7 @@ from whole_command import make_recording
 
 import reba
 from reba.batch.manifest import MANIFEST
-from reba.batch.parallel import fan_out
+from reba.batch.parallel import run_parallel
 from reba.errors import RebaError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -92,7 +92,7 @@ def write_tables(folder: Path, number: int, minutes: float, jobs: int) -> int:
     with tempfile.NamedTemporaryFile(suffix=".npz") as file:
         np.savez(file, *movements())
         file.flush()
-        for _ in fan_out(
+        for _ in run_parallel(
             partial(write_table, folder=folder, movements=file.name, frames=frames), range(number), jobs=jobs
         ):
             pass

@@ -14,7 +14,7 @@ import numpy as np
 
 import dreba
 from dreba.surrogates.library import SHIPPED
-from dreba.surrogates.registry import About
+from dreba.surrogates.registry import ModelInfo
 from reba.posture.factors import Factors
 
 SEED = 1
@@ -74,7 +74,7 @@ def main() -> None:
     first = dreba.ConvexModel()
     dreba.fit_to(first, train.rows(slice(None, None, 5)), held_out, command=command)
     graduated = dreba.GraduatedModel.of(first, soft)
-    graduated.about_ = About(soft.about_.domain, soft.about_.rmse, {**soft.about_.provenance, "command": command})
+    graduated.about_ = ModelInfo(soft.about_.domain, soft.about_.rmse, {**soft.about_.provenance, "command": command})
     graduated.save(SHIPPED / "graduated.json")
 
 

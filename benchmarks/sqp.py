@@ -28,15 +28,15 @@ from machine import machine
 
 from lgp.sqp.active_set import ActiveSet
 from lgp.sqp.backends import Piqp, QpSolvers
-from lgp.sqp.problem import Options
+from lgp.sqp.problem import SolverOptions
 from lgp.sqp.qp import QP, QPBackend, QPResult, residuals
 from lgp.sqp.result import Result
 from lgp.sqp.solver import Solver
-from lgp.sqp.subproblem import StepMaker
+from lgp.sqp.subproblem import SubproblemSolver
 from tests.support.sliced_paths import PathProblem
 
 SLICES = (20, 40, 80, 160, 320)
-OPTIONS = Options(decrease=1e-4)
+OPTIONS = SolverOptions(decrease=1e-4)
 MARGIN = 0.4
 BUDGET = 20.0
 """Seconds after which a solve by a slow back end is left."""
@@ -54,9 +54,9 @@ def best(work: Callable[[], Any], repeat: int) -> tuple[float, Any]:
 
 def third_qp(problem: PathProblem) -> QP:
     """Return the QP of the third step of a solve from rest."""
-    after = Solver(Options(iterations=2)).solve(problem, problem.start())
+    after = Solver(SolverOptions(iterations=2)).solve(problem, problem.start())
     model = problem.linearise(after.x, after.y_eq, after.y_in)
-    return StepMaker().qp(problem, model, after.x)
+    return SubproblemSolver().qp(problem, model, after.x)
 
 
 def qp_rows(slices: int, repeat: int) -> list[dict[str, Any]]:
@@ -114,7 +114,7 @@ def solve_rows(slices: int, repeat: int) -> list[dict[str, Any]]:
     path, apart = warmer.solve(problem, problem.start()), Solver(OPTIONS)
     kept = apart.solve(spheres, spheres.start())
     other = PathProblem(slices, shift=0.01, spheres=True, margin=MARGIN)
-    slow = Options(decrease=OPTIONS.decrease, seconds=BUDGET)
+    slow = SolverOptions(decrease=OPTIONS.decrease, seconds=BUDGET)
     return [
         solve_row("from rest", slices, repeat, lambda: Solver(OPTIONS).solve(problem, problem.start())),
         solve_row("warm, places 1 cm away", slices, repeat, lambda: warmer.solve(near, path.x, warm=path)),

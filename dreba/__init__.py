@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dreba.surrogates.library import KINDS, load, models
     from dreba.surrogates.metrics import PUBLISHED, Evaluation
     from dreba.surrogates.quadratic import QuadraticModel
-    from dreba.surrogates.registry import About
+    from dreba.surrogates.registry import ModelInfo
     from dreba.surrogates.relu_network import NetModel
     from dreba.surrogates.soft import SoftModel
     from dreba.surrogates.task_factors import delta_payload
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 __all__ = [
     "KINDS",
     "PUBLISHED",
-    "About",
     "Bins",
     "ConvexModel",
     "Domain",
@@ -45,6 +44,7 @@ __all__ = [
     "Evaluation",
     "GraduatedModel",
     "ModelError",
+    "ModelInfo",
     "NetModel",
     "Poses",
     "QuadraticModel",
@@ -65,7 +65,7 @@ _LATE = {
     "dreba.evaluation.evaluate": ("evaluate", "fit_to"),
     "dreba.surrogates.library": (
         "KINDS",
-        "About",
+        "ModelInfo",
         "ConvexModel",
         "GraduatedModel",
         "NetModel",

@@ -12,7 +12,6 @@ from dreba.domain import Domain, domain_of
 from dreba.errors import RadiansWarning, SampleError
 from dreba.options import (
     CLASSES,
-    apart,
     draw_poses,
     drawing_options,
     drawn_domain,
@@ -21,6 +20,7 @@ from dreba.options import (
     joints_option,
     poses_options,
     refuse_drawing,
+    refuse_same_files,
     unfitted,
 )
 from dreba.sampling.poses import Poses, read_poses
@@ -58,7 +58,7 @@ def cli() -> None:
 @json_option
 def sample(output: str, as_json: bool, **given: Any) -> None:
     """Draw poses evenly over REBA classes."""
-    apart({"-o": output}, given["domain"])
+    refuse_same_files({"-o": output}, given["domain"])
     if Path(output).suffix.lower() != ".parquet":
         raise SampleError(f"{output}: poses are written as Parquet; choose a name ending in .parquet")
     poses = draw_poses(given, given["seed"])
@@ -89,7 +89,7 @@ def fit(
     """
     from dreba.evaluation.evaluate import fit_to
 
-    apart({"-o": output, "--report": report}, poses_file, given["domain"])
+    refuse_same_files({"-o": output, "--report": report}, poses_file, given["domain"])
     refuse_drawing(poses_file, "domain")
     chosen, held = joints_of(joints), hold_of(hold)
     weights = None
@@ -130,7 +130,7 @@ def evaluate(
     from dreba.evaluation.evaluate import check_temperature
     from dreba.surrogates.library import load
 
-    apart({"--report": report}, model, poses_file, given["domain"])
+    refuse_same_files({"--report": report}, model, poses_file, given["domain"])
     found = load(model)
     check_temperature(found, temperature)
     poses = _unseen({model: found}, poses_file, hold, given)
@@ -245,7 +245,7 @@ def export(
     from dreba.export import export as export_model
     from dreba.surrogates.library import load
 
-    apart({"-o": output}, model)
+    refuse_same_files({"-o": output}, model)
     written = export_model(load(model), target, output or name, temperature=temperature, first=first, name=name)
     if as_json:
         print_json({"model": model, "to": target, "output": str(written)})

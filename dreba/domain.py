@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dreba.errors import DomainError
+from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
-from reba.method.classes import quantities
+from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
 from reba.posture.columns import ANGLES, COLUMNS
 
@@ -93,12 +93,12 @@ class Domain:
         return tuple(c for c in COLUMNS if c in self.limits and self.limits[c][0] < self.limits[c][1])
 
     @property
-    def low(self) -> NDArray[np.float64]:
+    def low(self) -> Array:
         """(22,) lower limits [deg] in the order of `reba.COLUMNS`."""
         return np.array([self.limits.get(c, (BEST[c], BEST[c]))[0] for c in COLUMNS])
 
     @property
-    def high(self) -> NDArray[np.float64]:
+    def high(self) -> Array:
         """(22,) upper limits [deg] in the order of `reba.COLUMNS`."""
         return np.array([self.limits.get(c, (BEST[c], BEST[c]))[1] for c in COLUMNS])
 
@@ -125,7 +125,7 @@ class Domain:
             edges = (low, *inside, high)
             points = [own.points[int(np.searchsorted(own.edges[1:-1], _middle(edges, i)))] for i in _each(edges)]
             return Bins(edges, tuple(points))
-        quantity = next(q for q in quantities(self.rules) if column in q.columns)
+        quantity = next(q for q in angle_classes(self.rules) if column in q.columns)
         # "Under 30" ends just below 30; poses are drawn up to the printed edge, which they meet with probability 0.
         ends = {round(end, 3) for c in quantity.classes for end in (c.low, c.high)}
         edges = (low, *sorted(end for end in ends if low < end < high), high)

@@ -179,7 +179,7 @@ def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, j
     return KINDS[kind](**parameters)
 
 
-def apart(outputs: dict[str, str | None], *inputs: str | None) -> None:
+def refuse_same_files(outputs: dict[str, str | None], *inputs: str | None) -> None:
     """Refuse an output that is one of the inputs or another output, before anything is computed.
 
     Raises:

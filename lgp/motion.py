@@ -1,6 +1,6 @@
 """A plan as moving things: the placements of objects, hands and limbs, worked out again from its configurations.
 
-plan -> world + attachments of every object (`Modes`) -> poses per slice
+plan -> world + attachments of every object (`ModeSequence`) -> poses per slice
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 
 from lgp.errors import LgpError
 from lgp.kinematics import human as bodies
-from lgp.kinematics.leg_ik import legs
-from lgp.kinematics.modes import Modes
+from lgp.kinematics.leg_ik import solve_legs
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.posture import PELVIS
 from lgp.kinematics.world import World
 from lgp.path.phases import Phases
@@ -24,7 +24,7 @@ from reba.arrays import Array
 
 
 @dataclass(frozen=True)
-class Poses:
+class PoseTrajectory:
     """Rotations (T, 3, 3) and positions (T, 3) [m] in the world."""
 
     rotation: Array
@@ -64,7 +64,7 @@ class Motion:
             raise LgpError(f"{plan.scene.name}: the joints of the plan are not those of its scene; plan again")
         actions = parse_sequence(task_of(plan.scene), plan.actions)
         self.phases = Phases.of(plan.scene, actions, len(plan.path) // len(actions))
-        self.modes = Modes(self.world, self.phases.switches)
+        self.modes = ModeSequence(self.world, self.phases.switches)
         if self.modes.names != tuple(plan.variables):
             raise LgpError(f"{plan.scene.name}: the plan does not say how objects lie in hands; plan again")
         self.variables = np.array(list(plan.variables.values()), dtype=float)
@@ -72,7 +72,7 @@ class Motion:
         self.phase = np.concatenate([plan.phase[:1], plan.phase])
         self.path = np.concatenate([plan.start[None], plan.path])
 
-    def frames(self, names: Iterable[str]) -> dict[str, Poses]:
+    def frames(self, names: Iterable[str]) -> dict[str, PoseTrajectory]:
         """Return the poses of frames of the model, such as `baxter.right` or `human.head`.
 
         Raises:
@@ -80,10 +80,11 @@ class Motion:
         """
         kinematics = self.world.at(self.path, names)
         return {
-            name: Poses(kinematics.rotation[:, at], kinematics.position[:, at]) for name, at in kinematics.index.items()
+            name: PoseTrajectory(kinematics.rotation[:, at], kinematics.position[:, at])
+            for name, at in kinematics.index.items()
         }
 
-    def thing(self, name: str) -> Poses:
+    def thing(self, name: str) -> PoseTrajectory:
         """Return the poses of an object; in the slice of a switch it is where both holders have it.
 
         Raises:
@@ -95,7 +96,7 @@ class Motion:
             rows = np.flatnonzero(self.phase == phase)
             pose = self.modes.pose(name, phase, kinematics.rows(rows), self.variables)
             rotation[rows], position[rows] = pose.rotation, pose.position
-        return Poses(rotation, position)
+        return PoseTrajectory(rotation, position)
 
     @cached_property
     def human(self) -> dict[str, Array]:
@@ -123,6 +124,6 @@ def human_joints(world: World, path: Array) -> dict[str, Array]:
             values[name] = path[:, column]
     if person.legs == "solved":
         pelvis = np.stack([values[name] for name in PELVIS], axis=1)
-        solved, _ = legs(pelvis, person.stature, person.sex)
+        solved, _ = solve_legs(pelvis, person.stature, person.sex)
         values |= solved
     return values

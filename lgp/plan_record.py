@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.errors import LgpError
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 from reba.method.rules import Rules
 from reba.method.scoring import ScoreArrays, score_array
 from reba.posture.columns import COLUMNS
@@ -62,7 +61,7 @@ class Plan:
     search: dict[str, Any]
     actions: tuple[str, ...] = ()
     time: Array = field(default_factory=_none)
-    phase: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
+    phase: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
     path: Array = field(default_factory=_no_rows)
     variables: dict[str, float] = field(default_factory=dict)
     posture: Array = field(default_factory=_no_rows)

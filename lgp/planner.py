@@ -19,7 +19,7 @@ from lgp.errors import LgpError, LogicError
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
 from lgp.kinematics.world import World as Model
-from lgp.logic.pddl import SHIPPED, Domain, load_domain
+from lgp.logic.pddl import SHIPPED, PddlDomain, load_domain
 from lgp.logic.task import Action, Task, ground, parse_atom
 from lgp.path.bounds import PathBounds, Solution
 from lgp.path.collision_constraints import CollisionRows
@@ -28,7 +28,7 @@ from lgp.path.ergonomics import Ergonomics
 from lgp.plan_record import Plan
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
-from lgp.search.tree_search import BoundResult, Budget, LevelStatistics, SearchResult, Skeleton, Status, search
+from lgp.search.tree_search import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton, search
 from reba.arrays import Array
 
 COST = "convex"
@@ -111,13 +111,13 @@ def task_of(scene: Scene) -> Task:
     return ground(_domain(scene.domain), scene.objects, map(parse_atom, scene.initial), map(parse_atom, scene.goal))
 
 
-def _domain(which: str) -> Domain:
+def _domain(which: str) -> PddlDomain:
     """Return a domain; the shipped ones are read once."""
     return _shipped(which) if (SHIPPED / f"{which}.pddl").is_file() else load_domain(which)
 
 
 @cache
-def _shipped(name: str) -> Domain:
+def _shipped(name: str) -> PddlDomain:
     return load_domain(name)
 
 
@@ -162,7 +162,7 @@ def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
             break
     good = result is not None and result.feasible
     return SearchResult(
-        status=Status.OPTIMAL if good else Status.INFEASIBLE,
+        status=SearchStatus.OPTIMAL if good else SearchStatus.INFEASIBLE,
         skeleton=skeleton if good else (),
         cost=result.cost if result is not None else float("inf"),
         payload=result.payload if result is not None else None,

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from reba._version import __version__
-from reba.batch.run import Options, check_report, find_inputs, plan_output, score_many
+from reba.batch.run import ScoringOptions, check_report, find_inputs, plan_output, score_many
 from reba.command_line import GROUP, Stop, command_line, console, json_option, print_json, run, where_options
 from reba.errors import RebaError
 from reba.method.rules import rules_of
@@ -58,11 +58,11 @@ def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return reading_options(command)
 
 
-def options_of(given: dict[str, Any]) -> Options:
+def options_of(given: dict[str, Any]) -> ScoringOptions:
     """Return the record for what `scoring_options` gave."""
     names = ("load", "shock", "coupling", "support", "arm_supported")
     factors = {name: given.pop(name) for name in names}
-    return Options(factors={name: value for name, value in factors.items() if value is not None}, **given)
+    return ScoringOptions(factors={name: value for name, value in factors.items() if value is not None}, **given)
 
 
 @click.group(context_settings=GROUP)
@@ -188,7 +188,7 @@ def explain(path: str, time: float, as_json: bool, **given: Any) -> None:
 def improve(path: str, time: float | None, to_level: str | None, as_json: bool, **given: Any) -> None:
     """Find the smallest changes that lower the action level of a frame, or of the worst frames and minute."""
     from reba.analysis.exposure import worst_intervals
-    from reba.analysis.improve import improve_frame, improve_frames, worst_stretch
+    from reba.analysis.improve import improve_frame, improve_frames, worst_interval
 
     scores = options_of(given).read_and_score(path)
     stamps = scores.time
@@ -197,7 +197,7 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
         minute = None
     else:
         frames = [interval.frame for interval in worst_intervals(scores)]
-        minute = worst_stretch(scores)
+        minute = worst_interval(scores)
     level = None if to_level is None else [risk for risk, _ in ACTION_LEVELS].index(to_level)
     found = [(float(stamps[frame]), improve_frame(scores, frame, level)) for frame in frames]
     whole = None if minute is None else improve_frames(scores, minute, level)

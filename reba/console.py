@@ -12,7 +12,7 @@ from rich.text import Text
 
 from reba.analysis.improve import Improvement
 from reba.analysis.worksheet import Worksheet
-from reba.batch.run import Outcome
+from reba.batch.run import RecordingResult
 from reba.method.tables import ACTION_LEVELS
 from reba.posture.columns import COLUMNS
 from reba.readers.info import Info
@@ -26,7 +26,7 @@ FIRST_FAILED = 20
 LEVEL_STYLES = ("green", "green", "yellow", "dark_orange", "red")
 
 
-def show_outcomes(console: Console, outcomes: Sequence[Outcome]) -> None:
+def show_outcomes(console: Console, outcomes: Sequence[RecordingResult]) -> None:
     """Print one line a recording, then what every reader of the numbers must know."""
     scored = [outcome.summary for outcome in outcomes if outcome.summary is not None]
     if scored:
@@ -46,7 +46,7 @@ def show_outcomes(console: Console, outcomes: Sequence[Outcome]) -> None:
             console.print(Text(f"failed: {outcome.error}", style="red"))
 
 
-def show_totals(console: Console, outcomes: Iterable[Outcome]) -> None:
+def show_totals(console: Console, outcomes: Iterable[RecordingResult]) -> None:
     """Print many recordings as one: time at each action level over all of them, and the first that failed."""
     recordings, seconds, undetermined = 0, 0.0, 0.0
     levels = dict.fromkeys((str(level) for level in range(len(ACTION_LEVELS))), 0.0)

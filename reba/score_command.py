@@ -13,7 +13,7 @@ import click
 from reba.batch.dataset import NEW, Dataset
 from reba.batch.dataset_run import DatasetRun, score_into
 from reba.batch.manifest import MANIFEST
-from reba.batch.run import Options, Outcome
+from reba.batch.run import RecordingResult, ScoringOptions
 from reba.command_line import command_line, console
 from reba.console import show_outcomes, show_totals
 from reba.errors import RebaError
@@ -23,7 +23,7 @@ SHOWN: Final = 40
 """Recordings up to which each gets a line in the terminal; beyond, all of them together get one."""
 
 
-def show(outcomes: Sequence[Outcome], file: Path | None, report: str | None, as_json: bool) -> int:
+def show(outcomes: Sequence[RecordingResult], file: Path | None, report: str | None, as_json: bool) -> int:
     """Tell what became of recordings that are all in memory, write the report, and return how many failed.
 
     Raises:
@@ -44,7 +44,7 @@ def show(outcomes: Sequence[Outcome], file: Path | None, report: str | None, as_
 def into_dataset(
     folder: Path,
     inputs: Sequence[str],
-    options: Options,
+    options: ScoringOptions,
     report: str | None,
     as_json: bool,
     progress: AbstractContextManager[Callable[[str], None]],
@@ -73,7 +73,7 @@ def into_dataset(
     return run.failed
 
 
-def print_outcomes(outcomes: Iterable[Outcome], **more: Any) -> None:
+def print_outcomes(outcomes: Iterable[RecordingResult], **more: Any) -> None:
     """Print the JSON object of `reba score`, one recording after the other, so that none has to be kept.
 
     Args:
@@ -102,7 +102,7 @@ def _told(run: DatasetRun) -> str:
     return ", ".join(words)
 
 
-def _refuse(outcomes: Sequence[Outcome], failed: int) -> None:
+def _refuse(outcomes: Sequence[RecordingResult], failed: int) -> None:
     if len(outcomes) == 1 and failed:
         raise RebaError(outcomes[0].error or "it could not be scored")
 

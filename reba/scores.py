@@ -12,13 +12,13 @@ from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from reba.analysis import activity as activity_
 from reba.analysis.exposure import summarise
 from reba.analysis.improve import Improvement, improve_frame
 from reba.analysis.score_table import ScoreTable
 from reba.analysis.worksheet import Worksheet, worksheet
+from reba.arrays import Array
 from reba.errors import PostureError
 from reba.method.rules import Rules, rules_of
 from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, Missing, score_array
@@ -112,7 +112,7 @@ def score(
 
 
 def _activity(
-    data: pd.DataFrame, angles: NDArray[np.float64], used: Factors, activity: str, rules: Rules
+    data: pd.DataFrame, angles: Array, used: Factors, activity: str, rules: Rules
 ) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
     """Return each kind of activity as the caller wants it found, and what caused it in the movement."""
     if activity == "auto":

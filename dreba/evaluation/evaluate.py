@@ -13,10 +13,10 @@ from dreba.evaluation.reach_tasks import Starts
 from dreba.sampling.poses import Poses
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.metrics import Evaluation, evaluation_of
-from dreba.surrogates.registry import About
+from dreba.surrogates.registry import ModelInfo
 from reba.arrays import Array
-from reba.batch.parallel import fan_out
-from reba.batch.worker_pool import Lost
+from reba.batch.parallel import run_parallel
+from reba.batch.worker_pool import WorkerDied
 from reba.posture.columns import COLUMNS, INDEX
 
 
@@ -87,7 +87,7 @@ def fit_to(model: Surrogate, train: Poses, held_out: Poses, sample_weight: Array
     provenance = {**model.about_.provenance, "train": _brief(train), "held_out": _brief(held_out)}
     provenance = {**provenance, "rmse_on": "held-out poses", **notes}
     rmse = {str(score): round(error.rmse, 4) for score, error in found.classes.items()}
-    model.about_ = About(train.provenance.get("domain", {}), rmse, provenance)
+    model.about_ = ModelInfo(train.provenance.get("domain", {}), rmse, provenance)
 
 
 def _brief(poses: Poses) -> dict[str, Any]:
@@ -109,8 +109,8 @@ def compare(
     Args:
         models: by name.
         poses: the same for all.
-        jobs, scheduler: where models are evaluated, see `reba.batch.parallel.fan_out`; times are those of that place,
-            with whatever else runs there.
+        jobs, scheduler: where models are evaluated, see `reba.batch.parallel.run_parallel`; times are those of that
+            place, with whatever else runs there.
     """
     return list(_each(partial(_row, poses=poses), models, jobs, scheduler).values())
 
@@ -131,7 +131,7 @@ def enable(
         tasks: number of reach tasks, the same for all.
         repeats: starts per task.
         seed: of tasks and starts.
-        jobs, scheduler: where, see `reba.batch.parallel.fan_out`.
+        jobs, scheduler: where, see `reba.batch.parallel.run_parallel`.
 
     Returns:
         Rows of "model", "start", "mean_reba" (infeasible runs count 12), "share_best" of runs that reach the best
@@ -184,8 +184,8 @@ def _each(
         ModelError: the process of one of them died.
     """
     found: dict[Name, Result] = {}
-    for (name, _), result in fan_out(work, given.items(), jobs=min(jobs, len(given) or 1), scheduler=scheduler):
-        if isinstance(result, Lost):
+    for (name, _), result in run_parallel(work, given.items(), jobs=min(jobs, len(given) or 1), scheduler=scheduler):
+        if isinstance(result, WorkerDied):
             raise ModelError(f"{name}: {result.reason}; compare it by itself")
         found[name] = result
     return {name: found[name] for name in given}

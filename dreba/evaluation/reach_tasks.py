@@ -40,7 +40,7 @@ points near the floor, overhead and far ahead."""
 
 
 @dataclass(frozen=True)
-class Task:
+class ReachTask:
     """Points [m] that hands have to reach: side -> (x, y, z) in the axes of `dreba.evaluation.reach_tasks`."""
 
     targets: Mapping[str, tuple[float, float, float]]
@@ -55,7 +55,7 @@ class Task:
         return np.concatenate(residuals), np.concatenate(jacobians)
 
 
-def tasks(n: int, seed: int = 0, space: Literal["bench", "wide"] = "bench") -> tuple[Task, ...]:
+def tasks(n: int, seed: int = 0, space: Literal["bench", "wide"] = "bench") -> tuple[ReachTask, ...]:
     """Return n tasks in one of `SPACES`: one hand (sides in turn) and two hands alternate.
 
     Example:
@@ -69,10 +69,10 @@ def tasks(n: int, seed: int = 0, space: Literal["bench", "wide"] = "bench") -> t
         if number % 2 == 0:
             side = SIDES[number // 2 % 2]
             x, y, z = (float(rng.uniform(*ends)) for ends in of_hand)
-            found.append(Task({side: (x, y if side == "left" else -y, z)}))
+            found.append(ReachTask({side: (x, y if side == "left" else -y, z)}))
         else:
             x, y, z = (float(rng.uniform(*ends)) for ends in of_box)
-            found.append(Task({"left": (x, y + BOX / 2, z), "right": (x, y - BOX / 2, z)}))
+            found.append(ReachTask({"left": (x, y + BOX / 2, z), "right": (x, y - BOX / 2, z)}))
     return tuple(found)
 
 
@@ -144,7 +144,7 @@ def method_of(model: Surrogate, temperature: float | None = None, name: str = ""
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ReachResult:
     """What a method reached on tasks x starts.
 
     Attributes:
@@ -175,7 +175,7 @@ class Outcome:
         return float((self.scores.min(axis=1) == best).mean())
 
 
-def run(method: Method, given: Sequence[Task], beginnings: Array) -> Outcome:
+def run(method: Method, given: Sequence[ReachTask], beginnings: Array) -> ReachResult:
     """Solve every task from every start.
 
     Args:
@@ -188,7 +188,7 @@ def run(method: Method, given: Sequence[Task], beginnings: Array) -> Outcome:
         return _run(method, given, beginnings)
 
 
-def _run(method: Method, given: Sequence[Task], beginnings: Array) -> Outcome:
+def _run(method: Method, given: Sequence[ReachTask], beginnings: Array) -> ReachResult:
     low, high = limits()
     objectives = [on_figure(objective) for objective in method.objectives]
     scores = np.empty(beginnings.shape[:2], np.int64)
@@ -203,10 +203,12 @@ def _run(method: Method, given: Sequence[Task], beginnings: Array) -> Outcome:
             scores[row, column] = true_score(found.x) if found.residual <= MET else INFEASIBLE
             effort.append((found.evaluations, found.constraint_evaluations, found.residual > MET))
     means = np.mean(effort, axis=0)
-    return Outcome(scores, float(means[2]), float(means[0]), float(means[1]), (perf_counter() - began) / len(effort))
+    return ReachResult(
+        scores, float(means[2]), float(means[0]), float(means[1]), (perf_counter() - began) / len(effort)
+    )
 
 
-def best_known(outcomes: Sequence[Outcome]) -> NDArray[np.int64]:
+def best_known(outcomes: Sequence[ReachResult]) -> NDArray[np.int64]:
     """Return (tasks,) the best score that any method reached from any start."""
     return np.min([outcome.scores.min(axis=1) for outcome in outcomes], axis=0)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dreba.domain import Domain
 from reba.arrays import Array
-from reba.method.classes import Quantity, quantities
+from reba.method.classes import AngleClasses, angle_classes
 from reba.method.factor_points import FactorPoints, points
 from reba.method.scoring import score_array, score_parts
 from reba.method.tables import PART_MAXIMA
@@ -32,7 +32,7 @@ GROUP_B: Final = ("upper_arm", "lower_arm", "wrist")
 
 
 @dataclass(frozen=True)
-class Part:
+class PartBoxes:
     """The boxes of one body part; m boxes over k angle columns.
 
     Attributes:
@@ -56,7 +56,7 @@ def arms_of(domain: Domain) -> tuple[tuple[str, ...], ...]:
     return (("left",), ("right",)) if domain.sides == "each" else (SIDES,)
 
 
-def parts_of(domain: Domain, given: FactorPoints, weights: Weights) -> tuple[list[Part], list[list[Part]]]:
+def parts_of(domain: Domain, given: FactorPoints, weights: Weights) -> tuple[list[PartBoxes], list[list[PartBoxes]]]:
     """Return the parts of a domain: trunk, neck, legs; and upper arm, lower arm, wrist of each arm in `arms_of`.
 
     Args:
@@ -76,8 +76,8 @@ def parts_of(domain: Domain, given: FactorPoints, weights: Weights) -> tuple[lis
     return group_a, arms
 
 
-def _part(names: tuple[str, ...], highest: int, domain: Domain, given: FactorPoints, weights: Weights) -> Part:
-    known = quantities(domain.rules)
+def _part(names: tuple[str, ...], highest: int, domain: Domain, given: FactorPoints, weights: Weights) -> PartBoxes:
+    known = angle_classes(domain.rules)
     columns = [column for q in known if q.part in names for column in q.columns]
     bins = [domain.bins_of(column) for column in columns]
     choices = np.array(list(product(*(range(len(b.points)) for b in bins))))
@@ -91,11 +91,11 @@ def _part(names: tuple[str, ...], highest: int, domain: Domain, given: FactorPoi
         likely = likely / np.bincount(scores, likely)[scores]
     likely = likely / likely.sum()
     chance = np.asarray(np.bincount(scores - 1, likely, minlength=highest), np.float64)
-    return Part(np.array([INDEX[column] for column in columns]), low, high, scores, likely, chance)
+    return PartBoxes(np.array([INDEX[column] for column in columns]), low, high, scores, likely, chance)
 
 
 def _score(
-    part: str, known: tuple[Quantity, ...], got: Mapping[str, NDArray[np.integer]], given: FactorPoints
+    part: str, known: tuple[AngleClasses, ...], got: Mapping[str, NDArray[np.integer]], given: FactorPoints
 ) -> Integers:
     """Return the score (m,) of one part of one side from the points (m,) of its angles.
 
@@ -119,7 +119,7 @@ def true_scores(domain: Domain, angles: Array, factors: Factors | None) -> NDArr
     if not domain.bins:
         return score_array(angles, factors, domain.rules).reba
     given = points(Factors.of(factors), domain.rules, len(angles))
-    known = quantities(domain.rules)
+    known = angle_classes(domain.rules)
     got = {}
     for column, index in INDEX.items():
         edges, scores = domain.bins_of(column)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dreba.domain import Domain
 from dreba.errors import SampleError
-from dreba.sampling.classes import Part, Weights, parts_of
+from dreba.sampling.classes import PartBoxes, Weights, parts_of
 from reba.arrays import Array
 from reba.method.factor_points import points
 from reba.method.rules import LOAD_EDGES
@@ -41,7 +41,7 @@ class _Cells:
     chance: Array
 
 
-class Plan:
+class SamplingPlan:
     """The distribution over (Score A, Score B of each arm, activity), and how to draw poses from it."""
 
     def __init__(self, domain: Domain, fixed: Factors, drawn: tuple[str, ...], weights: Weights) -> None:
@@ -98,7 +98,7 @@ class Plan:
         return angles, self._found(load, coupling, activity, rng)
 
     def _fill(
-        self, angles: Array, cells: _Cells, score: Integers, parts: list[Part], rng: Any, stratified: bool
+        self, angles: Array, cells: _Cells, score: Integers, parts: list[PartBoxes], rng: Any, stratified: bool
     ) -> Integers:
         """Draw part scores that lead to a score A or B and angles inside; return the points of load or coupling."""
         chosen = _draw_in_groups(score, cells.score, cells.weight, rng, stratified)
@@ -126,7 +126,7 @@ class Plan:
         return dataclasses.replace(self.fixed, **changes)
 
 
-def _cells(table: NDArray[np.uint8], parts: list[Part], extra: Array) -> _Cells:
+def _cells(table: NDArray[np.uint8], parts: list[PartBoxes], extra: Array) -> _Cells:
     weight = extra
     for part in reversed(parts):
         weight = np.multiply.outer(part.chance, weight)

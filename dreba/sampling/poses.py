@@ -16,8 +16,9 @@ import reba
 from dreba.domain import BEST, COLUMNS_OF, Domain
 from dreba.errors import SampleError
 from dreba.sampling.classes import true_scores
-from dreba.surrogates.task_factors import Given, given_of
+from dreba.surrogates.task_factors import TaskFactors, given_of
 from dreba.surrogates.validation import LARGEST
+from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
 from reba.files import write_atomic
 from reba.posture.columns import COLUMNS, INDEX
@@ -38,7 +39,7 @@ class Poses:
         provenance: domain, distribution, seed, counts: enough to draw the same poses again.
     """
 
-    angles: NDArray[np.float64]
+    angles: Array
     reba: NDArray[np.uint8]
     factors: Factors | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
@@ -47,7 +48,7 @@ class Poses:
         return len(self.reba)
 
     @property
-    def given(self) -> Given:
+    def given(self) -> TaskFactors:
         """Load, coupling and activity as a surrogate takes them."""
         return given_of(self.factors, len(self))
 
@@ -77,7 +78,7 @@ class Poses:
             held[np.roll(rows, rng.integers(len(rows)))[: round(share * len(rows))]] = True
         return self.rows(~held), self.rows(held)
 
-    def balancing_weights(self) -> NDArray[np.float64]:
+    def balancing_weights(self) -> Array:
         """Return weights (n,) of mean 1 that give every REBA class that occurs the same total."""
         counts = np.bincount(self.reba)
         return np.asarray(len(self) / (np.count_nonzero(counts) * counts[self.reba]), np.float64)

@@ -27,7 +27,7 @@ import numpy as np
 from dreba.domain import Domain, domain_of
 from dreba.errors import SampleError
 from dreba.sampling.classes import WEIGHTS, Weights, true_scores
-from dreba.sampling.distribution import Plan
+from dreba.sampling.distribution import SamplingPlan
 from dreba.sampling.poses import Poses
 from reba._version import __version__
 from reba.posture.columns import ANGLES, SIDES
@@ -94,7 +94,7 @@ def sample(
     fixed, drawn = _factors(factors)
     space = _held(domain_of(domain), adjustments, arms)
     generator, seed = _generator(rng)
-    plan = Plan(space, fixed, drawn, weights)
+    plan = SamplingPlan(space, fixed, drawn, weights)
     shares = np.full(len(wanted), n // len(wanted)) + (np.arange(len(wanted)) < n % len(wanted))
     angles, found = plan.draw(wanted, shares, generator, stratified)
     used = found if drawn else (fixed if factors is not None else None)

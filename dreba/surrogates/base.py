@@ -18,9 +18,9 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 import reba
 from dreba.errors import ModelError
 from dreba.surrogates.metrics import evaluation_of
-from dreba.surrogates.registry import About
+from dreba.surrogates.registry import ModelInfo
 from dreba.surrogates.serialization import save
-from dreba.surrogates.task_factors import NOTHING, Given, given_of
+from dreba.surrogates.task_factors import NOTHING, TaskFactors, given_of
 from dreba.surrogates.validation import (
     Allowed,
     check_parameters,
@@ -43,7 +43,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
     Attributes:
         joints_: (d,) column names.
         temperatures_: [deg] the ladder of temperatures a kind can be evaluated at, () for none.
-        about_: `About`, origin and error of the model.
+        about_: `ModelInfo`, origin and error of the model.
     """
 
     kind: ClassVar[str] = ""
@@ -62,7 +62,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
 
     joints_: tuple[str, ...]
     temperatures_: tuple[float, ...] = ()
-    about_: About
+    about_: ModelInfo
 
     @property
     def convex(self) -> bool:
@@ -101,7 +101,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
         check_size(poses, self.joints_)
         warn_if_radians(poses, self.joints_)
         self._fit(poses, scores, weights, given_of(factors, len(scores)))
-        self.about_ = About(provenance={"poses": len(scores), "version": __version__})
+        self.about_ = ModelInfo(provenance={"poses": len(scores), "version": __version__})
         self._note_error(poses, scores, factors)
         return self
 
@@ -147,7 +147,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
         """
         poses, single = self._poses(angles)
         warn_if_radians(poses, self.joints_)
-        found = self._value(poses, Given.checked(load, coupling, activity, temperature, len(poses)))
+        found = self._value(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))
         return float(found[0]) if single else found
 
     def gradient(
@@ -161,7 +161,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
     ) -> Array:
         """Return the gradient [1/deg]: (n, d), or (d,) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        found = self._value_gradient(poses, Given.checked(load, coupling, activity, temperature, len(poses)))[1]
+        found = self._value_gradient(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))[1]
         return found[0] if single else found
 
     def value_and_gradient(
@@ -175,7 +175,9 @@ class Surrogate(RegressorMixin, BaseEstimator):
     ) -> tuple[Any, Array]:
         """Return value and gradient in one pass, for optimisers. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        value, gradient = self._value_gradient(poses, Given.checked(load, coupling, activity, temperature, len(poses)))
+        value, gradient = self._value_gradient(
+            poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses))
+        )
         return (float(value[0]), gradient[0]) if single else (value, gradient)
 
     def hessian(
@@ -189,7 +191,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
     ) -> Array:
         """Return the Hessian [1/deg^2]: (n, d, d), or (d, d) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        found = self._hessian(poses, Given.checked(load, coupling, activity, temperature, len(poses)))
+        found = self._hessian(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))
         return found[0] if single else found
 
     def gauss_newton(
@@ -207,7 +209,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
             ModelError: the kind has no such factor.
         """
         poses, single = self._poses(angles)
-        found = self._gauss_newton(poses, Given.checked(load, coupling, activity, temperature, len(poses)))
+        found = self._gauss_newton(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))
         return found[0] if single else found
 
     def save(self, path: str | Path) -> None:
@@ -217,23 +219,23 @@ class Surrogate(RegressorMixin, BaseEstimator):
 
     # What a kind implements.
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
         """Learn from checked poses (n, d), scores (n,), weights (n,) and factors."""
         raise ModelError(f"kind {self.kind!r} cannot be fitted")
 
-    def _value(self, poses: Array, given: Given) -> Array:
+    def _value(self, poses: Array, given: TaskFactors) -> Array:
         """Return (n,) values; kinds override it where the value alone is cheaper."""
         return self._value_gradient(poses, given)[0]
 
-    def _value_gradient(self, poses: Array, given: Given) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
         """Return (n,) values and (n, d) gradients."""
         raise ModelError(f"kind {self.kind!r} has no value")
 
-    def _hessian(self, poses: Array, given: Given) -> Array:
+    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
         """Return (n, d, d) second derivatives."""
         raise ModelError(f"kind {self.kind!r} has no Hessian")
 
-    def _gauss_newton(self, poses: Array, given: Given) -> Array:
+    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
         """Return (n, k, d) factors."""
         raise ModelError(f"kind {self.kind!r} has no Gauss-Newton factor; use hessian()")
 
@@ -272,7 +274,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
             return
         found = evaluation_of(self.kind, self._value(poses, given_of(factors, len(scores))), scores)
         rmse = {str(score): round(error.rmse, 4) for score, error in found.classes.items()}
-        self.about_ = About({}, rmse, {**self.about_.provenance, "rmse_on": "the poses of the fit"})
+        self.about_ = ModelInfo({}, rmse, {**self.about_.provenance, "rmse_on": "the poses of the fit"})
 
     def _poses(self, angles: ArrayLike) -> tuple[Array, bool]:
         """Return angles as (n, d) and whether a single pose was given."""

@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dreba.domain import BEST
 from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
-from dreba.surrogates.task_factors import Given
+from dreba.surrogates.task_factors import TaskFactors
 from dreba.surrogates.validation import COUNT, POSITIVE, Allowed
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 from reba.method.rules import LOAD_EDGES
 from reba.posture.columns import ANGLES
 from reba.posture.factors import load_kg
@@ -36,7 +35,7 @@ class Hinges(NamedTuple):
         weight: (r,) points, above 0.
     """
 
-    joint: NDArray[np.intp]
+    joint: Indices
     scale: Array
     offset: Array
     weight: Array
@@ -78,7 +77,7 @@ class ConvexModel(Surrogate):
         """Always."""
         return True
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
         from scipy.optimize import nnls
 
         if len(scores) < 2:
@@ -95,7 +94,7 @@ class ConvexModel(Surrogate):
         self._fold()
 
     def _normal_equations(
-        self, poses: Array, scores: Array, weights: Array, given: Given, profile: NDArray[np.intp]
+        self, poses: Array, scores: Array, weights: Array, given: TaskFactors, profile: Indices
     ) -> tuple[Array, Array]:
         """Return the Gram matrix and right side over: hinges of each profile, load, coupling, 1, -1."""
         count = int(profile.max()) + 1
@@ -115,7 +114,7 @@ class ConvexModel(Surrogate):
             right += weighted.T @ (scores - activity)[rows]
         return gram, right
 
-    def _places(self, poses: Array, profile: NDArray[np.intp]) -> Array:
+    def _places(self, poses: Array, profile: Indices) -> Array:
         """Return (d, 2 knots): distances of the knots from the best angle, upwards then downwards."""
         away = poses - np.array([BEST[joint] for joint in self.joints_])
         reach = np.stack([away.max(axis=0), -away.min(axis=0)], axis=1).ravel()
@@ -138,7 +137,7 @@ class ConvexModel(Surrogate):
             raise ModelError("weights_ holds a negative weight; the file is damaged")
         self._fold()
 
-    def _value_gradient(self, poses: Array, given: Given) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
         value = np.full(len(poses), self.constant_)
         gradient = np.empty(poses.shape)
         for start in range(0, len(poses), CHUNK):
@@ -154,13 +153,13 @@ class ConvexModel(Surrogate):
         value += self.points_[0] * load + self.points_[1] * coupling + given.activity
         return value, gradient
 
-    def _hessian(self, poses: Array, given: Given) -> Array:
+    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
         out = np.zeros((len(poses), len(self.joints_), len(self.joints_)))
         diagonal = np.arange(len(self.joints_))
         out[:, diagonal, diagonal] = self._bends(poses)
         return out
 
-    def _gauss_newton(self, poses: Array, given: Given) -> Array:
+    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
         return np.sqrt(self._hessian(poses, given))
 
     def _bends(self, poses: Array) -> Array:
@@ -199,7 +198,7 @@ def _hinge(t: Array) -> Array:
     return inside * (np.maximum(t, 0.0) - 0.5 * inside)
 
 
-def _profiles(joints: tuple[str, ...]) -> NDArray[np.intp]:
+def _profiles(joints: tuple[str, ...]) -> Indices:
     """Return (2 d,) numbers of the weights that each angle uses upwards and downwards.
 
     Left and right share theirs; both directions do for side bends and twists of the trunk and neck.
@@ -209,7 +208,7 @@ def _profiles(joints: tuple[str, ...]) -> NDArray[np.intp]:
     return np.asarray(np.unique(keys, return_inverse=True)[1])
 
 
-def _points(given: Given, n: int) -> tuple[Array, Array]:
+def _points(given: TaskFactors, n: int) -> tuple[Array, Array]:
     """Return load points and the worse coupling."""
     load = load_kg(given.load, n)
     points = (load >= LOAD_EDGES[0]).astype(float) + (load > LOAD_EDGES[1])

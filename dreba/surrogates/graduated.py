@@ -13,10 +13,10 @@ from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.convex import ConvexModel
 from dreba.surrogates.quadratic import QuadraticModel
-from dreba.surrogates.registry import About, register
+from dreba.surrogates.registry import ModelInfo, register
 from dreba.surrogates.serialization import from_dict, to_dict
 from dreba.surrogates.soft import LADDER, SoftModel
-from dreba.surrogates.task_factors import Given
+from dreba.surrogates.task_factors import TaskFactors
 from dreba.surrogates.validation import COUNT, FALLING, POSITIVE, SEED, Allowed, one_of
 from reba.arrays import Array
 
@@ -111,7 +111,7 @@ class GraduatedModel(Surrogate):
         model.about_ = soft.about_
         return model
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
         parts = (
             FIRST[self.first](joints=self.joints_),
             SoftModel(self.ladder, self.temperature, updates=self.updates, seed=self.seed, joints=self.joints_),
@@ -120,7 +120,7 @@ class GraduatedModel(Surrogate):
             part.joints_ = self.joints_
             part.n_features_in_ = len(self.joints_)
             part._fit(poses, scores, weights, given)
-            part.about_ = About()
+            part.about_ = ModelInfo()
         self._hold(*parts)
 
     def _hold(self, first: Surrogate, soft: Surrogate) -> None:
@@ -146,14 +146,14 @@ class GraduatedModel(Surrogate):
             raise ModelError("the stages do not agree with the model that holds them; the file is damaged")
         self._hold(first, soft)
 
-    def _value(self, poses: Array, given: Given) -> Array:
+    def _value(self, poses: Array, given: TaskFactors) -> Array:
         return self.soft_._value(poses, given)
 
-    def _value_gradient(self, poses: Array, given: Given) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
         return self.soft_._value_gradient(poses, given)
 
-    def _hessian(self, poses: Array, given: Given) -> Array:
+    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
         return self.soft_._hessian(poses, given)
 
-    def _gauss_newton(self, poses: Array, given: Given) -> Array:
+    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
         return self.soft_._gauss_newton(poses, given)

@@ -11,16 +11,16 @@ from dreba.surrogates.base import Surrogate
 from dreba.surrogates.convex import ConvexModel
 from dreba.surrogates.graduated import GraduatedModel
 from dreba.surrogates.quadratic import QuadraticModel
-from dreba.surrogates.registry import KINDS, About
+from dreba.surrogates.registry import KINDS, ModelInfo
 from dreba.surrogates.relu_network import NetModel
 from dreba.surrogates.serialization import from_dict
 from dreba.surrogates.soft import SoftModel
 
 __all__ = [
     "KINDS",
-    "About",
     "ConvexModel",
     "GraduatedModel",
+    "ModelInfo",
     "NetModel",
     "QuadraticModel",
     "SoftModel",

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dreba.domain import Bins, Domain, domain_of
 from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
-from dreba.surrogates.task_factors import OMEGA_LOAD, PAYLOADS, Given, Payload, delta_payload
+from dreba.surrogates.task_factors import OMEGA_LOAD, PAYLOADS, Payload, TaskFactors, delta_payload
 from dreba.surrogates.validation import NOT_NEGATIVE, POSITIVE, YES_NO, Allowed, one_of
-from reba.arrays import Array
+from reba.arrays import Array, Flags
 from reba.posture.columns import ANGLES, COLUMNS
 
 _SIGNED = ("trunk_side_bend", "trunk_twist", "neck_side_bend", "neck_twist")
@@ -102,7 +101,7 @@ class QuadraticModel(Surrogate):
             return bool((self.twice_curvature_ >= 0).all())
         return self.curvature == "nonnegative"
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
         self._check_columns()
         groups = _groups(self.joints_)
         targets = scores - delta_payload(given.load, self.payload, self.omega_load) - given.activity
@@ -127,7 +126,7 @@ class QuadraticModel(Surrogate):
                 f"column {unknown[0]!r} has no part table; name the columns by joints=, or fit with free=True"
             )
 
-    def _features(self, poses: Array, groups: list[list[int]]) -> tuple[Array, NDArray[np.bool_]]:
+    def _features(self, poses: Array, groups: list[list[int]]) -> tuple[Array, Flags]:
         """Return the sum of Q_i over the columns of each group (n, g); their weights must not be negative."""
         self.polynomials_ = part_polynomials(domain_of(self.domain), self.joints_, self.curvature == "nonnegative")
         c0, c1, c2 = self.polynomials_.T
@@ -135,7 +134,7 @@ class QuadraticModel(Surrogate):
         features = np.stack([values[:, group].sum(axis=1) for group in groups], axis=1)
         return features, np.ones(len(groups), bool)
 
-    def _free_features(self, poses: Array, groups: list[list[int]]) -> tuple[Array, NDArray[np.bool_]]:
+    def _free_features(self, poses: Array, groups: list[list[int]]) -> tuple[Array, Flags]:
         """Return angle and squared angle of each group (n, 2g), and which coefficients must not be negative."""
         linear = np.stack([poses[:, group].sum(axis=1) for group in groups], axis=1)
         linear[:, [self.joints_[group[0]] in _SIGNED for group in groups]] = 0.0
@@ -170,12 +169,12 @@ class QuadraticModel(Surrogate):
             raise ModelError("weights_ holds a negative weight; the file is damaged")
         self._fold()
 
-    def _extra(self, given: Given) -> Any:
+    def _extra(self, given: TaskFactors) -> Any:
         """Return what load, coupling and activity add, a float or (n,)."""
         extra = delta_payload(given.load, self.payload, self.omega_load) + np.asarray(given.activity, np.float64)
         return extra + self.coupling_weight_ * np.maximum(*(np.asarray(side, np.float64) for side in given.coupling))
 
-    def _value_gradient(self, poses: Array, given: Given) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
         # The value is constant + sum_i q_i (slope_i + linear_i) / 2, so one product serves both (equation 2).
         gradient = poses * self.twice_curvature_
         gradient += self.linear_
@@ -187,10 +186,10 @@ class QuadraticModel(Surrogate):
             value += self._extra(given)
         return value, gradient
 
-    def _hessian(self, poses: Array, given: Given) -> Array:
+    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
         return np.broadcast_to(np.diag(self.twice_curvature_), (len(poses), *(2 * (len(self.joints_),)))).copy()
 
-    def _gauss_newton(self, poses: Array, given: Given) -> Array:
+    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
         factor = np.diag(np.sqrt(np.maximum(self.twice_curvature_, 0.0)))
         return np.broadcast_to(factor, (len(poses), *factor.shape)).copy()
 
@@ -274,7 +273,7 @@ class LeastSquares:
     scale: Array
 
 
-def build_qp(features: Array, targets: Array, sample_weight: Array, free: NDArray[np.bool_]) -> LeastSquares:
+def build_qp(features: Array, targets: Array, sample_weight: Array, free: Flags) -> LeastSquares:
     """Return the program.
 
     Args:

@@ -18,7 +18,7 @@ def register(kind: type[_Kind]) -> type[_Kind]:
 
 
 @dataclass(frozen=True)
-class About:
+class ModelInfo:
     """Where a fitted model comes from and how good it is; saved with it.
 
     Attributes:

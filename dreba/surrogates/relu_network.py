@@ -16,7 +16,7 @@ import numpy as np
 from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
-from dreba.surrogates.task_factors import Given
+from dreba.surrogates.task_factors import TaskFactors
 from dreba.surrogates.validation import COUNT, COUNTS, SEED, Allowed
 from reba.arrays import Array
 from reba.method.rules import LOAD_EDGES
@@ -56,7 +56,7 @@ class NetModel(Surrogate):
         self.seed = seed
         self.joints = joints
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.neural_network import MLPRegressor
 
@@ -94,7 +94,7 @@ class NetModel(Surrogate):
             raise ModelError("the net holds NaN; the file is damaged")
         self.layers_, self.biases_, self.middle_, self.spread_ = layers, biases, middle, spread
 
-    def _value_gradient(self, poses: Array, given: Given) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
         n = len(poses)
         points = [np.broadcast_to(part, n) for part in _points(given, n)]
         signal = (np.column_stack([poses, *points]) - self.middle_) / self.spread_
@@ -109,14 +109,14 @@ class NetModel(Surrogate):
             back = (back * active) @ layer.T
         return value + given.activity, (back / self.spread_)[:, : len(self.joints_)]
 
-    def _hessian(self, poses: Array, given: Given) -> Array:
+    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
         return np.zeros((len(poses), len(self.joints_), len(self.joints_)))
 
     def _payload(self) -> dict[str, Any]:
         return {"form": "inputs"}
 
 
-def _points(given: Given, n: int) -> tuple[Array, Array, Array]:
+def _points(given: TaskFactors, n: int) -> tuple[Array, Array, Array]:
     """Return load points, left and right coupling, each (n,)."""
     load = load_kg(given.load, n)
     points = (load >= LOAD_EDGES[0]).astype(float) + (load > LOAD_EDGES[1])

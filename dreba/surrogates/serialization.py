@@ -14,7 +14,7 @@ import numpy as np
 
 from dreba.domain import Domain
 from dreba.errors import ModelError
-from dreba.surrogates.registry import KINDS, About
+from dreba.surrogates.registry import KINDS, ModelInfo
 from dreba.surrogates.validation import check_parameters
 from reba.errors import RebaError, did_you_mean
 from reba.files import write_atomic, write_text
@@ -41,7 +41,7 @@ class Serialisable(Protocol):
 
     kind: ClassVar[str]
     joints_: tuple[str, ...]
-    about_: About
+    about_: ModelInfo
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Return the constructor parameters."""
@@ -134,7 +134,7 @@ def _build(data: dict[str, Any]) -> Any:
         raise ModelError("'payload' does not agree with the parameters; the file is damaged")
     if not all(isinstance(rmse, int | float) for rmse in data["rmse"].values()):
         raise ModelError("'rmse' holds something that is no number; the file is damaged")
-    model.about_ = About(data["domain"], data["rmse"], data["provenance"])
+    model.about_ = ModelInfo(data["domain"], data["rmse"], data["provenance"])
     return model
 
 

@@ -12,7 +12,7 @@ from dreba.surrogates import soft_curvature, soft_fit
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
 from dreba.surrogates.soft_tables import SoftTables
-from dreba.surrogates.task_factors import Given
+from dreba.surrogates.task_factors import TaskFactors
 from dreba.surrogates.validation import COUNT, FALLING, POSITIVE, SEED, YES_NO, Allowed, check_parameters
 from reba.arrays import Array
 from reba.method.rules import LOAD_EDGES, Rules, rules_of
@@ -108,7 +108,7 @@ class SoftModel(Surrogate):
             self._tables[wanted] = SoftTables.of(self._rules(), wanted)
         return self._tables[wanted]
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: Given) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
         self._check_parameters()
         angles, (added, activity) = self._whole(poses), self._added(given, len(poses))
         added = np.zeros((3, 1)) if added is None else added
@@ -168,7 +168,7 @@ class SoftModel(Surrogate):
     def _places(self) -> list[int]:
         return [COLUMNS.index(joint) for joint in self.joints_]
 
-    def _added(self, given: Given, n: int) -> tuple[Array | None, Any]:
+    def _added(self, given: TaskFactors, n: int) -> tuple[Array | None, Any]:
         """Return (3, 1) or (3, n) points on Score A and both Scores B, None for none, and those on the total."""
         if given.nothing:
             return None, given.activity
@@ -183,20 +183,20 @@ class SoftModel(Surrogate):
             raise ModelError(f"coupling is {given.coupling!r}; expected left and right, one value or one for each pose")
         return added, given.activity
 
-    def _value(self, poses: Array, given: Given) -> Array:
+    def _value(self, poses: Array, given: TaskFactors) -> Array:
         return self.tables(given.temperature).value(self._whole(poses), *self._added(given, len(poses)))
 
-    def _value_gradient(self, poses: Array, given: Given) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
         tables = self.tables(given.temperature)
         value, gradient = tables.value_gradient(self._whole(poses), *self._added(given, len(poses)))
         return value, gradient if self.joints_ == COLUMNS else gradient[:, self._places()]
 
-    def _hessian(self, poses: Array, given: Given) -> Array:
+    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
         added = self._added(given, len(poses))[0]
         out = soft_curvature.hessian(self.tables(given.temperature), self._whole(poses), added)
         return out if self.joints_ == COLUMNS else out[:, self._places()][:, :, self._places()]
 
-    def _gauss_newton(self, poses: Array, given: Given) -> Array:
+    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
         added = self._added(given, len(poses))[0]
         out = soft_curvature.gauss_newton(self.tables(given.temperature), self._whole(poses), added)
         return out if self.joints_ == COLUMNS else out[:, :, self._places()]

@@ -12,11 +12,10 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dreba.surrogates.soft_steps import PAIRED, ROWS, STEPS
 from dreba.surrogates.soft_tables import CORNERS_AB, CORNERS_C, MONOMIALS_AB, MONOMIALS_C, Pass, SoftTables
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 from reba.method.tables import TABLE_A, TABLE_B
 
 BATCH: Final = 512
@@ -87,7 +86,7 @@ def learn(
     return _strictly(tables)
 
 
-def _batches(n: int, updates: int, rng: np.random.Generator) -> Iterator[NDArray[np.intp]]:
+def _batches(n: int, updates: int, rng: np.random.Generator) -> Iterator[Indices]:
     """Yield the numbers of the poses of each update: every pose once before any comes again."""
     size = min(BATCH, n)
     per_pass = n // size
@@ -106,7 +105,7 @@ class _Level:
         self.weight = np.ones(len(self.classes))
         self.square, self.count = np.zeros(len(self.classes)), np.zeros(len(self.classes))
 
-    def weights(self, batch: NDArray[np.intp], error: Array, share: Array) -> Array:
+    def weights(self, batch: Indices, error: Array, share: Array) -> Array:
         """Return the weights of some poses and note their errors."""
         number = self.number[batch]
         self.square += np.bincount(number, share * error**2, minlength=len(self.classes))
@@ -165,9 +164,7 @@ def _monomials_c(place: Array) -> Array:
     return np.array([np.ones_like(x), y, x, x * y])
 
 
-def _scatter(
-    monomials: Array, weight: Array, cell: NDArray[np.intp], into_coef: Array, corners: NDArray[np.intp]
-) -> Array:
+def _scatter(monomials: Array, weight: Array, cell: Indices, into_coef: Array, corners: Indices) -> Array:
     """Return the derivative by the table cells, from weights at places inside interpolation cells."""
     cells = corners.shape[1]
     where = cell.ravel()

@@ -13,13 +13,13 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reba.arrays import Array, Indices
 from reba.method.rules import KNEE_EDGES, LOWER_ARM_RANGE, NECK_EDGE, TRUNK_EDGES, UPPER_ARM_EDGES, WRIST_EDGE, Rules
 from reba.posture.columns import INDEX, SIDES
 
 
-class Step(NamedTuple):
+class ClassStep(NamedTuple):
     """One step: the angle (a column, or its name without a side), its group, its sense and its threshold [deg]."""
 
     angle: str
@@ -28,7 +28,7 @@ class Step(NamedTuple):
     threshold: float
 
 
-def steps_of(rules: Rules) -> tuple[Step, ...]:
+def steps_of(rules: Rules) -> tuple[ClassStep, ...]:
     """Return the 27 steps under the rules; order and number do not depend on them.
 
     Example:
@@ -37,33 +37,33 @@ def steps_of(rules: Rules) -> tuple[Step, ...]:
     """
     arm, wrist = UPPER_ARM_EDGES, WRIST_EDGE
     return (
-        Step("trunk_flexion", "trunk", -1, TRUNK_EDGES[0]),
-        Step("trunk_flexion", "trunk", -1, rules.trunk_upright),
-        Step("trunk_flexion", "trunk", 1, rules.trunk_upright),
-        Step("trunk_flexion", "trunk", 1, TRUNK_EDGES[0]),
-        Step("trunk_flexion", "trunk", 1, TRUNK_EDGES[1]),
-        Step("trunk_twist", "trunk+", 0, rules.trunk_twist),
-        Step("trunk_side_bend", "trunk++", 0, rules.trunk_side_bend),
-        Step("neck_flexion", "neck", -1, rules.neck_upright),
-        Step("neck_flexion", "neck", 1, NECK_EDGE),
-        Step("neck_twist", "neck+", 0, rules.neck_twist),
-        Step("neck_side_bend", "neck++", 0, rules.neck_side_bend),
-        Step(WORSE_KNEE, "legs", 1, KNEE_EDGES[0]),
-        Step(WORSE_KNEE, "legs", 1, KNEE_EDGES[1]),
-        Step("upper_arm_flexion", "upper_arm", -1, arm[0]),
-        Step("upper_arm_flexion", "upper_arm", 1, arm[0]),
-        Step("upper_arm_flexion", "upper_arm", 1, arm[1]),
-        Step("upper_arm_flexion", "upper_arm", 1, arm[2]),
-        Step("upper_arm_abduction", "upper_arm", 1, rules.abduction),
-        Step("shoulder_elevation", "upper_arm", 1, rules.shoulder_elevation),
-        Step("lower_arm_flexion", "lower_arm", -1, -LOWER_ARM_RANGE[0]),
-        Step("lower_arm_flexion", "lower_arm", 1, LOWER_ARM_RANGE[1]),
-        Step("wrist_flexion", "wrist", -1, wrist),
-        Step("wrist_flexion", "wrist", 1, wrist),
-        Step("wrist_deviation", "wrist+", -1, rules.wrist_deviation),
-        Step("wrist_deviation", "wrist+", 1, rules.wrist_deviation),
-        Step("wrist_twist", "wrist++", -1, rules.wrist_twist),
-        Step("wrist_twist", "wrist++", 1, rules.wrist_twist),
+        ClassStep("trunk_flexion", "trunk", -1, TRUNK_EDGES[0]),
+        ClassStep("trunk_flexion", "trunk", -1, rules.trunk_upright),
+        ClassStep("trunk_flexion", "trunk", 1, rules.trunk_upright),
+        ClassStep("trunk_flexion", "trunk", 1, TRUNK_EDGES[0]),
+        ClassStep("trunk_flexion", "trunk", 1, TRUNK_EDGES[1]),
+        ClassStep("trunk_twist", "trunk+", 0, rules.trunk_twist),
+        ClassStep("trunk_side_bend", "trunk++", 0, rules.trunk_side_bend),
+        ClassStep("neck_flexion", "neck", -1, rules.neck_upright),
+        ClassStep("neck_flexion", "neck", 1, NECK_EDGE),
+        ClassStep("neck_twist", "neck+", 0, rules.neck_twist),
+        ClassStep("neck_side_bend", "neck++", 0, rules.neck_side_bend),
+        ClassStep(WORSE_KNEE, "legs", 1, KNEE_EDGES[0]),
+        ClassStep(WORSE_KNEE, "legs", 1, KNEE_EDGES[1]),
+        ClassStep("upper_arm_flexion", "upper_arm", -1, arm[0]),
+        ClassStep("upper_arm_flexion", "upper_arm", 1, arm[0]),
+        ClassStep("upper_arm_flexion", "upper_arm", 1, arm[1]),
+        ClassStep("upper_arm_flexion", "upper_arm", 1, arm[2]),
+        ClassStep("upper_arm_abduction", "upper_arm", 1, rules.abduction),
+        ClassStep("shoulder_elevation", "upper_arm", 1, rules.shoulder_elevation),
+        ClassStep("lower_arm_flexion", "lower_arm", -1, -LOWER_ARM_RANGE[0]),
+        ClassStep("lower_arm_flexion", "lower_arm", 1, LOWER_ARM_RANGE[1]),
+        ClassStep("wrist_flexion", "wrist", -1, wrist),
+        ClassStep("wrist_flexion", "wrist", 1, wrist),
+        ClassStep("wrist_deviation", "wrist+", -1, rules.wrist_deviation),
+        ClassStep("wrist_deviation", "wrist+", 1, rules.wrist_deviation),
+        ClassStep("wrist_twist", "wrist++", -1, rules.wrist_twist),
+        ClassStep("wrist_twist", "wrist++", 1, rules.wrist_twist),
     )
 
 
@@ -88,7 +88,7 @@ PARTS: Final = (
 """The parts as (index of a table, table): first, second, third index of Table A, of B left and of B right."""
 
 
-class Rows(NamedTuple):
+class StepRows(NamedTuple):
     """Every step written out once a side and a direction.
 
     Attributes:
@@ -98,13 +98,13 @@ class Rows(NamedTuple):
         group: (r,) number of the row's group in `GROUPS`.
     """
 
-    step: NDArray[np.intp]
-    column: NDArray[np.intp]
-    sense: NDArray[np.float64]
-    group: NDArray[np.intp]
+    step: Indices
+    column: Indices
+    sense: Array
+    group: Indices
 
 
-def _rows() -> Rows:
+def _rows() -> StepRows:
     found: list[tuple[int, int, float, int]] = []
     for number, step in enumerate(STEPS):
         columns = {**INDEX, WORSE_KNEE: len(INDEX)}
@@ -115,7 +115,7 @@ def _rows() -> Rows:
         senses = (1.0, -1.0) if step.sense == 0 else (float(step.sense),)
         found += [(number, column, sense, GROUPS.index(group)) for column, group in places for sense in senses]
     table = [np.array(entries) for entries in zip(*found, strict=True)]
-    return Rows(*table)
+    return StepRows(*table)
 
 
 STEPS: Final = steps_of(Rules())

@@ -14,11 +14,10 @@ from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dreba.errors import ModelError
 from dreba.surrogates.soft_steps import GROUPS, PAIRED, ROWS, SINGLE, STEPS, steps_of
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 from reba.method.rules import Rules
 from reba.method.tables import TABLE_A, TABLE_B, TABLE_C
 from reba.posture.columns import COLUMNS, INDEX
@@ -66,12 +65,12 @@ class Pass(NamedTuple):
     knee_root: Array
     inside: Array
     place: Array
-    cell: NDArray[np.intp]
+    cell: Indices
     coef: Array
     slopes: Array
     side: Array
     side_root: Array
-    cell_c: NDArray[np.intp]
+    cell_c: Indices
     place_c: Array
     slopes_c: Array
     cross_c: Array
@@ -229,7 +228,7 @@ class SoftTables:
             side, side_root, cell_c, place_c, slopes_c, cross_c,
         )  # fmt: skip
 
-    def _through_c(self, score_a: Array, score_b: Array) -> tuple[Array, NDArray[np.intp], Array, Array, Array]:
+    def _through_c(self, score_a: Array, score_b: Array) -> tuple[Array, Indices, Array, Array, Array]:
         """Return value, cell, place, slopes and mixed slope of Table C at scores A and B from 1 to 12."""
         scores = np.array([score_a, score_b])
         scores -= 1.0
@@ -303,7 +302,7 @@ def _part(added: Array | None, rows: slice) -> Array | None:
     return added if added is None or added.shape[1] == 1 else added[:, rows]
 
 
-def _corner_numbers(shape: tuple[int, ...], first: int) -> NDArray[np.intp]:
+def _corner_numbers(shape: tuple[int, ...], first: int) -> Indices:
     """Return (2^k, cells): numbers of the corners of every cell of a table, first index slowest."""
     numbers = np.arange(np.prod(shape)).reshape(shape) + first
     k = len(shape)

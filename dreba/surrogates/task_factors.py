@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dreba.errors import ModelError
 from reba.method.factor_points import points
@@ -13,10 +13,8 @@ from reba.method.rules import LOAD_EDGES, Rules
 from reba.posture.factors import FACTORS, Factors
 from reba.posture.factors import load_kg as checked_load
 
-Values = NDArray[np.float64]
 
-
-class Given(NamedTuple):
+class TaskFactors(NamedTuple):
     """Scalars or (n,) arrays; every field broadcasts over the poses.
 
     Attributes:
@@ -38,18 +36,18 @@ class Given(NamedTuple):
             type(value) in (int, float) and value == 0 for value in (self.load, *self.coupling, self.activity)
         )
 
-    def rows(self, which: Any) -> Given:
+    def rows(self, which: Any) -> TaskFactors:
         """Return the same for some poses (a slice or an index array)."""
 
         def cut(value: Any) -> Any:
             return value[which] if np.ndim(value) else value
 
-        return Given(
+        return TaskFactors(
             cut(self.load), (cut(self.coupling[0]), cut(self.coupling[1])), cut(self.activity), self.temperature
         )
 
     @staticmethod
-    def checked(load: Any, coupling: Any, activity: Any, temperature: Any, n: int) -> Given:
+    def checked(load: Any, coupling: Any, activity: Any, temperature: Any, n: int) -> TaskFactors:
         """Return what a caller gave for n poses.
 
         Raises:
@@ -63,10 +61,12 @@ class Given(NamedTuple):
         _check("activity", activity, n, HIGHEST_POINTS, "points from 0 to 3")
         if temperature is not None and (not isinstance(temperature, _NUMBER) or isinstance(temperature, bool)):
             raise ModelError(f"temperature is {temperature!r}; expected degrees, or None for the model's own")
-        return Given(load, (coupling[0], coupling[1]), activity, None if temperature is None else float(temperature))
+        return TaskFactors(
+            load, (coupling[0], coupling[1]), activity, None if temperature is None else float(temperature)
+        )
 
 
-NOTHING = Given()
+NOTHING = TaskFactors()
 """No load, good coupling, no activity, the kind's own temperature."""
 _MODELLED = ("load", "coupling_left", "coupling_right", "static", "repeated", "unstable")
 HIGHEST_POINTS: Final = 3
@@ -89,7 +89,7 @@ def _check(name: str, value: Any, n: int, highest: float, expected: str) -> None
         raise ModelError(f"{name} is {str(value)[:80]}; expected {expected}")
 
 
-def given_of(factors: Factors | None, n: int) -> Given:
+def given_of(factors: Factors | None, n: int) -> TaskFactors:
     """Return the factors of n poses as points that a surrogate takes.
 
     Raises:
@@ -106,7 +106,7 @@ def given_of(factors: Factors | None, n: int) -> Given:
             )
     found = points(factors, Rules(), n)
     coupling = tuple(side.astype(float) for side in found.coupling)
-    return Given(checked_load(factors.load, n), (coupling[0], coupling[1]), found.activity.astype(float))
+    return TaskFactors(checked_load(factors.load, n), (coupling[0], coupling[1]), found.activity.astype(float))
 
 
 Payload = Literal["tree", "linear"]

@@ -13,15 +13,13 @@ from itertools import combinations
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.collision.shapes import Body, bodies_of
+from lgp.collision.shapes import CollisionShape, bodies_of
 from lgp.kinematics.features import cross
-from lgp.kinematics.modes import Modes
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import Kinematics, World
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
-Rows = NDArray[np.intp]
 TOUCH = 0.02
 """[m] A hand that works on a table goes this far into its top: fingers and the heel of a palm are softer than capsules.
 """
@@ -38,8 +36,8 @@ class Distances:
         by_variables: (m, nz) by the variables of the sequence.
     """
 
-    slices: Rows
-    pairs: Rows
+    slices: Indices
+    pairs: Indices
     value: Array
     by_q: Array
     by_variables: Array
@@ -60,8 +58,8 @@ class Collisions:
         >>> collisions.distances(kinematics, phases, z, *rows).value                     # doctest: +SKIP
     """
 
-    def __init__(self, world: World, modes: Modes | None = None) -> None:
-        self.world, self.modes = world, modes or Modes(world, ())
+    def __init__(self, world: World, modes: ModeSequence | None = None) -> None:
+        self.world, self.modes = world, modes or ModeSequence(world, ())
         self.bodies = bodies_of(world)
         self.pairs = tuple(
             (first, second)
@@ -82,7 +80,9 @@ class Collisions:
         """Return how messages call a pair."""
         return " and ".join(self.bodies[side].name for side in self.pairs[pair])
 
-    def near(self, kinematics: Kinematics, phases: Sequence[int] | Rows, z: Array, within: float) -> tuple[Rows, Rows]:
+    def near(
+        self, kinematics: Kinematics, phases: Sequence[int] | Indices, z: Array, within: float
+    ) -> tuple[Indices, Indices]:
         """Return slices (m,) and pairs (m,) that may be nearer than `within` - `slack` [m]; no nearer one is left out.
 
         Args:
@@ -108,7 +108,12 @@ class Collisions:
         return slices[close], pairs[close]
 
     def distances(
-        self, kinematics: Kinematics, phases: Sequence[int] | Rows, z: Array, slices: Rows, pairs: Rows
+        self,
+        kinematics: Kinematics,
+        phases: Sequence[int] | Indices,
+        z: Array,
+        slices: Indices,
+        pairs: Indices,
     ) -> Distances:
         """Return the signed distances of given rows, see `near`, and their slopes."""
         phase = np.asarray(phases)
@@ -124,13 +129,18 @@ class Collisions:
         return Distances(slices, pairs, value, by_q, by_variables)
 
     def values(
-        self, kinematics: Kinematics, phases: Sequence[int] | Rows, z: Array, slices: Rows, pairs: Rows
+        self,
+        kinematics: Kinematics,
+        phases: Sequence[int] | Indices,
+        z: Array,
+        slices: Indices,
+        pairs: Indices,
     ) -> Array:
         """Return the signed distances (m,) [m] of given rows, without slopes."""
         return self._closest(kinematics, np.asarray(phases), z, slices, pairs)[0]
 
     def _closest(
-        self, kinematics: Kinematics, phases: Rows, z: Array, slices: Rows, pairs: Rows
+        self, kinematics: Kinematics, phases: Indices, z: Array, slices: Indices, pairs: Indices
     ) -> tuple[Array, Array, Array]:
         """Return the distances (m,) of given rows, the nearest points (2, m, 3) and the normals (m, 3) there."""
         rotations, centres = self._poses(kinematics, phases, z)
@@ -149,7 +159,7 @@ class Collisions:
             normals[row] = result.normal
         return value, points, normals
 
-    def depends(self, pair: int, phase: int) -> tuple[Rows, Rows]:
+    def depends(self, pair: int, phase: int) -> tuple[Indices, Indices]:
         """Return the joints and the variables that move the bodies of a pair in a phase."""
         joints, variables = np.zeros(self.world.nq, dtype=bool), [np.zeros(0, np.intp)]
         for side in self.pairs[pair]:
@@ -163,7 +173,7 @@ class Collisions:
                 joints |= self.world.support(frame) > 0.0
         return np.flatnonzero(joints), np.concatenate(variables)
 
-    def _poses(self, kinematics: Kinematics, phases: Rows, z: Array) -> tuple[Array, Array]:
+    def _poses(self, kinematics: Kinematics, phases: Indices, z: Array) -> tuple[Array, Array]:
         """Return rotations (n, B, 3, 3) and centres (n, B, 3) of all bodies."""
         n = len(kinematics)
         rotations, centres = np.empty((n, len(self.bodies), 3, 3)), np.empty((n, len(self.bodies), 3))
@@ -181,7 +191,7 @@ class Collisions:
                 rotations[:, number], centres[:, number] = body.rotation, body.position
         return rotations, centres
 
-    def slack(self, phases: Sequence[int] | Rows) -> Array:
+    def slack(self, phases: Sequence[int] | Indices) -> Array:
         """Return how far [m] each pair may go into each other in each slice, (n, pairs): inf where it may touch anyhow.
 
         An object meets what holds it in this phase, the one before or the next; a hand that works on a table meets it.
@@ -253,7 +263,7 @@ class Collisions:
         return str(model.names[model.frames[self.world.frame(hand)].parentJoint])
 
     def _speeds(
-        self, side: int, kinematics: Kinematics, phases: Rows, z: Array, slices: Rows, points: Array
+        self, side: int, kinematics: Kinematics, phases: Indices, z: Array, slices: Indices, points: Array
     ) -> tuple[Array, Array]:
         """Return the Jacobians (m, 3, nq) and (m, 3, nz) of (m, 3) points on a body in given slices."""
         body, nz = self.bodies[side], self.modes.size
@@ -269,7 +279,7 @@ class Collisions:
         return by_q, by_variables
 
 
-def _may_meet(first: Body, second: Body) -> bool:
+def _may_meet(first: CollisionShape, second: CollisionShape) -> bool:
     """Return whether two bodies can touch at all and are not neighbours."""
     kinds = {first.kind, second.kind}
     if "link" not in kinds:

@@ -6,7 +6,7 @@ import numpy as np
 
 from lgp.collision.distances import Collisions
 from lgp.errors import WorldError
-from lgp.kinematics.leg_ik import STRAIGHTEST, legs
+from lgp.kinematics.leg_ik import STRAIGHTEST, solve_legs
 from lgp.kinematics.posture import PELVIS
 from lgp.kinematics.world import World
 from reba.arrays import Array
@@ -36,7 +36,7 @@ def random_start(world: World, rng: np.random.Generator, clearance: float = 0.01
     for _ in range(TRIES):
         q[columns] = rng.uniform(world.lower[columns], world.upper[columns])
         pelvis = np.array([[_value(world, q, name) for name in PELVIS]])
-        angles, beyond = legs(pelvis, person.stature, person.sex)
+        angles, beyond = solve_legs(pelvis, person.stature, person.sex)
         straight = min(float(angle[0]) for name, angle in angles.items() if name.endswith("knee_Z"))
         if person.legs != "locked" and (beyond.max() > 0.0 or straight < STRAIGHTEST):
             continue

@@ -25,7 +25,7 @@ RADIUS = 0.06
 
 
 @dataclass(frozen=True)
-class Body:
+class CollisionShape:
     """One convex body.
 
     Attributes:
@@ -56,9 +56,9 @@ class Body:
     shape: Any = field(repr=False, compare=False)
 
 
-def bodies_of(world: World) -> tuple[Body, ...]:
+def bodies_of(world: World) -> tuple[CollisionShape, ...]:
     """Return every body of a world: human, robots, tables, objects."""
-    found: list[Body] = []
+    found: list[CollisionShape] = []
     for agent in world.scene.agents:
         found += _robot(world, agent) if isinstance(agent, Robot) else _human(world)
     for name, table in world.scene.tables.items():
@@ -71,15 +71,17 @@ def bodies_of(world: World) -> tuple[Body, ...]:
     return tuple(found)
 
 
-def _box(name: str, owner: str, kind: str, rotation: Array, position: Array, size: tuple[float, float, float]) -> Body:
+def _box(
+    name: str, owner: str, kind: str, rotation: Array, position: Array, size: tuple[float, float, float]
+) -> CollisionShape:
     radius = float(np.linalg.norm(size)) / 2.0
     half = np.array(size) / 2.0
-    return Body(name, owner, kind, "", name, False, rotation, position, radius, half, 0.0, coal.Box(*size))
+    return CollisionShape(name, owner, kind, "", name, False, rotation, position, radius, half, 0.0, coal.Box(*size))
 
 
 def _capsule(
     name: str, owner: str, kind: str, frame: str, branch: str, reaches: bool, ends: tuple[Array, Array], radius: float
-) -> Body:
+) -> CollisionShape:
     start, end = ends
     length = float(np.linalg.norm(end - start))
     along = (end - start) / length
@@ -87,7 +89,7 @@ def _capsule(
     across = np.cross(along, aside)
     across /= np.linalg.norm(across)
     rotation = np.stack([np.cross(across, along), across, along], axis=1)
-    return Body(
+    return CollisionShape(
         name,
         owner,
         kind,
@@ -103,7 +105,7 @@ def _capsule(
     )
 
 
-def _human(world: World) -> list[Body]:
+def _human(world: World) -> list[CollisionShape]:
     person = world.scene.human
     if person is None:
         return []
@@ -117,7 +119,7 @@ def _human(world: World) -> list[Body]:
     return found
 
 
-def _robot(world: World, robot: Robot) -> list[Body]:
+def _robot(world: World, robot: Robot) -> list[CollisionShape]:
     known = known_robots().get(robot.model, {})
     radius = known.get("radius", RADIUS)
     found = []

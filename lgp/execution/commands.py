@@ -10,7 +10,7 @@ import click
 from lgp.errors import LgpError
 from lgp.execution.log import Recorder, RunLog
 from lgp.execution.retarget import Planner
-from lgp.execution.trajectory import slowed, violations
+from lgp.execution.trajectory import time_scaled, violations
 from lgp.plan_record import Plan
 from lgp.planner import COST
 from reba.command_line import Stop, console, json_option, print_json
@@ -67,17 +67,17 @@ def _run(given: dict[str, Any]) -> Any:
     """Return the record of a run for the options."""
     from lgp.execution.executive import Settings
     from lgp.execution.faults import parse_fault
-    from lgp.execution.session import Run
-    from lgp.execution.worker import EXACT, Habits
+    from lgp.execution.session import RunOptions
+    from lgp.execution.worker import EXACT, WorkerBehaviour
 
     replay = None if given["replay"] is None else Path(given["replay"])
     if replay is not None and not replay.exists():
         raise LgpError(f"{replay}: no such recording; give an .mcap file with transforms of the objects")
-    return Run(
+    return RunOptions(
         seed=given["seed"],
         speed=given["speed"],
         settings=Settings(patience=given["patience"], slow_down=not given["strict"]),
-        habits=EXACT if given["human"] == "exact" else Habits(),
+        habits=EXACT if given["human"] == "exact" else WorkerBehaviour(),
         noise=given["noise"],
         scatter=given["scatter"],
         faults=tuple(parse_fault(text) for text in given["faults"]),
@@ -156,7 +156,7 @@ def export(plan: Plan, file: Path, *, slow_down: bool = False) -> dict[str, Any]
             if any(one.kind == "position" for one in broken) or (broken and not slow_down):
                 hint = "plan again" if broken[0].kind == "position" else "leave out --strict to slow it down"
                 raise LgpError(f"{limits[-len(broken)]}; {hint}")
-            segment, more = slowed(world, segment, world.columns(name))
+            segment, more = time_scaled(world, segment, world.columns(name))
             factor *= more
         segments.append(segment)
         rows.append({"label": label, "seconds": segment.duration, "factor": factor})

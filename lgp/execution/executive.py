@@ -14,13 +14,22 @@ from typing import Any
 
 import numpy as np
 
-from lgp.execution.predicates import Verdict, all_hold, check, end_of, first_failing, grasped, grips_after, start_of
+from lgp.execution.predicates import (
+    PredicateState,
+    all_hold,
+    check,
+    end_of,
+    first_failing,
+    grasped,
+    gripper_commands,
+    start_of,
+)
 from lgp.execution.replan import shortened
 from lgp.execution.retarget import Phase, Planner
 from lgp.execution.simulation import Robots
-from lgp.execution.tracked_scene import OutOfPlace, carrier
-from lgp.execution.tracking import Sighting, View
-from lgp.execution.trajectory import BRAKE, Brake, robot_columns, slowed, violations
+from lgp.execution.tracked_scene import ObjectUnavailable, carrier
+from lgp.execution.tracking import TrackedPose, TrackedWorld
+from lgp.execution.trajectory import BRAKE, Brake, robot_columns, time_scaled, violations
 from lgp.motion import Motion
 from lgp.page.sentences import sentences
 
@@ -52,7 +61,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Shift:
+class RetargetedAction:
     """A motion that was moved: of which action of which plan, and how it is now."""
 
     motion: Motion
@@ -89,7 +98,7 @@ class Executive:
     def __init__(
         self,
         planner: Planner,
-        view: View,
+        view: TrackedWorld,
         robots: Robots,
         report: Report,
         settings: Settings | None = None,
@@ -100,8 +109,8 @@ class Executive:
         self.number, self.stage = number, "waiting"
         self.phase: Phase | None = None
         self.replans = 0
-        self.shifts: list[Shift] = []
-        self.verdicts: dict[str, Verdict] = {}
+        self.shifts: list[RetargetedAction] = []
+        self.verdicts: dict[str, PredicateState] = {}
         self._since: float | None = None
         self._attempts = 0
         self._again = self._moved_before = False
@@ -135,7 +144,7 @@ class Executive:
         self.stage, self._since, self._told, self._doubts = stage, self._now, "", 0
         self._sure_since = self._now
 
-    def _check(self, which: str) -> dict[str, Verdict]:
+    def _check(self, which: str) -> dict[str, PredicateState]:
         """Check the start or end predicates of the current action."""
         planner, action = self.planner, self.planner.actions[self.number]
         wanted = start_of(planner.task, action) if which == "start" else end_of(planner.task, action)
@@ -178,7 +187,7 @@ class Executive:
         if off or self._again:
             try:
                 scene = self.planner.scene(self.number, self.view)
-            except OutOfPlace as error:
+            except ObjectUnavailable as error:
                 self._hold_on(str(error))
                 return
             found = self.planner.retarget(self.number, scene, self.view.now.q)
@@ -188,7 +197,7 @@ class Executive:
             details = {"cost": found.cost, "why": ", ".join(off) or "from here"}
             self.report("waiting", "retargeted", "The motion is moved to where things are.", details)
             if self._again or not self._moved_before:
-                self.shifts.append(Shift(self.planner.motion, self.number, found))
+                self.shifts.append(RetargetedAction(self.planner.motion, self.number, found))
             phase = found
         self._moved_before = phase.scene is not None
         checked = self._checked(phase)
@@ -204,7 +213,7 @@ class Executive:
             self._fail(f"the motion breaks a limit: {broken[0]}")
             return None
         if broken:
-            segment, factor = slowed(world, phase.segment, columns)
+            segment, factor = time_scaled(world, phase.segment, columns)
             self.report("waiting", "slowed", f"The motion is slowed down to {1 / factor:.0%}: {broken[0]}", {
                 "factor": factor, "limits": [str(one) for one in broken],
             })  # fmt: skip
@@ -232,7 +241,7 @@ class Executive:
             return
         if self._waited < phase.segment.duration:
             return
-        for hand, closed in grips_after(self.planner.task, self.planner.actions[self.number], self.view):
+        for hand, closed in gripper_commands(self.planner.task, self.planner.actions[self.number], self.view):
             self.robots.grip(hand, closed)
         verdicts = self._check("end")
         if all_hold(verdicts):
@@ -276,11 +285,11 @@ class Executive:
         self._expected[name] = now
         try:
             scene = self.planner.scene(self.number, self.view)
-        except OutOfPlace:
+        except ObjectUnavailable:
             return False
         return isinstance(self.planner.retarget(self.number, scene, self.view.now.q), str)
 
-    def _shifted(self, name: str, expected: Sighting) -> bool:
+    def _shifted(self, name: str, expected: TrackedPose) -> bool:
         """Return whether an object has come to rest elsewhere than the motion expects it."""
         now = self.view.mean(name)
         away = np.inf if now is None else np.linalg.norm(now.position - expected.position)
@@ -302,7 +311,7 @@ class Executive:
         if self._attempts >= self.settings.attempts:
             self._fail(f"{self.planner.actions[self.number].at(self.number + 1)} was not finished in time: {why}")
             return
-        for hand, closed in grips_after(self.planner.task, self.planner.actions[self.number], self.view):
+        for hand, closed in gripper_commands(self.planner.task, self.planner.actions[self.number], self.view):
             if closed:
                 self.robots.grip(hand, False)
         self.phase, self._again = None, True
@@ -317,7 +326,7 @@ class Executive:
             return
         try:
             scene = planner.scene(self.number, self.view)
-        except OutOfPlace as error:
+        except ObjectUnavailable as error:
             self._hold_on(str(error))
             return
         if self._open_empty():

@@ -12,21 +12,19 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.kinematics.modes import Modes
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.path.bounds import PathBounds, Solution
 from lgp.path.collision_constraints import CollisionRows
-from lgp.path.collision_path import apart, settled
+from lgp.path.collision_path import settled, solve_collision_free
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.search.tree_search import Skeleton
-from lgp.sqp.problem import Options
+from lgp.sqp.problem import SolverOptions
 from lgp.sqp.solver import Solver
-from reba.arrays import Array
+from reba.arrays import Array, Flags, Indices
 
-Columns = NDArray[np.intp]
 SLACK = 1e-5
 """[m, rad] Room around a pinned value, so that bounds do not become equations."""
 FIRST = 0.05
@@ -38,14 +36,14 @@ BUDGET = 20
 
 
 @dataclass(frozen=True)
-class Course:
+class PrescribedMotion:
     """How some joints move during the first action: columns of q (k,), their values (slices, k) after its start."""
 
-    columns: Columns
+    columns: Indices
     values: Array
 
 
-class PinnedBounds(PathBounds):
+class FixedPathBounds(PathBounds):
     """The levels of a scene in which some variables and joints have given values.
 
     Args:
@@ -63,8 +61,8 @@ class PinnedBounds(PathBounds):
         *args: Any,
         pins: Mapping[str, float] | None = None,
         still: Iterable[str] = (),
-        course: Course | None = None,
-        resting: Columns | None = None,
+        course: PrescribedMotion | None = None,
+        resting: Indices | None = None,
         shapes: Mapping[Skeleton, tuple[Array, Array]] | None = None,
         **more: Any,
     ) -> None:
@@ -98,7 +96,7 @@ class PinnedBounds(PathBounds):
         return problem
 
     @property
-    def _options(self) -> Options:
+    def _options(self) -> SolverOptions:
         options = super()._options
         return replace(options, decrease=max(options.decrease, ROUGH), kkt=max(options.kkt, ROUGH))
 
@@ -121,10 +119,10 @@ class PinnedBounds(PathBounds):
         options = replace(settled(self._options), longest_step=FIRST, iterations=1)
         result = Solver(options).solve(problem, problem.join(guess, variables))
         limited = replace(self._options, iterations=min(BUDGET, self._options.iterations))
-        return self._judged(*apart(lambda given: make(apart=given), rows, result, limited))[0]
+        return self._judged(*solve_collision_free(lambda given: make(apart=given), rows, result, limited))[0]
 
 
-def _pin(problem: PathProblem, unknowns: Columns, values: Array) -> None:
+def _pin(problem: PathProblem, unknowns: Indices, values: Array) -> None:
     """Leave some unknowns hardly any room around values."""
     problem.lower[unknowns], problem.upper[unknowns] = values - SLACK, values + SLACK
 
@@ -139,7 +137,7 @@ OFF = 0.02
 """[rad] An arm with a joint farther from the plan than this does not move as planned."""
 
 
-def still_hands(modes: Modes, number: int) -> tuple[str, ...]:
+def still_hands(modes: ModeSequence, number: int) -> tuple[str, ...]:
     """Return the hands that stand still during an action, as they hold a part until their next action.
 
     Args:
@@ -151,7 +149,7 @@ def still_hands(modes: Modes, number: int) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def planned_course(world: World, first: Array, planned: Array, hands: Sequence[str]) -> Course:
+def planned_course(world: World, first: Array, planned: Array, hands: Sequence[str]) -> PrescribedMotion:
     """Return the planned motion of those robot arms that have no part in an action and start as planned.
 
     An arm moves as planned as a whole or not at all: some of its joints alone would take the hand anywhere.
@@ -173,9 +171,9 @@ def planned_course(world: World, first: Array, planned: Array, hands: Sequence[s
             part = part & ~busy
             moving |= part & (not np.any(off & part))
     columns = np.flatnonzero(moving)
-    return Course(columns, planned[1:, columns])
+    return PrescribedMotion(columns, planned[1:, columns])
 
 
-def _columns(world: World, hands: Sequence[str]) -> NDArray[np.bool_]:
+def _columns(world: World, hands: Sequence[str]) -> Flags:
     """Return (nq,) which joints move any of some hands."""
     return np.asarray(np.sum([np.zeros(world.nq), *map(world.support, hands)], axis=0) > 0.0)

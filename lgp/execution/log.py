@@ -26,7 +26,7 @@ import numpy as np
 
 from lgp.errors import LgpError
 from lgp.execution.events import Event
-from lgp.execution.predicates import Verdict
+from lgp.execution.predicates import PredicateState
 from lgp.execution.ros_messages import (
     DEFINITIONS,
     JOINT_STATE,
@@ -38,8 +38,8 @@ from lgp.execution.ros_messages import (
     transforms,
 )
 from lgp.execution.tracked_scene import carrier
-from lgp.execution.tracking import View
-from lgp.execution.trajectory import Segment
+from lgp.execution.tracking import TrackedWorld
+from lgp.execution.trajectory import JointTrajectory
 from lgp.kinematics.human import ISB
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
@@ -157,7 +157,7 @@ class Recorder:
         self.log, self.world = log, world
         self._posture = PostureMap(world) if world.scene.human is not None else None
         self._columns = {name: world.columns(name) for name in world.scene.robots}
-        self._verdicts: dict[str, Verdict] = {}
+        self._verdicts: dict[str, PredicateState] = {}
 
     def plan(self, time: float, plan: Plan, folder: str) -> None:
         """Write the plan that is followed from now on, and its scene."""
@@ -169,20 +169,20 @@ class Recorder:
         """Write what happened."""
         self.log.json("/events", event.time, event.record())
 
-    def predicates(self, time: float, number: int, verdicts: dict[str, Verdict]) -> None:
+    def predicates(self, time: float, number: int, verdicts: dict[str, PredicateState]) -> None:
         """Write the verdicts on the predicates of an action if any changed."""
         if verdicts and verdicts != self._verdicts:
             self._verdicts = dict(verdicts)
             found = {name: {"holds": one.holds, "why": "" if one.holds else one.why} for name, one in verdicts.items()}
             self.log.json("/predicates", time, {"time": time, "action": number, "predicates": found})
 
-    def command(self, time: float, segment: Segment) -> None:
+    def command(self, time: float, segment: JointTrajectory) -> None:
         """Write the motion that the robots are sent on."""
         for name, columns in self._columns.items():
             message = trajectory(self.log.stamp(time), self._joints(name), segment, columns)
             self.log.message(f"/{name}/trajectory", TRAJECTORY, time, message)
 
-    def moment(self, view: View, believed: AbstractSet[Atom]) -> None:
+    def moment(self, view: TrackedWorld, believed: AbstractSet[Atom]) -> None:
         """Write joints, tracked poses and the posture of the present moment.
 
         Args:
@@ -210,7 +210,7 @@ class Recorder:
         return [self.world.joints[column].partition(".")[2] for column in self._columns[robot]]
 
 
-def load(view: View, believed: AbstractSet[Atom]) -> float:
+def load(view: TrackedWorld, believed: AbstractSet[Atom]) -> float:
     """Return the mass that the human holds [kg]."""
     scene = view.world.scene
     hands = {name: carrier(view, name, believed) for name in scene.things}

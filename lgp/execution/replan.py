@@ -9,15 +9,15 @@ from __future__ import annotations
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.errors import LogicError
-from lgp.execution.fixed_path import PinnedBounds
+from lgp.execution.fixed_path import FixedPathBounds
 from lgp.logic.task import Action, Task
 from lgp.motion import Motion
 from lgp.plan_record import Plan
 from lgp.planner import parse_sequence, plan_within
 from lgp.search.tree_search import Budget
+from reba.arrays import Array
 
 FURTHER = (1, 3)
 """A new plan may have so many actions more than were left; the second only if there is none with the first."""
@@ -28,7 +28,7 @@ REASONS = 3
 
 
 def plan_rest(
-    motion: Motion, task: Task, number: int, bounds: PinnedBounds, seconds: float, thorough: bool = False
+    motion: Motion, task: Task, number: int, bounds: FixedPathBounds, seconds: float, thorough: bool = False
 ) -> Plan:
     """Return a new plan; `feasible` says whether there is one.
 
@@ -54,7 +54,7 @@ def plan_rest(
     return found if found.feasible or known is None or not known.feasible else known
 
 
-def again(motion: Motion, task: Task, number: int, bounds: PinnedBounds) -> tuple[Action, ...]:
+def again(motion: Motion, task: Task, number: int, bounds: FixedPathBounds) -> tuple[Action, ...]:
     """Return the last actions of a plan that lead to the goal from the world as it is, () if none do.
 
     The bounds are told how they were planned.
@@ -89,7 +89,7 @@ def shortened(reason: str) -> str:
     return "; ".join(list(parts)[:REASONS]) + (f"; and {more} more" if more > 0 else "")
 
 
-def brought(motion: Motion, first: int, last: int | None = None) -> NDArray[np.float64]:
+def brought(motion: Motion, first: int, last: int | None = None) -> Array:
     """Return the variables that the actions of a plan from one to before another bring, by default to its end."""
     end = motion.phases.count if last is None else last
     own = [first <= int(name.partition(".")[0]) < end for name in motion.modes.names]

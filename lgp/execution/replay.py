@@ -10,13 +10,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.errors import LgpError
 from lgp.execution.simulation import SimulatedRobots
-from lgp.execution.tracking import Observation, Sighting
+from lgp.execution.tracking import Observation, TrackedPose
 from lgp.kinematics.world import World
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 from reba.errors import did_you_mean
 from reba.readers.mapping.reference_frames import FramePoses
 from reba.readers.mcap import open_mcap
@@ -65,7 +64,7 @@ class Replay:
             at = int(np.searchsorted(samples[:, 0], self.time + 1e-9)) - 1
             if at >= 0:
                 turn = Rotation.from_quat(samples[at, 1:5]).as_matrix()
-                things[name] = Sighting(turn, samples[at, 5:], float(samples[at, 0]))
+                things[name] = TrackedPose(turn, samples[at, 5:], float(samples[at, 0]))
         q = self.robots.q.copy()
         for samples, columns in self._joints:
             at = max(int(np.searchsorted(samples[:, 0], self.time + 1e-9)) - 1, 0)
@@ -88,7 +87,7 @@ def _poses(recording: Recording, name: str) -> Array:
     return np.empty((0, 8))
 
 
-def _joints(recording: Recording, world: World, agent: str) -> tuple[Array, NDArray[np.intp]]:
+def _joints(recording: Recording, world: World, agent: str) -> tuple[Array, Indices]:
     """Return (n, 1 + k) time and joints of an agent, and their columns of q; nothing if they were not recorded."""
     own = {name.partition(".")[2]: at for name, at in world.column.items() if name.startswith(f"{agent}.")}
     for stream in _streams(recording, "joints"):

@@ -14,18 +14,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import dreba
 from lgp.errors import LgpError
-from lgp.execution.fixed_path import PinnedBounds, planned_course, still_hands
+from lgp.execution.fixed_path import FixedPathBounds, planned_course, still_hands
 from lgp.execution.replan import brought, plan_rest
 from lgp.execution.tracked_scene import atoms_now, carrier, in_hand, on_table, scene_now
-from lgp.execution.tracking import Sighting, View
-from lgp.execution.trajectory import Segment, robot_columns, slowed
+from lgp.execution.tracking import TrackedPose, TrackedWorld
+from lgp.execution.trajectory import JointTrajectory, robot_columns, time_scaled
 from lgp.kinematics.attachments import resting
 from lgp.kinematics.features import logarithm
-from lgp.kinematics.modes import Modes
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.logic.task import Action, Atom
 from lgp.motion import Motion
@@ -35,7 +34,7 @@ from lgp.path.ergonomics import Ergonomics as Cost
 from lgp.plan_record import Plan
 from lgp.planner import COST, task_of
 from lgp.scene.model import Scene
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
 TOUCH = 1e-3
 """[m] Bodies that reach deeper into each other were not kept apart."""
@@ -62,7 +61,7 @@ class Phase:
         solution: of its path problem; None for the planned one.
     """
 
-    segment: Segment
+    segment: JointTrajectory
     cost: float | None = None
     scene: Scene | None = None
     solution: Solution | None = None
@@ -111,9 +110,9 @@ class Planner:
         """Return the motion of an action as it was planned."""
         slices = self.motion.phases.slices
         knots = self.motion.path[number * slices : (number + 1) * slices + 1]
-        return Phase(Segment(knots, self.motion.phases.seconds))
+        return Phase(JointTrajectory(knots, self.motion.phases.seconds))
 
-    def deviations(self, number: int, view: View) -> list[str]:
+    def deviations(self, number: int, view: TrackedWorld) -> list[str]:
         """Return in words what is not where the planned motion of an action begins."""
         row = number * self.motion.phases.slices
         first = self.motion.path[row]
@@ -128,7 +127,7 @@ class Planner:
                 found.append(f"{name} is {away:.3f} m and {np.degrees(turned):.0f} deg off")
         return found
 
-    def scene(self, number: int, view: View) -> Scene:
+    def scene(self, number: int, view: TrackedWorld) -> Scene:
         """Return the world as it is before an action, as a scene.
 
         Raises:
@@ -174,10 +173,10 @@ class Planner:
                 bodies = found.feasible
                 found = bounds.solve("path", (action,), found) if bodies else found
                 if found.feasible:
-                    segment = Segment(np.concatenate([first[None], found.payload.path]), seconds)
+                    segment = JointTrajectory(np.concatenate([first[None], found.payload.path]), seconds)
                     if best is None or found.cost < (best.cost or 0.0):
                         best = Phase(segment, found.cost, scene, found.payload)
-                    if slowed(world, segment, robot_columns(world))[1] < HASTY:
+                    if time_scaled(world, segment, robot_columns(world))[1] < HASTY:
                         return best
                 if not bodies:
                     # It fails where bodies play no part yet: arms that get out of the way do not help.
@@ -216,10 +215,10 @@ class Planner:
         names = bounds.problem("sequence", bounds.phases(actions)).modes.names
         return {name: at for name, at in zip(names, found.payload.variables, strict=True) if name.startswith("0.")}
 
-    def _bounds(self, world: World, first: Array, **more: Any) -> PinnedBounds:
-        """Return bounds for new motions from a configuration (nq,), see `PinnedBounds`."""
+    def _bounds(self, world: World, first: Array, **more: Any) -> FixedPathBounds:
+        """Return bounds for new motions from a configuration (nq,), see `FixedPathBounds`."""
         slices = self.motion.phases.slices
-        return PinnedBounds(world, self.ergonomics(), start=first, slices=slices, collisions=self.apart, **more)
+        return FixedPathBounds(world, self.ergonomics(), start=first, slices=slices, collisions=self.apart, **more)
 
     def planned_spot(self, number: int) -> Spot:
         """Return where the plan puts the object of a placement."""
@@ -246,26 +245,26 @@ class Planner:
                 now, place = resting(scene.tables[other.on], other, x, y, np.radians(yaw), other.up)
                 was, goal = self._pose(other.name, row), self._pose(switch.thing, row)
                 turn = now @ was.rotation.T
-                moved = Sighting(turn @ goal.rotation, place + turn @ (goal.position - was.position), 0.0)
+                moved = TrackedPose(turn @ goal.rotation, place + turn @ (goal.position - was.position), 0.0)
                 spot = self._on(switch.table, moved)
         if spot is not None:
             pins = {own + name: value for name, value in spot._asdict().items()}
         return pins, not joints
 
-    def _acting(self, number: int) -> NDArray[np.intp]:
+    def _acting(self, number: int) -> Indices:
         """Return the columns of q that move the hands of an action."""
         world, hands = self.motion.world, self.plan.scene.hands
         masks = [world.support(name) for name in self.actions[number].arguments if name in hands]
         return np.flatnonzero(np.sum(masks, axis=0))
 
-    def _on(self, table: str, at: Sighting) -> Spot:
+    def _on(self, table: str, at: TrackedPose) -> Spot:
         x, y, yaw, _ = on_table(self.plan.scene.tables[table], at)
         return Spot(x, y, float(np.radians(yaw)))
 
-    def _pose(self, name: str, row: int) -> Sighting:
+    def _pose(self, name: str, row: int) -> TrackedPose:
         """Return where a row of the planned motion has an object."""
         poses = self.motion.thing(name)
-        return Sighting(poses.rotation[row], poses.position[row], 0.0)
+        return TrackedPose(poses.rotation[row], poses.position[row], 0.0)
 
     def anew(self, number: int, scene: Scene, start: Array, seconds: float, thorough: bool = False) -> Plan:
         """Return a new plan from a scene and a configuration; `feasible` says whether there is one.
@@ -282,7 +281,7 @@ class Planner:
         in_hand = any(thing.hand.startswith("human.") for thing in scene.things.values())
         # How a part lies in the person's hand is settled: they put it down with whatever turn of the hand that takes.
         for there in (world, world.with_free_hands("human")) if in_hand else (world,):
-            bounds = self._bounds(there, first, still=[hand for hand, _, _ in Modes(there, ()).held_at_first])
+            bounds = self._bounds(there, first, still=[hand for hand, _, _ in ModeSequence(there, ()).held_at_first])
             found = plan_rest(self.motion, task, number, bounds, seconds, thorough)
             if found.feasible:
                 break
@@ -306,7 +305,7 @@ class Planner:
         """Return whether the hand that acts is the person's."""
         return self.plan.scene.hands[self.motion.phases.switches[number].hand].agent == "human"
 
-    def _human_columns(self) -> NDArray[np.intp]:
+    def _human_columns(self) -> Indices:
         if self.plan.scene.human is None:
             return np.zeros(0, np.intp)
         return self.motion.world.columns("human")
@@ -314,7 +313,7 @@ class Planner:
     def _things(self, number: int) -> Iterable[str]:
         return [name for name in self.actions[number].arguments if name in self.plan.scene.things]
 
-    def _away(self, name: str, number: int, view: View) -> tuple[float, float]:
+    def _away(self, name: str, number: int, view: TrackedWorld) -> tuple[float, float]:
         """Return by how much [m, rad] an object is not where the planned motion of an action begins."""
         row = number * self.motion.phases.slices
         seen = view.mean(name)

@@ -12,10 +12,9 @@ from functools import cache
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.execution.trajectory import Segment
-from reba.arrays import Array
+from lgp.execution.trajectory import JointTrajectory
+from reba.arrays import Array, Indices
 from reba.readers.mcap.ros import Number, RosArray, Struct, Text, Type, parse
 
 _LINE = "\n" + "=" * 80 + "\n"
@@ -98,7 +97,7 @@ def transforms(stamp: int, poses: Mapping[str, tuple[Array, Array]]) -> dict[str
     }
 
 
-def trajectory(stamp: int, names: Sequence[str], segment: Segment, columns: NDArray[np.intp]) -> dict[str, Any]:
+def trajectory(stamp: int, names: Sequence[str], segment: JointTrajectory, columns: Indices) -> dict[str, Any]:
     """Return the motion of some joints, from rest to rest, with velocities and accelerations."""
     count = max(int(np.ceil(segment.duration / STEP)), 1)
     times = np.linspace(0.0, segment.duration, count + 1)

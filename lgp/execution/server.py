@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from lgp.errors import LgpError
 from lgp.execution.events import Event, Hub
-from lgp.execution.session import Run, Session
+from lgp.execution.session import ExecutionRun, RunOptions
 from lgp.page.page import write_page
 from lgp.plan_record import Plan
 
@@ -226,12 +226,12 @@ class Address:
 
 def run_live(
     folder: Path,
-    run: Run,
+    run: RunOptions,
     told: Callable[[Event], None] | None = None,
     address: Address | None = None,
     served: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
-    """Run the plan in a folder and return what happened, see `Session.go`.
+    """Run the plan in a folder and return what happened, see `ExecutionRun.go`.
 
     Args:
         folder: with the plan; log, page and new plans go there.
@@ -250,7 +250,7 @@ def run_live(
         if servers:
             servers[0].show(_page(plan, where))
 
-    session = Session(folder, run, told, planned)
+    session = ExecutionRun(folder, run, told, planned)
     if address is None:
         return session.go()
     try:

@@ -15,18 +15,18 @@ import numpy as np
 
 from lgp.errors import LgpError
 from lgp.execution.events import Event, Hub
-from lgp.execution.executive import Executive, Settings, Shift
+from lgp.execution.executive import Executive, RetargetedAction, Settings
 from lgp.execution.faults import Fault, Faults
-from lgp.execution.fixed_path import PinnedBounds, still_hands
+from lgp.execution.fixed_path import FixedPathBounds, still_hands
 from lgp.execution.log import Recorder, RunLog
 from lgp.execution.log_reader import Past, attachments, checkpoint, continue_log
-from lgp.execution.predicates import grips_after
+from lgp.execution.predicates import gripper_commands
 from lgp.execution.replay import Replay
 from lgp.execution.retarget import Phase, Planner, load_plan
 from lgp.execution.simulation import SimulatedRobots, SimulatedTracker, SimulatedWorld
-from lgp.execution.tracking import Observation, Sighting, Source, View
-from lgp.execution.worker import Habits, Worker
-from lgp.kinematics.modes import Modes
+from lgp.execution.tracking import Observation, ObservationSource, TrackedPose, TrackedWorld
+from lgp.execution.worker import Worker, WorkerBehaviour
+from lgp.kinematics.modes import ModeSequence
 from lgp.path.phases import Phases
 from lgp.plan_record import Plan
 from lgp.planner import COST
@@ -47,7 +47,7 @@ Told = Callable[[Event], None]
 
 
 @dataclass(frozen=True)
-class Run:
+class RunOptions:
     """How a plan is run.
 
     Attributes:
@@ -67,7 +67,7 @@ class Run:
     seed: int = 0
     speed: float = 1.0
     settings: Settings = field(default_factory=Settings)
-    habits: Habits = field(default_factory=Habits)
+    habits: WorkerBehaviour = field(default_factory=WorkerBehaviour)
     noise: float = 0.001
     scatter: float = 0.0
     faults: tuple[Fault, ...] = ()
@@ -77,7 +77,7 @@ class Run:
     resume: bool = False
 
 
-class Session:
+class ExecutionRun:
     """A run of the plan in a folder.
 
     Args:
@@ -97,11 +97,11 @@ class Session:
     def __init__(
         self,
         folder: Path,
-        run: Run | None = None,
+        run: RunOptions | None = None,
         told: Told | None = None,
         planned: Callable[[Plan, Path], None] | None = None,
     ) -> None:
-        self.folder, self.run = folder, Run() if run is None else run
+        self.folder, self.run = folder, RunOptions() if run is None else run
         self._told, self._planned = told, planned
         past = continue_log(folder / LOG) if self.run.resume else None
         self.events = [] if past is None else list(past.events)
@@ -146,7 +146,7 @@ class Session:
         q = np.array(state["q"]) if state else self.planner.motion.path[0]
         self._time = 0.0 if past is None else past.last
         self.robots = SimulatedRobots(world, q, frozenset(state.get("closed", ())))
-        self.view = View(world)
+        self.view = TrackedWorld(world)
         rngs = self._rng.spawn(3)
         self.simulation: SimulatedWorld | None = None
         self.worker: Worker | None = None
@@ -158,7 +158,7 @@ class Session:
                 raise LgpError(
                     f"{run.replay}: the log of this run goes there; copy the recording to another place first"
                 )
-            self.source: Source = Replay(run.replay, world, self.robots)
+            self.source: ObservationSource = Replay(run.replay, world, self.robots)
         else:
             self.simulation = SimulatedWorld(world, self.robots, q, attachments(state) if state else None)
             tracker = SimulatedTracker(self.simulation, rngs[0], run.noise)
@@ -294,7 +294,7 @@ class Session:
         }
 
 
-def compare(planner: Planner, shift: Shift, seconds: float) -> dict[str, Any]:
+def compare(planner: Planner, shift: RetargetedAction, seconds: float) -> dict[str, Any]:
     """Return the costs of a moved motion with its greedy rest, of a new plan, and their difference.
 
     The new plan is the better of two: what a search finds, and the greedy rest optimised as a whole, as solutions of
@@ -349,7 +349,7 @@ def _costs(planner: Planner, number: int, scene: Scene, rest: list[Phase]) -> tu
     path = np.concatenate([phase.segment.knots[1:] for phase in rest])
     world, start = planner.motion.world.with_scene(scene), rest[0].segment.knots[0]
     slices = planner.motion.phases.slices
-    bounds = PinnedBounds(
+    bounds = FixedPathBounds(
         world,
         planner.ergonomics(),
         start=start,
@@ -365,24 +365,24 @@ def _costs(planner: Planner, number: int, scene: Scene, rest: list[Phase]) -> tu
     return greedy, found.cost if found.feasible else None
 
 
-def _after(planner: Planner, number: int, phase: Phase) -> View:
+def _after(planner: Planner, number: int, phase: Phase) -> TrackedWorld:
     """Return the world as it is after a moved motion, as if it had been tracked at rest for a while."""
     scene, action = phase.scene, planner.actions[number]
     if scene is None or phase.solution is None:
         raise LgpError("only a motion that was moved knows the world it ends in")
     world, q = planner.motion.world.with_scene(scene), phase.segment.knots[-1]
-    modes = Modes(world, Phases.of(scene, (action,)).switches)
+    modes = ModeSequence(world, Phases.of(scene, (action,)).switches)
     kinematics = world.at(q[None], modes.frames)
     poses = {}
     for name in scene.things:
         pose = modes.pose(name, 1, kinematics, phase.solution.variables)
         poses[name] = pose.rotation[0], pose.position[0]
-    view = View(world)
+    view = TrackedWorld(world)
     closed = {thing.hand for thing in scene.things.values() if thing.hand and not thing.hand.startswith("human.")}
     for time in (0.0, view.tolerances.window):
-        things = {name: Sighting(*pose, time) for name, pose in poses.items()}
+        things = {name: TrackedPose(*pose, time) for name, pose in poses.items()}
         view.add(Observation(time, q, things, frozenset(closed)))
-        for hand, shut in grips_after(planner.task, action, view):
+        for hand, shut in gripper_commands(planner.task, action, view):
             (closed.add if shut else closed.discard)(hand)
     view.add(Observation(view.now.time, q, view.now.things, frozenset(closed)))
     return view

@@ -9,11 +9,11 @@ from typing import Protocol
 import numpy as np
 
 from lgp.execution.tracked_scene import in_hand, on_table
-from lgp.execution.tracking import Observation, Sighting, View, box_gap, half_height, on_top
+from lgp.execution.tracking import Observation, TrackedPose, TrackedWorld, box_gap, half_height, on_top
 from lgp.execution.trajectory import Move, robot_columns
 from lgp.kinematics.attachments import resting
 from lgp.kinematics.features import exponential
-from lgp.kinematics.modes import Modes
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from reba.arrays import Array
 
@@ -54,7 +54,7 @@ class SimulatedWorld:
         self.world, self.robots = world, robots
         self.time, self.q = 0.0, np.array(q, dtype=float)
         self.things = dict(things) if things is not None else self._first()
-        self.view = View(world)
+        self.view = TrackedWorld(world)
         self.look()
 
     def step(self, time: float) -> None:
@@ -70,13 +70,13 @@ class SimulatedWorld:
         poses = {name: self.pose(name) for name in self.things}
         self.view.add(Observation(self.time, self.q.copy(), poses, frozenset(self.robots.closed)))
 
-    def pose(self, name: str) -> Sighting:
+    def pose(self, name: str) -> TrackedPose:
         """Return where an object is now."""
         at = self.things[name]
         if not at.hand:
-            return Sighting(at.rotation, at.position, self.time)
+            return TrackedPose(at.rotation, at.position, self.time)
         hand = self._hand(at.hand)
-        return Sighting(hand.rotation @ at.rotation, hand.position + hand.rotation @ at.position, self.time)
+        return TrackedPose(hand.rotation @ at.rotation, hand.position + hand.rotation @ at.position, self.time)
 
     def gap(self, hand: str, name: str) -> float:
         """Return the distance [m] of a hand's grasping point from the box of an object."""
@@ -129,18 +129,18 @@ class SimulatedWorld:
                 if nearest and self.things[nearest].hand not in grippers:
                     self.take(hand, nearest)
 
-    def _hand(self, name: str) -> Sighting:
+    def _hand(self, name: str) -> TrackedPose:
         at = self.world.at(self.q[None], [name])
-        return Sighting(at.rotation[0, 0], at.position[0, 0], self.time)
+        return TrackedPose(at.rotation[0, 0], at.position[0, 0], self.time)
 
     def _first(self) -> dict[str, Attachment]:
 
-        modes = Modes(self.world, ())
+        modes = ModeSequence(self.world, ())
         kinematics = self.world.at(self.q[None], modes.frames)
         found = {}
         for name, thing in self.world.scene.things.items():
             pose = modes.pose(name, 0, kinematics, np.zeros(0))
-            at = Sighting(pose.rotation[0], pose.position[0], 0.0)
+            at = TrackedPose(pose.rotation[0], pose.position[0], 0.0)
             held = in_hand(self._hand(thing.hand), at) if thing.hand else (at.rotation, at.position)
             found[name] = Attachment(thing.hand, *held)
         return found
@@ -219,7 +219,7 @@ class SimulatedTracker:
         self.simulation, self.rng = simulation, rng
         self.noise, self.turn = noise, turn
         self.lost: dict[str, float] = {}
-        self._seen: dict[str, Sighting] = {}
+        self._seen: dict[str, TrackedPose] = {}
 
     def observe(self) -> Observation:
         """Return the present moment; an object that is lost keeps its last sighting."""
@@ -229,5 +229,5 @@ class SimulatedTracker:
             shift = self.rng.normal(0.0, self.noise, 3)
             turn = exponential(self.rng.normal(0.0, self.turn, 3))
             if truth.time >= self.lost.get(name, 0.0):
-                self._seen[name] = Sighting(pose.rotation @ turn, pose.position + shift, truth.time)
+                self._seen[name] = TrackedPose(pose.rotation @ turn, pose.position + shift, truth.time)
         return Observation(truth.time, truth.q.copy(), dict(self._seen), frozenset(truth.robots.closed))

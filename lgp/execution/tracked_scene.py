@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from lgp.errors import LgpError
-from lgp.execution.predicates import TOGETHER, grasped, recognise
-from lgp.execution.tracking import Sighting, View
+from lgp.execution.predicates import TOGETHER, evaluate_predicate, grasped
+from lgp.execution.tracking import TrackedPose, TrackedWorld
 from lgp.kinematics.attachments import UPRIGHT, resting
 from lgp.kinematics.features import logarithm
 from lgp.logic.task import Atom, Task
@@ -23,11 +23,11 @@ LASTING = ("placed", "screwed")
 """Predicates that stay true once they were."""
 
 
-class OutOfPlace(LgpError):
+class ObjectUnavailable(LgpError):
     """An object is where no motion can begin: lost from tracking, or neither in a hand nor on a table."""
 
 
-def scene_now(scene: Scene, view: View, believed: AbstractSet[Atom], atoms: Iterable[Atom]) -> Scene:
+def scene_now(scene: Scene, view: TrackedWorld, believed: AbstractSet[Atom], atoms: Iterable[Atom]) -> Scene:
     """Return a scene with its objects where they are seen.
 
     Args:
@@ -46,14 +46,14 @@ def scene_now(scene: Scene, view: View, believed: AbstractSet[Atom], atoms: Iter
     return _joined(read_scene(values, scene.name), values)
 
 
-def atoms_now(view: View, task: Task, believed: AbstractSet[Atom]) -> tuple[Atom, ...]:
+def atoms_now(view: TrackedWorld, task: Task, believed: AbstractSet[Atom]) -> tuple[Atom, ...]:
     """Return the atoms that hold: seen where they have geometry, else as the plan has them.
 
     Where an object was put last and what is screwed together stays so, whatever is seen.
     """
     found = []
     for atom in task.atoms:
-        verdict = recognise(view, atom)
+        verdict = evaluate_predicate(view, atom)
         if verdict is None or verdict.holds is None or (atom.predicate in LASTING and not verdict.holds):
             holds = atom in believed
         elif atom.predicate == "grasped":
@@ -68,7 +68,7 @@ def atoms_now(view: View, task: Task, believed: AbstractSet[Atom]) -> tuple[Atom
     return tuple(found)
 
 
-def carrier(view: View, thing: str, believed: AbstractSet[Atom]) -> str:
+def carrier(view: TrackedWorld, thing: str, believed: AbstractSet[Atom]) -> str:
     """Return the hand that has an object, "" if none.
 
     A hand at an object on a table has it if the plan has it so, or, where the plan has no hand keeping it where it
@@ -84,12 +84,12 @@ def carrier(view: View, thing: str, believed: AbstractSet[Atom]) -> str:
     return ""
 
 
-def in_hand(hand: Sighting, at: Sighting) -> tuple[Array, Array]:
+def in_hand(hand: TrackedPose, at: TrackedPose) -> tuple[Array, Array]:
     """Return rotation (3, 3) and position (3,) of an object in the frame of a hand."""
     return hand.rotation.T @ at.rotation, hand.rotation.T @ (at.position - hand.position)
 
 
-def on_table(table: Table, at: Sighting) -> tuple[float, float, float, str]:
+def on_table(table: Table, at: TrackedPose) -> tuple[float, float, float, str]:
     """Return x, y [m], yaw [deg] on the top of a table and the axis that points upwards of an object on it."""
     up = max(UPRIGHT, key=lambda axis: float(at.rotation[2, "xyz".index(axis)]))
     yaw = np.radians(table.yaw)
@@ -114,16 +114,16 @@ def _joined(scene: Scene, values: dict[str, Any]) -> Scene:
         if np.linalg.norm(goal - resting(table, other, *other.at[:2], np.radians(other.at[2]))[1]) <= TOGETHER:
             yaw = np.radians(joint.yaw)
             turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
-            x, y, turned, _ = on_table(table, Sighting(rotation @ turn, goal, 0.0))
+            x, y, turned, _ = on_table(table, TrackedPose(rotation @ turn, goal, 0.0))
             values["objects"][other.name]["at"] = [x, y, turned]
     return read_scene(values, scene.name)
 
 
-def _placed(scene: Scene, view: View, name: str, hand: str, values: dict[str, Any]) -> dict[str, Any]:
+def _placed(scene: Scene, view: TrackedWorld, name: str, hand: str, values: dict[str, Any]) -> dict[str, Any]:
     """Return the values of an object where it is seen."""
     at = view.mean(name)
     if at is None:
-        raise OutOfPlace(f"{name} is lost from tracking; bring it back into sight")
+        raise ObjectUnavailable(f"{name} is lost from tracking; bring it back into sight")
     kept = {key: value for key, value in values.items() if key not in ("at", "hand", "in_hand", "up")}
     if hand:
         rotation, position = in_hand(view.hand(hand), view.now.things[name])
@@ -131,9 +131,9 @@ def _placed(scene: Scene, view: View, name: str, hand: str, values: dict[str, An
         return kept | {"hand": hand, "in_hand": [*position.tolist(), *vector.tolist()]}
     table = view.table_under(name)
     if not table:
-        raise OutOfPlace(f"{name} is neither in a hand nor on a table; put it back on a table")
+        raise ObjectUnavailable(f"{name} is neither in a hand nor on a table; put it back on a table")
     if not view.rests(name):
-        raise OutOfPlace(f"{name} moves; let it come to rest")
+        raise ObjectUnavailable(f"{name} moves; let it come to rest")
     x, y, yaw, up = on_table(scene.tables[table], at)
     half = np.array(scene.tables[table].size) / 2.0
     spot = np.clip([x, y], -half, half).tolist()

@@ -1,4 +1,4 @@
-"""What is observed of the world, and the last moments of it: `View` answers what geometry can say about them."""
+"""Observed poses and the recent past of the world: `TrackedWorld` answers what geometry can say about them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Protocol
 import numpy as np
 
 from lgp.kinematics.world import World
-from lgp.scene.model import Table, Thing
+from lgp.scene.model import SceneObject, Table
 from reba.arrays import Array
 
 
 @dataclass(frozen=True)
-class Sighting:
+class TrackedPose:
     """A pose in the world: rotation (3, 3), position (3,) [m], and when it was seen [s]."""
 
     rotation: Array
@@ -36,11 +36,11 @@ class Observation:
 
     time: float
     q: Array
-    things: Mapping[str, Sighting]
+    things: Mapping[str, TrackedPose]
     closed: frozenset[str] = frozenset()
 
 
-class Source(Protocol):
+class ObservationSource(Protocol):
     """Where observations come from: a simulated tracker, a recording, a real one."""
 
     def observe(self) -> Observation:
@@ -74,7 +74,7 @@ class Tolerances:
     stale: float = 0.4
 
 
-class View:
+class TrackedWorld:
     """The last moments of the world, and what can be said about them.
 
     Args:
@@ -95,7 +95,7 @@ class View:
     def __init__(self, world: World, tolerances: Tolerances | None = None) -> None:
         self.world = world
         self.tolerances = Tolerances() if tolerances is None else tolerances
-        self._past: deque[tuple[Observation, dict[str, Sighting]]] = deque()
+        self._past: deque[tuple[Observation, dict[str, TrackedPose]]] = deque()
 
     @property
     def now(self) -> Observation:
@@ -107,7 +107,7 @@ class View:
         hands = tuple(self.world.scene.hands)
         at = self.world.at(observation.q[None], hands)
         found = {
-            name: Sighting(at.rotation[0, number], at.position[0, number], observation.time)
+            name: TrackedPose(at.rotation[0, number], at.position[0, number], observation.time)
             for name, number in at.index.items()
         }
         self._past.append((observation, found))
@@ -118,18 +118,18 @@ class View:
         """Return whether the window is full, so that rest can be told from a glance."""
         return self.now.time - self._past[0][0].time > 0.6 * self.tolerances.window
 
-    def hand(self, name: str) -> Sighting:
+    def hand(self, name: str) -> TrackedPose:
         """Return where a hand is; its position is the point that grasps."""
         return self._past[-1][1][name]
 
-    def seen(self, thing: str) -> Sighting | None:
+    def seen(self, thing: str) -> TrackedPose | None:
         """Return where an object is, None if it is lost from tracking."""
         sighting = self.now.things.get(thing)
         if sighting is None or self.now.time - sighting.time > self.tolerances.stale:
             return None
         return sighting
 
-    def mean(self, thing: str) -> Sighting | None:
+    def mean(self, thing: str) -> TrackedPose | None:
         """Return an object at rest where it was on average over the window, which evens out noise."""
         last = self.seen(thing)
         if last is None:
@@ -137,7 +137,7 @@ class View:
         seen = [at.things[thing] for at, _ in self._fresh(thing)] or [last]
         left, _, right = np.linalg.svd(np.sum([one.rotation for one in seen], axis=0))
         turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
-        return Sighting(turn, np.mean([one.position for one in seen], axis=0), last.time)
+        return TrackedPose(turn, np.mean([one.position for one in seen], axis=0), last.time)
 
     def gap(self, hand: str, thing: str) -> float:
         """Return the distance [m] between the grasping point of a hand and the box of a seen object, 0 inside it."""
@@ -162,7 +162,7 @@ class View:
         ]
         return self.watched(thing) and _spread(spots) <= self.tolerances.still
 
-    def _fresh(self, thing: str) -> list[tuple[Observation, dict[str, Sighting]]]:
+    def _fresh(self, thing: str) -> list[tuple[Observation, dict[str, TrackedPose]]]:
         """Return the moments of the window in which an object was really seen."""
         return [
             (at, hands)
@@ -180,13 +180,13 @@ class View:
         return ""
 
 
-def box_gap(point: Array, at: Sighting, thing: Thing) -> float:
+def box_gap(point: Array, at: TrackedPose, thing: SceneObject) -> float:
     """Return the distance [m] of a (3,) point from the box of an object, 0 inside it."""
     inside = np.abs(at.rotation.T @ (point - at.position)) - np.array(thing.size) / 2.0
     return float(np.linalg.norm(np.maximum(inside, 0.0)))
 
 
-def half_height(thing: Thing, rotation: Array) -> float:
+def half_height(thing: SceneObject, rotation: Array) -> float:
     """Return how far [m] an object reaches below its middle when turned by a (3, 3) rotation."""
     return float(np.abs(rotation[2]) @ np.array(thing.size)) / 2.0
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.kinematics.world import World
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
 RAMP = 0.3
 """[s] Time in which a motion gets up to its speed and slows down again, half of it added to its duration each time."""
@@ -20,7 +19,7 @@ BRAKE = 0.25
 """[s] Time in which a motion that is broken off comes to rest."""
 
 
-class Segment:
+class JointTrajectory:
     """The motion of one phase.
 
     Args:
@@ -95,7 +94,7 @@ class Brake:
         return -self.speed / self.duration if time < self.duration else np.zeros_like(self.speed)
 
 
-Move = Segment | Brake
+Move = JointTrajectory | Brake
 STEP = 0.01
 """[s] Between samples that are checked."""
 MARGIN = 1e-3
@@ -103,7 +102,7 @@ MARGIN = 1e-3
 
 
 @dataclass(frozen=True)
-class Violation:
+class LimitViolation:
     """A limit that a motion does not keep.
 
     Attributes:
@@ -124,12 +123,12 @@ class Violation:
         return f"{self.joint}: {self.kind} {self.value:.3f} {unit} at {self.time:.2f} s, limit {self.limit:.3f}"
 
 
-def robot_columns(world: World) -> NDArray[np.intp]:
+def robot_columns(world: World) -> Indices:
     """Return the columns of q that belong to robots."""
     return np.concatenate([np.zeros(0, np.intp), *map(world.columns, world.scene.robots)])
 
 
-def violations(world: World, segment: Segment, columns: NDArray[np.intp]) -> list[Violation]:
+def violations(world: World, segment: JointTrajectory, columns: Indices) -> list[LimitViolation]:
     """Return the worst violation of each joint and kind; none if the motion can be executed.
 
     Args:
@@ -149,15 +148,17 @@ def violations(world: World, segment: Segment, columns: NDArray[np.intp]) -> lis
         worst = int(beyond.argmax())
         if beyond[worst] > MARGIN:
             value = float(q[worst, column])
-            found.append(Violation(name, "position", float(times[worst]), value, float(low if value < low else high)))
+            found.append(
+                LimitViolation(name, "position", float(times[worst]), value, float(low if value < low else high))
+            )
         worst = int(np.abs(speed[:, column]).argmax())
         value, limit = float(speed[worst, column]), float(speed_limit[column])
         if limit > 0.0 and abs(value) > limit:
-            found.append(Violation(name, "velocity", float(times[worst]), value, limit))
+            found.append(LimitViolation(name, "velocity", float(times[worst]), value, limit))
     return found
 
 
-def slowed(world: World, segment: Segment, columns: NDArray[np.intp]) -> tuple[Segment, float]:
+def time_scaled(world: World, segment: JointTrajectory, columns: Indices) -> tuple[JointTrajectory, float]:
     """Return a motion slowed down until all velocities keep their limits, and by how much (1.0: not at all)."""
     ratios = [abs(one.value) / one.limit for one in violations(world, segment, columns) if one.kind == "velocity"]
     factor = max([1.0, *(1.001 * ratio for ratio in ratios)])
@@ -165,7 +166,7 @@ def slowed(world: World, segment: Segment, columns: NDArray[np.intp]) -> tuple[S
         (segment, 1.0)
         if factor == 1.0
         else (
-            Segment(segment.knots, segment.seconds, segment.stretch * factor),
+            JointTrajectory(segment.knots, segment.seconds, segment.stretch * factor),
             factor,
         )
     )

@@ -9,7 +9,7 @@ import numpy as np
 from lgp.errors import LgpError
 from lgp.execution.retarget import Phase, Planner, Spot
 from lgp.execution.simulation import SimulatedWorld
-from lgp.execution.trajectory import Segment
+from lgp.execution.trajectory import JointTrajectory
 from lgp.logic.task import Action
 
 CORRECTIONS = 3
@@ -19,7 +19,7 @@ SWINGS = 3
 
 
 @dataclass(frozen=True)
-class Habits:
+class WorkerBehaviour:
     """How a person departs from the plan.
 
     Attributes:
@@ -37,7 +37,7 @@ class Habits:
     help: float = 3.0
 
 
-EXACT = Habits(0.0, 0.0, 0.0, 0.0)
+EXACT = WorkerBehaviour(0.0, 0.0, 0.0, 0.0)
 """Somebody who moves as planned."""
 
 
@@ -53,13 +53,13 @@ class Worker:
         stuck: whether they do nothing, for trying faults.
     """
 
-    def __init__(self, simulation: SimulatedWorld, habits: Habits, rng: np.random.Generator) -> None:
+    def __init__(self, simulation: SimulatedWorld, habits: WorkerBehaviour, rng: np.random.Generator) -> None:
         self.simulation, self.habits, self.rng = simulation, habits, rng
         self.columns = simulation.world.columns("human")
         self.stuck = False
         self._planner: Planner | None = None
         self._number = -1
-        self._segment: Segment | None = None
+        self._segment: JointTrajectory | None = None
         self._next: tuple[Planner, int, Phase] | None = None
         self._floor_since: dict[str, float] = {}
 
@@ -99,7 +99,7 @@ class Worker:
                 waiting, self._next = self._next, None
                 self.told(*waiting)
 
-    def _begin(self, segment: Segment, delay: float) -> None:
+    def _begin(self, segment: JointTrajectory, delay: float) -> None:
         self._segment = segment
         self._start = self.simulation.time + delay
         self._duration = segment.duration * np.exp(self.rng.normal(0.0, self.habits.pace))

@@ -18,7 +18,7 @@ from dreba.surrogates.library import models
 from lgp.collision.random_start import random_start
 from lgp.errors import LgpError
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES
-from lgp.experiments.variations import AS_IT_IS, Variation
+from lgp.experiments.variations import BASELINE, SceneVariation
 from lgp.kinematics.world import World
 from lgp.logic.task import Task
 from lgp.path.bounds import PathBounds
@@ -28,8 +28,8 @@ from lgp.plan_record import Plan
 from lgp.planner import COST, parse_sequence, plan_within, task_of
 from lgp.scene.model import Scene
 from lgp.search.tree_search import Budget
-from reba.batch.parallel import fan_out
-from reba.batch.worker_pool import Lost
+from reba.batch.parallel import run_parallel
+from reba.batch.worker_pool import WorkerDied
 from reba.posture.columns import COLUMNS
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def plan_run(
     initial: str = "rest",
     cost: str = COST,
     slices: int | None = None,
-    variation: Variation | None = None,
+    variation: SceneVariation | None = None,
     collisions: bool = False,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the rows of one run: every condition (3, columns of `RUN_COLUMNS`), and their paths (`PATH_COLUMNS`).
@@ -68,7 +68,7 @@ def plan_run(
     """
     import pandas as pd
 
-    changed = AS_IT_IS if variation is None else variation
+    changed = BASELINE if variation is None else variation
     world, ergonomics = _prepared(cost, changed)
     scene = world.scene.draw_heights(np.random.default_rng([seed, run]))
     world = world.with_scene(scene)
@@ -93,7 +93,7 @@ def plan_runs(
     initial: str = "rest",
     cost: str = COST,
     jobs: int = 1,
-    variation: Variation | None = None,
+    variation: SceneVariation | None = None,
     scheduler: str | None = None,
     collisions: bool = False,
 ) -> Iterator[tuple[pd.DataFrame, pd.DataFrame]]:
@@ -102,7 +102,7 @@ def plan_runs(
     Args:
         runs: their numbers.
         seed, initial, cost, variation, collisions: as for `plan_run`.
-        jobs, scheduler: where they are planned, see `reba.batch.parallel.fan_out`.
+        jobs, scheduler: where they are planned, see `reba.batch.parallel.run_parallel`.
 
     Raises:
         LgpError: the process of a run died each time.
@@ -110,8 +110,8 @@ def plan_runs(
     """
     cost = str(Path(cost).resolve()) if Path(cost).is_file() else cost  # workers may be in another folder
     work = partial(plan_run, seed=seed, initial=initial, cost=cost, variation=variation, collisions=collisions)
-    for run, made in fan_out(work, runs, jobs=jobs, scheduler=scheduler, probe=partial(_lacks, cost)):
-        if isinstance(made, Lost):
+    for run, made in run_parallel(work, runs, jobs=jobs, scheduler=scheduler, probe=partial(_lacks, cost)):
+        if isinstance(made, WorkerDied):
             raise LgpError(f"run {run}: {made.reason}; what is done is safe, run the same command with fewer --jobs")
         yield made
 
@@ -124,7 +124,7 @@ def _lacks(cost: str) -> str:
 
 
 @lru_cache(maxsize=1)
-def _prepared(cost: str, variation: Variation) -> tuple[World, Ergonomics]:
+def _prepared(cost: str, variation: SceneVariation) -> tuple[World, Ergonomics]:
     """Return kinematics and cost; those of the last variation are kept in each process."""
 
     world = World(variation.scene(SCENE))

@@ -16,7 +16,7 @@ import numpy as np
 
 from lgp.experiments.runs import CONDITIONS, TABLES, RunStore
 from lgp.experiments.screwdriver import GOAL_THING, SCENE, plan_runs
-from lgp.experiments.variations import AS_IT_IS, Variation, variations
+from lgp.experiments.variations import BASELINE, SceneVariation, variations
 from lgp.kinematics.reachability import CLOSE, reach, reachability
 from lgp.kinematics.world import World
 from lgp.scene.scene_file import load_scene
@@ -45,7 +45,7 @@ def sensitivity(
         folder: of the experiment.
         runs: of every variation.
         settings: of the experiment, with its `seed`, `cost` and `collisions`; all runs start at rest.
-        jobs, scheduler: where they are made, see `reba.batch.parallel.fan_out`.
+        jobs, scheduler: where they are made, see `reba.batch.parallel.run_parallel`.
         progress: told what is made next.
 
     Returns:
@@ -70,10 +70,10 @@ def sensitivity(
     return _table(rows)
 
 
-def _rows(variation: Variation, runs: pd.DataFrame) -> list[dict[str, Any]]:
+def _rows(variation: SceneVariation, runs: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a row per condition; the re-optimized one has the tables of the one without ergonomics."""
 
-    changed = variation.changes != AS_IT_IS.changes
+    changed = variation.changes != BASELINE.changes
     remark = "; ".join(remarks(World(variation.scene(SCENE)))) if changed else ""
     rows = []
     for condition in CONDITIONS[:2]:

@@ -19,7 +19,7 @@ WEIGHT: Final = "weight of the ergonomic cost"
 
 
 @dataclass(frozen=True)
-class Variation:
+class SceneVariation:
     """One choice multiplied by a factor.
 
     Attributes:
@@ -45,23 +45,23 @@ class Variation:
         return load_scene(name, json.loads(self.changes))
 
 
-AS_IT_IS: Final = Variation("as it is", 1.0)
+BASELINE: Final = SceneVariation("as it is", 1.0)
 
 
-def variations(scene: Scene) -> tuple[Variation, ...]:
+def variations(scene: Scene) -> tuple[SceneVariation, ...]:
     """Return the scene as it is, then every free choice by every factor.
 
     Example:
         >>> [one.name for one in variations(load_scene("screwdriver"))][:3]
         ['as_it_is_1', 'tables_left_center_right_position_0.8', 'tables_left_center_right_position_1.2']
     """
-    found = [AS_IT_IS]
+    found = [BASELINE]
     for label, keys in _groups(scene).items():
         values = {key: _value(scene.values, key) for key in keys}
         for factor in FACTORS:
             changes = {key: _times(value, factor) for key, value in values.items()}
-            found.append(Variation(label, factor, json.dumps(changes)))
-    return (*found, *(Variation(WEIGHT, factor, weight=factor) for factor in FACTORS))
+            found.append(SceneVariation(label, factor, json.dumps(changes)))
+    return (*found, *(SceneVariation(WEIGHT, factor, weight=factor) for factor in FACTORS))
 
 
 def _groups(scene: Scene) -> dict[str, list[str]]:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.kinematics import features
 from lgp.kinematics.features import (
@@ -19,8 +18,8 @@ from lgp.kinematics.features import (
     skew,
 )
 from lgp.kinematics.world import Kinematics
-from lgp.scene.model import Hand, Joint, Table, Thing
-from reba.arrays import Array
+from lgp.scene.model import Assembly, Hand, SceneObject, Table
+from reba.arrays import Array, Indices
 
 FREEDOM: dict[str, tuple[int, ...]] = {"free": (0, 1, 2), "axis": (2,), "jaw": (1,), "fixed": ()}
 """Parts of the rotation vector in the hand that are variables."""
@@ -49,17 +48,17 @@ class Pose:
         """The Jacobian by the configuration, as that of a frame."""
         return self.by_q
 
-    def spread(self, size: int) -> Spread:
+    def spread(self, size: int) -> FullPose:
         """Return the same with one Jacobian (n, 6, nq + size) by the configuration and all variables."""
         n, rows, nq = self.by_q.shape
         jacobian = np.zeros((n, rows, nq + size))
         jacobian[:, :, :nq] = self.by_q
         jacobian[:, :, nq + self.variables.start : nq + self.variables.stop] = self.by_variables
-        return Spread(self.rotation, self.position, jacobian)
+        return FullPose(self.rotation, self.position, jacobian)
 
 
 @dataclass(frozen=True)
-class Spread:
+class FullPose:
     """A pose whose Jacobian is by the configuration and all variables of a sequence."""
 
     rotation: Array
@@ -68,7 +67,7 @@ class Spread:
 
 
 @dataclass(frozen=True)
-class Holder:
+class Attachment:
     """What holds an object over a stretch of phases.
 
     Attributes:
@@ -105,7 +104,7 @@ UPRIGHT: dict[str, Array] = {
 """Rotations of an object that rests with one of its axes upwards."""
 
 
-def resting(table: Table, thing: Thing, x: float, y: float, yaw: float, up: str = "z") -> tuple[Array, Array]:
+def resting(table: Table, thing: SceneObject, x: float, y: float, yaw: float, up: str = "z") -> tuple[Array, Array]:
     """Return rotation (3, 3) and position (3,) of an object on a table at x, y [m], yaw [rad] of its top.
 
     Args:
@@ -120,7 +119,7 @@ def resting(table: Table, thing: Thing, x: float, y: float, yaw: float, up: str 
     return top @ _about_z(yaw) @ UPRIGHT[up], centre + top @ np.array([x, y, half])
 
 
-def fixed_on(table: Table, thing: Thing) -> Holder:
+def fixed_on(table: Table, thing: SceneObject) -> Attachment:
     """Return the table an object lies on at first; nothing is variable."""
     x, y, yaw = thing.at
     rotation, position = resting(table, thing, x, y, np.radians(yaw), thing.up)
@@ -138,10 +137,10 @@ def fixed_on(table: Table, thing: Thing) -> Holder:
     def fit(*_: object) -> Array:
         return np.zeros(0)
 
-    return Holder(table.full, (), np.zeros(0), np.zeros(0), slice(0, 0), pose, fit)
+    return Attachment(table.full, (), np.zeros(0), np.zeros(0), slice(0, 0), pose, fit)
 
 
-def fixed_in(hand: Hand, thing: Thing) -> Holder:
+def fixed_in(hand: Hand, thing: SceneObject) -> Attachment:
     """Return the hand an object is in at first; nothing is variable."""
     turn = exponential(np.radians(np.array(thing.in_hand[3:])))
     offset = np.array(thing.in_hand[:3])
@@ -157,10 +156,10 @@ def fixed_in(hand: Hand, thing: Thing) -> Holder:
     def fit(*_: object) -> Array:
         return np.zeros(0)
 
-    return Holder(hand.full, (), np.zeros(0), np.zeros(0), slice(0, 0), pose, fit)
+    return Attachment(hand.full, (), np.zeros(0), np.zeros(0), slice(0, 0), pose, fit)
 
 
-def placed(table: Table, thing: Thing, start: int) -> Holder:
+def placed(table: Table, thing: SceneObject, start: int) -> Attachment:
     """Return a table that an object is put on: x, y anywhere on the top, any yaw (twice around: no yaw is a border)."""
     margin = min(thing.size[:2]) / 2.0
     reach = np.maximum(np.array(table.size) / 2.0 - margin, 0.0)
@@ -187,10 +186,10 @@ def placed(table: Table, thing: Thing, start: int) -> Holder:
         forward = top.T @ rotation[:, 0]
         return np.clip([x, y, np.arctan2(forward[1], forward[0])], lower, upper)
 
-    return Holder(table.full, ("x", "y", "yaw"), lower, upper, variables, pose, fit)
+    return Attachment(table.full, ("x", "y", "yaw"), lower, upper, variables, pose, fit)
 
 
-def held(hand: Hand, thing: Thing, start: int) -> Holder:
+def held(hand: Hand, thing: SceneObject, start: int) -> Attachment:
     """Return a hand that holds an object: turned as its freedom allows, slid along the longest side of the object.
 
     Where and from where it takes the object is the `Grip` of its kind.
@@ -235,7 +234,7 @@ def held(hand: Hand, thing: Thing, start: int) -> Holder:
         point = rotation.T @ (place.position[slice_] - position) - at
         return np.clip([*vector[turns], *([float(point @ side)] if slides else [])], -upper, upper)
 
-    return Holder(hand.full, names, -upper, upper, variables, pose, fit, slopes)
+    return Attachment(hand.full, names, -upper, upper, variables, pose, fit, slopes)
 
 
 def _facing(along: Array) -> Array:
@@ -263,7 +262,7 @@ LEVEL = 1e-9
 
 
 @dataclass(frozen=True)
-class Fastening:
+class ScrewConstraint:
     """A screw between two objects.
 
     Attributes:
@@ -273,10 +272,10 @@ class Fastening:
         size: number of all variables of the sequence.
     """
 
-    joint: Joint
+    joint: Assembly
     hand: Hand
-    first: Holder
-    second: Holder
+    first: Attachment
+    second: Attachment
     size: int
 
     @property
@@ -285,7 +284,7 @@ class Fastening:
         return 0 if self.hand.agent == "human" else 2
 
     @property
-    def variables(self) -> NDArray[np.intp]:
+    def variables(self) -> Indices:
         """Which variables of the sequence the parts stand by."""
         own = [np.arange(holder.variables.start, holder.variables.stop) for holder in (self.first, self.second)]
         return np.unique(np.concatenate(own)).astype(np.intp)
@@ -296,7 +295,7 @@ class Fastening:
         base = first.spread(self.size)
         rotation = base.rotation @ exponential(np.array([0.0, 0.0, np.radians(self.joint.yaw)]))
         position, jacobian = _point(base, np.array(self.joint.position))
-        wanted = Spread(rotation, position, np.concatenate([jacobian, base.jacobian[:, 3:]], axis=1))
+        wanted = FullPose(rotation, position, np.concatenate([jacobian, base.jacobian[:, 3:]], axis=1))
         return pose_difference(second.spread(self.size), wanted)
 
     def rows(self, kinematics: Kinematics) -> tuple[int, ...]:
@@ -338,7 +337,7 @@ def _across(axis: int) -> tuple[int, ...]:
     return tuple(other for other in range(3) if other != axis)
 
 
-def _seen(hand: Spread, along: Array, by_along: Array) -> tuple[Array, Array]:
+def _seen(hand: FullPose, along: Array, by_along: Array) -> tuple[Array, Array]:
     """Return a direction (n, 3) in the frame of a hand, and its Jacobian (n, 3, columns)."""
     inverse = np.swapaxes(hand.rotation, 1, 2)
     # d(R'a) = R'(da - omega x a)
@@ -367,13 +366,13 @@ def _slant(seen: Array, by_seen: Array, axis: int) -> tuple[Array, Array]:
     return scale[:, None] * across, scale[:, None, None] * by_across + across[:, :, None] * by_scale[:, None, :]
 
 
-def _point(base: Spread, point: Array) -> tuple[Array, Array]:
+def _point(base: FullPose, point: Array) -> tuple[Array, Array]:
     """Return the place (n, 3) of a point of an object and its Jacobian (n, 3, columns)."""
     arm = base.rotation @ point
     return base.position + arm, base.jacobian[:, :3] + cross(base.jacobian[:, 3:], arm)
 
 
-def _direction(base: Spread, vector: Array) -> tuple[Array, Array]:
+def _direction(base: FullPose, vector: Array) -> tuple[Array, Array]:
     """Return a direction (n, 3) that turns with an object and its Jacobian (n, 3, columns)."""
     turned = base.rotation @ vector
     return turned, cross(base.jacobian[:, 3:], turned)

@@ -29,7 +29,7 @@ LEGS = ("hip_Z", "hip_X", "hip_Y", "knee_Z", "ankle_Z", "ankle_X")
 
 
 @dataclass(frozen=True)
-class Joint:
+class BodyJoint:
     """One joint of the human.
 
     Attributes:
@@ -51,10 +51,10 @@ class Joint:
     upper: float
 
 
-def joints(stature: float, sex: str) -> tuple[Joint, ...]:
+def joints(stature: float, sex: str) -> tuple[BodyJoint, ...]:
     """Return the joints of a human, parents first: pelvis, spine, left and right arm, left and right leg."""
     measures = lengths(stature, sex)
-    found: list[Joint] = []
+    found: list[BodyJoint] = []
     standing = np.array([0.0, 0.0, measures["ankle_height"] + measures["shank"] + measures["thigh"]])
     for limb in _limbs():
         sided = "{side}" in limb[0]["name"]
@@ -78,7 +78,7 @@ def _limbs() -> list[list[dict[str, Any]]]:
     return chains
 
 
-def _joint(entry: dict[str, Any], after: str, at: Array, side: str) -> Joint:
+def _joint(entry: dict[str, Any], after: str, at: Array, side: str) -> BodyJoint:
     axis = np.zeros(3)
     direction = entry["axis"].removeprefix("slide ")
     axis["xyz".index(direction[1])] = -1.0 if direction[0] == "-" else 1.0
@@ -86,7 +86,7 @@ def _joint(entry: dict[str, Any], after: str, at: Array, side: str) -> Joint:
     lower, upper = entry["limits"] if slide else np.radians(entry["limits"])
     if side == "left":
         axis = axis * (-1.0, -1.0, 1.0)
-    return Joint(
+    return BodyJoint(
         _sided(entry["name"], side), PELVIS if after == "pelvis" else after, at, slide, axis, float(lower), float(upper)
     )
 

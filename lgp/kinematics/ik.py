@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
-Residuals = Callable[[Array, NDArray[np.intp]], tuple[Array, Array]]
+Residuals = Callable[[Array, Indices], tuple[Array, Array]]
 """(n, k) joints and the numbers (n,) of their problems -> residuals (n, m) and their Jacobian (n, m, k)."""
 
 

@@ -15,7 +15,7 @@ from reba.arrays import Array
 from reba.posture.columns import SIDES
 
 
-def legs(pelvis: Array, stature: float, sex: str) -> tuple[dict[str, Array], Array]:
+def solve_legs(pelvis: Array, stature: float, sex: str) -> tuple[dict[str, Array], Array]:
     """Return the leg joints that keep the soles where they stand when every joint is 0.
 
     Args:
@@ -152,5 +152,5 @@ def rest(stature: float, sex: str) -> dict[str, float]:
         else:
             values |= {_sided(name, side): float(np.radians(degrees)) for side in SIDES}
     pelvis = np.array([[0.0, 0.0, values["pelvis_z"], 0.0, 0.0]])
-    bent, _ = legs(pelvis, stature, sex)
+    bent, _ = solve_legs(pelvis, stature, sex)
     return values | {name: float(angle[0]) for name, angle in bent.items()}

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from lgp.errors import WorldError
-from lgp.kinematics.attachments import Fastening, Holder, Pose, fixed_in, fixed_on, held, placed
+from lgp.kinematics.attachments import Attachment, Pose, ScrewConstraint, fixed_in, fixed_on, held, placed
 from lgp.kinematics.features import Feature, pose_difference
 from lgp.kinematics.world import Kinematics, World
 from lgp.logic.task import parse_atom
@@ -38,7 +38,7 @@ TAKES: Final = ("grasp", "handover")
 
 
 @dataclass(frozen=True)
-class Switch:
+class KinematicSwitch:
     """One action as geometry.
 
     Attributes:
@@ -66,7 +66,7 @@ class Switch:
         return (self.hand, self.giver) if self.giver else (self.hand,)
 
 
-class Modes:
+class ModeSequence:
     """The attachments of every object over a sequence of switches.
 
     Attributes:
@@ -85,14 +85,14 @@ class Modes:
         >>> modes.pose("screwdriver", 1, world.at(q, modes.frames), modes.first)        # doctest: +SKIP
     """
 
-    def __init__(self, world: World, switches: Sequence[Switch]) -> None:
+    def __init__(self, world: World, switches: Sequence[KinematicSwitch]) -> None:
         self.world, self.switches = world, tuple(switches)
         scene = world.scene
-        self._held_by: dict[str, list[Holder]] = {
+        self._held_by: dict[str, list[Attachment]] = {
             name: [fixed_in(scene.hands[thing.hand], thing) if thing.hand else fixed_on(scene.tables[thing.on], thing)]
             for name, thing in scene.things.items()
         }
-        self._new: list[Holder | None] = []
+        self._new: list[Attachment | None] = []
         size = 0
         for number, switch in enumerate(self.switches):
             self._check(number, switch)
@@ -140,7 +140,7 @@ class Modes:
         last = len(self.switches) - 1
         return next((k for k in range(first, last + 1) if hand in self.switches[k].hands), last)
 
-    def holder(self, thing: str, phase: int) -> Holder:
+    def holder(self, thing: str, phase: int) -> Attachment:
         """Return what holds an object during a phase; phase K is after the last of K actions.
 
         Raises:
@@ -152,7 +152,7 @@ class Modes:
             raise WorldError(f"phase {phase} is outside 0 to {len(self.switches)}")
         return self._held_by[thing][phase]
 
-    def contact(self, number: int) -> tuple[Holder, Holder] | None:
+    def contact(self, number: int) -> tuple[Attachment, Attachment] | None:
         """Return the two holders that have the object of a switch at one pose, the new one first; None if none does."""
         new = self._new[number]
         return None if new is None else (new, self.holder(self.switches[number].thing, number))
@@ -186,7 +186,7 @@ class Modes:
         poses = [side.pose(kinematics, z[side.variables]).spread(self.size) for side in sides]
         return pose_difference(*poses)
 
-    def fastening(self, number: int) -> Fastening:
+    def fastening(self, number: int) -> ScrewConstraint:
         """Return the geometry of a screw.
 
         Raises:
@@ -198,7 +198,7 @@ class Modes:
         parts = tuple(sorted((switch.thing, switch.other)))
         joint = next(joint for joint in self.world.scene.joints if tuple(sorted(joint.parts)) == parts)
         first, second = (self.holder(part, number) for part in joint.parts)
-        return Fastening(joint, self.world.scene.hands[switch.hand], first, second, self.size)
+        return ScrewConstraint(joint, self.world.scene.hands[switch.hand], first, second, self.size)
 
     def guess(self, keys: Array) -> Array:
         """Return variables (nz,) that fit key configurations: no jump as far as each stretch has the freedom for it.
@@ -216,7 +216,7 @@ class Modes:
                 z[after.variables] = after.fit(kinematics, pose.rotation[number], pose.position[number], number)
         return z
 
-    def _next(self, switch: Switch, start: int) -> Holder | None:
+    def _next(self, switch: KinematicSwitch, start: int) -> Attachment | None:
         """Return what has the object of a switch from then on, or as well from then on; None if nothing new does."""
         scene = self.world.scene
         thing = scene.things[switch.thing]
@@ -224,7 +224,7 @@ class Modes:
             return held(scene.hands[switch.hand], thing, start)
         return placed(scene.tables[switch.table], thing, start) if switch.kind == "place" else None
 
-    def _check(self, number: int, switch: Switch) -> None:
+    def _check(self, number: int, switch: KinematicSwitch) -> None:
         scene = self.world.scene
         if switch.kind not in ROLES:
             raise WorldError(f"action {number}: unknown kind {switch.kind!r}, expected one of {', '.join(ROLES)}")

@@ -11,15 +11,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.kinematics import features
 from lgp.kinematics.attachments import fixed_on
 from lgp.kinematics.ik import least_squares
 from lgp.kinematics.posture import PostureMap
-from lgp.kinematics.world import Place, World
+from lgp.kinematics.world import FramePlacement, World
 from lgp.scene.model import Hand
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,7 +89,7 @@ def reach(world: World, hand: Hand, points: Array, starts: int, rng: np.random.G
         if not len(open_):
             break
 
-        def residuals(x: Array, which: NDArray[np.intp], wanted: Array = points[open_]) -> tuple[Array, Array]:
+        def residuals(x: Array, which: Indices, wanted: Array = points[open_]) -> tuple[Array, Array]:
             return _residuals(world, hand, posture, columns, x, wanted[which])
 
         start = np.tile(world.start[columns], (len(open_), 1))
@@ -101,7 +100,9 @@ def reach(world: World, hand: Hand, points: Array, starts: int, rng: np.random.G
     return best
 
 
-def carries(world: World, thing: str, heights: Sequence[float], spots: int = 3, starts: int = 6) -> pd.DataFrame:
+def transport_reachability(
+    world: World, thing: str, heights: Sequence[float], spots: int = 3, starts: int = 6
+) -> pd.DataFrame:
     """Return where each robot hand can put an object that it picks up from where it lies at first.
 
     More than reach: the hand keeps its hold, and the object lies flat at both ends, so the hand is tilted alike.
@@ -134,7 +135,7 @@ def _carry(world: World, hand: Hand, source: Array, points: Array, starts: int) 
     lower, upper = np.tile(world.lower[columns], 2), np.tile(world.upper[columns], 2)
     rng = np.random.default_rng(0)
 
-    def upright(place: Place) -> features.Feature:
+    def upright(place: FramePlacement) -> features.Feature:
         """The vertical as the hand sees it."""
         inverse = np.swapaxes(place.rotation, 1, 2)
         turns = np.cross(np.array([0.0, 0.0, 1.0])[None, :, None], place.jacobian[:, 3:], axis=1)
@@ -161,7 +162,7 @@ def _carry(world: World, hand: Hand, source: Array, points: Array, starts: int) 
         if attempt:
             start = rng.uniform(lower, upper, start.shape)
 
-        def residuals(x: Array, which: NDArray[np.intp], wanted: Array = points[open_]) -> tuple[Array, Array]:
+        def residuals(x: Array, which: Indices, wanted: Array = points[open_]) -> tuple[Array, Array]:
             return ends(x, wanted[which])
 
         _, left = least_squares(residuals, start, lower, upper, tolerance=CLOSE / 2.0)
@@ -169,14 +170,14 @@ def _carry(world: World, hand: Hand, source: Array, points: Array, starts: int) 
     return best
 
 
-def _place(world: World, hand: Hand, columns: NDArray[np.intp], x: Array) -> Place:
+def _place(world: World, hand: Hand, columns: Indices, x: Array) -> FramePlacement:
     q = np.tile(world.start, (len(x), 1))
     q[:, columns] = x
     return world.at(q, [hand.full]).place(hand.full)
 
 
 def _residuals(
-    world: World, hand: Hand, posture: PostureMap | None, columns: NDArray[np.intp], x: Array, points: Array
+    world: World, hand: Hand, posture: PostureMap | None, columns: Indices, x: Array, points: Array
 ) -> tuple[Array, Array]:
     q = np.tile(world.start, (len(x), 1))
     q[:, columns] = x

@@ -12,7 +12,6 @@ from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from lgp.errors import WorldError
 from lgp.kinematics import human
@@ -20,7 +19,7 @@ from lgp.kinematics import leg_ik as leg_ik_
 from lgp.kinematics.features import cross
 from lgp.kinematics.robot import locked_model, robot_model, slides
 from lgp.scene.model import Agent, Human, Robot, Scene
-from reba.arrays import Array
+from reba.arrays import Array, Flags, Indices
 from reba.errors import did_you_mean
 from reba.posture.columns import SIDES
 
@@ -32,7 +31,7 @@ RADIAN = (180.0 / np.pi, "deg")
 
 
 @dataclass(frozen=True)
-class Place:
+class FramePlacement:
     """Rotations (n, 3, 3) and positions (n, 3) of a frame over n slices, and its Jacobian (n, 6, columns)."""
 
     rotation: Array
@@ -56,22 +55,22 @@ class Kinematics:
     def __init__(self, world: World, names: Sequence[str], rotation: Array, position: Array, spatial: Array) -> None:
         self.world, self.index = world, {name: number for number, name in enumerate(names)}
         self.rotation, self.position, self.spatial = rotation, position, spatial
-        self._places: dict[str, Place] = {}
+        self._places: dict[str, FramePlacement] = {}
 
     def __len__(self) -> int:
         return len(self.rotation)
 
-    def rows(self, which: slice | NDArray[np.intp]) -> Kinematics:
+    def rows(self, which: slice | Indices) -> Kinematics:
         """Return the same for some of the slices."""
         return Kinematics(self.world, list(self.index), self.rotation[which], self.position[which], self.spatial[which])
 
-    def place(self, name: str) -> Place:
+    def place(self, name: str) -> FramePlacement:
         """Return a frame with its Jacobian (n, 6, nq)."""
         if name not in self._places:
             at = self.index[name]
             position = self.position[:, at]
             jacobian = self.point(name, position)
-            self._places[name] = Place(self.rotation[:, at], position, jacobian)
+            self._places[name] = FramePlacement(self.rotation[:, at], position, jacobian)
         return self._places[name]
 
     def point(self, name: str, points: Array) -> Array:
@@ -145,7 +144,7 @@ class World:
         other.__dict__ = {**self.__dict__, "scene": scene}
         return other
 
-    def columns(self, agent: str) -> NDArray[np.intp]:
+    def columns(self, agent: str) -> Indices:
         """Return the columns of q that belong to an agent."""
         found = [column for name, column in self.column.items() if name.startswith(f"{agent}.")]
         if not found and agent not in {one.name for one in self.scene.agents}:
@@ -275,17 +274,14 @@ def _first(agent: Agent) -> dict[str, float]:
     return {f"{agent.name}.{name}": value for name, value in values.items()}
 
 
-Numbers = NDArray[np.intp]
-
-
 @dataclass(frozen=True)
 class _Level:
     """The k joints as far from the world as each other: their numbers, carriers, columns of q and placements."""
 
-    joints: Numbers
-    parents: Numbers
-    columns: Numbers
-    slides: NDArray[np.bool_]
+    joints: Indices
+    parents: Indices
+    columns: Indices
+    slides: Flags
     rotation: Array
     """(k, 3, 3)"""
     position: Array

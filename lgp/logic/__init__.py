@@ -6,15 +6,15 @@ PDDL text -> Domain -> ground(domain, objects, initial, goal) -> Task: states ar
 from __future__ import annotations
 
 from lgp.logic.heuristic import RelaxedPlan, relaxed_plan, why_unreachable
-from lgp.logic.pddl import Domain, Schema, load_domain, parse_domain
+from lgp.logic.pddl import ActionSchema, PddlDomain, load_domain, parse_domain
 from lgp.logic.task import Action, Atom, Task, ground, parse_atom
 
 __all__ = [
     "Action",
+    "ActionSchema",
     "Atom",
-    "Domain",
+    "PddlDomain",
     "RelaxedPlan",
-    "Schema",
     "Task",
     "ground",
     "load_domain",

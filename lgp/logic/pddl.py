@@ -1,7 +1,7 @@
 """PDDL domains (typed STRIPS with negative preconditions), read with the `pddl` package.
 
-A `Domain` is plain data: types, predicates with the types of their arguments, and action schemas whose conditions and
-effects are lists of literals over the action's parameters.
+A `PddlDomain` is plain data: types, predicates with the types of their arguments, and action schemas whose conditions
+and effects are lists of literals over the action's parameters.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Literal(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Schema:
+class ActionSchema:
     """An action before its parameters are chosen.
 
     Attributes:
@@ -46,7 +46,7 @@ class Schema:
 
 
 @dataclass(frozen=True)
-class Domain:
+class PddlDomain:
     """A planning domain.
 
     Attributes:
@@ -60,7 +60,7 @@ class Domain:
     name: str
     supertypes: dict[str, str]
     predicates: dict[str, tuple[frozenset[str], ...]]
-    actions: tuple[Schema, ...]
+    actions: tuple[ActionSchema, ...]
     constants: dict[str, str] = field(default_factory=dict)
 
     def is_a(self, kind: str, wanted: frozenset[str]) -> bool:
@@ -73,7 +73,7 @@ class Domain:
             kind = self.supertypes[kind]
 
 
-def load_domain(which: str | Path) -> Domain:
+def load_domain(which: str | Path) -> PddlDomain:
     """Return a shipped domain by its name, or the one in a PDDL file.
 
     Raises:
@@ -98,7 +98,7 @@ def load_domain(which: str | Path) -> Domain:
     return parse_domain(text, where=str(path))
 
 
-def parse_domain(text: str, where: str = "domain") -> Domain:
+def parse_domain(text: str, where: str = "domain") -> PddlDomain:
     """Return the domain that a PDDL text describes.
 
     Raises:
@@ -138,8 +138,8 @@ def _unexpected(error: Any) -> str:
     return f"unexpected {token!r}" if token.strip() else "the text ends too early"
 
 
-def _plain(parsed: Any, text: str, where: str) -> Domain:
-    """Return the parser's objects as a `Domain`."""
+def _plain(parsed: Any, text: str, where: str) -> PddlDomain:
+    """Return the parser's objects as a `PddlDomain`."""
     needs = {str(requirement) for requirement in parsed.requirements}
     beyond = sorted(need for need in needs if f":{need.lstrip(':')}" not in SUPPORTED)
     if beyond:
@@ -156,10 +156,10 @@ def _plain(parsed: Any, text: str, where: str) -> Domain:
         parameters = tuple((f"?{p.name}", kinds(p)) for p in action.parameters)
         precondition = _literals(action.precondition, text, where, f"precondition of {action.name}")
         effect = _literals(action.effect, text, where, f"effect of {action.name}")
-        actions.append(Schema(str(action.name), parameters, precondition, effect))
+        actions.append(ActionSchema(str(action.name), parameters, precondition, effect))
     # The parser hands actions out as a set: file order makes searches repeatable.
     actions.sort(key=lambda schema: (_offset(text, schema.name), schema.name))
-    return Domain(
+    return PddlDomain(
         name=str(parsed.name),
         supertypes={str(kind): str(above or "object") for kind, above in parsed.types.items()},
         predicates={str(p.name): tuple(kinds(term) for term in p.terms) for p in parsed.predicates},
@@ -184,7 +184,7 @@ def _literals(formula: Any, text: str, where: str, what: str) -> tuple[Literal, 
     return (Literal(str(inner.name), terms, positive),)
 
 
-def _checked(domain: Domain, text: str, where: str) -> Domain:
+def _checked(domain: PddlDomain, text: str, where: str) -> PddlDomain:
     """Return the domain if its actions use what it declares."""
     for schema in domain.actions:
         types = dict(schema.parameters)

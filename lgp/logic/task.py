@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from lgp.errors import LogicError
-from lgp.logic.pddl import Domain, Literal, Schema
+from lgp.logic.pddl import ActionSchema, Literal, PddlDomain
 from reba.errors import did_you_mean
 
 
@@ -59,7 +59,7 @@ class Task:
         goal, goal_not: atoms that must hold, must not hold at the end.
     """
 
-    domain: Domain
+    domain: PddlDomain
     objects: dict[str, str]
     atoms: tuple[Atom, ...]
     actions: tuple[Action, ...]
@@ -98,7 +98,7 @@ class Task:
 
 
 def ground(
-    domain: Domain,
+    domain: PddlDomain,
     objects: Mapping[str, str],
     initial: Iterable[Atom],
     goal: Iterable[Atom],
@@ -132,7 +132,7 @@ def ground(
     return Task(domain, everything, atoms, actions, *masks)
 
 
-def _check(domain: Domain, objects: Mapping[str, str], atom: Atom) -> None:
+def _check(domain: PddlDomain, objects: Mapping[str, str], atom: Atom) -> None:
     if atom.predicate not in domain.predicates:
         hint = did_you_mean(atom.predicate, domain.predicates)
         raise LogicError(f"{atom}: unknown predicate{hint}; known: {', '.join(domain.predicates)}")
@@ -148,7 +148,7 @@ def _check(domain: Domain, objects: Mapping[str, str], atom: Atom) -> None:
             raise LogicError(f"{atom}: {name} is a {objects[name]}; expected {' or '.join(sorted(allowed))}")
 
 
-def _bindings(domain: Domain, objects: Mapping[str, str], schema: Schema) -> Iterator[dict[str, str]]:
+def _bindings(domain: PddlDomain, objects: Mapping[str, str], schema: ActionSchema) -> Iterator[dict[str, str]]:
     choices = [[name for name, kind in objects.items() if domain.is_a(kind, kinds)] for _, kinds in schema.parameters]
     for chosen in itertools.product(*choices):
         yield dict(zip((name for name, _ in schema.parameters), chosen, strict=True))
@@ -159,12 +159,12 @@ def _bound(literal: Literal, binding: Mapping[str, str]) -> Atom:
 
 
 def _reachable(
-    domain: Domain, objects: Mapping[str, str], known: set[Atom]
-) -> tuple[set[Atom], list[tuple[Schema, dict[str, str]]]]:
+    domain: PddlDomain, objects: Mapping[str, str], known: set[Atom]
+) -> tuple[set[Atom], list[tuple[ActionSchema, dict[str, str]]]]:
     """Return the atoms and actions that can be reached when nothing is ever deleted."""
     waiting = [(schema, binding) for schema in domain.actions for binding in _bindings(domain, objects, schema)]
     order = {id(entry): index for index, entry in enumerate(waiting)}
-    reached: list[tuple[Schema, dict[str, str]]] = []
+    reached: list[tuple[ActionSchema, dict[str, str]]] = []
     grew = True
     while grew:
         grew = False
@@ -181,7 +181,7 @@ def _reachable(
     return known, sorted(reached, key=lambda entry: order[id(entry)])
 
 
-def _action(schema: Schema, binding: Mapping[str, str], bit: Mapping[Atom, int]) -> Action:
+def _action(schema: ActionSchema, binding: Mapping[str, str], bit: Mapping[Atom, int]) -> Action:
     def mask(literals: Iterable[Literal], positive: bool) -> int:
         # An atom that can never hold needs no bit: it cannot be deleted, and a condition against it always holds.
         return sum({bit.get(_bound(lit, binding), 0) for lit in literals if lit.positive == positive})

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lgp.motion import Motion
-from lgp.scene.model import Human, Scene, Thing
+from lgp.scene.model import Human, Scene, SceneObject
 from reba.arrays import Array
 
 ANGLE = 30.0
@@ -217,7 +217,7 @@ def _tops(scene: Scene, name: str) -> Array:
     return np.array([[x + a, y + b, table.height] for a in (-half, half) for b in (-half, half)])
 
 
-def _spots(thing: Thing, place: Array) -> Array:
+def _spots(thing: SceneObject, place: Array) -> Array:
     """Return the middle and two points near the ends of an object (3, 3)."""
     along = np.zeros((3, 3))
     along[1:, int(np.argmax(thing.size))] = 0.4 * max(thing.size) * np.array([1.0, -1.0])

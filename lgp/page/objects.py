@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lgp.errors import WorldError
 from lgp.kinematics.robot import urdf_of
 from lgp.page.mesh import Mesh, colour, joined
-from lgp.scene.model import Robot, Table, Thing
+from lgp.scene.model import Robot, SceneObject, Table
 from reba.arrays import Array
 
 FACES = 2500
@@ -31,7 +31,7 @@ CREASE = 35.0
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class LinkMesh:
     """What is seen of a link: its name, the mesh file or shape as a key to share it by, (4, 4) place in the link."""
 
     link: str
@@ -40,7 +40,7 @@ class Part:
     mesh: Mesh
 
 
-def parts(robot: Robot) -> list[Part]:
+def parts(robot: Robot) -> list[LinkMesh]:
     """Return what is seen of a robot, link by link.
 
     Raises:
@@ -62,7 +62,7 @@ def parts(robot: Robot) -> list[Part]:
             rgb = PALE if paint is None else np.array(np.clip(paint[:3], 0, 1) * 255, np.uint8)
             shape, mesh = _shape(visual, urdf, rgb)
             if mesh is not None and np.ptp(mesh.vertices, axis=0).max() > SMALLEST:
-                found.append(Part(str(link.get("name")), f"{shape} {rgb.tolist()}", _origin(visual), mesh))
+                found.append(LinkMesh(str(link.get("name")), f"{shape} {rgb.tolist()}", _origin(visual), mesh))
     return found
 
 
@@ -201,7 +201,7 @@ def table_mesh(table: Table) -> Mesh:
     return joined(bodies)
 
 
-def thing_mesh(thing: Thing, number: int) -> Mesh:
+def thing_mesh(thing: SceneObject, number: int) -> Mesh:
     """Return an object: the shape that a word of its name stands for, else a box.
 
     Args:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lgp.page.camera import ANGLE, NEAREST, ROOM, Shot
 from lgp.page.mesh import Mesh
-from lgp.page.view import View
+from lgp.page.view import SceneAnimation
 from reba.arrays import Array
 
 FULL = 32767
@@ -19,7 +19,7 @@ DIRECTIONS = 2000
 """In which the points that frame a shot are outermost."""
 
 
-def packed(view: View) -> dict[str, Any]:
+def packed(view: SceneAnimation) -> dict[str, Any]:
     """Return a view as data that JSON holds.
 
     Positions are whole numbers times a scale, little-endian; quaternions x, y, z, w times 32767.
@@ -63,7 +63,7 @@ def _mesh(mesh: Mesh) -> dict[str, Any]:
     }
 
 
-def _skin(view: View) -> dict[str, Any] | None:
+def _skin(view: SceneAnimation) -> dict[str, Any] | None:
     if view.skin is None:
         return None
     skin, frames = view.skin

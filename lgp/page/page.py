@@ -19,8 +19,8 @@ from lgp.errors import LgpError
 from lgp.motion import Motion
 from lgp.page.pack import packed
 from lgp.page.pictures import write_pictures
-from lgp.page.sentences import Line, humanised, sentences
-from lgp.page.view import View, view
+from lgp.page.sentences import Instruction, humanised, sentences
+from lgp.page.view import SceneAnimation, view
 from lgp.plan_record import Plan
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 from reba.report.labels import LEVEL_COLOURS, TEXT_ON
@@ -88,7 +88,7 @@ def _script(data: dict[str, Any]) -> str:
     return f"window.PLAN = {json.dumps(data, separators=(',', ':'), allow_nan=False)};\n"
 
 
-def _facts(plan: Plan, motion: Motion, seen: View, lines: tuple[Line, ...]) -> dict[str, Any]:
+def _facts(plan: Plan, motion: Motion, seen: SceneAnimation, lines: tuple[Instruction, ...]) -> dict[str, Any]:
     """Return what the player knows beside the view."""
     things = [switch.thing for switch in motion.phases.switches]
     return {
@@ -108,7 +108,7 @@ def _facts(plan: Plan, motion: Motion, seen: View, lines: tuple[Line, ...]) -> d
     }
 
 
-def _html(plan: Plan, lines: tuple[Line, ...], pictures: bool, data: str) -> str:
+def _html(plan: Plan, lines: tuple[Instruction, ...], pictures: bool, data: str) -> str:
     ribbon = runs(plan)
     total = float(plan.time[-1])
     return template("lgp.page", "template/index.html").render(
@@ -128,7 +128,7 @@ def _html(plan: Plan, lines: tuple[Line, ...], pictures: bool, data: str) -> str
     )
 
 
-def _bar(run: Run, total: float) -> dict[str, Any]:
+def _bar(run: ScoreSpan, total: float) -> dict[str, Any]:
     width = 100.0 * (run.end - run.start) / total
     return {
         "left": round(100.0 * run.start / total, 3),
@@ -191,7 +191,7 @@ def _missing(package: str) -> LgpError:
 
 
 @dataclass(frozen=True)
-class Run:
+class ScoreSpan:
     """Slices of one score: start and end [s], score, action level, its colour and that of text on it."""
 
     start: float
@@ -202,7 +202,7 @@ class Run:
     ink: str
 
 
-def runs(plan: Plan) -> tuple[Run, ...]:
+def runs(plan: Plan) -> tuple[ScoreSpan, ...]:
     """Return the ribbon of a plan; () without a human. Each slice counts from the one before it."""
     scores = plan.reba()
     if scores is None:
@@ -222,7 +222,7 @@ def risk(level: int) -> str:
     return ACTION_LEVELS[level][0]
 
 
-def _run(start: float, end: float, score: int) -> Run:
+def _run(start: float, end: float, score: int) -> ScoreSpan:
     level = int(LEVEL_OF[score])
     colour = LEVEL_COLOURS[level]
-    return Run(round(start, 6), round(end, 6), score, level, colour, TEXT_ON.get(colour, "#1b2430"))
+    return ScoreSpan(round(start, 6), round(end, 6), score, level, colour, TEXT_ON.get(colour, "#1b2430"))

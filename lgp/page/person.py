@@ -44,7 +44,7 @@ class Skin:
 
 
 @dataclass(frozen=True, eq=False)
-class Figure:
+class PersonModel:
     """A person: the skin, and stiff parts as (joint, mesh) in the axes of the joint."""
 
     skin: Skin
@@ -52,7 +52,7 @@ class Figure:
 
 
 @cache
-def figure(stature: float, sex: str) -> Figure:
+def figure(stature: float, sex: str) -> PersonModel:
     """Return the figure of a person.
 
     Args:
@@ -69,7 +69,7 @@ def figure(stature: float, sex: str) -> Figure:
     table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
     shape = _Shape(table, stature, sex)
     parts = [("head", "")] + [(part, side) for part in ("hand", "shoe") for side in SIDES]
-    return Figure(shape.skin(), tuple(shape.part(part, side) for part, side in parts))
+    return PersonModel(shape.skin(), tuple(shape.part(part, side) for part, side in parts))
 
 
 class _Shape:

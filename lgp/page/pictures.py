@@ -9,7 +9,7 @@ import numpy as np
 
 from lgp.page.camera import ANGLE, Shot, framed
 from lgp.page.mesh import Mesh, colour
-from lgp.page.view import View, skinned
+from lgp.page.view import SceneAnimation, skinned
 
 if TYPE_CHECKING:
     import pyvista
@@ -29,7 +29,7 @@ GROUND = "#eef1f4"
 FLOOR = "#dfe4e8"
 
 
-def write_pictures(view: View, folder: Path) -> None:
+def write_pictures(view: SceneAnimation, folder: Path) -> None:
     """Write `start.webp`, and for each action `action-1.webp` and the film `action-1-film.webp`.
 
     Example:
@@ -43,7 +43,7 @@ def write_pictures(view: View, folder: Path) -> None:
         _write(view, folder)
 
 
-def _write(view: View, folder: Path) -> None:
+def _write(view: SceneAnimation, folder: Path) -> None:
     stage = _Stage(view)
     try:
         _save(folder / "start.webp", [stage.picture(0, view.shots[0], STILL)])
@@ -70,7 +70,7 @@ def _save(path: Path, images: list[Image.Image], milliseconds: float = 0.0) -> N
 class _Stage:
     """A scene that is drawn off screen, one moment after another."""
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: SceneAnimation) -> None:
         import pyvista
 
         self.view = view

@@ -10,14 +10,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lgp.kinematics.modes import Switch
+from lgp.kinematics.modes import KinematicSwitch
 from lgp.scene.model import Human, Scene
 
 TABLE = Path(__file__).parent / "data" / "sentences.toml"
 
 
 @dataclass(frozen=True)
-class Line:
+class Instruction:
     """An action in words.
 
     Attributes:
@@ -31,7 +31,7 @@ class Line:
     you: bool
 
 
-def sentences(scene: Scene, switches: Sequence[Switch]) -> tuple[Line, ...]:
+def sentences(scene: Scene, switches: Sequence[KinematicSwitch]) -> tuple[Instruction, ...]:
     """Return the lines of a sequence of actions.
 
     Args:
@@ -76,7 +76,7 @@ def table() -> dict[str, Any]:
     return tomllib.loads(TABLE.read_text(encoding="utf-8"))
 
 
-def _line(scene: Scene, switch: Switch, lies: str) -> Line:
+def _line(scene: Scene, switch: KinematicSwitch, lies: str) -> Instruction:
     words, actor = table()["words"], switch.giver or switch.hand
     you, takes = _is_human(scene, actor), _is_human(scene, switch.hand)
     names = {
@@ -92,7 +92,7 @@ def _line(scene: Scene, switch: Switch, lies: str) -> Line:
     }
     kind = f"handover_to_{'human' if takes else 'robot'}" if switch.kind == "handover" else switch.kind
     text = table()["human" if you else "robot"][kind].format(**names)
-    return Line(text[0].upper() + text[1:], table()["short"][switch.kind].format(**names), you)
+    return Instruction(text[0].upper() + text[1:], table()["short"][switch.kind].format(**names), you)
 
 
 def _is_human(scene: Scene, hand: str) -> bool:

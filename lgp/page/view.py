@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.kinematics import human
 from lgp.motion import Motion
@@ -16,7 +15,7 @@ from lgp.page.objects import parts, table_mesh, thing_mesh
 from lgp.page.person import Skin, figure
 from lgp.plan_record import Plan
 from lgp.scene.model import Human
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
 RATE = 20.0
 """[Hz] Moments at least; players interpolate between them."""
@@ -25,7 +24,7 @@ APART = 0.03
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class MeshInstance:
     """A mesh (its number) that moves with a frame (its number, None for one that stands still), (4, 4) place in it."""
 
     mesh: int
@@ -34,7 +33,7 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class SceneAnimation:
     """What is seen of a plan.
 
     Attributes:
@@ -49,16 +48,16 @@ class View:
     """
 
     meshes: tuple[Mesh, ...]
-    bodies: tuple[Body, ...]
-    skin: tuple[Skin, NDArray[np.intp]] | None
+    bodies: tuple[MeshInstance, ...]
+    skin: tuple[Skin, Indices] | None
     frames: tuple[str, ...]
     time: Array
     place: Array
-    ends: NDArray[np.intp]
+    ends: Indices
     shots: tuple[Shot, ...]
 
 
-def view(motion: Motion) -> View:
+def view(motion: Motion) -> SceneAnimation:
     """Return what is seen of a plan, interpolated between its slices by splines of the joints.
 
     Args:
@@ -77,7 +76,7 @@ def view(motion: Motion) -> View:
     ends = (np.arange(dense.phases.count) + 1) * dense.phases.slices
     points = [scattered(mesh, APART) for mesh in stage.meshes]
     solid = [_solid(stage, skin, points, place[end]) for end in (0, *ends)]
-    return View(
+    return SceneAnimation(
         tuple(stage.meshes),
         tuple(stage.bodies),
         skin,
@@ -103,7 +102,7 @@ def _dense(motion: Motion) -> tuple[Motion, int]:
     return Motion(finer, motion.world), steps
 
 
-def _solid(stage: _Stage, skin: tuple[Skin, NDArray[np.intp]] | None, points: list[Array], place: Array) -> Array:
+def _solid(stage: _Stage, skin: tuple[Skin, Indices] | None, points: list[Array], place: Array) -> Array:
     """Return points (k, 3) all over the bodies at a moment; those of each mesh are given."""
     found = []
     for body in stage.bodies:
@@ -120,20 +119,20 @@ class _Stage:
     def __init__(self, motion: Motion) -> None:
         self.motion, self.scene = motion, motion.plan.scene
         self.meshes: list[Mesh] = []
-        self.bodies: list[Body] = []
+        self.bodies: list[MeshInstance] = []
         self.place: dict[str, Array] = {}
         self._known: dict[str, int] = {}
 
     def tables(self) -> None:
         for name, table in self.scene.tables.items():
             place = _standing((*table.position, 0.0), table.yaw)
-            self.bodies.append(Body(self.mesh(name, table_mesh(table)), None, place))
+            self.bodies.append(MeshInstance(self.mesh(name, table_mesh(table)), None, place))
 
     def things(self) -> None:
         for number, (name, thing) in enumerate(self.scene.things.items()):
             poses = self.motion.thing(name)
             frame = self.frame(name, _matrices(poses.rotation, poses.position))
-            self.bodies.append(Body(self.mesh(name, thing_mesh(thing, number)), frame, np.eye(4)))
+            self.bodies.append(MeshInstance(self.mesh(name, thing_mesh(thing, number)), frame, np.eye(4)))
 
     def robots(self) -> None:
         for robot in self.scene.robots.values():
@@ -147,9 +146,9 @@ class _Stage:
                 frames[link] = (None, place[0]) if still else (self.frame(link, place), np.eye(4))
             for part in seen:
                 number, place = frames[f"{robot.name}.{part.link}"]
-                self.bodies.append(Body(self.mesh(part.key, part.mesh), number, place @ part.place))
+                self.bodies.append(MeshInstance(self.mesh(part.key, part.mesh), number, place @ part.place))
 
-    def person(self) -> tuple[Skin, NDArray[np.intp]]:
+    def person(self) -> tuple[Skin, Indices]:
         person = self.scene.human
         if person is None:
             raise ValueError("the scene has no human, and one was to be drawn")
@@ -160,7 +159,7 @@ class _Stage:
             for joint, place in _joints(person, self.motion.human, joints).items()
         }
         for joint, mesh in shape.parts:
-            self.bodies.append(Body(self.mesh(f"human.{joint}", mesh), numbers[joint], np.eye(4)))
+            self.bodies.append(MeshInstance(self.mesh(f"human.{joint}", mesh), numbers[joint], np.eye(4)))
         return shape.skin, np.array([numbers[bone] for bone in shape.skin.bones])
 
     def frame(self, name: str, place: Array) -> int:

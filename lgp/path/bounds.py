@@ -17,39 +17,39 @@ import numpy as np
 
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
-from lgp.path.cache import Memory
+from lgp.path.cache import WarmStartCache
 from lgp.path.collision_constraints import CollisionRows
-from lgp.path.collision_path import SUSPICIOUS, apart, detour, settled
+from lgp.path.collision_path import SUSPICIOUS, multi_start, settled, solve_collision_free
 from lgp.path.costs import Costs, Weights
 from lgp.path.ergonomics import Ergonomics
-from lgp.path.feasibility import CLOSE, Stretch, nearest, reason
+from lgp.path.feasibility import CLOSE, ReachCheck, explain_infeasibility, project_to_feasible
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.search.tree_search import BoundResult, Skeleton
-from lgp.sqp.problem import Options
+from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result
 from lgp.sqp.solver import solve
 from reba.arrays import Array
 
-OPTIONS = Options(violation=1e-6, kkt=1e-5, decrease=1e-7, iterations=60)
+OPTIONS = SolverOptions(violation=1e-6, kkt=1e-5, decrease=1e-7, iterations=60)
 """Of paths: violations of a micrometre, costs to seven digits."""
 RELAXED = replace(OPTIONS, violation=2e-5, kkt=1e-4, decrease=1e-6, longest_step=1.0)
 """Of sequences, which are bounds and first guesses; longer steps end in poorer minima."""
 POSES = replace(RELAXED, longest_step=0.6, iterations=25)
 """Of poses, whose cost is seldom near that of a path: not worth many iterations."""
-SOFTER = replace(OPTIONS, kkt=1e-3, decrease=1e-4, iterations=12)
+COARSE_OPTIONS = replace(OPTIONS, kkt=1e-3, decrease=1e-4, iterations=12)
 """Of paths at all stages of a graduated cost but the last, which only lead to the next."""
-SHARP = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
+FINAL_OPTIONS = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
 """Of paths at the last stage: its edges leave no smooth way to more digits, only ever shorter steps."""
-SHORT = 25
+SEQUENCE_ITERATIONS = 25
 """Iterations of a sequence with a graduated cost, for the same reason."""
 NEARLY = 0.01
 """[m, rad] Violation left by a spent budget that is worth looking for a point near by without any."""
 HOPELESS = 0.03
 """[m, rad] A pose whose nearest point violates its constraints by more is refused without asking the solver."""
-TRIES = 3
+RESTARTS = 3
 """Starts before a pose or a sequence counts as infeasible, random ones from a fixed seed after the first."""
-AROUND = (0.15, 0.15, 0.3, 0.5)
+RESTART_RADII = (0.15, 0.15, 0.3, 0.5)
 """How far the random starts of a sequence go from what is known towards anywhere."""
 
 
@@ -96,7 +96,7 @@ class PathBounds:
         weights: Weights | None = None,
         start: Array | None = None,
         slices: int | None = None,
-        options: Options = OPTIONS,
+        options: SolverOptions = OPTIONS,
         like: PathBounds | None = None,
         collisions: bool = False,
         detours: bool = True,
@@ -106,9 +106,9 @@ class PathBounds:
         self.weights = Weights() if weights is None else weights
         self.start = world.start if start is None else np.asarray(start, dtype=float)
         self.slices, self.like = slices, like
-        self._stretch = Stretch(world)
+        self._stretch = ReachCheck(world)
         self._known: dict[tuple[str, Skeleton], BoundResult] = {}
-        self._memory = Memory(world)
+        self._memory = WarmStartCache(world)
 
     @property
     def levels(self) -> tuple[str, ...]:
@@ -233,7 +233,7 @@ class PathBounds:
         problem = self.problem("sequence", phases)
         known = self._memory.start(phases, self.start)
         starts = [first] if known is None else [problem.join(*known), first]
-        options = RELAXED if self._stages == 1 else replace(RELAXED, iterations=SHORT)
+        options = RELAXED if self._stages == 1 else replace(RELAXED, iterations=SEQUENCE_ITERATIONS)
         result, why = self._solve(problem, starts, options)
         if result is None:
             return None, f"sequence: {why}"
@@ -241,7 +241,7 @@ class PathBounds:
         self._memory.keep(phases, result.cost, keys, variables)
         return Solution(keys, variables, None, problem.costs(result.x), result), ""
 
-    def _solve(self, problem: PathProblem, known: list[Array], options: Options) -> tuple[Result | None, str]:
+    def _solve(self, problem: PathProblem, known: list[Array], options: SolverOptions) -> tuple[Result | None, str]:
         """Solve a problem on few slices from some starts; return the best success, or why there is none.
 
         Args:
@@ -263,23 +263,25 @@ class PathBounds:
                 best = result
         return best, failed[1]
 
-    def _attempt(self, problem: PathProblem, candidate: Array, options: Options) -> tuple[Result | None, float, str]:
+    def _attempt(
+        self, problem: PathProblem, candidate: Array, options: SolverOptions
+    ) -> tuple[Result | None, float, str]:
         """Solve from one start, x (n,) or configurations (P, nq): the result, or the violation left and why."""
         if candidate.ndim == 2:
             whole = len(candidate) == problem.phases.count
             keys = candidate if whole else np.broadcast_to(candidate[-1], (problem.phases.count, self.world.nq))
             candidate = problem.join(candidate, problem.modes.guess(keys))
-        x, left = nearest(problem, candidate)
+        x, left = project_to_feasible(problem, candidate)
         if left > HOPELESS:
-            return None, left, reason(problem, x)
+            return None, left, explain_infeasibility(problem, x)
         result = solve(problem, x, options=options)
         if result.violation <= CLOSE:
             return result, 0.0, ""
         if result.violation < NEARLY:
-            x, left = nearest(problem, result.x)
+            x, left = project_to_feasible(problem, result.x)
             if left <= CLOSE:
                 return replace(result, x=x, cost=problem.costs(x).total, equality=left, inequality=left), 0.0, ""
-        return None, result.violation, reason(problem, result.x)
+        return None, result.violation, explain_infeasibility(problem, result.x)
 
     def _free_path(self, phases: Phases, earlier: Solution | None) -> tuple[Solution | None, str]:
         if earlier is None or not len(earlier.variables):
@@ -294,7 +296,7 @@ class PathBounds:
         for stage in range(self._stages):
             problem = self.problem("path", phases, stage)
             # Scores get sharper from stage to stage; the multipliers of the last one start the next.
-            wanted = options if stage == self._stages - 1 else SOFTER
+            wanted = options if stage == self._stages - 1 else COARSE_OPTIONS
             result = solve(problem, problem.join(path, variables), options=wanted, warm=result)
             path, variables = problem.split(result.x)
         if result is None:
@@ -313,13 +315,13 @@ class PathBounds:
         def make(given: CollisionRows) -> PathProblem:
             return plain(apart=given)
 
-        near = self._judged(*apart(make, rows, earlier.result, self._options))
+        near = self._judged(*solve_collision_free(make, rows, earlier.result, self._options))
         if not self.detours or _cost(near) <= SUSPICIOUS * earlier.costs.total:
             return near
-        trial = detour(make, plain(), earlier.result, _cost(near), self._robots_like(phases))
+        trial = multi_start(make, plain(), earlier.result, _cost(near), self._robots_like(phases))
         if trial is None:
             return near
-        other = self._judged(*apart(make, trial.rows, trial.result, self._options, solved=False))
+        other = self._judged(*solve_collision_free(make, trial.rows, trial.result, self._options, solved=False))
         return min(near, other, key=_cost)
 
     def _robots_like(self, phases: Phases) -> Array | None:
@@ -331,16 +333,16 @@ class PathBounds:
         x, left = result.x, result.violation
         if NEARLY > left > self.options.violation:
             # The budget ran out just before the constraints held: the nearest path that meets them is as good.
-            x, left = nearest(problem, x, 0.5 * self.options.violation)
+            x, left = project_to_feasible(problem, x, 0.5 * self.options.violation)
         if left > self.options.violation:
-            return None, f"path: {reason(problem, x) or result.status.value}"
+            return None, f"path: {explain_infeasibility(problem, x) or result.status.value}"
         path, variables = problem.split(x)
         return Solution(path[problem.phases.keys], variables, path, problem.costs(x), result), ""
 
     @property
-    def _options(self) -> Options:
+    def _options(self) -> SolverOptions:
         """Settings of the last stage of a path."""
-        options = self.options if self._stages == 1 else SHARP
+        options = self.options if self._stages == 1 else FINAL_OPTIONS
         return settled(options) if self.collisions else options
 
     @property
@@ -360,7 +362,7 @@ class PathBounds:
         rng = np.random.default_rng(0)
         lower, upper = self.world.lower, self.world.upper
         # A pose may be anywhere; of many at once each stray one spoils the rest.
-        shares = AROUND if len(first) > 1 else [0.5] * (TRIES - 1)
+        shares = RESTART_RADII if len(first) > 1 else [0.5] * (RESTARTS - 1)
         others = [first + share * (rng.uniform(lower, upper, first.shape) - first) for share in shares]
         return sure, others
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lgp.kinematics.modes import Modes
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.path.costs import Costs
 from lgp.path.phases import Phases
@@ -24,7 +24,7 @@ Key = tuple[str, int]
 
 
 @dataclass(frozen=True)
-class KnownPose:
+class CachedPose:
     """A pose (1, nq) that ends `count` phases, its costs without carried loads, and what the solver said."""
 
     count: int
@@ -34,7 +34,7 @@ class KnownPose:
 
 
 @dataclass(frozen=True)
-class Known:
+class CachedMotion:
     """The best motion of a set of actions: its cost, configurations (nq,) and variables (m,) of every action."""
 
     cost: float
@@ -42,7 +42,7 @@ class Known:
     variables: dict[Key, Array]
 
 
-class Memory:
+class WarmStartCache:
     """What is known of the sequences of a scene.
 
     Args:
@@ -51,11 +51,11 @@ class Memory:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self._poses: dict[Hashable, KnownPose] = {}
+        self._poses: dict[Hashable, CachedPose] = {}
         self._refused: dict[Hashable, str] = {}
-        self._best: dict[frozenset[Key], Known] = {}
+        self._best: dict[frozenset[Key], CachedMotion] = {}
 
-    def pose(self, phases: Phases) -> KnownPose | str | None:
+    def pose(self, phases: Phases) -> CachedPose | str | None:
         """Return the pose at the end of a sequence, or the same after another number of phases, or why there is none.
 
         None if nothing is known.
@@ -65,9 +65,9 @@ class Memory:
             return f"phase {phases.count}, {phases.label(phases.count - 1)}: {self._refused[key]}"
         return self._poses.get(key)
 
-    def note(self, phases: Phases, pose: Array, costs: Costs, result: Result) -> KnownPose:
+    def note(self, phases: Phases, pose: Array, costs: Costs, result: Result) -> CachedPose:
         """Remember the pose (1, nq) at the end of a sequence, its costs without loads, and what the solver said."""
-        found = KnownPose(phases.count, pose, costs, result)
+        found = CachedPose(phases.count, pose, costs, result)
         self._poses[self._key(phases)] = found
         return found
 
@@ -78,7 +78,7 @@ class Memory:
     def _key(self, phases: Phases) -> Hashable:
         """Return what the constraints on the pose after the last action depend on, and the load in it."""
         last, number = phases.switches[-1], phases.count - 1
-        modes = Modes(self.world, phases.switches)
+        modes = ModeSequence(self.world, phases.switches)
         parts = (last.thing, last.other) if last.other else (last.thing,)
         before = tuple((modes.holder(part, number).by, modes.holder(part, number).size > 0) for part in parts)
         return last, before, float(phases.loads()[-1])
@@ -89,8 +89,8 @@ class Memory:
         known = self._best.get(frozenset(names))
         if known is not None and known.cost <= cost:
             return
-        own = _own(Modes(self.world, phases.switches), names)
-        self._best[frozenset(names)] = Known(
+        own = _own(ModeSequence(self.world, phases.switches), names)
+        self._best[frozenset(names)] = CachedMotion(
             cost, dict(zip(names, keys.copy(), strict=True)), {name: variables[part] for name, part in own.items()}
         )
 
@@ -107,7 +107,7 @@ class Memory:
         known = self._best.get(frozenset(names))
         if known is None:
             return None
-        modes = Modes(self.world, phases.switches)
+        modes = ModeSequence(self.world, phases.switches)
         keys = np.tile(first, (phases.count, 1))
         for hand in dict.fromkeys(hand for switch in phases.switches for hand in switch.hands):
             limb = np.flatnonzero(self.world.support(hand))
@@ -131,7 +131,7 @@ def _names(phases: Phases) -> list[Key]:
     return names
 
 
-def _own(modes: Modes, names: Sequence[Key]) -> dict[Key, slice]:
+def _own(modes: ModeSequence, names: Sequence[Key]) -> dict[Key, slice]:
     """Return the variables that each action brought."""
     sides = {name: modes.contact(number) for number, name in enumerate(names)}
     return {name: found[0].variables for name, found in sides.items() if found is not None}

@@ -10,16 +10,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.collision.distances import Collisions
-from lgp.kinematics.modes import Modes
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
-from lgp.path.mode_constraints import Blocks, Row
+from lgp.path.mode_constraints import Blocks, ConstraintInfo
 from lgp.path.phases import Phases
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
-Slices = NDArray[np.intp]
 MARGIN = 0.01
 """[m] Distance that is kept at the slices, so that little is left to touch between them."""
 AHEAD = 0.02
@@ -33,8 +31,8 @@ FINER = 4
 class _Near(NamedTuple):
     """Pairs of bodies near each other: in which slices or points (m,), which pairs (m,), their distances (m,) [m]."""
 
-    slices: Slices
-    pairs: Slices
+    slices: Indices
+    pairs: Indices
     value: Array
 
 
@@ -59,10 +57,10 @@ class CollisionRows:
 
     def __init__(self, world: World, phases: Phases, start: Array, margin: float = MARGIN) -> None:
         self.world, self.phases, self.start, self.margin = world, phases, start, margin
-        self.collisions = Collisions(world, Modes(world, phases.switches))
+        self.collisions = Collisions(world, ModeSequence(world, phases.switches))
         self.points, self.pairs = np.zeros(0, np.intp), np.zeros(0, np.intp)
-        self._columns: list[tuple[Slices, Slices]] = []
-        self._places: tuple[Slices, Slices, Array] | None = None
+        self._columns: list[tuple[Indices, Indices]] = []
+        self._places: tuple[Indices, Indices, Array] | None = None
         self._phase = np.repeat(np.arange(phases.count), phases.slices * FINER)
         self._limits = margin - self.collisions.slack(self._phase)
         near = self._near(start[None], np.zeros(1, np.intp), np.zeros(self.collisions.modes.size), margin)
@@ -97,10 +95,10 @@ class CollisionRows:
             found.append((1, np.concatenate([*parts, tail + variables])))
         return found
 
-    def names(self) -> list[Row]:
+    def names(self) -> list[ConstraintInfo]:
         """Return what each row is about."""
         return [
-            Row("collision", "m", point // FINER, self.collisions.name(pair))
+            ConstraintInfo("collision", "m", point // FINER, self.collisions.name(pair))
             for point, pair in zip(self.points.tolist(), self.pairs.tolist(), strict=True)
         ]
 
@@ -115,7 +113,7 @@ class CollisionRows:
         row, column, share = self._entries()
         return self._limits[self.points, self.pairs] - found.value, [-share * slopes[row, column]]
 
-    def _entries(self) -> tuple[Slices, Slices, Array]:
+    def _entries(self) -> tuple[Indices, Indices, Array]:
         """Return row, column among joints and variables, and share of each entry of the blocks, in their order."""
         if self._places is None:
             nq = self.world.nq
@@ -150,14 +148,14 @@ class CollisionRows:
         near = self._near(self._between(q, np.arange(len(self._phase))), self._phase, z, 0.0)
         return near, self._limits[near.slices, near.pairs] - self.margin - near.value
 
-    def _between(self, q: Array, points: Slices) -> Array:
+    def _between(self, q: Array, points: Indices) -> Array:
         """Return the configurations (m, nq) at given points of a path (T, nq)."""
         last = points // FINER
         share = ((points % FINER + 1) / FINER)[:, None]
         before = np.concatenate([self.start[None], q])[last]
         return np.asarray((1.0 - share) * before + share * q[last])
 
-    def _near(self, q: Array, phases: Slices, z: Array, within: float) -> _Near:
+    def _near(self, q: Array, phases: Indices, z: Array, within: float) -> _Near:
         """Return the distances of all pairs that may be nearer than `within` [m] beyond their slack."""
         kinematics = self.world.at(q, self.collisions.frames)
         slices, pairs = self.collisions.near(kinematics, phases, z, within)

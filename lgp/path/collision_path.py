@@ -12,17 +12,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.kinematics.world import World
 from lgp.path.collision_constraints import TOLERATED, CollisionRows
 from lgp.path.feasibility import CLOSE
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
-from lgp.sqp.problem import Options
-from lgp.sqp.result import Result, Status
+from lgp.sqp.problem import SolverOptions
+from lgp.sqp.result import Result, SolveStatus
 from lgp.sqp.solver import Solver
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
 ROUNDS = 8
 """Choices of rows."""
@@ -38,11 +37,11 @@ NEAR = 1e-2
 """[m, rad] Violation up to which a cost is near that of the path it will become."""
 
 
-def apart(
+def solve_collision_free(
     make: Callable[[CollisionRows], PathProblem],
     rows: CollisionRows,
     first: Result,
-    options: Options,
+    options: SolverOptions,
     *,
     solved: bool = True,
     rounds: int = ROUNDS,
@@ -75,17 +74,17 @@ def apart(
         if result.cost >= worth and result.violation <= NEAR:
             break
         # Where no step lessens the violation of these rows, a finer solve would not either.
-        fine = fine or result.status is Status.INFEASIBLE
+        fine = fine or result.status is SolveStatus.INFEASIBLE
     return problem, result
 
 
-def rough(options: Options) -> Options:
+def rough(options: SolverOptions) -> SolverOptions:
     """Return settings that stop as soon as a path shows which rows are missing."""
     near = replace(options, decrease=max(options.decrease, ROUGH), kkt=max(options.kkt, 10.0 * ROUGH))
     return replace(near, violation=TOLERATED, iterations=STEPS)
 
 
-def settled(options: Options) -> Options:
+def settled(options: SolverOptions) -> SolverOptions:
     """Return settings that stop where costs of paths with rows for collisions no longer change visibly."""
     return replace(options, decrease=max(options.decrease, SETTLED), kkt=max(options.kkt, 10.0 * SETTLED))
 
@@ -108,14 +107,14 @@ DRAWN = 24
 """Starts drawn, of which those are tried that lead least through bodies,"""
 TRIED = 4
 """and as many others that these make this many."""
-COARSE = Options(violation=1e-6, kkt=1e-2, decrease=1e-3, iterations=16)
+COARSE = SolverOptions(violation=1e-6, kkt=1e-2, decrease=1e-3, iterations=16)
 """Of trials: good enough to be compared."""
 START_ROUNDS = 5
 """Choices of rows of a trial."""
 
 
 @dataclass(frozen=True)
-class Trial:
+class CandidatePath:
     """A path that keeps bodies apart, roughly solved: its rows, its problem and what the solver said."""
 
     rows: CollisionRows
@@ -123,13 +122,13 @@ class Trial:
     result: Result
 
 
-def detour(
+def multi_start(
     make: Callable[[CollisionRows], PathProblem],
     problem: PathProblem,
     free: Result,
     least: float,
     like: Array | None = None,
-) -> Trial | None:
+) -> CandidatePath | None:
     """Return the best trial that costs clearly less than the path known, None where there is none.
 
     Args:
@@ -140,11 +139,14 @@ def detour(
         like: (T, nq) path of the same actions under another cost; its robots move as in the first start.
     """
     path, variables = problem.split(free.x)
-    best: Trial | None = None
+    best: CandidatePath | None = None
     for start in (*_like(problem.world, path, like), *_chosen(problem, path, variables)):
         rows = CollisionRows(problem.world, problem.phases, problem.start)
         begin = replace(free, x=problem.join(start, variables))
-        found = Trial(rows, *apart(make, rows, begin, COARSE, solved=False, rounds=START_ROUNDS, worth=BETTER * least))
+        found = CandidatePath(
+            rows,
+            *solve_collision_free(make, rows, begin, COARSE, solved=False, rounds=START_ROUNDS, worth=BETTER * least),
+        )
         if found.result.violation <= CLOSE and found.result.cost < BETTER * least:
             best, least = found, found.result.cost
             if least <= ENOUGH * free.cost:
@@ -166,13 +168,13 @@ def _like(world: World, path: Array, like: Array | None) -> list[Array]:
 def _chosen(problem: PathProblem, path: Array, variables: Array) -> list[Array]:
     """Return the starts (T, nq) to try: those that lead least through bodies and the first ones drawn, in turn."""
     rows = CollisionRows(problem.world, problem.phases, problem.start)
-    drawn = list(swings(problem.world, problem.phases, path, DRAWN))
+    drawn = list(initial_guesses(problem.world, problem.phases, path, DRAWN))
     deep = np.argsort([rows.overlap(start, variables) for start in drawn], kind="stable").tolist()
     order = dict.fromkeys(number for pair in zip(deep, range(DRAWN), strict=True) for number in pair)
     return [drawn[number] for number in list(order)[:TRIED]]
 
 
-def swings(world: World, phases: Phases, path: Array, count: int) -> Iterator[Array]:
+def initial_guesses(world: World, phases: Phases, path: Array, count: int) -> Iterator[Array]:
     """Yield starts (T, nq) that agree with a path (T, nq) at its switches, the same ones each time.
 
     Args:
@@ -191,7 +193,7 @@ def swings(world: World, phases: Phases, path: Array, count: int) -> Iterator[Ar
         yield start.reshape(path.shape)
 
 
-def _limbs(world: World, phases: Phases) -> NDArray[np.intp]:
+def _limbs(world: World, phases: Phases) -> Indices:
     """Return the joints that move the hands of robots in a sequence, or of everybody where no robot works in it."""
     hands = {hand for switch in phases.switches for hand in switch.hands}
     robots = {hand for hand in hands if world.scene.hands[hand].agent != "human"}

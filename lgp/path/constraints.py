@@ -11,21 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from lgp.kinematics import features
 from lgp.kinematics.features import Feature
-from lgp.kinematics.modes import Modes
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.posture import PELVIS, PostureMap
 from lgp.kinematics.world import Kinematics, World
 from lgp.path.collision_constraints import CollisionRows
 from lgp.path.hessian import RowBlocks
-from lgp.path.mode_constraints import Blocks, Row, SwitchRows
+from lgp.path.mode_constraints import Blocks, ConstraintInfo, ModeConstraints
 from lgp.path.phases import Phases
 from lgp.scene.body_measures import lengths
-from reba.arrays import Array
-
-Slices = NDArray[np.intp]
+from reba.arrays import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -55,8 +52,8 @@ class Constraints:
         self,
         world: World,
         phases: Phases,
-        modes: Modes,
-        kept: Slices,
+        modes: ModeSequence,
+        kept: Indices,
         enforced: tuple[int, ...],
         apart: CollisionRows | None = None,
     ) -> None:
@@ -65,19 +62,21 @@ class Constraints:
         self.size = len(kept) * world.nq + modes.size
         place = {int(slice_): at for at, slice_ in enumerate(kept)}
         at = {number: place[int(phases.keys[number])] for number in enforced}
-        self._switches = SwitchRows(world, phases, modes, at, len(kept) * world.nq)
-        equal, self.tied = ties(world, phases, modes, {number: self.limb(number) for number in enforced}, kept)
+        self._switches = ModeConstraints(world, phases, modes, at, len(kept) * world.nq)
+        equal, self.tied = equal_joint_constraints(
+            world, phases, modes, {number: self.limb(number) for number in enforced}, kept
+        )
         self._rests = [
             (place[first] * world.nq + joints, place[second] * world.nq + joints)
             for (first, second), joints in equal.items()
         ]
         self._soles = tuple(world.planted)
         human = world.scene.human
-        self._legs = Legs(world) if human is not None and human.legs == "solved" else None
+        self._legs = LegReachConstraint(world) if human is not None and human.legs == "solved" else None
         self._apart = apart
         self._lay_out(len(kept))
 
-    def limb(self, number: int) -> Slices:
+    def limb(self, number: int) -> Indices:
         """Return the columns of q that move the hands of a switch."""
         return self._switches.limb(number)
 
@@ -91,16 +90,18 @@ class Constraints:
         for first, second in self._rests:
             eq += [(1, np.array(pair)) for pair in zip(first, second, strict=True)]
             self.eq_rows += [
-                Row("rest", "rad", int(joint) // nq, self.world.joints[int(joint) % nq]) for joint in first
+                ConstraintInfo("rest", "rad", int(joint) // nq, self.world.joints[int(joint) % nq]) for joint in first
             ]
         for sole in self._soles:
             columns = np.flatnonzero(self.world.support(sole))
             eq += [(6, at * nq + columns) for at in range(kept)]
-            self.eq_rows += [Row("sole", unit, at, sole) for at in range(kept) for unit in ["m"] * 3 + ["rad"] * 3]
+            self.eq_rows += [
+                ConstraintInfo("sole", unit, at, sole) for at in range(kept) for unit in ["m"] * 3 + ["rad"] * 3
+            ]
         if self._legs is not None:
             self._first_leg = len(self.in_rows)
             ineq += [(1, at * nq + self._legs.columns) for at in range(kept)]
-            self.in_rows += [Row("leg", "m", at, "straighter") for at in range(kept)]
+            self.in_rows += [ConstraintInfo("leg", "m", at, "straighter") for at in range(kept)]
         if self._apart is not None:
             ineq += self._apart.blocks(kept * nq)
             self.in_rows += self._apart.names()
@@ -149,7 +150,7 @@ class Constraints:
             equality.append(there.value.ravel())
             blocks.append(there.jacobian[:, :, np.flatnonzero(self.world.support(sole))])
 
-    def curved(self) -> list[Slices]:
+    def curved(self) -> list[Indices]:
         """Return the unknowns of each block of `bends`, then of `press`."""
         nq, tail = self.world.nq, self.size - self.modes.size
         found = self._switches.curved()
@@ -157,7 +158,7 @@ class Constraints:
             found.append(np.arange(tail // nq)[:, None] * nq + self._legs.columns)
         return found
 
-    def bending(self) -> list[Slices]:
+    def bending(self) -> list[Indices]:
         """Return the unknowns of each block of rows that `bends` is about: the first blocks of the equalities."""
         return [columns for _, columns in self._switches.eq]
 
@@ -176,9 +177,9 @@ class Constraints:
 Pair = tuple[int, int]
 
 
-def ties(
-    world: World, phases: Phases, modes: Modes, limbs: dict[int, Slices], kept: Slices
-) -> tuple[dict[Pair, Slices], dict[Pair, Slices]]:
+def equal_joint_constraints(
+    world: World, phases: Phases, modes: ModeSequence, limbs: dict[int, Indices], kept: Indices
+) -> tuple[dict[Pair, Indices], dict[Pair, Indices]]:
     """Return pairs of slices (first, second) -> joints that are equal in both: pairs of kept slices, and others.
 
     In every other pair the first slice is kept and the second is not.
@@ -205,7 +206,7 @@ def ties(
         for second in range(first + 1, min(int(phases.keys[end]) + 1, horizon)):
             joints.setdefault((first, second), set()).update(standing)
             first = second if second in known else first
-    found: tuple[dict[Pair, Slices], dict[Pair, Slices]] = {}, {}
+    found: tuple[dict[Pair, Indices], dict[Pair, Indices]] = {}, {}
     for pair in sorted(joints):
         found[pair[1] not in known][pair] = np.array(sorted(joints[pair]), dtype=np.intp)
     return found
@@ -215,7 +216,7 @@ BLEND = 1e-4
 """[m] eps: both legs count where they differ by less; 0.07 mm of reach are given away."""
 
 
-class Legs:
+class LegReachConstraint:
     """The row of a human whose legs are solved for.
 
     Attributes:

@@ -11,15 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reba.arrays import Array
-
-Slices = NDArray[np.intp]
+from reba.arrays import Array, Indices
 
 
 @dataclass(frozen=True)
-class Condensed:
+class CondensedQuadratic:
     """A quadratic on kept slices.
 
     Attributes:
@@ -50,7 +47,7 @@ def quadratic(slices: int, tau: float, stop: bool) -> Array:
     return differences.T @ differences / tau**3
 
 
-def condense(matrix: Array, kept: Slices, joined: Sequence[tuple[int, int]] = ()) -> Condensed:
+def eliminate_slices(matrix: Array, kept: Indices, joined: Sequence[tuple[int, int]] = ()) -> CondensedQuadratic:
     """Return the quadratic on kept slices that is left when all others are at their best.
 
     Args:
@@ -73,7 +70,7 @@ def condense(matrix: Array, kept: Slices, joined: Sequence[tuple[int, int]] = ()
         cost -= across.T @ follow
         expand -= spread[:, free] @ follow
         cost = 0.5 * (cost + cost.T)
-    return Condensed(cost, expand)
+    return CondensedQuadratic(cost, expand)
 
 
 @dataclass(frozen=True)

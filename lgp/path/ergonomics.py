@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
@@ -13,7 +12,7 @@ from dreba.surrogates.task_factors import delta_payload
 from lgp.errors import LgpError
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
-from reba.arrays import Array
+from reba.arrays import Array, Flags, Indices
 from reba.posture.columns import COLUMNS, INDEX
 
 Payload = Literal["linear", "model"]
@@ -176,7 +175,7 @@ def _clipped(matrices: Array) -> Array:
     return (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
 
 
-def _groups(moved: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+def _groups(moved: Flags) -> list[Indices]:
     """Return the joints that angles (d, k) share, directly or through others; joints that move none are left out."""
     found: list[set[int]] = []
     for row in moved:

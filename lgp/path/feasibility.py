@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from lgp.kinematics.attachments import placed, resting
 from lgp.kinematics.ik import least_squares
@@ -15,8 +14,8 @@ from lgp.kinematics.world import World
 from lgp.path.collision_constraints import MARGIN
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
-from lgp.scene.model import Hand, Table, Thing
-from reba.arrays import Array
+from lgp.scene.model import Hand, SceneObject, Table
+from reba.arrays import Array, Indices
 
 CLOSE = 1e-4
 """[m, rad] Violation that counts as met; the solver removes the rest."""
@@ -26,10 +25,10 @@ PROGRESS = 0.8
 """A round that leaves more than this share of the violation is the last."""
 
 
-def nearest(problem: PathProblem, start: Array, tolerance: float = CLOSE) -> tuple[Array, float]:
+def project_to_feasible(problem: PathProblem, start: Array, tolerance: float = CLOSE) -> tuple[Array, float]:
     """Return x (n,) near a start that violates the constraints least, and the largest violation left [m, rad]."""
 
-    def residuals(x: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+    def residuals(x: Array, which: Indices) -> tuple[Array, Array]:
         values = problem.rows.evaluate(*problem.split(x[0]))
         equal, limits = problem.rows.jacobians(values)
         broken = values.inequality > 0.0
@@ -52,7 +51,7 @@ TURNED = 1e-3
 """[rad] Turns below this are not worth a word beside a distance."""
 
 
-def reason(problem: PathProblem, x: Array) -> str:
+def explain_infeasibility(problem: PathProblem, x: Array) -> str:
     """Return the constraint that fails most at x (n,), "" if all hold.
 
     Example of a result: `phase 1, grasp(1, baxter.left, screwdriver): baxter.left stays 0.496 m away from screwdriver
@@ -139,7 +138,7 @@ ITERATIONS = 20
 
 
 @dataclass(frozen=True)
-class Top:
+class Rectangle:
     """A level rectangle: centre (3,), half sides (2,) [m] along the directions (2, 3); a point has half sides of 0."""
 
     centre: Array
@@ -157,7 +156,7 @@ class Top:
 
 
 @dataclass(frozen=True)
-class Span:
+class ReachBound:
     """Where a hand can be at most: within `length` of a point that slides.
 
     Attributes:
@@ -172,7 +171,7 @@ class Span:
     upper: Array
     length: float
 
-    def beyond(self, top: Top) -> float:
+    def beyond(self, top: Rectangle) -> float:
         """Return by how much [m] the hand stays away from a table top at least; not above 0 if it may reach it."""
         at = 0.5 * (self.lower + self.upper)
         best = -np.inf
@@ -193,7 +192,7 @@ class Span:
         return max(best, 0.0) - self.length
 
 
-def span(world: World, hand: Hand) -> Span:
+def span(world: World, hand: Hand) -> ReachBound:
     """Return the span of a hand.
 
     Example:
@@ -219,13 +218,13 @@ def span(world: World, hand: Hand) -> Span:
     free = np.array([slides(model.joints[joint]) for joint in chain[sliding:]], dtype=bool)
     if free.any():
         # A slide behind a turning joint stretches the arm: nothing is claimed about it.
-        return Span(root, moves, world.lower[own], world.upper[own], np.inf)
+        return ReachBound(root, moves, world.lower[own], world.upper[own], np.inf)
     points = np.array(at[sliding:])
     shift = turns[0] * float(turns[0] @ (points[1] - points[0])) if len(turns) else np.zeros(3)
     # Along its own axis the first joint moves nothing.
     points[0] += shift
     length = _length(points, turns, low[columns[sliding:]], high[columns[sliding:]])
-    return Span(root + shift, moves, world.lower[own], world.upper[own], length)
+    return ReachBound(root + shift, moves, world.lower[own], world.upper[own], length)
 
 
 def _length(points: Array, axes: Array, low: Array, high: Array) -> float:
@@ -263,7 +262,7 @@ LEAST = 1e-3
 """[m] Misses below this are left to the solver."""
 
 
-class Stretch:
+class ReachCheck:
     """The spans of the hands of a world, each worked out when first asked for.
 
     Args:
@@ -272,7 +271,7 @@ class Stretch:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self._spans: dict[str, Span] = {}
+        self._spans: dict[str, ReachBound] = {}
 
     def refusal(self, phases: Phases) -> str:
         """Return why the hand of the last switch cannot get there, "" if it may.
@@ -302,15 +301,15 @@ class Stretch:
             "however its joints are stretched"
         )
 
-    def _span(self, hand: str) -> Span:
+    def _span(self, hand: str) -> ReachBound:
         if hand not in self._spans:
             self._spans[hand] = span(self.world, self.world.scene.hands[hand])
         return self._spans[hand]
 
 
-def _rectangle(table: Table, thing: Thing, moved: bool) -> Top:
+def _rectangle(table: Table, thing: SceneObject, moved: bool) -> Rectangle:
     """Return where the middle of an object on a table can be: at its first place, or anywhere once it was moved."""
     yaw = np.radians(table.yaw)
     sides = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0]])
     x, y, halves = (0.0, 0.0, placed(table, thing, 0).upper[:2]) if moved else (*thing.at[:2], np.zeros(2))
-    return Top(resting(table, thing, x, y, 0.0, "z" if moved else thing.up)[1], halves, sides)
+    return Rectangle(resting(table, thing, x, y, 0.0, "z" if moved else thing.up)[1], halves, sides)

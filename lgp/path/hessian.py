@@ -13,13 +13,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from lgp.path.costs import Condensed
-from reba.arrays import Array
+from lgp.path.costs import CondensedQuadratic
+from reba.arrays import Array, Indices
 
-Slices = NDArray[np.intp]
 SPARE = 0.02
 """Share of the curvature of everything else that must be left along each direction."""
 ROUNDS = 30
@@ -44,9 +42,9 @@ class Convexity:
 
     def __init__(
         self,
-        groups: Sequence[tuple[Slices, Condensed]],
-        columns: Sequence[Slices],
-        rows: Sequence[Slices],
+        groups: Sequence[tuple[Indices, CondensedQuadratic]],
+        columns: Sequence[Indices],
+        rows: Sequence[Indices],
         sizes: tuple[int, int],
     ) -> None:
         nq, nz = sizes
@@ -114,7 +112,7 @@ def _shares(response: Array) -> Array:
     return np.asarray(roots**2 / max(over, 1.0))
 
 
-def _onto(cost: Array, at: Slices) -> Array:
+def _onto(cost: Array, at: Indices) -> Array:
     """Return the quadratic on some of the slices with all others at their best."""
     others = np.setdiff1d(np.arange(len(cost)), at)
     left = cost[np.ix_(at, at)]
@@ -122,9 +120,6 @@ def _onto(cost: Array, at: Slices) -> Array:
         across = cost[np.ix_(others, at)]
         left = left - across.T @ np.linalg.solve(cost[np.ix_(others, others)], across)
     return left
-
-
-Indices = NDArray[np.intp]
 
 
 class RowBlocks:

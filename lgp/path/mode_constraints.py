@@ -6,25 +6,23 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.kinematics import features
-from lgp.kinematics.attachments import Fastening, Holder, Pose
+from lgp.kinematics.attachments import Attachment, Pose, ScrewConstraint
 from lgp.kinematics.features import Feature, skew
-from lgp.kinematics.modes import Modes
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import Kinematics, World
 from lgp.path.phases import Phases
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
-Slices = NDArray[np.intp]
-Blocks = list[tuple[int, Slices]]
+Blocks = list[tuple[int, Indices]]
 AT_TABLES: Final = ("grasp", "place", "hold")
 """Kinds of switches in which a hand works on a table, so that its tilt counts."""
 POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
 
 
 @dataclass(frozen=True)
-class Row:
+class ConstraintInfo:
     """What one row is about: its kind, its unit, the number of a switch or slice, and who or what.
 
     Kinds: "jump", "screw", "joint", "rest" (of switches), "sole"; "tilt" (of switches), "leg". A tilt is a
@@ -48,7 +46,7 @@ class SwitchValues:
     kinematics: dict[int, Kinematics]
 
 
-class SwitchRows:
+class ModeConstraints:
     """The rows of some switches; unknowns are kept configurations (P, nq), one after the other, then z.
 
     Args:
@@ -63,15 +61,15 @@ class SwitchRows:
         eq_rows, in_rows: what each row is about.
     """
 
-    def __init__(self, world: World, phases: Phases, modes: Modes, at: dict[int, int], tail: int) -> None:
+    def __init__(self, world: World, phases: Phases, modes: ModeSequence, at: dict[int, int], tail: int) -> None:
         self.world, self.phases, self.modes, self.at, self.tail = world, phases, modes, at, tail
         self.eq: Blocks = []
         self.ineq: Blocks = []
-        self.eq_rows: list[Row] = []
-        self.in_rows: list[Row] = []
+        self.eq_rows: list[ConstraintInfo] = []
+        self.in_rows: list[ConstraintInfo] = []
         self._limbs = {number: self.limb(number) for number in at}
-        self._own: dict[int, Slices] = {}
-        self._screws: dict[int, Fastening] = {}
+        self._own: dict[int, Indices] = {}
+        self._screws: dict[int, ScrewConstraint] = {}
         self._joined: dict[int, tuple[int, ...]] = {}
         for number in at:
             if self.modes.contact(number) is not None:
@@ -80,9 +78,9 @@ class SwitchRows:
                 self._lay_screw(number)
         for number in self._tilted:
             self.ineq.append((1, self._columns(number)))
-            self.in_rows.append(Row("tilt", "", number, phases.switches[number].hand))
+            self.in_rows.append(ConstraintInfo("tilt", "", number, phases.switches[number].hand))
 
-    def limb(self, number: int) -> Slices:
+    def limb(self, number: int) -> Indices:
         """Return the columns of q that move the hands of a switch."""
         support = [self.world.support(hand) for hand in self.phases.switches[number].hands]
         return np.flatnonzero(np.max(support, axis=0))
@@ -92,7 +90,7 @@ class SwitchRows:
         switches, hands = self.phases.switches, self.world.scene.hands
         return [n for n in self.at if switches[n].kind in AT_TABLES and hands[switches[n].hand].tilt < 180.0]
 
-    def _columns(self, number: int, own: Slices | None = None) -> Slices:
+    def _columns(self, number: int, own: Indices | None = None) -> Indices:
         """Return the unknowns of the limbs of a switch, and given variables."""
         limbs = self.at[number] * self.world.nq + self._limbs[number]
         return limbs if own is None else np.concatenate([limbs, self.tail + own])
@@ -103,7 +101,7 @@ class SwitchRows:
         self._own[number] = own.astype(np.intp)
         self.eq.append((6, self._columns(number, self._own[number])))
         thing = self.phases.switches[number].thing
-        self.eq_rows += [Row("jump", unit, number, thing) for unit in POSE_UNITS]
+        self.eq_rows += [ConstraintInfo("jump", unit, number, thing) for unit in POSE_UNITS]
 
     def _lay_screw(self, number: int) -> None:
         switch, screw = self.phases.switches[number], self.modes.fastening(number)
@@ -111,9 +109,9 @@ class SwitchRows:
         kept = screw.rows(self.world.at(self.world.start[None], self.modes.frames))
         self._joined[number] = kept
         self.eq.append((5, self._columns(number, screw.variables)))
-        self.eq_rows += [Row("screw", unit, number, switch.hand) for unit in ("m", "m", "m", "rad", "rad")]
+        self.eq_rows += [ConstraintInfo("screw", unit, number, switch.hand) for unit in ("m", "m", "m", "rad", "rad")]
         self.eq.append((len(kept), self._columns(number, screw.variables)))
-        self.eq_rows += [Row("joint", POSE_UNITS[row], number, switch.other) for row in kept]
+        self.eq_rows += [ConstraintInfo("joint", POSE_UNITS[row], number, switch.other) for row in kept]
 
     def evaluate(self, q: Array, z: Array) -> SwitchValues:
         """Return all rows at configurations (P, nq) and variables (nz,)."""
@@ -151,7 +149,7 @@ class SwitchRows:
         columns = np.concatenate([self._limbs[number], self.world.nq + self._own[number]])
         return np.asarray(feature.jacobian[0][:, columns])
 
-    def curved(self) -> list[Slices]:
+    def curved(self) -> list[Indices]:
         """Return the unknowns of each block of `bends`: limbs and variables of a contact, the limb of a screw."""
         found = []
         for number in self.at:
@@ -190,7 +188,7 @@ STEP: Final = 1e-6
 
 
 def contact_curvature(
-    sides: tuple[Holder, Holder], limbs: Slices, own: Slices, kinematics: Kinematics, z: Array, y: Array
+    sides: tuple[Attachment, Attachment], limbs: Indices, own: Indices, kinematics: Kinematics, z: Array, y: Array
 ) -> Array:
     """Return sum_i y_i d2 row_i (m, m) of a contact by the joints of its limbs, then its variables.
 
@@ -218,7 +216,7 @@ def contact_curvature(
     return np.asarray(bend + mixed + mixed.T)
 
 
-def _held(holder: Holder, held: Pose, limb: Slices, kinematics: Kinematics, z: Array, weights: Array) -> Array:
+def _held(holder: Attachment, held: Pose, limb: Indices, kinematics: Kinematics, z: Array, weights: Array) -> Array:
     """Return the weighted second derivative (m, m) of the pose of a held object by its limb and grip."""
     jacobian = np.concatenate([held.by_q[:, :, limb], held.by_variables], axis=2)
     bend = features.position_curvature(jacobian, weights[None, :3])[0]

@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.errors import LgpError
-from lgp.kinematics.modes import ROLES, TAKES, Switch
+from lgp.kinematics.modes import ROLES, TAKES, KinematicSwitch
 from lgp.logic.task import Action
 from lgp.scene.model import Scene
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Phases:
 
     scene: Scene
     actions: tuple[Action, ...]
-    switches: tuple[Switch, ...]
+    switches: tuple[KinematicSwitch, ...]
     slices: int
     seconds: float
 
@@ -79,7 +78,7 @@ class Phases:
         return self.seconds / self.slices
 
     @property
-    def keys(self) -> NDArray[np.intp]:
+    def keys(self) -> Indices:
         """Slices in which the switches happen (K,)."""
         return (np.arange(self.count) + 1) * self.slices - 1
 
@@ -107,7 +106,7 @@ class Phases:
         return self.scene.hands[hand].agent == "human"
 
 
-def switch_of(action: Action) -> Switch:
+def switch_of(action: Action) -> KinematicSwitch:
     """Return the kinematic switch that an action implies.
 
     Raises:
@@ -117,4 +116,4 @@ def switch_of(action: Action) -> Switch:
     if roles is None or len(roles) != len(action.arguments):
         known = "; ".join(f"{name}({', '.join(roles)})" for name, roles in ROLES.items())
         raise LgpError(f"action {action} has no geometry; known are {known}")
-    return Switch(action.name, **dict(zip(roles, action.arguments, strict=True)))
+    return KinematicSwitch(action.name, **dict(zip(roles, action.arguments, strict=True)))

@@ -11,20 +11,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lgp.kinematics.modes import Modes
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.path.collision_constraints import CollisionRows
 from lgp.path.constraints import Constraints, Values
-from lgp.path.costs import Condensed, Costs, Weights, condense, quadratic
+from lgp.path.costs import CondensedQuadratic, Costs, Weights, eliminate_slices, quadratic
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.hessian import Convexity, UpperBlocks
 from lgp.path.phases import Phases
 from lgp.sqp.problem import Model
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
-Slices = NDArray[np.intp]
 HOLD = 1e-6
 """Curvature of the model in the variables of grasps and placements, which no cost acts on."""
 
@@ -54,7 +52,7 @@ class PathProblem:
         world: World,
         phases: Phases,
         *,
-        kept: Slices | None = None,
+        kept: Indices | None = None,
         enforced: Sequence[int] | None = None,
         stop: bool = True,
         ergonomics: Ergonomics | None = None,
@@ -64,7 +62,7 @@ class PathProblem:
         apart: CollisionRows | None = None,
     ) -> None:
         self.world, self.phases = world, phases
-        self.modes = Modes(world, phases.switches)
+        self.modes = ModeSequence(world, phases.switches)
         self.weights = Weights() if weights is None else weights
         self.kept = np.arange(phases.total) if kept is None else np.asarray(kept, dtype=np.intp)
         self.start = world.start if start is None else start
@@ -148,8 +146,9 @@ class PathProblem:
         for joint in range(self.world.nq):
             own = tuple(pair for pair, joints in self.rows.tied.items() if joint in joints)
             groups.setdefault(own, []).append(joint)
-        self._groups: list[tuple[Slices, Condensed]] = [
-            (np.array(joints, dtype=np.intp), condense(matrix, self.kept, pairs)) for pairs, joints in groups.items()
+        self._groups: list[tuple[Indices, CondensedQuadratic]] = [
+            (np.array(joints, dtype=np.intp), eliminate_slices(matrix, self.kept, pairs))
+            for pairs, joints in groups.items()
         ]
         self._rate = self.weights.ergonomics * self.phases.tau
         self._floor = 0.0

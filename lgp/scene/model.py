@@ -123,7 +123,7 @@ class Grip:
 
 
 @dataclass(frozen=True)
-class Thing:
+class SceneObject:
     """An object: size of its box [m], mass [kg], the table it is `on` first and where `at` on it (x, y [m], yaw [deg]).
 
     A hand may grasp it up to `slide` [m] from its middle, along its longest side, or as `grips` say for its kind. If a
@@ -148,7 +148,7 @@ class Thing:
 
 
 @dataclass(frozen=True)
-class Joint:
+class Assembly:
     """How two objects stand when they are joined, and where the screw goes in; all in the frame of the first.
 
     Attributes:
@@ -169,7 +169,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Choice:
+class FreeParameter:
     """A free choice of the scene: the keys that hold it, and why it is as it is."""
 
     keys: tuple[str, ...]
@@ -208,10 +208,10 @@ class Scene:
     human: Human | None
     robots: Mapping[str, Robot]
     tables: Mapping[str, Table]
-    things: Mapping[str, Thing]
-    joints: tuple[Joint, ...] = ()
+    things: Mapping[str, SceneObject]
+    joints: tuple[Assembly, ...] = ()
     depth: int = 4
-    choices: tuple[Choice, ...] = ()
+    choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property

@@ -11,7 +11,7 @@ from typing import Any
 
 from lgp.errors import SceneError
 from lgp.scene.body_measures import STATURE, table
-from lgp.scene.model import Choice, Grip, Hand, Human, Joint, Robot, Scene, Table, Thing
+from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
 from reba.errors import did_you_mean
 from reba.toml_table import TomlTable
 
@@ -118,9 +118,9 @@ def _list(entries: TomlTable, key: str) -> list[Any]:
     return value
 
 
-def _choice(number: int, value: Any, name: str) -> Choice:
+def _choice(number: int, value: Any, name: str) -> FreeParameter:
     entries = TomlTable(f"{name}: choices[{number}]", value, SceneError)
-    choice = Choice(entries.texts("keys"), entries.text("reason"))
+    choice = FreeParameter(entries.texts("keys"), entries.text("reason"))
     entries.done()
     return choice
 
@@ -211,8 +211,8 @@ def _table(name: str, entries: TomlTable) -> Table:
     return table
 
 
-def _thing(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> Thing:
-    thing = Thing(
+def _thing(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> SceneObject:
+    thing = SceneObject(
         name=name,
         size=entries.vector("size", 3, low=0.001),
         mass=entries.number("mass", low=0.0),
@@ -241,7 +241,7 @@ def _grip(entries: TomlTable) -> Grip:
     return grip
 
 
-def _joint(number: int, value: Any, name: str, things: Mapping[str, Thing]) -> Joint:
+def _joint(number: int, value: Any, name: str, things: Mapping[str, SceneObject]) -> Assembly:
     entries = TomlTable(f"{name}: joints[{number}]", value, SceneError)
     parts = entries.texts("parts")
     if len(set(parts)) != 2:
@@ -249,7 +249,7 @@ def _joint(number: int, value: Any, name: str, things: Mapping[str, Thing]) -> J
     for part in parts:
         if part not in things:
             raise SceneError(f"{entries.where}: no object {part!r}{did_you_mean(part, things)}")
-    joint = Joint(
+    joint = Assembly(
         parts=(parts[0], parts[1]),
         position=entries.vector("position", 3),
         yaw=entries.number("yaw", 0.0),

@@ -64,7 +64,7 @@ class Bounds(Protocol):
         """Whether the cost of a level never exceeds that of later levels and of longer sequences."""
 
 
-class Status(Enum):
+class SearchStatus(Enum):
     """How a search ended; the text says what it means."""
 
     OPTIMAL = "no other sequence within the depth can cost less"
@@ -153,7 +153,7 @@ class SearchResult:
         reason: why there is no plan.
     """
 
-    status: Status
+    status: SearchStatus
     skeleton: Skeleton
     cost: float
     payload: Any
@@ -204,7 +204,7 @@ class _Search:
 
     def run(self) -> SearchResult:
         if relaxed_plan(self.task, self.task.initial) is None:
-            return self._result(Status.UNREACHABLE, math.inf, why_unreachable(self.task))
+            return self._result(SearchStatus.UNREACHABLE, math.inf, why_unreachable(self.task))
         self._extend(self.nodes[0])
         try:
             while self.waiting:
@@ -217,19 +217,21 @@ class _Search:
                 else:
                     self._advance(node, level)
         except KeyboardInterrupt:
-            return self._result(Status.INTERRUPTED, self._open_bound(), "interrupted")
+            return self._result(SearchStatus.INTERRUPTED, self._open_bound(), "interrupted")
         return self._finish()
 
     def _finish(self) -> SearchResult:
         if self.best is not None:
-            status = Status.GAP if self.blocked else Status.OPTIMAL
+            status = SearchStatus.GAP if self.blocked else SearchStatus.OPTIMAL
             return self._result(status, self._open_bound() if self.blocked else self.best.bound)
         if self.blocked:
-            return self._result(Status.EXHAUSTED, self._open_bound(), "the budget ran out")
+            return self._result(SearchStatus.EXHAUSTED, self._open_bound(), "the budget ran out")
         reasons = dict.fromkeys(node.reason for node in self.nodes if node.verdict == "infeasible")
         if not reasons:
-            return self._result(Status.INFEASIBLE, math.inf, f"the goal needs more than {self.budget.depth} actions")
-        return self._result(Status.INFEASIBLE, math.inf, "; ".join(reasons))
+            return self._result(
+                SearchStatus.INFEASIBLE, math.inf, f"the goal needs more than {self.budget.depth} actions"
+            )
+        return self._result(SearchStatus.INFEASIBLE, math.inf, "; ".join(reasons))
 
     def _open_bound(self) -> float:
         """Return the lowest bound of everything that was not excluded."""
@@ -336,7 +338,7 @@ class _Search:
             self.nodes.append(child)
             self._push(child, 0)
 
-    def _result(self, status: Status, bound: float, reason: str = "") -> SearchResult:
+    def _result(self, status: SearchStatus, bound: float, reason: str = "") -> SearchResult:
         best, last = self.best, self.bounds.levels[-1]
         return SearchResult(
             status=status,

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 from lgp.sqp.active_set import ActiveSet
 from lgp.sqp.backends import Piqp, QpSolvers
-from lgp.sqp.problem import FunctionProblem, Model, Options, Problem, ProblemError
+from lgp.sqp.problem import FunctionProblem, Model, Problem, ProblemError, SolverOptions
 from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus
-from lgp.sqp.result import Iteration, Result, Status, Violation
+from lgp.sqp.result import ConstraintViolation, Iteration, Result, SolveStatus
 from lgp.sqp.solver import Solver, solve
 
 __all__ = [
     "QP",
     "ActiveSet",
+    "ConstraintViolation",
     "FunctionProblem",
     "Iteration",
     "Model",
-    "Options",
     "Piqp",
     "Problem",
     "ProblemError",
@@ -28,8 +28,8 @@ __all__ = [
     "QPStatus",
     "QpSolvers",
     "Result",
+    "SolveStatus",
     "Solver",
-    "Status",
-    "Violation",
+    "SolverOptions",
     "solve",
 ]

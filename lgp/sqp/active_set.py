@@ -3,7 +3,7 @@
 Each round solves the equality-constrained QP of the current active set on the fixed-pattern `KKT`, then adds every
 violated row and bound and drops every one whose multiplier has the wrong sign (the primal-dual active set of
 Hintermueller, Ito & Kunisch 2002). That ends in a few rounds where the set is nearly known, and may cycle otherwise.
-Where it no longer reduces the number of errors, `DualWalk` goes on from the best set so far; where that takes long
+Where it no longer reduces the number of errors, `DualActiveSet` goes on from the best set so far; where that takes long
 the QP goes to an interior point back end, whose answer is polished on its active set so that the next QP starts warm.
 """
 
@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.sqp.backends import Piqp
-from lgp.sqp.dual_active_set import DualWalk
+from lgp.sqp.dual_active_set import DualActiveSet
 from lgp.sqp.kkt import KKT
-from lgp.sqp.problem import Vector
 from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus, cost_scale
+from reba.arrays import Array, Flags
 
 PRIMAL_TOLERANCE = 1e-9
 DUAL_TOLERANCE = 1e-9
@@ -35,10 +35,10 @@ KEPT = 1e-7
 
 
 @dataclass(frozen=True)
-class _Active:
+class WorkingSet:
     """A working set: inequality rows (m_i,) and side of each unknown (n,): -1 at its lower bound, +1 upper, 0 free."""
 
-    rows: NDArray[np.bool_]
+    rows: Flags
     side: NDArray[np.int8]
 
 
@@ -46,13 +46,13 @@ class _Active:
 class _Point:
     """Solution of one working set, and which rows and sides contradict it."""
 
-    x: Vector
-    y: Vector
-    z: Vector
-    z_box: Vector
-    rows_wrong: NDArray[np.bool_]
+    x: Array
+    y: Array
+    z: Array
+    z_box: Array
+    rows_wrong: Flags
     side_next: NDArray[np.int8]
-    side_wrong: NDArray[np.bool_]
+    side_wrong: Flags
     error: float
 
     @property
@@ -75,7 +75,7 @@ class ActiveSet:
         self.fallback = Piqp() if fallback is None else fallback
         self.rounds, self.limit = rounds, limit
         self._kkt: KKT | None = None
-        self._factorised: _Active | None = None
+        self._factorised: WorkingSet | None = None
 
     def solve(self, qp: QP, warm: QPResult | None = None) -> QPResult:
         """Solve; `warm` gives the first active set by its nonzero multipliers."""
@@ -107,7 +107,7 @@ class ActiveSet:
                 return _result(point, scale, count, self.name)
         return self._fall_back(qp, scale, count)
 
-    def _walk(self, qp: QP, scale: float, active: _Active, guess: Vector) -> tuple[_Point | None, int]:
+    def _walk(self, qp: QP, scale: float, active: WorkingSet, guess: Array) -> tuple[_Point | None, int]:
         """Exchange one row or bound at a time; return the solution, if it was found, and the effort in rounds."""
         count = 0
         for _ in range(WALKS):
@@ -117,7 +117,9 @@ class ActiveSet:
                 break
             if point.errors == 0:
                 return point, count
-            walk = DualWalk(self._kkt, qp, scale, active.rows, active.side, (point.x, point.y, point.z, point.z_box))
+            walk = DualActiveSet(
+                self._kkt, qp, scale, active.rows, active.side, (point.x, point.y, point.z, point.z_box)
+            )
             self._factorised = None
             try:
                 arrived = walk.run(self.limit)
@@ -126,14 +128,14 @@ class ActiveSet:
             count += walk.exchanged
             if not arrived:
                 break
-            active, guess = _Active(walk.rows, walk.side), walk.point
+            active, guess = WorkingSet(walk.rows, walk.side), walk.point
             point = self._try(qp, scale, active, guess)
             count += 1
             if point is not None and point.errors == 0:
                 return point, count
         return None, count
 
-    def _lighten(self, qp: QP, scale: float, active: _Active, guess: Vector) -> tuple[_Active, _Point | None, int]:
+    def _lighten(self, qp: QP, scale: float, active: WorkingSet, guess: Array) -> tuple[WorkingSet, _Point | None, int]:
         """Drop rows and bounds until few multipliers have the wrong sign; return also the factorisations."""
         for count in range(1, self.rounds + 1):
             point = self._try(qp, scale, active, guess)
@@ -142,10 +144,10 @@ class ActiveSet:
             rows, sides = point.rows_wrong & active.rows, point.side_wrong & (active.side != 0)
             if np.count_nonzero(rows) + np.count_nonzero(sides) <= SHED:
                 return active, point, count
-            active = _Active(active.rows & ~rows, np.where(sides, 0, active.side).astype(np.int8))
+            active = WorkingSet(active.rows & ~rows, np.where(sides, 0, active.side).astype(np.int8))
         return active, None, count
 
-    def _try(self, qp: QP, scale: float, active: _Active, guess: Vector) -> _Point | None:
+    def _try(self, qp: QP, scale: float, active: WorkingSet, guess: Array) -> _Point | None:
         """Solve one working set; None where its system is singular or its rows contradict each other."""
         kkt = self._kkt
         if kkt is None:
@@ -184,13 +186,13 @@ class ActiveSet:
         side[found.z_box * scale > qp.ub - found.x] = 1
         rows = found.z * scale > qp.h - qp.G @ found.x
         guess = np.concatenate([found.x, scale * found.y, scale * found.z])
-        point = self._try(qp, scale, _Active(rows, side), guess)
+        point = self._try(qp, scale, WorkingSet(rows, side), guess)
         if point is not None and point.errors == 0:
             return _result(point, scale, found.iterations, found.solver)
         return replace(found, z=np.where(rows, found.z, 0.0), z_box=np.where(side != 0, found.z_box, 0.0))
 
 
-def _start(qp: QP, warm: QPResult | None, scale: float) -> tuple[_Active, Vector]:
+def _start(qp: QP, warm: QPResult | None, scale: float) -> tuple[WorkingSet, Array]:
     """Return the first working set and the first guess of unknowns and multipliers (n + m_e + m_i,)."""
     side = np.zeros(qp.q.size, dtype=np.int8)
     rows = np.zeros(qp.h.size, dtype=bool)
@@ -202,10 +204,10 @@ def _start(qp: QP, warm: QPResult | None, scale: float) -> tuple[_Active, Vector
         rows |= warm.z > KEPT * warm.z.max(initial=0.0)
         guess = np.concatenate([warm.x, scale * warm.y, scale * warm.z])
     side[qp.lb == qp.ub] = -1
-    return _Active(rows, side), guess
+    return WorkingSet(rows, side), guess
 
 
-def _judge(qp: QP, scale: float, active: _Active, found: Vector, error: float) -> _Point:
+def _judge(qp: QP, scale: float, active: WorkingSet, found: Array, error: float) -> _Point:
     """Find the rows and bounds that contradict the solution of a working set."""
     n, m_e = qp.q.size, qp.b.size
     x, y, z = found[:n], found[n : n + m_e], found[n + m_e :]
@@ -223,9 +225,9 @@ def _judge(qp: QP, scale: float, active: _Active, found: Vector, error: float) -
     return _Point(x, y, z, z_box, rows_wrong, side_next, side_next != active.side, error)
 
 
-def _exchange(active: _Active, point: _Point) -> _Active:
+def _exchange(active: WorkingSet, point: _Point) -> WorkingSet:
     """Correct every contradicting row and bound."""
-    return _Active(active.rows ^ point.rows_wrong, point.side_next)
+    return WorkingSet(active.rows ^ point.rows_wrong, point.side_next)
 
 
 def _result(point: _Point, scale: float, iterations: int, solver: str) -> QPResult:

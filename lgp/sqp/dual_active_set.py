@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.sqp.kkt import KKT
-from lgp.sqp.problem import Vector
 from lgp.sqp.qp import QP
+from reba.arrays import Array, Flags
 
 BORDERS = 40
 """Changes since the last factorisation beyond which another one is cheaper."""
@@ -30,7 +30,7 @@ NOTHING = 1e-11
 """Change of a multiplier, relative to the largest, that is rounding."""
 
 
-class DualWalk:
+class DualActiveSet:
     """The walk on one QP whose values `kkt` holds.
 
     Args:
@@ -51,9 +51,9 @@ class DualWalk:
         kkt: KKT,
         qp: QP,
         scale: float,
-        rows: NDArray[np.bool_],
+        rows: Flags,
         side: NDArray[np.int8],
-        solution: tuple[Vector, Vector, Vector, Vector],
+        solution: tuple[Array, Array, Array, Array],
     ) -> None:
         self.kkt, self.qp, self.scale = kkt, qp, scale
         self.rows, self.side = rows.copy(), side.copy()
@@ -68,7 +68,7 @@ class DualWalk:
         self._base()
 
     @property
-    def point(self) -> Vector:
+    def point(self) -> Array:
         """Unknowns and multipliers (n + m_e + m_i,) reached."""
         return np.concatenate([self.x, self.y, self._u[: self._m_i]])
 
@@ -177,7 +177,7 @@ class DualWalk:
         at = constraint - self._m_i
         return float(self.x[at] - self.qp.ub[at] if self._sign[at] > 0 else self.qp.lb[at] - self.x[at])
 
-    def _gradient(self, constraint: int) -> tuple[NDArray[np.integer], Vector]:
+    def _gradient(self, constraint: int) -> tuple[NDArray[np.integer], Array]:
         """Return the unknowns of a constraint and its slopes by them."""
         if constraint < self._m_i:
             begin, end = self.qp.G.indptr[constraint : constraint + 2]
@@ -185,19 +185,19 @@ class DualWalk:
         at = constraint - self._m_i
         return np.array([at]), np.array([float(self._sign[at])])
 
-    def _column(self, constraint: int) -> tuple[Vector, Vector]:
+    def _column(self, constraint: int) -> tuple[Array, Array]:
         """Return the normal of a constraint in the system, and the response to it of the factorised part."""
         normal = np.zeros(sum(self.kkt.sizes))
         places, slopes = self._gradient(constraint)
         normal[places] = slopes
         return normal, self._solve(normal)
 
-    def _solve(self, right: Vector) -> Vector:
+    def _solve(self, right: Array) -> Array:
         right = right.copy()
         right[: self._n][self._held] = 0.0
         return self.kkt.respond(right)
 
-    def _direction(self, normal: Vector, response: Vector) -> tuple[Vector, Vector]:
+    def _direction(self, normal: Array, response: Array) -> tuple[Array, Array]:
         """Return how unknowns and multipliers change per multiplier of the picked constraint, and those of borders."""
         count = len(self._borders)
         if not count:
@@ -207,17 +207,17 @@ class DualWalk:
         shares = self._share(self._normals[:, :count].T @ response - own)
         return self._stepped(-response - self._responses[:, :count] @ shares, shares), shares
 
-    def _share(self, target: Vector) -> Vector:
+    def _share(self, target: Array) -> Array:
         """Solve the dense system of the borders."""
         return np.asarray(np.linalg.solve(self._square[: len(target), : len(target)], target), dtype=float)
 
-    def _stepped(self, step: Vector, shares: Vector) -> Vector:
+    def _stepped(self, step: Array, shares: Array) -> Array:
         """Return a step of the factorised part with those of the unknowns set free."""
         freed = self._freed[: len(shares)]
         step[freed[freed >= 0]] = shares[freed >= 0]
         return step
 
-    def _changes(self, picked: int | None, step: Vector, shares: Vector) -> Vector:
+    def _changes(self, picked: int | None, step: Array, shares: Array) -> Array:
         """Return the change of every multiplier of the working set, (m_i + n,)."""
         n, m_e, m_i = self._n, self._m_e, self._m_i
         z = np.where(self.rows, step[n + m_e :], 0.0)
@@ -235,7 +235,7 @@ class DualWalk:
             change[constraint] = 0.0 if self._in_base[constraint] else share
         return change
 
-    def _blocking(self, change: Vector) -> tuple[int, float]:
+    def _blocking(self, change: Array) -> tuple[int, float]:
         """Return the first constraint whose multiplier falls to zero, and after what step."""
         size = float(np.abs(change[self._active]).max(initial=1.0))
         falls = self._active & (change < -NOTHING * size)
@@ -244,12 +244,12 @@ class DualWalk:
         first = int(np.argmin(ratios))
         return first, float(ratios[first])
 
-    def _advance(self, step: Vector, change: Vector) -> None:
+    def _advance(self, step: Array, change: Array) -> None:
         self.x += step[: self._n]
         self.y += step[self._n : self._n + self._m_e]
         self._u = np.where(self._active, self._u + change, 0.0)
 
-    def _take_in(self, constraint: int, normal: Vector, response: Vector, own: float) -> None:
+    def _take_in(self, constraint: int, normal: Array, response: Array, own: float) -> None:
         self._active[constraint] = True
         self._u[constraint] = own
         if self._in_base[constraint]:
@@ -268,7 +268,7 @@ class DualWalk:
             return self._border(constraint, normal, self._solve(normal))
         return True
 
-    def _loose(self, constraint: int) -> Vector:
+    def _loose(self, constraint: int) -> Array:
         """Return the border that lets go of a constraint of the factorised set.
 
         A row gets a slack; an unknown gets its column of the system back.
@@ -283,7 +283,7 @@ class DualWalk:
         limits = np.where(self.rows, self.qp.G @ unit, 0.0)
         return np.concatenate([self.scale * self.qp.hessian_dot(unit), self.qp.A @ unit, limits])
 
-    def _border(self, constraint: int, normal: Vector, response: Vector) -> bool:
+    def _border(self, constraint: int, normal: Array, response: Array) -> bool:
         """Add a border; return whether the factor at hand still serves."""
         count, gone = len(self._borders), bool(self._in_base[constraint])
         if count == BORDERS:

@@ -16,10 +16,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from lgp.sqp.problem import Vector
 from lgp.sqp.qp import QP, same_pattern
+from reba.arrays import Array, Flags
 
 PRIMAL_SHIFT = 1e-12
 """e of the unknowns: below the smallest curvature of smooth paths, about (pi / slices)^4 of the largest."""
@@ -65,7 +64,7 @@ class KKT:
         self._values[self._p] = scale * qp.P.data
         self._values[self._a], self._values[self._g] = qp.A.data, qp.G.data
 
-    def refactor(self, free: NDArray[np.bool_], rows: NDArray[np.bool_]) -> None:
+    def refactor(self, free: Flags, rows: Flags) -> None:
         """Factorise for the unknowns that are `free` (n,) and the inequality `rows` (m_i,) that are active.
 
         Raises:
@@ -97,7 +96,7 @@ class KKT:
         else:
             self._solver.update(self._shifted, upper=True)
 
-    def solve(self, right: Vector, guess: Vector, tolerance: float, rounds: int = 12) -> tuple[Vector, float]:
+    def solve(self, right: Array, guess: Array, tolerance: float, rounds: int = 12) -> tuple[Array, float]:
         """Solve the system without the shift by iterative refinement from a guess (size,).
 
         Returns the solution and its largest residual; refinement ends at `tolerance`, when it stops helping, or after
@@ -116,11 +115,11 @@ class KKT:
             point = point + self._solver.solve(error)
         return best, best_error
 
-    def respond(self, right: Vector) -> Vector:
+    def respond(self, right: Array) -> Array:
         """Solve the system with the shift, as factorised: rows that depend on each other share their load evenly."""
         point = self._solver.solve(right)
         return np.asarray(point + self._solver.solve(right - self._times(self._shifted, self._shifted_mirror, point)))
 
-    def _times(self, upper: sp.csc_matrix, mirror: sp.csr_matrix, point: Vector) -> Vector:
+    def _times(self, upper: sp.csc_matrix, mirror: sp.csr_matrix, point: Array) -> Array:
         """Return a symmetric matrix, given by its upper triangle and the mirror of that, times a vector."""
         return np.asarray(upper @ point + mirror @ point - upper.data[self._diagonal] * point)

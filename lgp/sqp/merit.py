@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lgp.sqp.problem import Model, Values, Vector
+from lgp.sqp.problem import Model, Values
+from reba.arrays import Array
 
 SUFFICIENT = 1e-4
 """Share of the promised decrease that a step must keep (Armijo)."""
@@ -17,18 +18,18 @@ NOTICED = 1e-10
 """Relative gain in violation below which rounding, not the step, would set the penalty."""
 
 
-def violation_sum(equality: Vector, inequality: Vector) -> float:
+def violation_sum(equality: Array, inequality: Array) -> float:
     """Return sum |c| + sum max(d, 0), what the merit function prices."""
     return float(np.abs(equality).sum() + np.maximum(inequality, 0.0).sum())
 
 
-def violation_max(equality: Vector, inequality: Vector) -> float:
+def violation_max(equality: Array, inequality: Array) -> float:
     """Return the largest violation of a row."""
     return max(float(np.abs(equality).max(initial=0.0)), float(inequality.max(initial=0.0)))
 
 
 @dataclass(frozen=True)
-class Promise:
+class PredictedReduction:
     """What the quadratic model promises for a full step p."""
 
     slope: float
@@ -57,9 +58,9 @@ class Promise:
         return -self.slope - 0.5 * self.curvature + penalty * (self.before - self.after)
 
 
-def promise(model: Model, step: Vector, curvature: float) -> Promise:
+def predict(model: Model, step: Array, curvature: float) -> PredictedReduction:
     """Return what the model promises for a step (n,) with p'Hp = curvature."""
-    return Promise(
+    return PredictedReduction(
         slope=float(model.gradient @ step),
         curvature=curvature,
         before=violation_sum(model.eq, model.ineq),
@@ -68,27 +69,27 @@ def promise(model: Model, step: Vector, curvature: float) -> Promise:
 
 
 @dataclass(frozen=True)
-class Accepted:
+class AcceptedStep:
     """A point the merit function accepts."""
 
-    x: Vector
+    x: Array
     values: Values
     length: float
     corrected: bool
 
 
-def search(
-    evaluate: Callable[[Vector], Values],
-    x: Vector,
-    step: Vector,
+def line_search(
+    evaluate: Callable[[Array], Values],
+    x: Array,
+    step: Array,
     merit: float,
     descent: float,
     penalty: float,
     *,
     longest: float,
-    correct: Callable[[Values], Vector | None],
+    correct: Callable[[Values], Array | None],
     trials: int = 25,
-) -> Accepted | None:
+) -> AcceptedStep | None:
     """Backtrack along a step until the merit function falls enough.
 
     Args:
@@ -112,13 +113,13 @@ def search(
         point = x + length * step
         values = evaluate(point)
         if accepts(values, length):
-            return Accepted(point, values, length, corrected=False)
+            return AcceptedStep(point, values, length, corrected=False)
         if trial == 0 and length == 1.0 and np.isfinite(values[0]):
             corrected = correct(values)
             if corrected is not None:
                 again = evaluate(x + corrected)
                 if accepts(again, 1.0):
-                    return Accepted(x + corrected, again, 1.0, corrected=True)
+                    return AcceptedStep(x + corrected, again, 1.0, corrected=True)
         length *= _shorter(values[0] + penalty * violation_sum(values[1], values[2]), merit, descent * length)
     return None
 

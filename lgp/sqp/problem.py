@@ -8,12 +8,11 @@ from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import RebaError
 
-Vector = NDArray[np.float64]
-Values = tuple[float, Vector, Vector]
+Values = tuple[float, Array, Array]
 
 
 class ProblemError(RebaError):
@@ -31,15 +30,15 @@ class Model:
 
     hessian: sp.csc_matrix
     """(n, n) positive semidefinite, either full symmetric or its upper triangle."""
-    gradient: Vector
+    gradient: Array
     """(n,) gradient of the cost."""
     eq_jac: sp.csr_matrix
     """(m_e, n) Jacobian of the equalities."""
-    eq: Vector
+    eq: Array
     """(m_e,) equalities, zero when met."""
     in_jac: sp.csr_matrix
     """(m_i, n) Jacobian of the inequalities."""
-    ineq: Vector
+    ineq: Array
     """(m_i,) inequalities, not above zero when met."""
 
 
@@ -51,17 +50,17 @@ class Problem(Protocol):
         """Number of unknowns."""
 
     @property
-    def lower(self) -> Vector:
+    def lower(self) -> Array:
         """(n,) lower bounds, -inf where free."""
 
     @property
-    def upper(self) -> Vector:
+    def upper(self) -> Array:
         """(n,) upper bounds, +inf where free."""
 
-    def evaluate(self, x: Vector) -> Values:
+    def evaluate(self, x: Array) -> Values:
         """Return cost, equalities (m_e,) and inequalities (m_i,) at x (n,)."""
 
-    def linearise(self, x: Vector, y_eq: Vector, y_in: Vector) -> Model:
+    def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
         """Return the model at x; the multipliers y_eq (m_e,) and y_in (m_i,) >= 0 weigh the constraint curvature."""
 
 
@@ -87,15 +86,15 @@ class FunctionProblem:
         self,
         n: int,
         *,
-        cost: Callable[[Vector], float],
-        gradient: Callable[[Vector], Vector],
-        lower: Vector | None = None,
-        upper: Vector | None = None,
-        equality: Callable[[Vector], Vector] | None = None,
-        equality_jacobian: Callable[[Vector], NDArray[np.float64]] | None = None,
-        inequality: Callable[[Vector], Vector] | None = None,
-        inequality_jacobian: Callable[[Vector], NDArray[np.float64]] | None = None,
-        hessian: Callable[[Vector, Vector, Vector], NDArray[np.float64]] | None = None,
+        cost: Callable[[Array], float],
+        gradient: Callable[[Array], Array],
+        lower: Array | None = None,
+        upper: Array | None = None,
+        equality: Callable[[Array], Array] | None = None,
+        equality_jacobian: Callable[[Array], Array] | None = None,
+        inequality: Callable[[Array], Array] | None = None,
+        inequality_jacobian: Callable[[Array], Array] | None = None,
+        hessian: Callable[[Array, Array, Array], Array] | None = None,
     ) -> None:
         self.n = n
         self.lower = np.full(n, -np.inf) if lower is None else np.asarray(lower, dtype=float)
@@ -104,11 +103,11 @@ class FunctionProblem:
         self._equality, self._equality_jacobian = equality, equality_jacobian
         self._inequality, self._inequality_jacobian = inequality, inequality_jacobian
 
-    def evaluate(self, x: Vector) -> Values:
+    def evaluate(self, x: Array) -> Values:
         """Return cost, equalities and inequalities at x (n,)."""
         return float(self._cost(x)), _vector(self._equality, x), _vector(self._inequality, x)
 
-    def linearise(self, x: Vector, y_eq: Vector, y_in: Vector) -> Model:
+    def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
         """Return the model at x with a positive semidefinite Hessian; every entry belongs to the pattern."""
         eq_jac, in_jac = self._jacobian(self._equality_jacobian, x), self._jacobian(self._inequality_jacobian, x)
         hessian = self._differences(x, y_eq, y_in) if self._hessian is None else self._hessian(x, y_eq, y_in)
@@ -121,18 +120,18 @@ class FunctionProblem:
             ineq=_vector(self._inequality, x),
         )
 
-    def _jacobian(self, function: Callable[[Vector], NDArray[np.float64]] | None, x: Vector) -> NDArray[np.float64]:
+    def _jacobian(self, function: Callable[[Array], Array] | None, x: Array) -> Array:
         if function is None:
             return np.zeros((0, self.n))
         return np.asarray(function(x), dtype=float).reshape(-1, self.n)
 
-    def _slope(self, x: Vector, y_eq: Vector, y_in: Vector) -> Vector:
+    def _slope(self, x: Array, y_eq: Array, y_in: Array) -> Array:
         """Return the gradient (n,) of the Lagrangian."""
         total = np.array(self._gradient(x), dtype=float)
         total += self._jacobian(self._equality_jacobian, x).T @ y_eq
         return total + self._jacobian(self._inequality_jacobian, x).T @ y_in
 
-    def _differences(self, x: Vector, y_eq: Vector, y_in: Vector) -> NDArray[np.float64]:
+    def _differences(self, x: Array, y_eq: Array, y_in: Array) -> Array:
         steps = np.eye(self.n) * (6e-6 * np.maximum(1.0, np.abs(x)))  # cube root of the rounding error
         columns = [
             (self._slope(x + step, y_eq, y_in) - self._slope(x - step, y_eq, y_in)) / (2.0 * step.sum())
@@ -141,11 +140,11 @@ class FunctionProblem:
         return 0.5 * (np.array(columns) + np.array(columns).T)
 
 
-def _vector(function: Callable[[Vector], Vector] | None, x: Vector) -> Vector:
+def _vector(function: Callable[[Array], Array] | None, x: Array) -> Array:
     return np.zeros(0) if function is None else np.atleast_1d(np.asarray(function(x), dtype=float))
 
 
-def _convex(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _convex(matrix: Array) -> Array:
     """Reflect negative eigenvalues: a step then still knows how strongly the function bends."""
     values, vectors = np.linalg.eigh(matrix)
     if values.size == 0 or values[0] >= 0.0:
@@ -153,14 +152,14 @@ def _convex(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return (vectors * np.abs(values)) @ vectors.T
 
 
-def _dense(matrix: NDArray[np.float64]) -> sp.coo_matrix:
+def _dense(matrix: Array) -> sp.coo_matrix:
     """Return every entry, zeros included: the pattern must not depend on the values."""
     rows, columns = np.indices(matrix.shape)
     return sp.coo_matrix((matrix.ravel(), (rows.ravel(), columns.ravel())), shape=matrix.shape)
 
 
 @dataclass(frozen=True)
-class Options:
+class SolverOptions:
     """Tolerances and budgets; rows are taken as scaled by the problem (metres, radians).
 
     Raises:

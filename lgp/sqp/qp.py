@@ -11,7 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lgp.sqp.problem import Model, ProblemError, Vector
+from lgp.sqp.problem import Model, ProblemError
+from reba.arrays import Array
 
 
 class QPStatus(Enum):
@@ -32,19 +33,19 @@ class QP:
     """
 
     P: sp.csc_matrix
-    q: Vector
+    q: Array
     A: sp.csr_matrix
-    b: Vector
+    b: Array
     G: sp.csr_matrix
-    h: Vector
-    lb: Vector
-    ub: Vector
+    h: Array
+    lb: Array
+    ub: Array
 
-    def hessian_dot(self, x: Vector) -> Vector:
+    def hessian_dot(self, x: Array) -> Array:
         """Return P x (n,) with both triangles."""
         return self.P @ x + self._lower @ x - self.P.data[self.P.indptr[1:] - 1] * x
 
-    def pull(self, y: Vector, z: Vector) -> Vector:
+    def pull(self, y: Array, z: Array) -> Array:
         """Return A'y + G'z (n,)."""
         pull = self._equality_columns @ y
         return pull + self._limit_columns @ z if z.size else pull
@@ -61,7 +62,7 @@ class QP:
     def _limit_columns(self) -> sp.csc_matrix:
         return self.G.T
 
-    def objective(self, x: Vector) -> float:
+    def objective(self, x: Array) -> float:
         """Return x'Px/2 + q'x."""
         return float(0.5 * x @ self.hessian_dot(x) + self.q @ x)
 
@@ -71,10 +72,10 @@ class QPResult:
     """Solution of a QP; multipliers follow Px + q + A'y + G'z + z_box = 0 with z >= 0, z_box > 0 at upper bounds."""
 
     status: QPStatus
-    x: Vector
-    y: Vector
-    z: Vector
-    z_box: Vector
+    x: Array
+    y: Array
+    z: Array
+    z_box: Array
     iterations: int
     solver: str
 
@@ -136,12 +137,12 @@ def same_pattern(one: sp.spmatrix, other: sp.spmatrix) -> bool:
     )
 
 
-def _product(multiplier: Vector, slack: Vector) -> Vector:
+def _product(multiplier: Array, slack: Array) -> Array:
     # An infinite slack with a zero multiplier is no error; with any other multiplier it is one of infinite size.
     return np.where(multiplier > 0.0, multiplier * np.where(multiplier > 0.0, slack, 0.0), 0.0)
 
 
-def _largest(values: NDArray[np.float64]) -> float:
+def _largest(values: Array) -> float:
     return float(values.max()) if values.size else 0.0
 
 
@@ -215,7 +216,7 @@ def check_model(model: Model, n: int, m_e: int, m_i: int) -> None:
             raise ProblemError(f"model {name}: a {found} matrix given, {form} expected")
 
 
-def check_vector(name: str, given: Vector, size: int) -> None:
+def check_vector(name: str, given: Array, size: int) -> None:
     """Refuse a vector of the wrong length or with values that are not numbers.
 
     Raises:

@@ -7,10 +7,11 @@ from enum import Enum
 
 import numpy as np
 
-from lgp.sqp.problem import Model, Problem, Vector
+from lgp.sqp.problem import Model, Problem
+from reba.arrays import Array
 
 
-class Status(Enum):
+class SolveStatus(Enum):
     """How a solve ended; the text says what to try."""
 
     OPTIMAL = "the optimality conditions hold within the tolerances"
@@ -24,7 +25,7 @@ class Status(Enum):
 
 
 @dataclass(frozen=True)
-class Violation:
+class ConstraintViolation:
     """One violated row: which block ("equality" or "inequality"), its index, and by how much."""
 
     block: str
@@ -67,15 +68,15 @@ class Result:
     Example: `if not result: print(result.status.value, result.worst)`.
     """
 
-    status: Status
-    x: Vector
+    status: SolveStatus
+    x: Array
     """(n,) last point, within its bounds."""
     cost: float
-    y_eq: Vector
+    y_eq: Array
     """(m_e,) multipliers of the equalities: gradient + J'y_eq + K'y_in + y_box = 0."""
-    y_in: Vector
+    y_in: Array
     """(m_i,) multipliers of the inequalities, >= 0."""
-    y_box: Vector
+    y_box: Array
     """(n,) multipliers of the bounds, > 0 at upper, < 0 at lower bounds."""
     kkt: float
     """Stationarity and complementarity error relative to max(1, |gradient|, |constraint forces|)."""
@@ -83,14 +84,14 @@ class Result:
     """Largest |c(x)|."""
     inequality: float
     """Largest d(x), zero when all hold."""
-    worst: tuple[Violation, ...]
+    worst: tuple[ConstraintViolation, ...]
     """Rows violated beyond the tolerance, largest first, at most five."""
     iterations: tuple[Iteration, ...]
     seconds: dict[str, float]
     """Wall time by part: evaluate, linearise, qp, total."""
 
     def __bool__(self) -> bool:
-        return self.status in (Status.OPTIMAL, Status.ACCEPTABLE)
+        return self.status in (SolveStatus.OPTIMAL, SolveStatus.ACCEPTABLE)
 
     @property
     def violation(self) -> float:
@@ -111,14 +112,14 @@ class Residuals:
     kkt: float
     equality: float
     inequality: float
-    y_box: Vector
+    y_box: Array
 
     @property
     def violation(self) -> float:
         return max(self.equality, self.inequality)
 
 
-def residuals(problem: Problem, model: Model, x: Vector, y_eq: Vector, y_in: Vector) -> Residuals:
+def residuals(problem: Problem, model: Model, x: Array, y_eq: Array, y_in: Array) -> Residuals:
     """Recompute stationarity, complementarity and violation at x (n,) from the model there.
 
     Stationarity is the natural residual |x - clip(x - r, lower, upper)| with r the gradient of the Lagrangian, which
@@ -140,7 +141,7 @@ def residuals(problem: Problem, model: Model, x: Vector, y_eq: Vector, y_in: Vec
     )
 
 
-def infeasible_stationary(problem: Problem, model: Model, x: Vector) -> float:
+def infeasible_stationary(problem: Problem, model: Model, x: Array) -> float:
     """Return how far x is from a stationary point of the squared violation, relative to the violation; 0 at one."""
     over = np.maximum(model.ineq, 0.0)
     slope = model.eq_jac.T @ model.eq + model.in_jac.T @ over
@@ -149,8 +150,13 @@ def infeasible_stationary(problem: Problem, model: Model, x: Vector) -> float:
     return float(np.abs(natural).max(initial=0.0)) / size if size > 0.0 else np.inf
 
 
-def worst_rows(equality: Vector, inequality: Vector, tolerance: float, count: int = 5) -> tuple[Violation, ...]:
+def worst_rows(equality: Array, inequality: Array, tolerance: float, count: int = 5) -> tuple[ConstraintViolation, ...]:
     """Name the most violated rows beyond the tolerance, largest first."""
-    rows = [Violation("equality", int(i), float(equality[i])) for i in np.flatnonzero(np.abs(equality) > tolerance)]
-    rows += [Violation("inequality", int(i), float(inequality[i])) for i in np.flatnonzero(inequality > tolerance)]
+    rows = [
+        ConstraintViolation("equality", int(i), float(equality[i]))
+        for i in np.flatnonzero(np.abs(equality) > tolerance)
+    ]
+    rows += [
+        ConstraintViolation("inequality", int(i), float(inequality[i])) for i in np.flatnonzero(inequality > tolerance)
+    ]
     return tuple(sorted(rows, key=lambda row: -abs(row.value))[:count])

@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lgp.sqp.merit import Accepted, Promise, promise, search, violation_max, violation_sum
-from lgp.sqp.problem import Model, Options, Problem, ProblemError, Values, Vector
+from lgp.sqp.merit import AcceptedStep, PredictedReduction, line_search, predict, violation_max, violation_sum
+from lgp.sqp.problem import Model, Problem, ProblemError, SolverOptions, Values
 from lgp.sqp.qp import QPBackend, QPResult, QPStatus, check_model, check_vector
-from lgp.sqp.result import Iteration, Residuals, Result, Status, infeasible_stationary, residuals, worst_rows
-from lgp.sqp.subproblem import Step, StepMaker
+from lgp.sqp.result import Iteration, Residuals, Result, SolveStatus, infeasible_stationary, residuals, worst_rows
+from lgp.sqp.subproblem import SqpStep, SubproblemSolver
+from reba.arrays import Array
 
 BOTTOM = 1e12
 """A cost this far below its start, relative to it, counts as falling without end."""
@@ -55,11 +56,11 @@ class Solver:
     array([1., 1.])
     """
 
-    def __init__(self, options: Options | None = None, backend: QPBackend | None = None) -> None:
-        self.options = Options() if options is None else options
-        self.steps = StepMaker(backend)
+    def __init__(self, options: SolverOptions | None = None, backend: QPBackend | None = None) -> None:
+        self.options = SolverOptions() if options is None else options
+        self.steps = SubproblemSolver(backend)
 
-    def solve(self, problem: Problem, x0: Vector, warm: Result | None = None) -> Result:
+    def solve(self, problem: Problem, x0: Array, warm: Result | None = None) -> Result:
         """Minimise from x0 (n,), clipped into the bounds.
 
         Args:
@@ -75,9 +76,9 @@ class Solver:
 
 def solve(
     problem: Problem,
-    x0: Vector,
+    x0: Array,
     *,
-    options: Options | None = None,
+    options: SolverOptions | None = None,
     backend: QPBackend | None = None,
     warm: Result | None = None,
 ) -> Result:
@@ -89,15 +90,15 @@ def solve(
 class _Move:
     """How one iteration went on: an accepted point, or the status that ends the solve."""
 
-    accepted: Accepted | None
-    step: Step | None
-    status: Status | None = None
+    accepted: AcceptedStep | None
+    step: SqpStep | None
+    status: SolveStatus | None = None
 
 
 class _Run:
     """One solve: the point, its multipliers, and what the merit function has learnt."""
 
-    def __init__(self, solver: Solver, problem: Problem, x: Vector) -> None:
+    def __init__(self, solver: Solver, problem: Problem, x: Array) -> None:
         self.options, self.steps, self.problem, self.x = solver.options, solver.steps, problem, x
         self.steps.restart()
         self.penalty, self.damping, self.held = solver.options.penalty, 0.0, 0
@@ -106,7 +107,7 @@ class _Run:
         self.least, self.stagnant, self.raises = np.inf, 0, 0
         self.warm: QPResult | None = None
         # Multipliers of the bounds where the last QP gave all; elsewhere the residuals tell them.
-        self.y_box: Vector | None = None
+        self.y_box: Array | None = None
 
     def run(self, warm: Result | None) -> Result:
         """Iterate until a status is reached."""
@@ -129,26 +130,26 @@ class _Run:
                 status = move.status
             if status is not None or move.accepted is None or move.step is None:
                 self.seconds["total"] = time.perf_counter() - begin
-                return self._result(status or Status.STALLED, values, now)
+                return self._result(status or SolveStatus.STALLED, values, now)
             self._record(now, values[0], move.step, move.accepted)
             self._take(move.step, move.accepted)
             values = move.accepted.values
 
-    def _status(self, now: Residuals, model: Model, cost: float, first: float) -> Status | None:
+    def _status(self, now: Residuals, model: Model, cost: float, first: float) -> SolveStatus | None:
         """Return the status that ends the solve before another step, if any."""
         options = self.options
         if now.violation <= options.violation and now.kkt <= options.kkt:
-            return Status.OPTIMAL
+            return SolveStatus.OPTIMAL
         if cost < -BOTTOM * max(1.0, abs(first)):
-            return Status.UNBOUNDED
+            return SolveStatus.UNBOUNDED
         if now.violation > NEARLY * options.violation:
             if self._gives_up(now.violation, model):
-                return Status.INFEASIBLE
+                return SolveStatus.INFEASIBLE
         elif now.violation <= options.violation:
             self.least, self.stagnant, self.raises = np.inf, 0, 0
         if len(self.log) >= options.iterations:
-            return Status.ITERATIONS
-        return Status.TIME if self.seconds["total"] > options.seconds else None
+            return SolveStatus.ITERATIONS
+        return SolveStatus.TIME if self.seconds["total"] > options.seconds else None
 
     def _gives_up(self, violation: float, model: Model) -> bool:
         """Whether the violation has stopped falling, near a stationary point of it or at any price.
@@ -173,11 +174,11 @@ class _Run:
         for _ in range(RETRIES):
             step = self._qp(model)
             if step is None:
-                return _Move(None, None, Status.STALLED)
+                return _Move(None, None, SolveStatus.STALLED)
             violation = violation_max(values[1], values[2])
             if step.hopeless and violation > self.options.violation:
-                return _Move(None, step, Status.INFEASIBLE)
-            promised = promise(model, step.step, step.curvature)
+                return _Move(None, step, SolveStatus.INFEASIBLE)
+            promised = predict(model, step.step, step.curvature)
             finished = self._finished(model, step, promised, violation, values[0])
             if finished is not None:
                 return _Move(None, step, finished)
@@ -187,9 +188,11 @@ class _Run:
                 return _Move(accepted, step)
             self.damping = self.steps.more(self.damping)
         stuck = violation > self.options.violation and infeasible_stationary(self.problem, model, self.x) < STATIONARY
-        return _Move(None, step, Status.INFEASIBLE if stuck else Status.STALLED)
+        return _Move(None, step, SolveStatus.INFEASIBLE if stuck else SolveStatus.STALLED)
 
-    def _finished(self, model: Model, step: Step, promised: Promise, violation: float, cost: float) -> Status | None:
+    def _finished(
+        self, model: Model, step: SqpStep, promised: PredictedReduction, violation: float, cost: float
+    ) -> SolveStatus | None:
         """Return OPTIMAL if the multipliers of the QP close the conditions here, ACCEPTABLE if it promises nothing."""
         if violation > self.options.violation:
             return None
@@ -199,20 +202,20 @@ class _Run:
         if not optimal and (step.damping > 0.0 or not little):
             return None
         self.y_eq, self.y_in, self.y_box = step.found.y, step.found.z, step.found.z_box
-        return Status.OPTIMAL if optimal else Status.ACCEPTABLE
+        return SolveStatus.OPTIMAL if optimal else SolveStatus.ACCEPTABLE
 
-    def _search(self, model: Model, values: Values, step: Step, promised: Promise) -> Accepted | None:
+    def _search(self, model: Model, values: Values, step: SqpStep, promised: PredictedReduction) -> AcceptedStep | None:
         descent = promised.descent(self.penalty)
         if not descent < 0.0:
             return None
 
-        def correct(failed: Values) -> Vector | None:
+        def correct(failed: Values) -> Array | None:
             if step.elastic or violation_sum(failed[1], failed[2]) <= self.options.violation:
                 return None
             return self._timed_correction(step, failed, model)
 
         size = float(np.abs(step.step).max(initial=0.0))
-        accepted = search(
+        accepted = line_search(
             self._evaluate,
             self.x,
             step.step,
@@ -227,7 +230,9 @@ class _Run:
             return accepted
         return self._polished(step, accepted, correct)
 
-    def _polished(self, step: Step, accepted: Accepted, correct: Callable[[Values], Vector | None]) -> Accepted:
+    def _polished(
+        self, step: SqpStep, accepted: AcceptedStep, correct: Callable[[Values], Array | None]
+    ) -> AcceptedStep:
         """Return the second-order corrected point instead, where little but violation is left and it has much less."""
         corrected = correct(accepted.values)
         if corrected is None:
@@ -236,9 +241,9 @@ class _Run:
         values = self._evaluate(point)
         price = 2.0 * max(self.penalty, float(np.abs(step.found.y).max(initial=0.0)), step.found.z.max(initial=0.0))
         before, after = (one[0] + price * violation_sum(one[1], one[2]) for one in (accepted.values, values))
-        return Accepted(point, values, 1.0, corrected=True) if after < before else accepted
+        return AcceptedStep(point, values, 1.0, corrected=True) if after < before else accepted
 
-    def _take(self, step: Step, accepted: Accepted) -> None:
+    def _take(self, step: SqpStep, accepted: AcceptedStep) -> None:
         """Move to the accepted point with the multipliers of the QP; a step cut short calls for more damping."""
         self.x = np.clip(accepted.x, self.problem.lower, self.problem.upper)
         self.y_eq, self.y_in = step.found.y, step.found.z
@@ -254,19 +259,19 @@ class _Run:
         if not step.elastic:
             self.warm = replace(step.found, x=np.zeros_like(self.x))
 
-    def _qp(self, model: Model) -> Step | None:
+    def _qp(self, model: Model) -> SqpStep | None:
         begin = time.perf_counter()
         step = self.steps.make(self.problem, model, self.x, self.damping, self.warm)
         self.seconds["qp"] += time.perf_counter() - begin
         return step
 
-    def _timed_correction(self, step: Step, failed: Values, model: Model) -> Vector | None:
+    def _timed_correction(self, step: SqpStep, failed: Values, model: Model) -> Array | None:
         begin = time.perf_counter()
         corrected = self.steps.correct(step, failed, model)
         self.seconds["qp"] += time.perf_counter() - begin
         return corrected
 
-    def _evaluate(self, x: Vector) -> Values:
+    def _evaluate(self, x: Array) -> Values:
         begin = time.perf_counter()
         values = self.problem.evaluate(np.clip(x, self.problem.lower, self.problem.upper))
         self.seconds["evaluate"] += time.perf_counter() - begin
@@ -291,7 +296,7 @@ class _Run:
         self.y_eq, self.y_in = warm.y_eq, warm.y_in
         self.warm = QPResult(QPStatus.SOLVED, np.zeros(self.x.size), warm.y_eq, warm.y_in, warm.y_box, 0, "warm start")
 
-    def _record(self, now: Residuals, cost: float, step: Step, accepted: Accepted) -> None:
+    def _record(self, now: Residuals, cost: float, step: SqpStep, accepted: AcceptedStep) -> None:
         self.log.append(
             Iteration(
                 cost=cost,
@@ -308,7 +313,7 @@ class _Run:
             )
         )
 
-    def _result(self, status: Status, values: Values, now: Residuals) -> Result:
+    def _result(self, status: SolveStatus, values: Values, now: Residuals) -> Result:
         self.log.append(Iteration(values[0], now.equality, now.inequality, now.kkt))
         return Result(
             status=status,
@@ -327,10 +332,10 @@ class _Run:
 
     def _broken(self, values: Values) -> Result:
         nowhere = Residuals(np.inf, np.inf, np.inf, np.zeros_like(self.x))
-        return self._result(Status.BROKEN, (values[0], np.zeros(0), np.zeros(0)), nowhere)
+        return self._result(SolveStatus.BROKEN, (values[0], np.zeros(0), np.zeros(0)), nowhere)
 
 
-def _start(problem: Problem, x0: Vector) -> Vector:
+def _start(problem: Problem, x0: Array) -> Array:
     """Check bounds and start; return the start within the bounds."""
     check_vector("lower", problem.lower, problem.n)
     check_vector("upper", problem.upper, problem.n)

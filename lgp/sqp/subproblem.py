@@ -10,8 +10,9 @@ import scipy.sparse as sp
 from lgp.sqp.active_set import ActiveSet
 from lgp.sqp.backends import Piqp
 from lgp.sqp.merit import violation_sum
-from lgp.sqp.problem import Model, Problem, Values, Vector
+from lgp.sqp.problem import Model, Problem, Values
 from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus, UpperTriangle, cost_scale, same_pattern
+from reba.arrays import Array
 
 FIRST_DAMPING = 1e-4
 """First damping, relative to the largest diagonal entry of the Hessian."""
@@ -19,17 +20,17 @@ DAMPINGS = 12
 """Dampings tried on a QP whose cost falls without end; one that merely fails is damped once."""
 PRICES = 5
 """Elastic prices tried, each ten times the last, before the rows count as contradicting each other."""
-HOPEFUL = 0.9
+MIN_PROGRESS = 0.9
 """An elastic step is taken once it leaves at most this share of the linearised violation."""
 CLOSED = 1e-3
 """An elastic step that leaves at most this share shows that the rows no longer contradict each other."""
 
 
 @dataclass(frozen=True)
-class Step:
+class SqpStep:
     """A step (n,) with the QP it solves."""
 
-    step: Vector
+    step: Array
     curvature: float
     """p'Hp of the problem's Hessian, without damping."""
     found: QPResult
@@ -40,7 +41,7 @@ class Step:
     """Whether even the highest elastic price leaves the violation where it is."""
 
 
-class StepMaker:
+class SubproblemSolver:
     """Turns models of one pattern into steps; keeps the back ends and their analyses between calls."""
 
     def __init__(self, backend: QPBackend | None = None, elastic: Elastic | None = None) -> None:
@@ -54,7 +55,7 @@ class StepMaker:
         self._price = 0.0
         self._contradicted = 0
 
-    def make(self, problem: Problem, model: Model, x: Vector, damping: float, warm: QPResult | None) -> Step | None:
+    def make(self, problem: Problem, model: Model, x: Array, damping: float, warm: QPResult | None) -> SqpStep | None:
         """Return a step from x, with more damping than given where the QP is unbounded; None where nothing solves.
 
         After two steps whose rows contradicted each other the elastic QP comes first: it finds the same step where
@@ -93,7 +94,7 @@ class StepMaker:
         largest = float(np.abs(self._upper.matrix.data[self._upper.diagonal]).max(initial=0.0))
         return FIRST_DAMPING * (largest if largest > 0.0 else 1.0)
 
-    def correct(self, step: Step, values: Values, model: Model) -> Vector | None:
+    def correct(self, step: SqpStep, values: Values, model: Model) -> Array | None:
         """Return the second-order correction of a full step whose values are given; None where the QP fails."""
         rows = model.eq_jac @ step.step - values[1]
         limits = model.in_jac @ step.step - values[2]
@@ -102,7 +103,7 @@ class StepMaker:
             return None
         return np.clip(found.x, step.qp.lb, step.qp.ub)
 
-    def qp(self, problem: Problem, model: Model, x: Vector, damping: float = 0.0) -> QP:
+    def qp(self, problem: Problem, model: Model, x: Array, damping: float = 0.0) -> QP:
         """Return the QP of a step from x (n,); its Hessian is overwritten by the next one."""
         if self._upper is None or not self._upper.fits(model.hessian):
             self._upper = UpperTriangle(model.hessian)
@@ -117,11 +118,11 @@ class StepMaker:
             ub=problem.upper - x,
         )
 
-    def _stretch(self, qp: QP, model: Model, damping: float) -> Step | None:
+    def _stretch(self, qp: QP, model: Model, damping: float) -> SqpStep | None:
         """Return an elastic step, at a price that makes it reduce the linearised violation if anything does."""
         before = violation_sum(model.eq, model.ineq)
         price = max(self._price, 10.0 * max(1.0, float(np.abs(model.gradient).max(initial=0.0))))
-        best: Step | None = None
+        best: SqpStep | None = None
         last = np.inf
         for _ in range(PRICES):
             found = self.elastic.solve(qp, price)
@@ -131,17 +132,17 @@ class StepMaker:
             after = violation_sum(model.eq + model.eq_jac @ found.x, model.ineq + model.in_jac @ found.x)
             hopeless = after > (1.0 - 1e-4) * before
             best = self._step(qp, found, damping, elastic=True, hopeless=hopeless)
-            if after <= HOPEFUL * before or (not hopeless and after > 0.99 * last):
+            if after <= MIN_PROGRESS * before or (not hopeless and after > 0.99 * last):
                 break
             last = after
         if best is not None:
             self._contradicted = self._contradicted + 1 if after > CLOSED * before else 0
         return best
 
-    def _step(self, qp: QP, found: QPResult, damping: float, *, elastic: bool, hopeless: bool) -> Step:
+    def _step(self, qp: QP, found: QPResult, damping: float, *, elastic: bool, hopeless: bool) -> SqpStep:
         step = np.clip(found.x, qp.lb, qp.ub)
         curvature = float(step @ qp.hessian_dot(step)) - damping * float(step @ step)
-        return Step(step, curvature, found, qp, damping, elastic, hopeless)
+        return SqpStep(step, curvature, found, qp, damping, elastic, hopeless)
 
 
 class Elastic:

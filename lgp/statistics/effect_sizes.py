@@ -19,7 +19,7 @@ LEVEL = 0.95
 
 
 @dataclass(frozen=True)
-class Effect:
+class EffectSize:
     """A standardised effect of paired data; NaN where it cannot be given.
 
     Attributes:
@@ -36,7 +36,7 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class Check:
+class AssumptionTest:
     """A test of an assumption: its name, statistic and p; NaN where there are too few data or no spread."""
 
     name: str
@@ -45,7 +45,7 @@ class Check:
     p: float
 
 
-def effect(differences: Array) -> Effect:
+def effect(differences: Array) -> EffectSize:
     """Return the effect size of (n,) paired differences.
 
     The interval is exact for normal differences: sqrt(n) d_z follows a noncentral t with n - 1 degrees of freedom
@@ -61,14 +61,14 @@ def effect(differences: Array) -> Effect:
     nothing = float("nan")
     if n < 2 or np.ptp(differences) <= SAME:
         flat = 0.0 if n and np.abs(differences).max() <= SAME else nothing
-        return Effect(flat, nothing, nothing, flat, nothing, nothing)
+        return EffectSize(flat, nothing, nothing, flat, nothing, nothing)
     df = n - 1
     d = float(differences.mean() / differences.std(ddof=1))
     tails = [(1.0 + LEVEL) / 2.0, (1.0 - LEVEL) / 2.0]
     low, high = special.nctdtrinc(df, tails, d * np.sqrt(n)) / np.sqrt(n)
     # Of one degree of freedom the factor is 0: two pairs say nothing about the size of an effect.
     factor = float(np.exp(special.gammaln(df / 2) - special.gammaln((df - 1) / 2)) / np.sqrt(df / 2)) if df > 1 else 0.0
-    return Effect(d, float(low), float(high), factor * d, factor * float(low), factor * float(high))
+    return EffectSize(d, float(low), float(high), factor * d, factor * float(low), factor * float(high))
 
 
 def within_errors(table: Array) -> Array:
@@ -90,18 +90,18 @@ def within_errors(table: Array) -> Array:
     return error
 
 
-def normality(differences: Array) -> Check:
+def normality(differences: Array) -> AssumptionTest:
     """Return the Shapiro-Wilk test of (n,) differences; it needs three that are not all the same."""
     from scipy import stats
 
     n = len(differences)
     if n < 3 or np.ptp(differences) <= SAME:
-        return Check("Shapiro-Wilk", n, float("nan"), float("nan"))
+        return AssumptionTest("Shapiro-Wilk", n, float("nan"), float("nan"))
     found = stats.shapiro(differences)
-    return Check("Shapiro-Wilk", n, float(found.statistic), float(found.pvalue))
+    return AssumptionTest("Shapiro-Wilk", n, float(found.statistic), float(found.pvalue))
 
 
-def sphericity(table: Array) -> Check | None:
+def sphericity(table: Array) -> AssumptionTest | None:
     """Return Mauchly's test on (n, k) without gaps: whether all differences vary alike; None for two conditions.
 
     The contrasts are the rows of the Helmert matrix; any orthonormal ones give the same.
@@ -111,16 +111,16 @@ def sphericity(table: Array) -> Check | None:
         return None
     name = "Mauchly, chi-square"
     if n < k + 1 or not epsilon(table) > 1.0 / (k - 1) + SAME:
-        return Check(name, n, float("nan"), float("nan"))
+        return AssumptionTest(name, n, float("nan"), float("nan"))
     from scipy.linalg import helmert
     from statsmodels.stats.multivariate import test_cov_spherical
 
     contrasts = table @ helmert(k).T
     found = test_cov_spherical(np.cov(contrasts, rowvar=False), n)
-    return Check(name, n, float(found.statistic), float(found.pvalue))
+    return AssumptionTest(name, n, float(found.statistic), float(found.pvalue))
 
 
-def friedman(table: Array) -> Check | None:
+def friedman(table: Array) -> AssumptionTest | None:
     """Return Friedman's test on (n, k) without gaps, which needs no normal differences; None for two conditions."""
     n, k = table.shape
     if k < 3:
@@ -128,9 +128,9 @@ def friedman(table: Array) -> Check | None:
     from scipy import stats
 
     if n < 2 or np.ptp(table, axis=1).max() <= SAME:
-        return Check("Friedman", n, float("nan"), float("nan"))
+        return AssumptionTest("Friedman", n, float("nan"), float("nan"))
     with warnings.catch_warnings():
         # Ties everywhere leave nothing to divide by; NaN says so.
         warnings.simplefilter("ignore", RuntimeWarning)
         found = stats.friedmanchisquare(*table.T)
-    return Check("Friedman", n, float(found.statistic), float(found.pvalue))
+    return AssumptionTest("Friedman", n, float(found.statistic), float(found.pvalue))

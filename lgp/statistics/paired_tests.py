@@ -98,7 +98,7 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Change:
+class ChoiceTest:
     """How a choice changed between two conditions on the same runs.
 
     Attributes:
@@ -268,7 +268,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
     return [float(value) for value in p]
 
 
-def change(before: pd.Series, after: pd.Series, choices: Sequence[str]) -> Change:
+def change(before: pd.Series, after: pd.Series, choices: Sequence[str]) -> ChoiceTest:
     """Return how a choice changed; both series have one entry per run, missing where there is none.
 
     Raises:
@@ -302,7 +302,7 @@ def change(before: pd.Series, after: pd.Series, choices: Sequence[str]) -> Chang
             result: Any = SquareTable(counts[np.ix_(used, used)], shift_zeros=False).homogeneity()
         statistic, df, p = float(result.statistic), int(result.df), float(result.pvalue)
     changed = int(counts.sum() - stay.sum())
-    return Change(len(known), len(both) - len(known), changed, counts.tolist(), statistic, df, p, by_choice)
+    return ChoiceTest(len(known), len(both) - len(known), changed, counts.tolist(), statistic, df, p, by_choice)
 
 
 def require() -> None:

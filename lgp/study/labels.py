@@ -18,7 +18,7 @@ from typing import Final
 from lgp.errors import LgpError
 from reba.errors import did_you_mean
 from reba.readers.mcap import sniff
-from reba.readers.mcap.bytes import MAGIC, Source
+from reba.readers.mcap.bytes import MAGIC, ByteSource
 from reba.readers.mcap.channels import recording_files
 from reba.readers.mcap.records import HEAD
 
@@ -106,7 +106,7 @@ def _metadata(path: Path) -> dict[str, str | None] | None:
     from mcap.opcode import Opcode
     from mcap.records import Metadata
 
-    source = Source(path, _LIMIT)
+    source = ByteSource(path, _LIMIT)
     at = len(MAGIC)
     while len(head := source.read_at(at, HEAD)) == HEAD:
         opcode, length = head[0], int.from_bytes(head[1:], "little")
@@ -165,14 +165,14 @@ _NEEDED: Final = COLUMNS[:3]
 
 
 @dataclass(frozen=True)
-class Line:
+class ManifestRow:
     """One line: the file, None for a recording that was not made, and its label."""
 
     file: Path | None
     label: Label
 
 
-def read_manifest(path: str | Path) -> list[Line]:
+def read_manifest(path: str | Path) -> list[ManifestRow]:
     """Return the lines of a manifest.
 
     Raises:
@@ -219,11 +219,11 @@ def _check(path: str | Path, header: list[str]) -> None:
         raise LgpError(f"{path}: column {twice[0]!r} stands twice; keep one of them")
 
 
-def _line(manifest: Path, number: int, header: list[str], row: list[str]) -> Line:
+def _line(manifest: Path, number: int, header: list[str], row: list[str]) -> ManifestRow:
     where = f"{manifest}: line {number}"
     if len(row) != len(header):
         raise LgpError(f"{where}: {len(row)} fields, expected {len(header)} as in its first line; correct it")
     values: dict[str, str | None] = dict(zip(header, row, strict=True))
     named = label_of({name: values[name] for name in COLUMNS[1:] if name in values}, where)
     file = (values["file"] or "").strip()
-    return Line(manifest.parent / file if file else None, named)
+    return ManifestRow(manifest.parent / file if file else None, named)

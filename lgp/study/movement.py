@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from lgp.study.retarget import Course
+from lgp.study.retarget import RetargetedMotion
 from reba.arrays import Array
 from reba.posture.columns import ANGLES, COLUMNS, INDEX
 
@@ -28,7 +28,7 @@ NEVER_BACKWARDS: Final = ("knee_flexion", "lower_arm_flexion")
 
 
 @dataclass(frozen=True)
-class Variation:
+class MotionVariability:
     """How much people vary.
 
     Attributes:
@@ -53,7 +53,7 @@ class Variation:
     pace: float = 0.10
 
 
-VARIATION: Final = Variation()
+VARIATION: Final = MotionVariability()
 """The default."""
 
 
@@ -82,19 +82,19 @@ class Movement:
         return table.set_axis(["time", *COLUMNS, "load"], axis=1)
 
 
-def person(rng: np.random.Generator, vary: Variation = VARIATION) -> Person:
+def person(rng: np.random.Generator, vary: MotionVariability = VARIATION) -> Person:
     """Draw a participant; stature is known to the centimetre, as it is measured."""
     stature = float(np.clip(rng.normal(vary.stature, vary.stature_sd), *vary.statures))
     return Person(round(stature, 2), _spread(rng, vary.habit), float(np.exp(rng.normal(0.0, vary.speed))))
 
 
 def perform(
-    course: Course,
+    course: RetargetedMotion,
     who: Person,
     rng: np.random.Generator,
     *,
     rate: float = 30.0,
-    vary: Variation = VARIATION,
+    vary: MotionVariability = VARIATION,
     offset: Array | float = 0.0,
 ) -> Movement:
     """Return one recording.
@@ -121,7 +121,7 @@ def perform(
     return Movement(time, angles, held)
 
 
-def stretch(course: Course, factors: Array) -> Array:
+def stretch(course: RetargetedMotion, factors: Array) -> Array:
     """Return the times (T,) [s] of a course whose actions take longer by (actions,) factors.
 
     >>> course = Course(np.arange(4.0), np.array([0, 0, 1, 1]), np.zeros((4, 22)), np.zeros(4))

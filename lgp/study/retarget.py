@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.errors import LgpError
 from lgp.kinematics.ik import least_squares
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
 from lgp.plan_record import Plan
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 from reba.posture.columns import SIDES
 
 WORKING: Final = 0.15
@@ -29,7 +28,7 @@ STEP: Final = 0.2
 
 
 @dataclass(frozen=True)
-class Course:
+class RetargetedMotion:
     """What a person does in a condition, before anything of their own is added.
 
     Attributes:
@@ -41,7 +40,7 @@ class Course:
     """
 
     time: Array
-    phase: NDArray[np.intp]
+    phase: Indices
     posture: Array
     carried: Array
     miss: float = 0.0
@@ -72,7 +71,7 @@ class Retarget:
             raise LgpError(f"{name}: there is no plan in it ({plan.reason}); give a feasible one")
         if plan.scene.human is None or not len(plan.posture):
             raise LgpError(f"{name}: the plan holds no human; give one with a human")
-        self.planned = Course(plan.time - plan.time[0], plan.phase, plan.posture, plan.carried)
+        self.planned = RetargetedMotion(plan.time - plan.time[0], plan.phase, plan.posture, plan.carried)
         self.scene, self.human = replace(plan.scene, robots={}), plan.scene.human
         self.stature = self.human.stature
         world = World(self.scene)
@@ -83,10 +82,10 @@ class Retarget:
         rested, _ = _places(world, plan.start[None, columns])
         away = np.linalg.norm((self.hands - rested).reshape(-1, 2, 3), axis=2) / WORKING
         share = np.clip(away, 0.0, 1.0)
-        self._courses: dict[float, Course] = {self.stature: self.planned}
+        self._courses: dict[float, RetargetedMotion] = {self.stature: self.planned}
         self.working: Array = np.repeat(share**2 * (3.0 - 2.0 * share), 3, axis=1)
 
-    def course(self, stature: float) -> Course:
+    def course(self, stature: float) -> RetargetedMotion:
         """Return the motion of a person of this stature [m]; each stature is worked out once.
 
         Raises:
@@ -96,7 +95,7 @@ class Retarget:
             self._courses[stature] = self._course(stature)
         return self._courses[stature]
 
-    def _course(self, stature: float) -> Course:
+    def _course(self, stature: float) -> RetargetedMotion:
 
         world = World(replace(self.scene, human=replace(self.human, stature=stature)))
         own, _ = _places(world, self.path)
@@ -104,7 +103,7 @@ class Retarget:
         slides = ("human.pelvis_x", "human.pelvis_y", "human.pelvis_z")
         unit = np.array([STEP if joint in slides else 1.0 for joint in world.joints])
 
-        def residuals(scaled: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+        def residuals(scaled: Array, which: Indices) -> tuple[Array, Array]:
             places, slopes = _places(world, scaled * unit)
             return places - wanted[which], slopes * unit
 

@@ -19,7 +19,7 @@ from lgp.study.labels import Label
 from lgp.study.recordings import Failure, Sources
 from reba.analysis.exposure import column, distribution, durations, level_shares
 from reba.arrays import Array
-from reba.batch.run import Options
+from reba.batch.run import ScoringOptions
 from reba.errors import RebaError
 from reba.posture.columns import SIDES
 from reba.scores import Scores
@@ -56,7 +56,7 @@ class Scored:
 
 
 def score_sources(
-    sources: Sources, options: Options, done: Callable[[str], None] = lambda file: None
+    sources: Sources, options: ScoringOptions, done: Callable[[str], None] = lambda file: None
 ) -> tuple[Scored, Failure | None]:
     """Return the scores of all recordings, and the first failure if none could be scored."""
     rows: list[dict[str, Any]] = []

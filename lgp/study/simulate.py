@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.errors import LgpError
 from lgp.plan_record import Plan
 from lgp.study.labels import RECORD, Label
-from lgp.study.movement import VARIATION, Movement, Variation, perform, person
-from lgp.study.retarget import Course, Retarget
+from lgp.study.movement import VARIATION, MotionVariability, Movement, perform, person
+from lgp.study.retarget import Retarget, RetargetedMotion
 from reba._version import __version__
+from reba.arrays import Array
 from reba.files import as_json
 from reba.posture.columns import INDEX
 from reba.posture.table import table_of
@@ -35,7 +35,7 @@ class Log:
 
     label: Label
     stature: float
-    course: Course
+    course: RetargetedMotion
     movement: Movement
 
 
@@ -46,7 +46,7 @@ def simulate(
     participants: int = 10,
     seed: int = 0,
     rate: float = 30.0,
-    vary: Variation = VARIATION,
+    vary: MotionVariability = VARIATION,
     offsets: Mapping[str, Mapping[str, float]] | None = None,
 ) -> list[dict[str, Any]]:
     """Write a simulated study; return file, participant, condition, stature and seconds of each log.
@@ -95,7 +95,7 @@ def simulated(
     participants: int = 10,
     seed: int = 0,
     rate: float = 30.0,
-    vary: Variation = VARIATION,
+    vary: MotionVariability = VARIATION,
     offsets: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Iterator[Log]:
     """Return the recordings one after another, without files; arguments as in `simulate`.
@@ -113,11 +113,11 @@ def simulated(
 
 def _draw(
     bodies: Mapping[str, Retarget],
-    shifts: Mapping[str, NDArray[np.float64]],
+    shifts: Mapping[str, Array],
     participants: int,
     seed: int,
     rate: float,
-    vary: Variation,
+    vary: MotionVariability,
 ) -> Iterator[Log]:
     width = max(2, len(str(participants)))
     for number in range(participants):
@@ -141,7 +141,7 @@ def _retarget(plan: Plan | str | Path | Retarget, known: dict[str, Retarget]) ->
     return known[str(plan)]
 
 
-def _offset(condition: str, degrees: Mapping[str, float]) -> NDArray[np.float64]:
+def _offset(condition: str, degrees: Mapping[str, float]) -> Array:
     found = np.zeros(len(INDEX))
     for column, value in degrees.items():
         if column not in INDEX:
@@ -154,7 +154,7 @@ def _about(
     log: Log,
     plans: Mapping[str, Plan | str | Path],
     seed: int,
-    vary: Variation,
+    vary: MotionVariability,
     offsets: Mapping[str, Mapping[str, float]] | None,
 ) -> dict[str, str]:
     """Return how a log was made, as text by key."""

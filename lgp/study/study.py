@@ -18,7 +18,7 @@ from lgp.study.conclusions import agreement, parts_sentence, verdict
 from lgp.study.recordings import Sources, find_sources
 from lgp.study.report import render
 from lgp.study.scoring import Scored, cells, missing_cells, score_sources, warnings
-from reba.batch.run import Options
+from reba.batch.run import ScoringOptions
 from reba.errors import did_you_mean
 from reba.files import as_json, write_atomic, write_text
 from reba.method.rules import rules_of
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 FORMAT: Final = "lgp-study"
 VERSION: Final = 1
-OPTIONS: Final = Options(missing="neutral")
+OPTIONS: Final = ScoringOptions(missing="neutral")
 """How recordings are scored by default: angles that no recording holds count as neutral, and the report says so."""
 
 
@@ -75,7 +75,7 @@ def study(
     manifest: str | Path | None = None,
     pattern: str | None = None,
     conditions: Sequence[str] = (),
-    options: Options = OPTIONS,
+    options: ScoringOptions = OPTIONS,
     without: str | Path | None = None,
     done: Callable[[str], None] = lambda file: None,
 ) -> Study:

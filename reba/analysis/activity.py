@@ -21,8 +21,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reba.arrays import Array, Flags
 from reba.method.rules import Rules
 from reba.posture.columns import COLUMNS, INDEX, SIDES
 
@@ -51,8 +51,6 @@ GAIT_SWING = 20.0
 """[deg] The difference of the knees swings at least this far in a step."""
 GAIT_MIN_SWINGS = 3
 """Alternations of the knees in a row that make a stretch walking."""
-Flags = NDArray[np.bool_]
-Signal = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class Activity:
     causes: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
-def detect(time: Signal, angles: Signal, rules: Rules, walking: Flags | None = None) -> Activity:
+def detect(time: Array, angles: Array, rules: Rules, walking: Flags | None = None) -> Activity:
     """Find the activity of a recording.
 
     Args:
@@ -116,7 +114,7 @@ def detect(time: Signal, angles: Signal, rules: Rules, walking: Flags | None = N
 class _Grid:
     """A regular time grid over a recording, and the way there and back."""
 
-    def __init__(self, time: Signal) -> None:
+    def __init__(self, time: Array) -> None:
         step = float(np.median(np.diff(time)))
         self.hz = GRID_HZ if step <= 0 else min(GRID_HZ, 1.0 / step)
         # A clock that jumps far ahead must not make a huge grid: time is counted without its long gaps.
@@ -128,7 +126,7 @@ class _Grid:
         nearest = np.rint((self.time - self.time[0]) * self.hz).astype(np.int64)
         self.nearest = np.clip(nearest, 0, size - 1)
 
-    def sample(self, column: Signal) -> Signal:
+    def sample(self, column: Array) -> Array:
         """Return the column on the grid, NaN where no sample is near."""
         known = ~np.isnan(column)
         if not known.any():
@@ -155,7 +153,7 @@ class _Grid:
         return grid
 
 
-def _static(signals: list[Signal], rules: Rules, hz: float) -> Flags:
+def _static(signals: list[Array], rules: Rules, hz: float) -> Flags:
     window = int(np.floor(rules.static_seconds * hz + 1e-6)) + 2
     if window > len(signals[0]):
         return np.zeros(len(signals[0]), bool)
@@ -164,14 +162,14 @@ def _static(signals: list[Signal], rules: Rules, hz: float) -> Flags:
     return _cover(held, window)
 
 
-def _rapid(signal: Signal, rules: Rules, hz: float) -> Flags:
+def _rapid(signal: Array, rules: Rules, hz: float) -> Flags:
     window = int(np.floor(rules.rapid_seconds * hz + 1e-9)) + 1
     if not 2 <= window <= len(signal):
         return np.zeros(len(signal), bool)
     return _cover(_spread(signal, window) > rules.rapid_range, window)
 
 
-def _repeated(signal: Signal, rules: Rules, hz: float) -> Flags:
+def _repeated(signal: Array, rules: Rules, hz: float) -> Flags:
     flags = np.zeros(len(signal), bool)
     swings = [s for s in _swings(signal, rules.repeated_min) if abs(signal[s[1]] - signal[s[0]]) <= rules.repeated_max]
     if not swings:
@@ -183,7 +181,7 @@ def _repeated(signal: Signal, rules: Rules, hz: float) -> Flags:
     return flags
 
 
-def _gait(signals: dict[str, Signal], rules: Rules, grid: _Grid) -> Flags:
+def _gait(signals: dict[str, Array], rules: Rules, grid: _Grid) -> Flags:
     difference = signals["knee_flexion_left"] - signals["knee_flexion_right"]
     flags = np.zeros(len(difference), bool)
     longest = 30.0 * grid.hz / rules.gait_per_minute if rules.gait_per_minute > 0 else 0.0
@@ -199,7 +197,7 @@ def _gait(signals: dict[str, Signal], rules: Rules, grid: _Grid) -> Flags:
     return flags
 
 
-def _swings(signal: Signal, least: float) -> Iterator[tuple[int, int]]:
+def _swings(signal: Array, least: float) -> Iterator[tuple[int, int]]:
     """Yield (start, end) of movements between turning points that turn back by at least `least`.
 
     The last movement counts once it is at least as large, whether or not it has turned back. NaN is passed over.
@@ -232,18 +230,18 @@ def _swings(signal: Signal, least: float) -> Iterator[tuple[int, int]]:
         yield places[pivot], places[end]
 
 
-def _spread(signal: Signal, window: int) -> Signal:
+def _spread(signal: Array, window: int) -> Array:
     """Return max - min of every window, (len - window + 1,); windows are built by doubling."""
     return _rolling(signal, window, np.maximum) - _rolling(signal, window, np.minimum)
 
 
-def _rolling(signal: Signal, window: int, pick: np.ufunc) -> Signal:
+def _rolling(signal: Array, window: int, pick: np.ufunc) -> Array:
     size, level = 1, signal
     while size * 2 <= window:
         level = pick(level[:-size], level[size:])
         size *= 2
     rest = window - size
-    result: Signal = level if rest == 0 else pick(level[: len(level) - rest], level[rest:])
+    result: Array = level if rest == 0 else pick(level[: len(level) - rest], level[rest:])
     return result
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.analysis.score_table import ScoreTable
-from reba.method.classes import Quantity, quantities
+from reba.arrays import Array, Flags
+from reba.method.classes import AngleClasses, angle_classes
 from reba.method.rules import LOAD_EDGES
 from reba.posture.angles import against_gravity
 from reba.posture.columns import ANGLES, INDEX, SIDES
@@ -20,7 +21,7 @@ _BEST: Final = np.array([angle.best for angle in ANGLES for _ in angle.columns])
 
 
 @dataclass(frozen=True)
-class Option:
+class Alternative:
     """One thing that could be done: the points (F,) that then remain, how far the frames move [deg], and words."""
 
     points: Points
@@ -30,7 +31,7 @@ class Option:
 
 
 @dataclass(frozen=True)
-class Choice:
+class Modifiable:
     """Something about the frames that can be left as it is or changed.
 
     Attributes:
@@ -49,20 +50,20 @@ class Choice:
     part: str
     shares: str
     points: Points
-    options: tuple[Option, ...]
+    options: tuple[Alternative, ...]
 
-    def change(self, choice: int, option: int) -> Change:
+    def change(self, choice: int, option: int) -> PostureChange:
         """Return one option as a change."""
         chosen = self.options[option]
-        return Change(self.what, self.kind, chosen.before, chosen.target, chosen.degrees, choice, option)
+        return PostureChange(self.what, self.kind, chosen.before, chosen.target, chosen.degrees, choice, option)
 
 
 @dataclass(frozen=True)
-class Change:
+class PostureChange:
     """A change of one thing.
 
     Attributes:
-        what, kind: as in `Choice`.
+        what, kind: as in `Modifiable`.
         before, target: what it is and what it should be.
         degrees: how far the angle moves, averaged over the frames; 0 for factors.
         choice, option: where it stands among the choices.
@@ -82,7 +83,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Goal:
+class Objective:
     """What is made smallest, and which kinds of change are allowed for it."""
 
     name: str
@@ -90,11 +91,11 @@ class Goal:
     per_change: float
     per_degree: float = 1.0
 
-    def allows(self, choice: Choice) -> bool:
+    def allows(self, choice: Modifiable) -> bool:
         """Whether a choice may be changed under this goal."""
         return choice.kind in self.kinds
 
-    def cost(self, choice: Choice, option: int) -> float:
+    def cost(self, choice: Modifiable, option: int) -> float:
         """Return the cost of an option."""
         return self.per_change + self.per_degree * choice.options[option].degrees
 
@@ -103,33 +104,33 @@ _ANY: Final = ("angle", "load", "coupling", "support", "activity")
 _COUNT_FIRST: Final = 1e6
 
 
-def goals() -> tuple[Goal, ...]:
+def goals() -> tuple[Objective, ...]:
     """Return the goals in the order in which they are offered."""
     return (
-        Goal("least movement", ("angle",), 1e-6),
-        Goal("fewest changes of posture", ("angle",), _COUNT_FIRST),
-        Goal("load only", ("load",), 1.0),
-        Goal("coupling only", ("coupling",), 1.0),
-        Goal("support only", ("support",), 1.0),
-        Goal("activity only", ("activity",), 1.0),
-        Goal("fewest changes of any kind", _ANY, _COUNT_FIRST),
+        Objective("least movement", ("angle",), 1e-6),
+        Objective("fewest changes of posture", ("angle",), _COUNT_FIRST),
+        Objective("load only", ("load",), 1.0),
+        Objective("coupling only", ("coupling",), 1.0),
+        Objective("support only", ("support",), 1.0),
+        Objective("activity only", ("activity",), 1.0),
+        Objective("fewest changes of any kind", _ANY, _COUNT_FIRST),
     )
 
 
-def choices(scores: ScoreTable, frames: NDArray[np.int64]) -> tuple[Choice, ...]:
+def choices(scores: ScoreTable, frames: NDArray[np.int64]) -> tuple[Modifiable, ...]:
     """Return everything that can be changed about the frames and counts for the total, with the points as it is."""
     angles = np.array(scores.angles[frames], np.float64).T
     if scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)
     angles = np.where(np.isnan(angles), _BEST[:, None], angles)
     knees = (_at(scores, "support", frames) != SUPPORTS[3]) | scores.rules.seated_knees
-    found = [_angle(quantity, angles, knees) for quantity in quantities(scores.rules)]
+    found = [_angle(quantity, angles, knees) for quantity in angle_classes(scores.rules)]
     counted = SIDES if scores.rules.two_sides == "worse" else (scores.rules.two_sides,)
     groups = ("a", *counted, "activity")
     return tuple(choice for choice in (*found, *_factors(scores, frames)) if choice.group in groups)
 
 
-def _angle(quantity: Quantity, angles: NDArray[np.float64], knees: NDArray[np.bool_]) -> Choice:
+def _angle(quantity: AngleClasses, angles: Array, knees: Flags) -> Modifiable:
     rows = angles[[INDEX[column] for column in quantity.columns]]
     side = quantity.columns[0].rsplit("_", 1)[-1]
     group = side if side in SIDES and quantity.part != "legs" else "a"
@@ -143,7 +144,7 @@ def _angle(quantity: Quantity, angles: NDArray[np.float64], knees: NDArray[np.bo
         kept = np.clip(rows, limit.low, limit.high)
         if worst.max() > limit.points:
             options.append(
-                Option(
+                Alternative(
                     points=(np.minimum(worst, limit.points) * counts).astype(np.int16),
                     degrees=float(np.abs(rows - kept).sum(axis=0).mean()),
                     target=_interval(limit.low, limit.high),
@@ -152,7 +153,7 @@ def _angle(quantity: Quantity, angles: NDArray[np.float64], knees: NDArray[np.bo
             )
     shares = quantity.adjusts if quantity.adjusts not in (quantity.name, "knees") else ""
     part = quantity.part.removesuffix(f"_{side}")
-    return Choice(quantity.name, "angle", group, part, shares, (worst * counts).astype(np.int16), tuple(options))
+    return Modifiable(quantity.name, "angle", group, part, shares, (worst * counts).astype(np.int16), tuple(options))
 
 
 def _interval(low: float, high: float) -> str:
@@ -166,7 +167,7 @@ def _interval(low: float, high: float) -> str:
     return f"{low:g} to {'under ' if under else ''}{edge:g} deg"
 
 
-def _range(rows: NDArray[np.float64]) -> str:
+def _range(rows: Array) -> str:
     low, high = float(rows.min()), float(rows.max())
     return f"{low:.1f} deg" if high - low < 0.05 else f"{low:.1f} to {high:.1f} deg"
 
@@ -175,30 +176,30 @@ def _at(scores: ScoreTable, name: str, frames: NDArray[np.int64]) -> NDArray[Any
     return np.broadcast_to(getattr(scores.factors, name), len(scores.data))[frames]
 
 
-def _factors(scores: ScoreTable, frames: NDArray[np.int64]) -> list[Choice]:
+def _factors(scores: ScoreTable, frames: NDArray[np.int64]) -> list[Modifiable]:
     def yes(name: str) -> Points:
         flags: Points = _at(scores, name, frames).astype(np.int16)
         return flags
 
-    def removable(what: str, kind: str, group: str, part: str, points: Points, target: str) -> Choice:
-        gone = Option(np.zeros_like(points), 0.0, target, "yes")
-        return Choice(what, kind, group, part, "", points, (gone,) if points.any() else ())
+    def removable(what: str, kind: str, group: str, part: str, points: Points, target: str) -> Modifiable:
+        gone = Alternative(np.zeros_like(points), 0.0, target, "yes")
+        return Modifiable(what, kind, group, part, "", points, (gone,) if points.any() else ())
 
     load = _at(scores, "load", frames)
     load_points = (load >= LOAD_EDGES[0]).astype(np.int16) + (load > LOAD_EDGES[1])
     lighter = [
-        Option(np.minimum(load_points, p).astype(np.int16), 0.0, target, f"{load.max():g} kg")
+        Alternative(np.minimum(load_points, p).astype(np.int16), 0.0, target, f"{load.max():g} kg")
         for p, target in ((1, f"at most {LOAD_EDGES[1]:g} kg"), (0, f"under {LOAD_EDGES[0]:g} kg"))
         if load_points.max() > p
     ]
     found = [
-        Choice("load", "load", "a", "load_force", "", load_points.astype(np.int16), tuple(lighter)),
+        Modifiable("load", "load", "a", "load_force", "", load_points.astype(np.int16), tuple(lighter)),
         removable("shock", "load", "a", "load_force", yes("shock"), "no shock"),
     ]
     legs = _at(scores, "support", frames)
     base = np.where(legs == "unilateral", 2, np.where(legs == "walking", scores.rules.walking_legs, 1)).astype(np.int16)
-    both = Option(np.minimum(base, 1).astype(np.int16), 0.0, "both legs", "one leg")
-    found.append(Choice("support", "support", "a", "legs", "", base, (both,) if base.max() > 1 else ()))
+    both = Alternative(np.minimum(base, 1).astype(np.int16), 0.0, "both legs", "one leg")
+    found.append(Modifiable("support", "support", "a", "legs", "", base, (both,) if base.max() > 1 else ()))
     for side in SIDES:
         found += [_coupling(scores, frames, side), _arm_support(side, yes(f"arm_supported_{side}"))]
     targets = {"static": "change posture within a minute", "repeated": "fewer repetitions", "unstable": "move steadily"}
@@ -206,16 +207,16 @@ def _factors(scores: ScoreTable, frames: NDArray[np.int64]) -> list[Choice]:
     return found
 
 
-def _coupling(scores: ScoreTable, frames: NDArray[np.int64], side: str) -> Choice:
+def _coupling(scores: ScoreTable, frames: NDArray[np.int64], side: str) -> Modifiable:
     codes = scores.data[f"coupling_{side}"].to_numpy(np.int16)[frames]
     better = [
-        Option(np.minimum(codes, code).astype(np.int16), 0.0, COUPLINGS[code], COUPLINGS[int(codes.max())])
+        Alternative(np.minimum(codes, code).astype(np.int16), 0.0, COUPLINGS[code], COUPLINGS[int(codes.max())])
         for code in reversed(range(int(codes.max())))
     ]
-    return Choice(f"{side} coupling", "coupling", side, "coupling", "", codes, tuple(better))
+    return Modifiable(f"{side} coupling", "coupling", side, "coupling", "", codes, tuple(better))
 
 
-def _arm_support(side: str, supported: Points) -> Choice:
-    rest = Option(-np.ones_like(supported), 0.0, "supported", "unsupported")
+def _arm_support(side: str, supported: Points) -> Modifiable:
+    rest = Alternative(-np.ones_like(supported), 0.0, "supported", "unsupported")
     options = () if supported.all() else (rest,)
-    return Choice(f"{side} arm", "support", side, "upper_arm", "", (-supported).astype(np.int16), options)
+    return Modifiable(f"{side} arm", "support", side, "upper_arm", "", (-supported).astype(np.int16), options)

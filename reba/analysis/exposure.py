@@ -16,7 +16,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from reba.analysis.score_table import ScoreTable
-from reba.analysis.worksheet import drivers
+from reba.analysis.worksheet import contributions
+from reba.arrays import Array
 from reba.method.scoring import SCORE_COLUMNS
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 
@@ -54,7 +55,7 @@ class Distribution:
     max: int | None
 
 
-def durations(time: NDArray[np.float64]) -> NDArray[np.float64]:
+def durations(time: Array) -> Array:
     """Return (n,) seconds that each frame stands for.
 
     Example:
@@ -69,7 +70,7 @@ def durations(time: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.append(np.where(steps > longest, period, steps), period)
 
 
-def distribution(scores: NDArray[Any], weights: NDArray[np.float64]) -> Distribution:
+def distribution(scores: NDArray[Any], weights: Array) -> Distribution:
     """Return the weighted statistics of (n,) scores; NaN entries are left out.
 
     Example:
@@ -89,9 +90,9 @@ def distribution(scores: NDArray[Any], weights: NDArray[np.float64]) -> Distribu
     return Distribution(mean, median, p90, int(occurring[-1]))
 
 
-def column(scores: ScoreTable, name: str) -> NDArray[np.float64]:
+def column(scores: ScoreTable, name: str) -> Array:
     """Return one column of the score table as (n,) floats, NaN where undetermined."""
-    values: NDArray[np.float64] = scores.data[name].to_numpy(np.float64, na_value=np.nan)
+    values: Array = scores.data[name].to_numpy(np.float64, na_value=np.nan)
     return values
 
 
@@ -103,19 +104,19 @@ def level_shares(scores: ScoreTable, name: str = "action_level") -> dict[str, fl
     return {**_level_times(levels, weights / total), "undetermined": float(weights[np.isnan(levels)].sum() / total)}
 
 
-def _level_times(levels: NDArray[np.float64], weights: NDArray[np.float64]) -> dict[str, float]:
+def _level_times(levels: Array, weights: Array) -> dict[str, float]:
     known = ~np.isnan(levels)
     times = np.bincount(levels[known].astype(np.int64), weights[known], minlength=len(ACTION_LEVELS))
     return {str(level): float(time) for level, time in enumerate(times)}
 
 
-def held(scores: ScoreTable, seconds: float = HELD_SECONDS) -> int | None:
+def sustained(scores: ScoreTable, seconds: float = HELD_SECONDS) -> int | None:
     """Return the highest score that is held for `seconds` without a break (of the low end of the range)."""
     timeline = _Timeline(scores)
     return next((score for score in timeline.scores if timeline.runs(score, seconds)[0].size), None)
 
 
-def stretches(scores: ScoreTable, at_least: int) -> list[Interval]:
+def intervals(scores: ScoreTable, at_least: int) -> list[Interval]:
     """Return every stretch in which the low end of REBA is at least a score; gaps end a stretch."""
     timeline = _Timeline(scores)
     first, last = timeline.runs(at_least)
@@ -196,7 +197,7 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
                 "start": interval.start,
                 "end": interval.end,
                 "held": interval.reba,
-                "why": drivers(scores, interval.frame),
+                "why": contributions(scores, interval.frame),
             }
         )
     return {
@@ -218,7 +219,7 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
             "max_low": low_end.max,
             "max_high": high_end.max,
         },
-        "held": {"seconds": HELD_SECONDS, "reba": held(scores)},
+        "held": {"seconds": HELD_SECONDS, "reba": sustained(scores)},
         "action_levels": shares,
         "action_level_undetermined": undetermined,
         "sides": {
@@ -234,9 +235,7 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
     }
 
 
-def _agreed(
-    reba: NDArray[np.float64], weights: NDArray[np.float64], low: Distribution, high: Distribution
-) -> Distribution:
+def _agreed(reba: Array, weights: Array, low: Distribution, high: Distribution) -> Distribution:
     """Return the statistics of a score; where some frames are open, only those that both ends of the range agree on.
 
     The frames that happen to be determined are no sample of the others: their mean can even lie outside the range.
@@ -247,13 +246,13 @@ def _agreed(
     return Distribution(**{name: a if a == b else None for name, (a, b) in ends.items()})
 
 
-def _part(points: NDArray[np.float64], weights: NDArray[np.float64]) -> dict[str, float | None]:
+def _part(points: Array, weights: Array) -> dict[str, float | None]:
     """Return the mean of a part score over the frames that determine it, and their share of the time."""
     known = float(weights[~np.isnan(points)].sum() / (weights.sum() or 1.0))
     return {"mean": distribution(points, weights).mean, "determined": known}
 
 
-def _side_shares(scores: ScoreTable, side: str, weights: NDArray[np.float64]) -> dict[str, float]:
+def _side_shares(scores: ScoreTable, side: str, weights: Array) -> dict[str, float]:
     reba = column(scores, f"reba_{side}")
     levels = np.where(np.isnan(reba), np.nan, LEVEL_OF[np.nan_to_num(reba).astype(np.int64)])
     return _level_times(levels, weights / (weights.sum() or 1.0))

@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.analysis.changes import Change, Choice, Goal, choices, goals
+from reba.analysis.changes import Modifiable, Objective, PostureChange, choices, goals
 from reba.analysis.score_table import ScoreTable
 from reba.analysis.worksheet import GROUP_A, GROUP_B
 from reba.errors import PostureError
@@ -42,7 +42,7 @@ class Improvement:
     """
 
     goal: str
-    changes: tuple[Change, ...]
+    changes: tuple[PostureChange, ...]
     degrees: float
     reba_before: int
     reba_after: int
@@ -65,7 +65,7 @@ def improve_frame(scores: ScoreTable, frame: int, to_level: int | None = None) -
     return improve_frames(scores, np.array([frame]), to_level)
 
 
-def worst_stretch(scores: ScoreTable, seconds: float = WORST_SECONDS) -> NDArray[np.int64]:
+def worst_interval(scores: ScoreTable, seconds: float = WORST_SECONDS) -> NDArray[np.int64]:
     """Return the frames of the stretch of `seconds` with the highest mean REBA (low end of the range)."""
     time = scores.time
     if not len(time):
@@ -81,7 +81,7 @@ def worst_stretch(scores: ScoreTable, seconds: float = WORST_SECONDS) -> NDArray
 
 def improve_worst(scores: ScoreTable, seconds: float = WORST_SECONDS, to_level: int | None = None) -> list[Improvement]:
     """Return the smallest limits that lower the action level of the worst stretch in every one of its frames."""
-    return improve_frames(scores, worst_stretch(scores, seconds), to_level)
+    return improve_frames(scores, worst_interval(scores, seconds), to_level)
 
 
 def improve_frames(scores: ScoreTable, frames: NDArray[np.int64], to_level: int | None = None) -> list[Improvement]:
@@ -136,7 +136,7 @@ Ranked = list[tuple[Points, _Combination]]
 """Points (F,) under combinations of options."""
 
 
-def _search(available: tuple[Choice, ...], goal: Goal, target: int) -> list[Change] | None:
+def _search(available: tuple[Modifiable, ...], goal: Objective, target: int) -> list[PostureChange] | None:
     """Return the cheapest changes under a goal that keep every frame at or under the target, or None."""
     a = _combinations(available, goal, "a")
     arms = [_combinations(available, goal, side) for side in _sides(available)]
@@ -173,7 +173,7 @@ def _cheapest_arms(arms: list[Ranked], allowed: Points) -> tuple[float, tuple[tu
     return cost, options
 
 
-def _combinations(available: tuple[Choice, ...], goal: Goal, group: str) -> Ranked:
+def _combinations(available: tuple[Modifiable, ...], goal: Objective, group: str) -> Ranked:
     """Return the scores of a group (F,) under every useful combination of options, cheapest first, none dominated.
 
     Each part is searched by itself first: no table falls along an index, so that a combination which is dominated
@@ -190,7 +190,7 @@ def _combinations(available: tuple[Choice, ...], goal: Goal, group: str) -> Rank
     return _undominated(found)
 
 
-def _part_combinations(available: tuple[Choice, ...], goal: Goal, members: list[int]) -> Ranked:
+def _part_combinations(available: tuple[Modifiable, ...], goal: Objective, members: list[int]) -> Ranked:
     useful = [index for index in members if goal.allows(available[index])]
     found = []
     for picked in itertools.product(*(_options(available[index]) for index in useful)):
@@ -214,7 +214,7 @@ def _undominated(found: Ranked) -> Ranked:
     return kept
 
 
-def _parts(available: tuple[Choice, ...], group: str) -> dict[str, list[int]]:
+def _parts(available: tuple[Modifiable, ...], group: str) -> dict[str, list[int]]:
     """Return the choices of each part of a group."""
     parts: dict[str, list[int]] = {}
     for index in _members(available, group):
@@ -222,21 +222,21 @@ def _parts(available: tuple[Choice, ...], group: str) -> dict[str, list[int]]:
     return parts
 
 
-def _members(available: tuple[Choice, ...], group: str) -> list[int]:
+def _members(available: tuple[Modifiable, ...], group: str) -> list[int]:
     return [index for index, choice in enumerate(available) if choice.group == group]
 
 
-def _sides(available: tuple[Choice, ...]) -> list[str]:
+def _sides(available: tuple[Modifiable, ...]) -> list[str]:
     """Return the sides that count for the total."""
     return [side for side in SIDES if _members(available, side)]
 
 
-def _options(choice: Choice) -> Iterator[int | None]:
+def _options(choice: Modifiable) -> Iterator[int | None]:
     yield None
     yield from range(len(choice.options))
 
 
-def _part_score(available: tuple[Choice, ...], members: list[int], chosen: dict[int, int]) -> Points:
+def _part_score(available: tuple[Modifiable, ...], members: list[int], chosen: dict[int, int]) -> Points:
     """Return the score of one part (F,) with some options chosen."""
     shared: dict[str, Points] = {}
     score = np.zeros_like(available[members[0]].points)
@@ -261,7 +261,7 @@ def _group_score(parts: dict[str, Points], group: str) -> Points:
     return score
 
 
-def _total(available: tuple[Choice, ...], chosen: dict[int, int]) -> Points:
+def _total(available: tuple[Modifiable, ...], chosen: dict[int, int]) -> Points:
     """Return REBA (F,) with some options chosen."""
     score: dict[str, Points] = {}
     sides = _sides(available)

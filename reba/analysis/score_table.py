@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import PostureError
 from reba.method.rules import Rules
 from reba.method.scoring import Missing
@@ -42,12 +42,12 @@ class ScoreTable:
     activity_causes: dict[str, dict[str, float]] = field(default_factory=dict)
 
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> Array:
         """(n,) seconds."""
         return self.data["time"].to_numpy(np.float64)
 
     @property
-    def angles(self) -> NDArray[np.float64]:
+    def angles(self) -> Array:
         """(n, 22) degrees in the order of `reba.COLUMNS`, NaN = not measured."""
         return angles_of(self.postures.data)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from reba.analysis.score_table import ScoreTable
-from reba.method.classes import Quantity, quantities
+from reba.method.classes import AngleClasses, angle_classes
 from reba.method.rules import LOAD_EDGES
 from reba.method.tables import ACTION_LEVELS, PART_MAXIMA
 from reba.posture.angles import against_gravity
@@ -21,7 +21,7 @@ GROUP_B = ("upper_arm", "lower_arm", "wrist")
 
 
 @dataclass(frozen=True)
-class Line:
+class WorksheetLine:
     """One line of the worksheet.
 
     Attributes:
@@ -54,13 +54,13 @@ class Worksheet:
     """
 
     time: float
-    lines: tuple[Line, ...]
+    lines: tuple[WorksheetLine, ...]
     scores: dict[str, int | None]
     risk: str
     action: str
     rules: str
 
-    def of(self, part: str) -> tuple[Line, ...]:
+    def of(self, part: str) -> tuple[WorksheetLine, ...]:
         """Return the lines of one part."""
         return tuple(line for line in self.lines if line.part == part)
 
@@ -76,10 +76,10 @@ def worksheet(scores: ScoreTable, frame: int) -> Worksheet:
     angles = np.array(scores.angles[frame], np.float64).reshape(-1, 1)
     if scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)
-    by_part: dict[str, list[Quantity]] = {}
-    for quantity in quantities(scores.rules):
+    by_part: dict[str, list[AngleClasses]] = {}
+    for quantity in angle_classes(scores.rules):
         by_part.setdefault(quantity.part, []).append(quantity)
-    lines: list[Line] = []
+    lines: list[WorksheetLine] = []
     for part in GROUP_A:
         lines += _support(scores, frame) if part == "legs" else []
         lines += _part(by_part[part], angles[:, 0], part != "legs" or _knees_count(scores, frame))
@@ -96,7 +96,7 @@ def worksheet(scores: ScoreTable, frame: int) -> Worksheet:
     return Worksheet(float(row["time"]), tuple(lines), known, risk, action, scores.rules.name)
 
 
-def drivers(scores: ScoreTable, frame: int, most: int = 4) -> list[str]:
+def contributions(scores: ScoreTable, frame: int, most: int = 4) -> list[str]:
     """Return what gives the most points in a frame: "trunk flexion 62 deg (over 60): +3", highest first.
 
     Only the side of the worse arm speaks, or both where they are equal.
@@ -112,20 +112,20 @@ def drivers(scores: ScoreTable, frame: int, most: int = 4) -> list[str]:
     return [text for _, text in sorted(found, key=lambda item: item[0])[:most]]
 
 
-def _part(parts: list[Quantity], angles: np.ndarray[Any, Any], counts: bool) -> list[Line]:
+def _part(parts: list[AngleClasses], angles: np.ndarray[Any, Any], counts: bool) -> list[WorksheetLine]:
     lines = []
     given: set[str] = set()
     for quantity in parts:
         values = [float(angles[INDEX[column]]) for column in quantity.columns]
         if all(np.isnan(values)):
-            lines.append(Line(quantity.part, None, quantity.name, "not measured", _span(quantity)))
+            lines.append(WorksheetLine(quantity.part, None, quantity.name, "not measured", _span(quantity)))
             continue
         angle = float(np.nanmax(values))
         found = quantity.class_of(angle)
         if counts and any(np.isnan(values)) and found is not quantity.classes[-1]:
             # The other one of two may stand in a higher class.
             value = f"{angle:.1f} deg, the other not measured"
-            lines.append(Line(quantity.part, None, quantity.name, value, _span(quantity, found.points)))
+            lines.append(WorksheetLine(quantity.part, None, quantity.name, value, _span(quantity, found.points)))
             continue
         points, rule = found.points, found.text
         if quantity.adjusts and points:
@@ -138,11 +138,13 @@ def _part(parts: list[Quantity], angles: np.ndarray[Any, Any], counts: bool) -> 
         highest = PART_MAXIMA[quantity.part.removesuffix("_left").removesuffix("_right")]
         if so_far + points > highest:
             points, rule = highest - so_far, f"{rule}; at most {highest} for this part"
-        lines.append(Line(quantity.part, points, quantity.name, f"{angle:.1f} deg", rule, quantity.classes[0].points))
+        lines.append(
+            WorksheetLine(quantity.part, points, quantity.name, f"{angle:.1f} deg", rule, quantity.classes[0].points)
+        )
     return lines
 
 
-def _span(quantity: Quantity, least: int | None = None) -> str:
+def _span(quantity: AngleClasses, least: int | None = None) -> str:
     low = quantity.classes[0].points if least is None else least
     return f"{low} to {quantity.classes[-1].points} possible"
 
@@ -156,41 +158,48 @@ def _knees_count(scores: ScoreTable, frame: int) -> bool:
     return scores.rules.seated_knees or str(_at(scores.factors.support, frame)) != SUPPORTS[3]
 
 
-def _support(scores: ScoreTable, frame: int) -> list[Line]:
+def _support(scores: ScoreTable, frame: int) -> list[WorksheetLine]:
     support = str(_at(scores.factors.support, frame))
     points = 2 if support == "unilateral" else scores.rules.walking_legs if support == "walking" else 1
     rule = "one leg or unstable" if support == "unilateral" else "both legs, walking or sitting"
-    return [Line("legs", points, "support", support, rule, least=1)]
+    return [WorksheetLine("legs", points, "support", support, rule, least=1)]
 
 
-def _load(scores: ScoreTable, frame: int) -> list[Line]:
+def _load(scores: ScoreTable, frame: int) -> list[WorksheetLine]:
     load = float(_at(scores.factors.load, frame))
     points = int(load >= LOAD_EDGES[0]) + int(load > LOAD_EDGES[1])
     rule = ("under 5 kg", "5 to 10 kg", "over 10 kg")[points]
-    lines = [Line("load_force", points, "load", f"{load:g} kg", rule)]
+    lines = [WorksheetLine("load_force", points, "load", f"{load:g} kg", rule)]
     if _at(scores.factors.shock, frame):
-        lines.append(Line("load_force", 1, "shock", "yes", "shock or rapid build-up of force"))
+        lines.append(WorksheetLine("load_force", 1, "shock", "yes", "shock or rapid build-up of force"))
     return lines
 
 
-def _supported(scores: ScoreTable, frame: int, side: str, lines: list[Line]) -> list[Line]:
+def _supported(scores: ScoreTable, frame: int, side: str, lines: list[WorksheetLine]) -> list[WorksheetLine]:
     if not _at(getattr(scores.factors, f"arm_supported_{side}"), frame):
         return []
     so_far = sum(line.points or 0 for line in lines if line.part == f"upper_arm_{side}")
     points = -1 if so_far > 1 else 0
-    return [Line(f"upper_arm_{side}", points, f"{side} arm support", "yes", "leaning or supported, never below 1")]
+    return [
+        WorksheetLine(f"upper_arm_{side}", points, f"{side} arm support", "yes", "leaning or supported, never below 1")
+    ]
 
 
-def _coupling(scores: ScoreTable, frame: int, side: str) -> list[Line]:
+def _coupling(scores: ScoreTable, frame: int, side: str) -> list[WorksheetLine]:
     points = int(scores.data[f"coupling_{side}"].iloc[frame])
-    return [Line(f"coupling_{side}", points, f"{side} coupling", COUPLINGS[points], f"{COUPLINGS[points]} grip")]
+    return [
+        WorksheetLine(f"coupling_{side}", points, f"{side} coupling", COUPLINGS[points], f"{COUPLINGS[points]} grip")
+    ]
 
 
-def _activity(scores: ScoreTable, frame: int) -> list[Line]:
+def _activity(scores: ScoreTable, frame: int) -> list[WorksheetLine]:
     rules = {
         "static": f"a part held over {scores.rules.static_seconds:g} s",
         "repeated": f"small movements over {scores.rules.repeated_per_minute:g} a minute",
         "unstable": "rapid large changes, or an unstable base",
     }
     yes = {kind: bool(_at(getattr(scores.factors, kind), frame)) for kind in rules}
-    return [Line("activity", int(yes[kind]), kind, "yes" if yes[kind] else "no", rule) for kind, rule in rules.items()]
+    return [
+        WorksheetLine("activity", int(yes[kind]), kind, "yes" if yes[kind] else "no", rule)
+        for kind, rule in rules.items()
+    ]

@@ -15,7 +15,7 @@ from concurrent.futures import CancelledError, Future
 from typing import Any, Final
 
 from reba._version import __version__
-from reba.batch.worker_pool import WAITING, Lost
+from reba.batch.worker_pool import WAITING, WorkerDied
 from reba.errors import RebaError
 
 CONNECT: Final = 5.0
@@ -35,7 +35,7 @@ class Cluster:
 
     Args:
         address: of its scheduler.
-        probe: see `reba.batch.parallel.fan_out`.
+        probe: see `reba.batch.parallel.run_parallel`.
 
     Raises:
         RebaError: distributed is not installed, or the scheduler or its workers cannot be used.
@@ -87,7 +87,7 @@ class Cluster:
         try:
             return future.result()
         except KilledWorker as error:
-            return Lost(f"{error.allowed_failures + 1} workers died with it (out of memory, or killed)")
+            return WorkerDied(f"{error.allowed_failures + 1} workers died with it (out of memory, or killed)")
         except (CancelledError, FutureCancelledError) as error:
             raise RebaError(
                 f"{self.address}: the scheduler was lost; what is done is safe, run the same command again"

@@ -23,7 +23,7 @@ from urllib.parse import quote
 
 from reba._version import __version__
 from reba.batch.manifest import FAILED, SCORED, Content, Entry, Manifest, stamp
-from reba.batch.run import Options, Outcome
+from reba.batch.run import RecordingResult, ScoringOptions
 from reba.errors import RebaError
 from reba.method.rules import rules_of
 
@@ -42,7 +42,7 @@ ASKED: Final = "a report needs every frame"
 
 
 @dataclass(frozen=True)
-class Part:
+class PendingRecording:
     """A recording that is to be scored.
 
     Attributes:
@@ -97,7 +97,7 @@ class Dataset:
         self._lock.truncate(0)
         self._lock.close()
 
-    def due(self, inputs: Sequence[str], with_: dict[str, Any], *, everything: bool = False) -> list[Part]:
+    def due(self, inputs: Sequence[str], with_: dict[str, Any], *, everything: bool = False) -> list[PendingRecording]:
         """Return the recordings that have to be scored, in order.
 
         Args:
@@ -114,10 +114,12 @@ class Dataset:
             if why:
                 recording = self._name(path) if entry is None else entry.recording
                 before = entry.hash if entry is not None and why == CHANGED else ""
-                parts.append(Part(name, path, recording, self.output(recording), why, before))
+                parts.append(PendingRecording(name, path, recording, self.output(recording), why, before))
         return parts
 
-    def record(self, part: Part, outcome: Outcome, content: Content, with_: dict[str, Any], seconds: float) -> None:
+    def record(
+        self, part: PendingRecording, outcome: RecordingResult, content: Content, with_: dict[str, Any], seconds: float
+    ) -> None:
         """Write down what became of a recording.
 
         Args:
@@ -149,12 +151,12 @@ class Dataset:
         }
         self.manifest.append(line)
 
-    def confirm(self, part: Part, content: Content) -> None:
+    def confirm(self, part: PendingRecording, content: Content) -> None:
         """Write down that a recording is the same under another time of change."""
         line = self.manifest.line(self.manifest.entries[str(Path(part.input).resolve())])
         self.manifest.append({**line, **asdict(content)})
 
-    def outcomes(self, inputs: Iterable[str]) -> Iterator[Outcome]:
+    def outcomes(self, inputs: Iterable[str]) -> Iterator[RecordingResult]:
         """Yield what is known of each recording, read from the manifest one by one."""
         for name in inputs:
             entry = self.manifest.entries.get(str(Path(name).resolve()))
@@ -162,10 +164,10 @@ class Dataset:
                 continue
             line = self.manifest.line(entry)
             if entry.outcome == FAILED:
-                yield Outcome(name, error=line["error"])
+                yield RecordingResult(name, error=line["error"])
             else:
                 place = str(self.output(entry.recording))
-                yield Outcome(name, summary={"input": name, **line["summary"], "output": place})
+                yield RecordingResult(name, summary={"input": name, **line["summary"], "output": place})
 
     def output(self, recording: str) -> Path:
         """Return the file with the scores of a recording."""
@@ -209,7 +211,7 @@ class Dataset:
         self._lock.flush()
 
 
-def settings(options: Options) -> dict[str, Any]:
+def settings(options: ScoringOptions) -> dict[str, Any]:
     """Return what scores depend on beside the recording, as it stands in the manifest.
 
     Raises:
@@ -229,7 +231,7 @@ def settings(options: Options) -> dict[str, Any]:
     }
 
 
-def count(parts: Iterable[Part]) -> dict[str, int]:
+def count(parts: Iterable[PendingRecording]) -> dict[str, int]:
     """Return how many recordings there are for each reason."""
     return dict(Counter(part.why for part in parts))
 

@@ -12,11 +12,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from reba.batch.dataset import LOCK, Dataset, Part, settings
+from reba.batch.dataset import LOCK, Dataset, PendingRecording, settings
 from reba.batch.manifest import Content, content_hash, stamp
-from reba.batch.parallel import fan_out
-from reba.batch.run import Options, Outcome, score_one, sees
-from reba.batch.worker_pool import Lost
+from reba.batch.parallel import run_parallel
+from reba.batch.run import RecordingResult, ScoringOptions, score_one, sees
+from reba.batch.worker_pool import WorkerDied
 from reba.scores import Scores
 
 
@@ -57,7 +57,7 @@ class DatasetRun:
 class ScoredPart:
     """What became of a part, where it was scored; `outcome` is None if its content turned out to be the same."""
 
-    outcome: Outcome | None
+    outcome: RecordingResult | None
     content: Content
     seconds: float
 
@@ -65,7 +65,7 @@ class ScoredPart:
 def score_into(
     dataset: Dataset,
     inputs: Sequence[str],
-    options: Options,
+    options: ScoringOptions,
     *,
     jobs: int = 1,
     scheduler: str | None = None,
@@ -78,7 +78,7 @@ def score_into(
         dataset: open.
         inputs: recordings.
         options: how they are scored.
-        jobs, scheduler: where, as for `reba.batch.parallel.fan_out`.
+        jobs, scheduler: where, as for `reba.batch.parallel.run_parallel`.
         keep: whether the run holds the scores themselves (for a report); then everything is scored.
         done: called with the name of each recording.
 
@@ -100,14 +100,14 @@ def score_into(
     if parts:
         lock = str(dataset.folder / LOCK)
         probe = partial(sees, parts[0].path, str(dataset.folder), lock, dataset.token)
-    for part, result in fan_out(work, parts, jobs=min(jobs, max(len(parts), 1)), scheduler=scheduler, probe=probe):
+    for part, result in run_parallel(work, parts, jobs=min(jobs, max(len(parts), 1)), scheduler=scheduler, probe=probe):
         _take(dataset, run, part, result, with_)
         done(part.input)
     run.seconds = time.perf_counter() - start
     return run
 
 
-def score_part(part: Part, *, options: Options, keep: bool, far: bool = False) -> ScoredPart:
+def score_part(part: PendingRecording, *, options: ScoringOptions, keep: bool, far: bool = False) -> ScoredPart:
     """Score one recording into its file, which is safe on disk when this returns.
 
     Args:
@@ -128,10 +128,12 @@ def score_part(part: Part, *, options: Options, keep: bool, far: bool = False) -
     return ScoredPart(outcome, content, time.perf_counter() - start)
 
 
-def _take(dataset: Dataset, run: DatasetRun, part: Part, result: ScoredPart | Lost, with_: dict[str, Any]) -> None:
+def _take(
+    dataset: Dataset, run: DatasetRun, part: PendingRecording, result: ScoredPart | WorkerDied, with_: dict[str, Any]
+) -> None:
     """Write a result down and count it."""
-    if isinstance(result, Lost):
-        outcome = Outcome(part.input, error=f"{part.input}: {result.reason}")
+    if isinstance(result, WorkerDied):
+        outcome = RecordingResult(part.input, error=f"{part.input}: {result.reason}")
         result = ScoredPart(outcome, Content(*stamp(part.path), content_hash(part.path)), 0.0)
     if result.outcome is None:
         dataset.confirm(part, result.content)

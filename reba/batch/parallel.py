@@ -14,7 +14,7 @@ from itertools import islice
 from typing import Any, Final, TypeVar
 
 from reba.batch.dask_cluster import Cluster
-from reba.batch.worker_pool import Lost, Pool, Processes
+from reba.batch.worker_pool import Pool, Processes, WorkerDied
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -22,19 +22,19 @@ CHECK: Final = 2.0
 """[s] Without a result after which the pool is looked at."""
 
 
-def fan_out(
+def run_parallel(
     work: Callable[[Task], Result],
     tasks: Iterable[Task],
     *,
     jobs: int = 1,
     scheduler: str | None = None,
     probe: Callable[[], str] | None = None,
-) -> Iterator[tuple[Task, Result | Lost]]:
+) -> Iterator[tuple[Task, Result | WorkerDied]]:
     """Yield every task with its result, as they finish.
 
     Tasks are taken from the iterable only as workers get free, and results are not kept: memory does not grow with
     their number. A process that dies takes no other task with it: what was under way is run again, and a task that
-    kills its process every time comes back as `Lost`.
+    kills its process every time comes back as `WorkerDied`.
 
     Args:
         work: a function of a module, or a partial of one; it and the tasks are pickled.
@@ -62,7 +62,9 @@ def fan_out(
         yield from _stream(pool, work, iter(tasks))
 
 
-def _stream(pool: Pool, work: Callable[[Task], Result], tasks: Iterator[Task]) -> Iterator[tuple[Task, Result | Lost]]:
+def _stream(
+    pool: Pool, work: Callable[[Task], Result], tasks: Iterator[Task]
+) -> Iterator[tuple[Task, Result | WorkerDied]]:
     under_way: dict[Future[Result], Task] = {}
     suspects: list[Task] = []
     while True:
@@ -73,7 +75,7 @@ def _stream(pool: Pool, work: Callable[[Task], Result], tasks: Iterator[Task]) -
         for future in _done(pool, under_way):
             task = under_way.pop(future)
             result = pool.result(future)
-            if isinstance(result, Lost):
+            if isinstance(result, WorkerDied):
                 suspects.append(task)
             else:
                 yield task, result

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from reba.batch.manifest import MANIFEST
-from reba.batch.parallel import fan_out
-from reba.batch.worker_pool import Lost
+from reba.batch.parallel import run_parallel
+from reba.batch.worker_pool import WorkerDied
 from reba.errors import RebaError
 from reba.method.scoring import Missing
 from reba.readers import is_recording, is_recording_folder, read
@@ -23,7 +23,7 @@ SCORED_SUFFIX: Final = ".scores.parquet"
 
 
 @dataclass(frozen=True)
-class Options:
+class ScoringOptions:
     """How recordings are read and scored; the same for every input of a command."""
 
     profile: str = "auto"
@@ -45,13 +45,13 @@ class Options:
         postures = read(path, profile=self.profile, topic=self.topic, neutral=self.neutral, strict=self.strict)
         return score(postures, rules=self.rules, activity=self.activity, missing=self.missing, **self.factors)
 
-    def anywhere(self) -> Options:
+    def anywhere(self) -> ScoringOptions:
         """Return the same for a process that works in another folder."""
         return replace(self, rules=_whole(self.rules), profile=_whole(self.profile))
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RecordingResult:
     """What became of one input: its summary (the JSON object of a recording), or the error.
 
     Attributes:
@@ -154,7 +154,7 @@ def check_report(report: str | None, inputs: Sequence[str], output: Path | None 
             raise RebaError(f"{report}: this is a {what} and would be lost; choose another name for the report")
 
 
-def score_one(path: str, output: Path | None, options: Options, keep: bool = False) -> Outcome:
+def score_one(path: str, output: Path | None, options: ScoringOptions, keep: bool = False) -> RecordingResult:
     """Score one recording; an error of the recording is an outcome, not an exception."""
     try:
         scores = options.read_and_score(path)
@@ -162,32 +162,34 @@ def score_one(path: str, output: Path | None, options: Options, keep: bool = Fal
             write_scores(scores, output)
         summary = {"input": path, **scores.summary(), "output": None if output is None else str(output)}
     except RebaError as error:
-        return Outcome(path, error=str(error))
+        return RecordingResult(path, error=str(error))
     except MemoryError:
-        return Outcome(path, error=f"{path}: does not fit into memory; score parts of it, or fewer at the same time")
+        return RecordingResult(
+            path, error=f"{path}: does not fit into memory; score parts of it, or fewer at the same time"
+        )
     except Exception as error:  # whatever is wrong with one recording stops no other
         said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        return Outcome(path, error=f"{path}: cannot be scored ({said}); please report it with the recording")
-    return Outcome(path, summary=summary, scores=scores if keep else None, hash=scores.postures.quality.sha256)
+        return RecordingResult(path, error=f"{path}: cannot be scored ({said}); please report it with the recording")
+    return RecordingResult(path, summary=summary, scores=scores if keep else None, hash=scores.postures.quality.sha256)
 
 
 def score_many(
     inputs: Sequence[str],
     output: Path | None,
-    options: Options,
+    options: ScoringOptions,
     *,
     jobs: int = 1,
     scheduler: str | None = None,
     keep: bool = False,
     done: Callable[[str], None] = lambda name: None,
-) -> list[Outcome]:
+) -> list[RecordingResult]:
     """Score every input, all of which stay in memory; `done` is called with the name of each one that ends.
 
     Args:
         inputs: recordings.
         output: file for the scores, if there is one input.
         options: how they are scored.
-        jobs, scheduler: where, as for `reba.batch.parallel.fan_out`.
+        jobs, scheduler: where, as for `reba.batch.parallel.run_parallel`.
         keep: whether the outcomes hold the scores themselves (for a report), not only their summaries.
 
     Raises:
@@ -197,11 +199,11 @@ def score_many(
     target = output.resolve() if far and output is not None else output
     work = partial(_numbered, output=target, options=options.anywhere() if far else options, keep=keep)
     tasks = [(number, str(Path(name).resolve()) if far else name) for number, name in enumerate(inputs)]
-    outcomes: dict[int, Outcome] = {}
+    outcomes: dict[int, RecordingResult] = {}
     probe = partial(sees, tasks[0][1], "" if target is None else str(target.parent)) if tasks else None
     jobs = max(1, min(jobs, len(inputs)))
-    for (number, path), result in fan_out(work, tasks, jobs=jobs, scheduler=scheduler, probe=probe):
-        outcome = Outcome(path, error=f"{path}: {result.reason}") if isinstance(result, Lost) else result
+    for (number, path), result in run_parallel(work, tasks, jobs=jobs, scheduler=scheduler, probe=probe):
+        outcome = RecordingResult(path, error=f"{path}: {result.reason}") if isinstance(result, WorkerDied) else result
         if outcome.summary is not None:
             outcome.summary.update(input=inputs[number], output=None if output is None else str(output))
         outcomes[number] = replace(outcome, input=inputs[number])
@@ -229,7 +231,7 @@ def sees(recording: str, folder: str = "", mark: str = "", text: str = "") -> st
     return "" if same else f"has another folder at {folder}; give a folder that every worker shares"
 
 
-def _numbered(task: tuple[int, str], *, output: Path | None, options: Options, keep: bool) -> Outcome:
+def _numbered(task: tuple[int, str], *, output: Path | None, options: ScoringOptions, keep: bool) -> RecordingResult:
     return score_one(task[1], output, options, keep)
 
 

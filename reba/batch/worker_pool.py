@@ -26,7 +26,7 @@ THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", 
 
 
 @dataclass(frozen=True)
-class Lost:
+class WorkerDied:
     """Stands for the result of a task whose process died each time it was tried; `reason` ends a sentence."""
 
     reason: str
@@ -46,7 +46,7 @@ class Pool(Protocol):
         """Start a task."""
 
     def result(self, future: Future[Any]) -> Any:
-        """Return the result of a task that is done, `Lost` if its process died; what the work raised is raised here.
+        """Return the result of a finished task, `WorkerDied` if its process died; re-raise what the work raised.
 
         Raises:
             RebaError: the pool cannot go on.
@@ -98,7 +98,7 @@ class Processes:
         try:
             return future.result()
         except BrokenProcessPool:
-            return Lost("the process died (out of memory, or killed)")
+            return WorkerDied("the process died (out of memory, or killed)")
 
     def check(self) -> None:
         """Do nothing: a process that dies ends its tasks."""

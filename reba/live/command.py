@@ -17,8 +17,8 @@ from reba.live.follow import Follower
 from reba.live.frames import Reading, neutral_until
 from reba.live.json_lines import Lines
 from reba.live.output import Latency, write_lines
-from reba.live.session import Alert, Session, score_of_level
-from reba.live.sources import Source, open_growing
+from reba.live.session import Alert, LiveScorer, score_of_level
+from reba.live.sources import GrowingStore, open_growing
 from reba.posture.factors import Factors, checked
 from reba.scores import named_activity
 
@@ -27,7 +27,7 @@ INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
-class Options:
+class LiveOptions:
     """What the caller chose beside the source.
 
     Attributes:
@@ -72,7 +72,7 @@ def stdin_descriptor() -> int:
     return sys.stdin.fileno()
 
 
-def run_live(place: str, options: Options) -> int:
+def run_live(place: str, options: LiveOptions) -> int:
     """Follow a source to its end, and return the exit code.
 
     Args:
@@ -85,13 +85,13 @@ def run_live(place: str, options: Options) -> int:
     activity = activity_of(options.activity)
     neutral_until(options.reading.neutral, 0.0)
     checked(Factors.of({**activity, **options.factors}), 1)
-    session = Session(options.rules, options.window, Alert(options.alert, options.hold))
+    session = LiveScorer(options.rules, options.window, Alert(options.alert, options.hold))
     view = _view(options.foxglove)
     latency = Latency()
     follower: Follower | None = None
     code = 0
     try:
-        source: Source = (
+        source: GrowingStore = (
             Lines(stdin_descriptor(), _tell) if place == "-" else open_growing(Path(place), options.until_idle)
         )
         follower = Follower(source, options.reading, options.factors, activity, _tell)
@@ -109,7 +109,7 @@ def run_live(place: str, options: Options) -> int:
     return code
 
 
-def _follow(follower: Follower, session: Session, latency: Latency, view: Any, options: Options) -> None:
+def _follow(follower: Follower, session: LiveScorer, latency: Latency, view: Any, options: LiveOptions) -> None:
     stream = sys.stdout.buffer
     for frames in follower.frames(options.until_idle):
         if not session.frames:
@@ -136,7 +136,7 @@ def _introduce(follower: Follower) -> None:
         _tell(f"assumed: {text}")
 
 
-def _sum_up(follower: Follower, session: Session, latency: Latency, code: int) -> None:
+def _sum_up(follower: Follower, session: LiveScorer, latency: Latency, code: int) -> None:
     """Write the summary as the last line, and say it in words."""
     stage = follower.stage
     found = session.summary()
@@ -163,9 +163,9 @@ def _sum_up(follower: Follower, session: Session, latency: Latency, code: int) -
 def _view(port: int | None) -> Any:
     if port is None:
         return None
-    from reba.live.foxglove import View
+    from reba.live.foxglove import FoxgloveServer
 
-    view = View(port)
+    view = FoxgloveServer(port)
     _tell(f"open {view.address} in Foxglove or Lichtblick")
     return view
 
@@ -196,7 +196,7 @@ def seconds(name: str, text: str) -> float:
     return float(form[1]) * _UNITS[form[2]]
 
 
-def live_options(given: dict[str, Any]) -> Options:
+def live_options(given: dict[str, Any]) -> LiveOptions:
     """Return the options.
 
     Raises:
@@ -207,7 +207,7 @@ def live_options(given: dict[str, Any]) -> Options:
     alert = given["alert"] or ALERT
     if given["alert_level"] is not None:
         alert = score_of_level(given["alert_level"])
-    return Options(
+    return LiveOptions(
         reading=Reading(given["profile"], given["topic"], given["neutral"], seconds("settle", given["settle"])),
         factors={name: given[name] for name in FACTORS if given[name] is not None},
         activity=given["activity"],

@@ -9,11 +9,11 @@ from typing import Any, Final
 from reba.errors import ProfileError, ReadError
 from reba.live.frames import Frames, NotYet, Reading
 from reba.live.joint_frames import Bodies
-from reba.live.sources import Source
-from reba.live.table_rows import Rows
+from reba.live.sources import GrowingStore
+from reba.live.table_rows import TableFollower
 from reba.posture.factors import Factors, checked, expand_sides
 from reba.readers.mcap import classified, gathered
-from reba.readers.mcap.container import Segment
+from reba.readers.mcap.container import ChunkRef
 from reba.readers.recognise import choose
 from reba.readers.recording.profile import find_profile, profiles
 from reba.readers.recording.stream import ReadLog
@@ -59,7 +59,7 @@ class Follower:
 
     def __init__(
         self,
-        source: Source,
+        source: GrowingStore,
         reading: Reading,
         factors: Mapping[str, Any],
         activity: Mapping[str, bool],
@@ -70,7 +70,7 @@ class Follower:
         self._factors, self._activity = expand_sides(factors), activity
         self._checked = checked(Factors.of({**activity, **factors}), 1)
         self._tell = once(tell)
-        self.stage: Bodies | Rows | None = None
+        self.stage: Bodies | TableFollower | None = None
         self.seen = 0.0
         self.epoch = 0.0
         self.about = ""
@@ -99,7 +99,7 @@ class Follower:
         if self.stage is not None:
             yield from self.stage.end()
 
-    def _taken(self, segment: Segment) -> Iterator[Frames]:
+    def _taken(self, segment: ChunkRef) -> Iterator[Frames]:
         if self.stage is not None:
             yield from self._staged(self.stage, segment)
             self.source.forget()
@@ -130,13 +130,13 @@ class Follower:
             yield from self._staged(self.stage, segment)
         self.source.forget()
 
-    def _staged(self, stage: Bodies | Rows, segment: Segment) -> Iterator[Frames]:
+    def _staged(self, stage: Bodies | TableFollower, segment: ChunkRef) -> Iterator[Frames]:
         """Yield the frames of a segment; the first message that is of no use is told."""
         yield from stage.take(self.source, segment)
         if stage.log.first_skipped is not None:
             self._tell(f"left out: {stage.log.first_skipped}; further ones are counted")
 
-    def _decided(self, final: bool) -> Bodies | Rows:
+    def _decided(self, final: bool) -> Bodies | TableFollower:
         """Return the stage that fits the segments there are."""
         if not self.source.segments:
             raise ReadError(
@@ -145,9 +145,9 @@ class Follower:
         recording = gathered(self.source.path, classified(self.source), ReadLog())
         named = self.reading.profile != "auto"
         match = choose(recording, self._known, self.reading.topic, named=named)
-        stage: Bodies | Rows
+        stage: Bodies | TableFollower
         if match.profile is None:
-            stage = Rows(self.source, match, self.reading, self._factors, self._activity, final, self._tell)
+            stage = TableFollower(self.source, match, self.reading, self._factors, self._activity, final, self._tell)
         else:
             stage = Bodies(recording, match, match.profile, self.reading, self._checked, final, self._tell)
         self.epoch = match.stream.epoch

@@ -33,7 +33,7 @@ THICK: Final = 0.05
 """[m] Of a limb."""
 
 
-class View:
+class FoxgloveServer:
     """A server to look at scores.
 
     Args:
@@ -89,7 +89,7 @@ class View:
         """Stop serving."""
         self._server.stop()
 
-    def _scene(self, shown: Figure, record: Mapping[str, Any], stamp: int) -> Any:
+    def _scene(self, shown: SkeletonMarkers, record: Mapping[str, Any], stamp: int) -> Any:
         make = self._messages
 
         def colour(given: Colour) -> Any:
@@ -175,7 +175,7 @@ PLAIN: Final[tuple[tuple[str, str, str], ...]] = (
 
 
 @dataclass(frozen=True)
-class Figure:
+class SkeletonMarkers:
     """Points to draw.
 
     Attributes:
@@ -212,7 +212,7 @@ def colour_of(part: str, score: int) -> Colour:
     return red, green, blue, alpha
 
 
-def figure(angles: Array, scores: ScoreArrays, frame: int, sitting: bool = False) -> Figure:
+def figure(angles: Array, scores: ScoreArrays, frame: int, sitting: bool = False) -> SkeletonMarkers:
     """Return the figure of one frame.
 
     Args:
@@ -229,7 +229,7 @@ def figure(angles: Array, scores: ScoreArrays, frame: int, sitting: bool = False
     drawn += PLAIN
     colour = {part: colour_of(part, int(scores[part][frame])) for _, _, part in drawn}
     neck = GREY if np.isnan(angles[INDEX["neck_flexion"]]) else colour["neck"]
-    return Figure(
+    return SkeletonMarkers(
         lines=np.array([(at[a], at[b]) for a, b, _ in drawn]),
         colours=tuple(colour[part] for _, _, part in drawn),
         head=at["head"],

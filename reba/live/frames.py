@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reba.arrays import Array
+from reba.arrays import Array, Flags
 from reba.posture.factors import Factors
 from reba.readers.quality_control import AROUND, parse_neutral
 
@@ -27,7 +26,7 @@ class Frames:
     factors: Factors
 
 
-def later(time: Array, last: float) -> NDArray[np.bool_]:
+def later(time: Array, last: float) -> Flags:
     """Return which of (n,) times are later than `last` and all before them.
 
     >>> later(np.array([1.0, 3.0, 2.0, 3.0, 4.0]), 1.0).tolist()

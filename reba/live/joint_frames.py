@@ -8,12 +8,11 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reba.arrays import Array
+from reba.arrays import Array, Flags
 from reba.errors import ProfileError, ReadError
 from reba.live.frames import Frames, NotYet, Reading, later, neutral_until
-from reba.live.sources import Source, followed
+from reba.live.sources import GrowingStore, followed
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import Factors
 from reba.readers.build_table import root_streams
@@ -21,8 +20,15 @@ from reba.readers.mapping import Mapper, Samples, block_angles, collect, mapper_
 from reba.readers.mapping.joints import JointMapper
 from reba.readers.mapping.reference_frames import HOLD, FramePoses, RootPose, read_root, root_samples
 from reba.readers.mapping.segments import AXES
-from reba.readers.mcap.container import Segment
-from reba.readers.quality_control import Corrections, apply_neutral, correct, neutral_offsets, parse_neutral, subtract
+from reba.readers.mcap.container import ChunkRef
+from reba.readers.quality_control import (
+    Corrections,
+    apply_neutral,
+    neutral_offsets,
+    parse_neutral,
+    quality_control,
+    subtract,
+)
 from reba.readers.recognise import Match
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import Block, Kind, ReadLog, Recording, Stream
@@ -74,14 +80,14 @@ class Bodies:
         self._decide(samples, mapper, match, profile, reading, recording.path)
         mapper.begin()
         self._mapper = mapper
-        self._watch = Watch(mapper, profile, match.stream.kind, reading.neutral, self._corrections, tell)
+        self._watch = DecisionMonitor(mapper, profile, match.stream.kind, reading.neutral, self._corrections, tell)
         self._intake = followed(match.stream, mapper.wanted, self.log)
 
     def _decide(
         self, samples: Samples, mapper: Mapper, match: Match, profile: Profile, reading: Reading, path: str
     ) -> None:
         """Decide what `reba.readers.build_table` decides from a whole recording."""
-        self._corrections = correct(samples, mapper, profile, match.stream.kind, reading.neutral)
+        self._corrections = quality_control(samples, mapper, profile, match.stream.kind, reading.neutral)
         reasons = self._corrections.reasons
         self.unmeasured = [column for column in COLUMNS if column in reasons]
         if len(self.unmeasured) == len(COLUMNS):
@@ -105,7 +111,7 @@ class Bodies:
                 return LiveRoot(pose, stream, name), pose
         return None, None
 
-    def take(self, source: Source, segment: Segment) -> Iterator[Frames]:
+    def take(self, source: GrowingStore, segment: ChunkRef) -> Iterator[Frames]:
         """Yield the frames that a segment completes."""
         self._intake.take(source, segment)
         if self._root is not None:
@@ -159,7 +165,7 @@ class Bodies:
         yield Frames(block.time, angles, self.factors)
 
 
-def _rows(block: Block, which: slice | NDArray[np.bool_]) -> Block:
+def _rows(block: Block, which: slice | Flags) -> Block:
     return replace(block, time=block.time[which], values=block.values[which])
 
 
@@ -184,7 +190,7 @@ class LiveRoot:
         self._stream, self._name = stream, name
         self.pose = replace(pose, time=np.empty(0), quaternions=np.empty((0, 4)))
 
-    def take(self, source: Source, segment: Segment) -> None:
+    def take(self, source: GrowingStore, segment: ChunkRef) -> None:
         """Take up the samples of a segment."""
         self._intake.take(source, segment)
         block = self._intake.flush_whole()
@@ -222,12 +228,12 @@ MOST: Final = 1024
 """Frames kept for it: every second, fourth, ... of the recording."""
 
 
-class Watch:
+class DecisionMonitor:
     """Keeps a thinned history of angles and says once where a decision would be another now.
 
     Args:
         mapper: what maps the recording; it keeps the ranges of its joints.
-        profile, kind, neutral: as `reba.readers.quality_control.correct`.
+        profile, kind, neutral: as `reba.readers.quality_control.quality_control`.
         decided: what the first seconds gave.
         tell: takes the warning.
     """
@@ -276,7 +282,7 @@ class Watch:
         mapper = self._copied()
         before = len(mapper.warnings)
         settled = mapper.settled()
-        found = correct(
+        found = quality_control(
             Samples(self._table[: self._kept].copy(), ReadLog()), mapper, self._profile, self._kind, self._neutral
         )
         if not settled:

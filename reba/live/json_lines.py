@@ -20,7 +20,7 @@ import numpy as np
 
 from reba.errors import ReadError, did_you_mean
 from reba.posture.columns import COLUMNS
-from reba.readers.mcap.container import Loaded, Segment
+from reba.readers.mcap.container import ChunkRef, Loaded
 from reba.readers.mcap.decode import load_json
 from reba.readers.mcap.extract import kind_of_json, pick_angles, stamp_of
 from reba.readers.mcap.layout import Undecodable
@@ -46,7 +46,7 @@ class LoadedLines(Loaded):
 
 
 class Lines:
-    """Lines of a pipe as they come; what `reba.live.sources.Source` asks for.
+    """Lines of a pipe as they come; what `reba.live.sources.GrowingStore` asks for.
 
     Args:
         descriptor: of the open pipe or file.
@@ -55,7 +55,7 @@ class Lines:
 
     def __init__(self, descriptor: int, tell: Callable[[str], None]) -> None:
         self.path = Path(NAME)
-        self.segments: list[Segment] = []
+        self.segments: list[ChunkRef] = []
         self.schemas: dict[int, Schema] = {}
         self.channels = {CHANNEL: Channel(CHANNEL, 0, NAME, "json")}
         self.counts: Counter[int] = Counter()
@@ -70,7 +70,7 @@ class Lines:
         self._good = False
         self._loaded: dict[int, LoadedLines] = {}
 
-    def grow(self) -> Segment | None:
+    def grow(self) -> ChunkRef | None:
         """Return what came since as one segment, None if no whole line did.
 
         Raises:
@@ -88,7 +88,7 @@ class Lines:
         times = np.array([stamp for _, _, stamp in kept], np.int64)
         starts = np.cumsum(lengths) - lengths
         scan = Scan(starts, lengths, np.full(len(kept), CHANNEL, np.uint16), times, (), int(lengths.sum()))
-        segment = Segment(kept[0][0], scan.end, None, int(times.min()))
+        segment = ChunkRef(kept[0][0], scan.end, None, int(times.min()))
         self._loaded[segment.offset] = LoadedLines(
             segment, b"".join(line for _, line, _ in kept), scan, [number for number, _, _ in kept]
         )
@@ -98,7 +98,7 @@ class Lines:
         self.span = (first, last) if self.span is None else (min(first, self.span[0]), max(last, self.span[1]))
         return segment
 
-    def load(self, segment: Segment) -> Loaded:
+    def load(self, segment: ChunkRef) -> Loaded:
         """Return the lines of a segment."""
         return self._loaded[segment.offset]
 

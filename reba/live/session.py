@@ -16,7 +16,7 @@ from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays, score_array
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 
 
-class Session:
+class LiveScorer:
     """Scores frames and keeps count; its memory is bounded by the window.
 
     Args:
@@ -39,9 +39,9 @@ class Session:
         self.max_low = self.max_high = 0
         self.first = self.last = float("nan")
         self._window = Window(window)
-        self._tally = Tally()
-        self._steps = Steps()
-        self._open: Stay | None = None
+        self._tally = ExposureTotals()
+        self._steps = FrameDurations()
+        self._open: TimedScore | None = None
 
     def add(self, frames: Frames) -> tuple[list[dict[str, Any]], ScoreArrays]:
         """Return one record for each of n frames, and their scores."""
@@ -59,7 +59,7 @@ class Session:
         low, high = scores["reba_low"], scores["reba_high"]
         gap = self._count(time)
         above = low >= self.alert.score
-        self._open = Stay(time, 0, low, high, scores["action_level"], above)
+        self._open = TimedScore(time, 0, low, high, scores["action_level"], above)
         self.max_low, self.max_high = max(self.max_low, low), max(self.max_high, high)
         event = self.alert.update(time, low, gap)
         head = {"time": time, **{name: scores[name] for name in HEAD}}
@@ -119,7 +119,7 @@ STEPS: Final = 501
 
 
 @dataclass(frozen=True)
-class Stay:
+class TimedScore:
     """A frame and how long it counts: `time` [s], `span` [ns], both ends of REBA, its level, whether it is high."""
 
     time: float
@@ -130,14 +130,14 @@ class Stay:
     above: bool
 
 
-class Tally:
+class ExposureTotals:
     """Sums over frames, each as long as it counts."""
 
     def __init__(self) -> None:
         self.total = self.above = self._low = self._high = 0
         self._levels = [0] * (LEVELS + 1)
 
-    def add(self, stay: Stay, sign: int = 1) -> None:
+    def add(self, stay: TimedScore, sign: int = 1) -> None:
         """Add a frame, or take it away again with `sign` -1."""
         span = sign * stay.span
         self.total += span
@@ -159,7 +159,7 @@ class Tally:
         return {name: span / 1e9 for name, span in zip(names, self._levels, strict=True)}
 
 
-class Window(Tally):
+class Window(ExposureTotals):
     """The same over the last seconds.
 
     Args:
@@ -169,9 +169,9 @@ class Window(Tally):
     def __init__(self, seconds: float) -> None:
         super().__init__()
         self.length = seconds
-        self._stays: deque[Stay] = deque()
+        self._stays: deque[TimedScore] = deque()
 
-    def push(self, stay: Stay, now: float) -> None:
+    def push(self, stay: TimedScore, now: float) -> None:
         """Add a frame and let go of those before the window that ends at `now` [s]."""
         self.add(stay)
         self._stays.append(stay)
@@ -184,7 +184,7 @@ class Window(Tally):
         return {"seconds": self.total / 1e9, **self.mean(), "share_above": share}
 
 
-class Steps:
+class FrameDurations:
     """How long each frame counts: until the next one, across a gap one usual period; see `reba.analysis.exposure`."""
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ from mcap.opcode import Opcode
 from reba.errors import ReadError
 from reba.readers.mcap import MAX_CHUNK
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
-from reba.readers.mcap.container import Container, Segment, Store, Summary
+from reba.readers.mcap.container import ChunkRef, Container, Store, Summary
 from reba.readers.mcap.records import HEAD, BadRecord
 from reba.readers.recording.stream import BlockDecoder, ReadLog, Stream
 
@@ -29,7 +29,7 @@ def followed(stream: Stream, names: Sequence[str] | None, log: ReadLog) -> Block
     return stream.follow(log, names)
 
 
-class Source(Store, Protocol):
+class GrowingStore(Store, Protocol):
     """A store whose segments come one by one.
 
     Attributes:
@@ -44,7 +44,7 @@ class Source(Store, Protocol):
     ready: bool
     skipped: int
 
-    def grow(self) -> Segment | None:
+    def grow(self) -> ChunkRef | None:
         """Return the next complete segment, None if there is none yet; it stays in `segments`.
 
         Raises:
@@ -63,7 +63,7 @@ WHILE = 0.05
 
 
 class Growing(Container):
-    """One MCAP file that grows; what `reba.live.sources.Source` asks for.
+    """One MCAP file that grows; what `reba.live.sources.GrowingStore` asks for.
 
     Args:
         path: the file, which holds at least the first magic bytes.
@@ -84,7 +84,7 @@ class Growing(Container):
     def _index(self) -> None:
         """Nothing is walked on opening: `grow` does it."""
 
-    def grow(self) -> Segment | None:
+    def grow(self) -> ChunkRef | None:
         """Return the next complete chunk or run of messages, None if there is none yet.
 
         Raises:

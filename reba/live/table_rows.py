@@ -11,11 +11,11 @@ import pandas as pd
 from reba.arrays import Array
 from reba.errors import PostureError
 from reba.live.frames import Frames, NotYet, Reading, neutral_until
-from reba.live.sources import Source, followed
+from reba.live.sources import GrowingStore, followed
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import BOTH_SIDES, FACTORS, Factors, checked, expand_sides
 from reba.posture.table import RAISED, angles_of, refuse_infinite, table_of
-from reba.readers.mcap.container import Segment
+from reba.readers.mcap.container import ChunkRef
 from reba.readers.quality_control import apply_neutral, neutral_offsets, parse_neutral, subtract
 from reba.readers.recognise import Match
 from reba.readers.recording.stream import ReadLog
@@ -28,7 +28,7 @@ KNOWN_PLAIN = KNOWN - set(RAISED) | {"time"}
 _PLAIN = (float, int, type(None))
 
 
-class Rows:
+class TableFollower:
     """Turns segments into frames of posture.
 
     Args:
@@ -49,7 +49,7 @@ class Rows:
 
     def __init__(
         self,
-        source: Source,
+        source: GrowingStore,
         match: Match,
         reading: Reading,
         factors: Mapping[str, Any],
@@ -92,7 +92,7 @@ class Rows:
         self.assumed.append(apply_neutral(time, angles.copy(), reading.neutral))
         self._offsets = neutral_offsets(angles[window(time)])
 
-    def take(self, source: Source, segment: Segment) -> Iterator[Frames]:
+    def take(self, source: GrowingStore, segment: ChunkRef) -> Iterator[Frames]:
         """Yield the frames of a segment."""
         rows = self._intake.rows(source, segment)
         self.log.messages += len(rows)

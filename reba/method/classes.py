@@ -27,7 +27,7 @@ class Class:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class AngleClasses:
     """An angle as a part score sees it.
 
     Attributes:
@@ -54,7 +54,7 @@ def just_below(edge: float) -> float:
     return math.nextafter(edge, -INF)
 
 
-def quantities(rules: Rules) -> tuple[Quantity, ...]:
+def angle_classes(rules: Rules) -> tuple[AngleClasses, ...]:
     """Return every angle with its classes under the rules.
 
     Example:
@@ -73,7 +73,7 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
     w1 = top(WRIST_EDGE)
     upright = rules.trunk_upright
     found = [
-        Quantity(
+        AngleClasses(
             "trunk",
             "trunk flexion",
             ("trunk_flexion",),
@@ -86,7 +86,7 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
         ),
         _within("trunk", "trunk twist", "trunk_twist", rules.trunk_twist, shared or "twist", "twisted"),
         _within("trunk", "trunk side bend", "trunk_side_bend", rules.trunk_side_bend, shared or "bend", "side flexed"),
-        Quantity(
+        AngleClasses(
             "neck",
             "neck flexion",
             ("neck_flexion",),
@@ -97,7 +97,7 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
         ),
         _within("neck", "neck twist", "neck_twist", rules.neck_twist, shared or "twist", "twisted"),
         _within("neck", "neck side bend", "neck_side_bend", rules.neck_side_bend, shared or "bend", "side flexed"),
-        Quantity(
+        AngleClasses(
             "legs",
             "knee flexion",
             tuple(f"knee_flexion_{side}" for side in SIDES),
@@ -112,7 +112,7 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
     for side in SIDES:
         arm, forearm, wrist = f"upper_arm_{side}", f"lower_arm_{side}", f"wrist_{side}"
         found += [
-            Quantity(
+            AngleClasses(
                 arm,
                 f"{side} upper arm flexion",
                 (f"upper_arm_flexion_{side}",),
@@ -125,7 +125,7 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
             ),
             _up_to(arm, f"{side} upper arm abduction", f"upper_arm_abduction_{side}", rules.abduction, "abducted"),
             _up_to(arm, f"{side} shoulder elevation", f"shoulder_elevation_{side}", rules.shoulder_elevation, "raised"),
-            Quantity(
+            AngleClasses(
                 forearm,
                 f"{side} elbow flexion",
                 (f"lower_arm_flexion_{side}",),
@@ -134,7 +134,7 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
                     Class(2, -INF, INF, "under 60 or over 100"),
                 ),
             ),
-            Quantity(
+            AngleClasses(
                 wrist,
                 f"{side} wrist flexion",
                 (f"wrist_flexion_{side}",),
@@ -151,11 +151,11 @@ def quantities(rules: Rules) -> tuple[Quantity, ...]:
     return tuple(found)
 
 
-def _within(part: str, name: str, column: str, limit: float, adjusts: str, word: str) -> Quantity:
+def _within(part: str, name: str, column: str, limit: float, adjusts: str, word: str) -> AngleClasses:
     classes = (Class(0, -limit, limit, f"within {limit:g}"), Class(1, -INF, INF, f"{word} (over {limit:g})"))
-    return Quantity(part, name, (column,), classes, adjusts)
+    return AngleClasses(part, name, (column,), classes, adjusts)
 
 
-def _up_to(part: str, name: str, column: str, limit: float, word: str) -> Quantity:
+def _up_to(part: str, name: str, column: str, limit: float, word: str) -> AngleClasses:
     classes = (Class(0, -INF, limit, f"up to {limit:g}"), Class(1, -INF, INF, f"{word} (over {limit:g})"))
-    return Quantity(part, name, (column,), classes, name)
+    return AngleClasses(part, name, (column,), classes, name)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reba.arrays import Flags
 from reba.method.rules import LOAD_EDGES, Rules
 from reba.posture.columns import SIDES
 from reba.posture.factors import (
@@ -36,7 +36,7 @@ class FactorPoints:
 
     load_force: Points
     coupling: Points
-    arm_supported: NDArray[np.bool_]
+    arm_supported: Flags
     legs: Points
     knees_count: Points
     activity: Points

@@ -16,6 +16,7 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reba.arrays import Array, Flags
 from reba.errors import PostureError
 from reba.method.factor_points import FactorPoints, points
 from reba.method.rules import (
@@ -154,7 +155,7 @@ def score_array(
 
 
 def _score_block(
-    block: NDArray[np.float64],
+    block: Array,
     complete: bool,
     given: FactorPoints,
     chosen: Rules,
@@ -190,13 +191,13 @@ def _score_block(
         out[:ends] = high[:ends]
 
 
-def _fill(block: NDArray[np.float64], unmeasured: NDArray[np.bool_], ends: NDArray[np.float64]) -> None:
+def _fill(block: Array, unmeasured: Flags, ends: Array) -> None:
     """Put one angle for each column into the unmeasured places of `block` (22, m); most columns have none."""
     for column in np.flatnonzero(unmeasured.any(axis=1)):
         np.copyto(block[column], ends[column], where=unmeasured[column])
 
 
-def _evaluate(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Scores8) -> None:
+def _evaluate(c: Array, given: FactorPoints, chosen: Rules, out: Scores8) -> None:
     """Score one block of fully known columns c (22, m) into the rows of `out`.
 
     Left and right stand beside each other in `c` and `out`, so that both arms are scored as one (2, m) array.
@@ -219,7 +220,7 @@ def _both(out: Scores8, name: str) -> Scores8:
     return out[first : first + 2]
 
 
-def _group_a(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Scores8, score_a: Scores8) -> None:
+def _group_a(c: Array, given: FactorPoints, chosen: Rules, out: Scores8, score_a: Scores8) -> None:
     above = np.greater if chosen.edges == "lower" else np.greater_equal
     two = chosen.twist_and_bend == "two"
     trunk, neck, legs = out[_ROW["trunk"]], out[_ROW["neck"]], out[_ROW["legs"]]
@@ -247,11 +248,11 @@ def _group_a(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Sc
     np.add(_A.take((trunk - 1) * 12 + (neck - 1) * 4 + (legs - 1)), given.load_force, out=score_a)
 
 
-def _group_b(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Scores8, score_b: Scores8) -> None:
+def _group_b(c: Array, given: FactorPoints, chosen: Rules, out: Scores8, score_b: Scores8) -> None:
     above = np.greater if chosen.edges == "lower" else np.greater_equal
     upper, lower, wrist = _both(out, "upper_arm"), _both(out, "lower_arm"), _both(out, "wrist")
 
-    def angle(name: str) -> NDArray[np.float64]:
+    def angle(name: str) -> Array:
         first = INDEX[f"{name}_left"]
         return c[first : first + 2]
 
@@ -276,13 +277,13 @@ def _group_b(c: NDArray[np.float64], given: FactorPoints, chosen: Rules, out: Sc
     np.add(_B.take((upper - 1) * 6 + (lower - 1) * 3 + (wrist - 1)), given.coupling, out=score_b)
 
 
-def _beyond(angle: NDArray[np.float64], limit: float, above: np.ufunc = np.greater) -> NDArray[np.bool_]:
+def _beyond(angle: Array, limit: float, above: np.ufunc = np.greater) -> Flags:
     """Return where angles lie beyond a limit on either side; cheaper than the absolute value, which is another copy."""
-    either: NDArray[np.bool_] = above(angle, limit) | above(-limit, angle)
+    either: Flags = above(angle, limit) | above(-limit, angle)
     return either
 
 
-def _adjust(part: Scores8, twisted: NDArray[np.bool_], bent: NDArray[np.bool_], two: bool, highest: int) -> None:
+def _adjust(part: Scores8, twisted: Flags, bent: Flags, two: bool, highest: int) -> None:
     """Add the points for twisted and side flexed in place: one together, or one each up to the table's size."""
     if two:
         part += twisted

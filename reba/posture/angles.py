@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.posture.columns import COLUMNS, INDEX, SIDES
@@ -24,7 +23,7 @@ MIRROR = np.array([1.0, 1.0, -1.0])
 
 
 @dataclass
-class Body:
+class SegmentFrames:
     """A body over n frames, as far as a recording shows it.
 
     Attributes:
@@ -49,7 +48,7 @@ class Body:
         return self.axes.get(segment)
 
 
-def posture_angles(body: Body, n: int) -> Array:
+def posture_angles(body: SegmentFrames, n: int) -> Array:
     """Return the (n, 22) posture angles [deg] of a body in the order of `reba.COLUMNS`; NaN = not measured.
 
     >>> frames = {"pelvis": turned(np.eye(3), 2, np.zeros(1)), "thorax": turned(np.eye(3), 2, np.radians([-30.0]))}
@@ -74,7 +73,7 @@ def posture_angles(body: Body, n: int) -> Array:
     return out
 
 
-def turned(frame: Array, axis: int, angle: Array) -> Array:
+def rotated_about(frame: Array, axis: int, angle: Array) -> Array:
     """Return (n, 3, 3) frames turned about their own axis 0, 1 or 2 by (n,) angles [rad].
 
     Args:
@@ -90,7 +89,7 @@ def turned(frame: Array, axis: int, angle: Array) -> Array:
     return result
 
 
-def frame_of(y: Array, z: Array) -> Array:
+def frame_from_y_z(y: Array, z: Array) -> Array:
     """Return (n, 3, 3) frames with the (n, 3) axis y kept and z made square to it; NaN where they are parallel."""
     up = unit(y)
     right = unit(z - np.sum(z * up, axis=1, keepdims=True) * up)
@@ -99,7 +98,7 @@ def frame_of(y: Array, z: Array) -> Array:
 
 def frame_across(y: Array, z: Array) -> Array:
     """Return (n, 3, 3) frames with the (n, 3) axis z kept, like a hip line, and y made square to it."""
-    return frame_of(cross(z, cross(y, z)), z)
+    return frame_from_y_z(cross(z, cross(y, z)), z)
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -168,12 +167,12 @@ def _mirrored(relative: Array, side: str) -> Array:
     return relative * (MIRROR if relative.ndim == 2 else np.outer(MIRROR, MIRROR))
 
 
-def _trunk(body: Body, trunk: Array, found: dict[str, Array]) -> None:
+def _trunk(body: SegmentFrames, trunk: Array, found: dict[str, Array]) -> None:
     pelvis = body.frames.get("pelvis")
     if body.up is not None:
         # The way a person faces: the hip line keeps it when the pelvis tips forward, its x axis does not.
         right = (trunk if pelvis is None else pelvis)[:, :, 2]
-        base = frame_of(np.broadcast_to(body.up, right.shape), right)
+        base = frame_from_y_z(np.broadcast_to(body.up, right.shape), right)
     elif pelvis is not None:
         base = pelvis
     else:
@@ -183,7 +182,7 @@ def _trunk(body: Body, trunk: Array, found: dict[str, Array]) -> None:
         found["trunk_twist"] = _twist(_relative(pelvis, trunk))
 
 
-def _neck(body: Body, thorax: Array, found: dict[str, Array]) -> None:
+def _neck(body: SegmentFrames, thorax: Array, found: dict[str, Array]) -> None:
     axis = body.axis("head")
     if axis is not None:
         found["neck_flexion"], found["neck_side_bend"] = _lean(_in(thorax, axis))
@@ -191,7 +190,7 @@ def _neck(body: Body, thorax: Array, found: dict[str, Array]) -> None:
         found["neck_twist"] = _twist(_relative(thorax, body.frames["head"]))
 
 
-def _shoulder(body: Body, trunk: Array, thorax: Array, side: str, found: dict[str, Array]) -> None:
+def _shoulder(body: SegmentFrames, trunk: Array, thorax: Array, side: str, found: dict[str, Array]) -> None:
     arm = body.axis(f"upper_arm_{side}")
     if arm is not None:
         angles = arm_angles(_mirrored(-_in(trunk, unit(arm)), side))
@@ -204,7 +203,7 @@ def _shoulder(body: Body, trunk: Array, thorax: Array, side: str, found: dict[st
         found[f"shoulder_elevation_{side}"] = np.degrees(np.arctan2(y, np.hypot(x, z)))
 
 
-def _limbs(body: Body, side: str, found: dict[str, Array]) -> None:
+def _limbs(body: SegmentFrames, side: str, found: dict[str, Array]) -> None:
     hinges = (("knee_flexion", "thigh", "shank"), ("lower_arm_flexion", "upper_arm", "forearm"))
     for column, upper, lower in hinges:
         near, far = body.axis(f"{upper}_{side}"), body.axis(f"{lower}_{side}")
@@ -223,7 +222,7 @@ def _limbs(body: Body, side: str, found: dict[str, Array]) -> None:
         found[f"wrist_twist_{side}"] = _twist(_mirrored(_relative(arm, forearm), side))
 
 
-def against_gravity(columns: NDArray[np.float64]) -> None:
+def against_gravity(columns: Array) -> None:
     """Replace the upper arm columns of `columns` (22, m) [deg] by their angles against gravity, in place.
 
     The frame keeps the trunk's right axis as nearly as a horizontal axis can. NaN in the trunk or the arm gives NaN.

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.arrays import Array, Flags
 from reba.errors import PostureError, did_you_mean
 from reba.posture.columns import SIDES
 
@@ -124,7 +125,7 @@ def checked(factors: Factors, n: int) -> Factors:
     return Factors(**{name: plain(values) for name, values in given.items()})
 
 
-def load_kg(value: Any, n: int) -> NDArray[np.float64]:
+def load_kg(value: Any, n: int) -> Array:
     """Return a load as (n,) or (1,) kilograms.
 
     Raises:
@@ -142,7 +143,7 @@ def load_kg(value: Any, n: int) -> NDArray[np.float64]:
     return load
 
 
-def flag(name: str, value: Any, n: int) -> NDArray[np.bool_]:
+def flag(name: str, value: Any, n: int) -> Flags:
     """Return a yes-or-no factor as (n,) or (1,) booleans; words and 0 and 1 stand for no and yes.
 
     Raises:

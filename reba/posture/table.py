@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import PostureError, did_you_mean
 from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS, flag
@@ -138,7 +138,7 @@ def table_of(frame: pd.DataFrame) -> PostureTable:
     return dataclasses.replace(table, unmeasured=tuple(np.array(COLUMNS)[empty].tolist()))
 
 
-def _numbers(frame: pd.DataFrame, name: str) -> NDArray[np.float64]:
+def _numbers(frame: pd.DataFrame, name: str) -> Array:
     if (kind := frame[name].dtype.kind) in "mMc":
         what = "complex numbers" if kind == "c" else "dates"
         raise PostureError(f"column {name} holds {what}; expected {'seconds' if name == 'time' else 'degrees'}")
@@ -148,7 +148,7 @@ def _numbers(frame: pd.DataFrame, name: str) -> NDArray[np.float64]:
         raise PostureError(f"column {name} holds something that is no number ({error}); expected degrees") from error
 
 
-def angles_of(data: pd.DataFrame) -> NDArray[np.float64]:
+def angles_of(data: pd.DataFrame) -> Array:
     """Return the (n, 22) angles of a posture table, without a copy where its columns stand in one block."""
     if tuple(data.columns) == ("time", *COLUMNS):
         return data.to_numpy()[:, 1:]
@@ -164,7 +164,7 @@ def angles_of(data: pd.DataFrame) -> NDArray[np.float64]:
     return angles
 
 
-def refuse_infinite(angles: NDArray[np.float64], start: int = 0) -> None:
+def refuse_infinite(angles: Array, start: int = 0) -> None:
     """Raise `PostureError` where angles (n, 22) are infinite; `start` is the number of their first frame."""
     infinite = np.isinf(angles)
     if infinite.any():

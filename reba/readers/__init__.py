@@ -11,7 +11,7 @@ from pathlib import Path
 from reba.errors import ReadError
 from reba.posture.table import PostureTable
 from reba.readers import formats
-from reba.readers.build_table import finish
+from reba.readers.build_table import build_table
 from reba.readers.formats import open_recording
 from reba.readers.quality_control import parse_neutral
 from reba.readers.recognise import choose
@@ -70,4 +70,4 @@ def read(
     known = profiles() if str(profile) == "auto" else (find_profile(profile),)
     recording = open_recording(path, strict=strict)
     match = choose(recording, known, topic, named=str(profile) != "auto")
-    return finish(recording, match, neutral=neutral, strict=strict)
+    return build_table(recording, match, neutral=neutral, strict=strict)

@@ -18,20 +18,20 @@ from reba.readers.mapping.segments import AXES
 from reba.readers.quality_control import (
     apply_neutral,
     beyond_limits,
-    correct,
     empty_columns,
     find_gaps,
     first_frame_alien,
     frozen_warning,
     median_rate,
     patchy_columns,
+    quality_control,
 )
 from reba.readers.recognise import Match
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import ReadLog, Recording, Stream
 
 
-def finish(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:
+def build_table(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:
     """Read the chosen stream of a recording into a posture table.
 
     Args:
@@ -56,7 +56,7 @@ def finish(recording: Recording, match: Match, *, neutral: str = "none", strict:
     if posed and first_frame_alien(samples.angles):
         samples.log.warn("the first frame does not belong to the movement (T-pose or zeros) and was left out")
         samples.table = samples.table[1:]
-    reasons = correct(samples, mapper, profile, match.stream.kind, neutral).reasons
+    reasons = quality_control(samples, mapper, profile, match.stream.kind, neutral).reasons
     unmeasured = empty_columns(samples.angles)
     if len(unmeasured) == len(COLUMNS):
         why = "; ".join(dict.fromkeys(reasons.values())) or "no sample holds a whole segment"

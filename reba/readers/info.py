@@ -12,7 +12,7 @@ import numpy as np
 from reba.errors import ProfileError
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
-from reba.readers.build_table import finish
+from reba.readers.build_table import build_table
 from reba.readers.formats import open_recording
 from reba.readers.quality_control import parse_neutral
 from reba.readers.recognise import Match, choose, matches
@@ -112,7 +112,7 @@ def inspect(
     start = Info(str(path), recording.format, topics, warnings=tuple(recording.log.warnings))
     try:
         match = choose(recording, known, topic, named=named)
-        table = finish(recording, match, neutral=neutral, strict=strict)
+        table = build_table(recording, match, neutral=neutral, strict=strict)
     except ProfileError as error:
         ended = recording.log.ended_abnormally
         others = _alternatives(recording, known, None)

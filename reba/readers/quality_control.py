@@ -7,9 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reba.arrays import Array
+from reba.arrays import Array, Flags
 from reba.errors import RebaError
 from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
 from reba.readers.mapping import Mapper, Samples
@@ -198,7 +197,7 @@ class Corrections:
         angles[:, self.hidden] = np.nan
 
 
-def correct(samples: Samples, mapper: Mapper, profile: Profile, kind: Kind, neutral: str) -> Corrections:
+def quality_control(samples: Samples, mapper: Mapper, profile: Profile, kind: Kind, neutral: str) -> Corrections:
     """Blank the columns that were not measured and turn wrong signs, in place; return what was done.
 
     Args:
@@ -247,7 +246,7 @@ KEPT = ("knee_flexion", "lower_arm_flexion")
 AROUND = 0.5
 """[s] `at:T` takes the median of this much on either side."""
 _FORM = re.compile(r"(first|at):\s*(\d+(?:\.\d*)?|\.\d+)\s*s?")
-Window = Callable[[Array], NDArray[np.bool_]]
+Window = Callable[[Array], Flags]
 
 
 def parse_neutral(spec: str) -> Window | None:

@@ -9,13 +9,13 @@ from typing import Any, Final
 import numpy as np
 
 from reba.analysis.exposure import HELD_SECONDS
-from reba.analysis.improve import Improvement, improve_frame, improve_frames, worst_stretch
+from reba.analysis.improve import Improvement, improve_frame, improve_frames, worst_interval
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, PART_MAXIMA
 from reba.posture.columns import SIDES
 from reba.posture.skeleton import SPOTS, Mark, stick_figure
-from reba.report.labels import PARTS, action, body_parts, listed, percent, risk, seconds, span
-from reba.report.sections import Effect
-from reba.report.summary import Recording
+from reba.report.labels import PARTS, action, body_parts, join_names, percent, risk, seconds, span
+from reba.report.sections import PartContribution
+from reba.report.summary import RecordingSummary
 
 NOTABLE: Final = 0.1
 """Effect of a part on the mean REBA from which the verdict names it."""
@@ -35,7 +35,7 @@ class Tile:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Headline:
     """What stands first.
 
     Attributes:
@@ -56,7 +56,7 @@ class Verdict:
     tiles: tuple[Tile, ...]
 
 
-def verdict(record: Recording, effects: Sequence[Effect]) -> Verdict:
+def verdict(record: RecordingSummary, effects: Sequence[PartContribution]) -> Headline:
     """Return the verdict on a recording.
 
     Args:
@@ -65,12 +65,12 @@ def verdict(record: Recording, effects: Sequence[Effect]) -> Verdict:
     """
     if not record.frames:
         nothing = ("The recording holds no frames, so there is nothing to score.",)
-        return Verdict("", (0, 0), "not known", "", "", nothing, (_quality(record),))
+        return Headline("", (0, 0), "not known", "", "", nothing, (_quality(record),))
     ends = record.summary["range"]
     low, high = ends["p90_low"], ends["p90_high"]
     levels = int(LEVEL_OF[low]), int(LEVEL_OF[high])
     actions = list(dict.fromkeys(action(level) for level in levels))
-    worst = record.held
+    worst = record.sustained
     demanding = demanding_time(record)
     tiles = (
         Tile(
@@ -86,7 +86,7 @@ def verdict(record: Recording, effects: Sequence[Effect]) -> Verdict:
         Tile("Scored", seconds(record.seconds), f"{record.frames:,} frames at {record.rate:.4g} Hz"),
         _quality(record),
     )
-    return Verdict(
+    return Headline(
         span(low, high),
         levels,
         risk(low, high),
@@ -97,7 +97,7 @@ def verdict(record: Recording, effects: Sequence[Effect]) -> Verdict:
     )
 
 
-def demanding_time(record: Recording) -> tuple[float, float]:
+def demanding_time(record: RecordingSummary) -> tuple[float, float]:
     """Return the share of time at high or very high risk, at both ends of the range."""
     total = record.curves["reba"]
     first, second = (
@@ -107,7 +107,7 @@ def demanding_time(record: Recording) -> tuple[float, float]:
     return first, second
 
 
-def reason(record: Recording) -> str:
+def reason(record: RecordingSummary) -> str:
     """Return why the totals are a range, as a clause; "" where they are none."""
     if record.measured:
         return ""
@@ -115,10 +115,10 @@ def reason(record: Recording) -> str:
     if not unmeasured:
         return "some angles are missing for part of the time"
     verb = "was" if len(unmeasured) == 1 and not unmeasured[0].endswith("s") else "were"
-    return f"{listed(unmeasured)} {verb} not measured"
+    return f"{join_names(unmeasured)} {verb} not measured"
 
 
-def worse_side(record: Recording) -> tuple[str, str]:
+def worse_side(record: RecordingSummary) -> tuple[str, str]:
     """Return which arm gives the higher total more often, and how often."""
     left, right = (record.curves[f"reba_{side}"].low for side in SIDES)
     higher = {
@@ -137,16 +137,16 @@ def _share(low: float, high: float) -> str:
     return first if first == second else f"{first} to {second}"
 
 
-def _median(record: Recording) -> str:
+def _median(record: RecordingSummary) -> str:
     ends = record.summary["range"]
     return f"time-weighted; median {span(ends['median_low'], ends['median_high'])}"
 
 
-def _quality(record: Recording) -> Tile:
+def _quality(record: RecordingSummary) -> Tile:
     return Tile("Data quality", record.grade.letter, record.grade.text)
 
 
-def _sentences(record: Recording, effects: Sequence[Effect]) -> tuple[str, ...]:
+def _sentences(record: RecordingSummary, effects: Sequence[PartContribution]) -> tuple[str, ...]:
     ends = record.summary["range"]
     low, high = ends["p90_low"], ends["p90_high"]
     clause = reason(record)
@@ -220,23 +220,23 @@ class Worst:
     svg: str
 
 
-def worst(record: Recording) -> list[Worst]:
+def worst(record: RecordingSummary) -> list[Worst]:
     """Return the worst intervals, highest score first."""
     return [_one(record, number, interval) for number, interval in enumerate(record.summary["worst"], 1)]
 
 
-def worst_minute(record: Recording) -> tuple[float, float, tuple[tuple[str, str], ...]] | None:
+def worst_minute(record: RecordingSummary) -> tuple[float, float, tuple[tuple[str, str], ...]] | None:
     """Return start and end [s] of the worst minute and the changes that lower it in every one of its frames."""
     if not record.frames:
         return None
-    frames = worst_stretch(record.scores)
+    frames = worst_interval(record.scores)
     first, last = int(frames[0]), int(frames[-1])
     time = record.scores.time
     changes = _changes(improve_frames(record.scores, frames))
     return float(time[first]), float(time[last] + record.weights[last]), changes
 
 
-def _one(record: Recording, number: int, interval: dict[str, Any]) -> Worst:
+def _one(record: RecordingSummary, number: int, interval: dict[str, Any]) -> Worst:
     scores, time = record.scores, interval["time"]
     frame = scores.frame_at(time)
     low, high = interval["reba_low"], interval["reba_high"]
@@ -260,7 +260,7 @@ def _one(record: Recording, number: int, interval: dict[str, Any]) -> Worst:
     )
 
 
-def _marks(record: Recording, frame: int) -> dict[str, Mark]:
+def _marks(record: RecordingSummary, frame: int) -> dict[str, Mark]:
     """Return the part scores above their lowest, as far as they are known, for the joints of the figure."""
     marks = {}
     for name in PARTS:

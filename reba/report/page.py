@@ -22,7 +22,7 @@ from reba.report.sections import (
     unmeasured_rows,
 )
 from reba.report.series import BUCKETS, DRAW_ALL, VIEWS
-from reba.report.summary import RULE, Recording, recording, shares_of_levels
+from reba.report.summary import RULE, RecordingSummary, recording, shares_of_levels
 from reba.scores import Scores
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def page(scores: Sequence[Scores], command: str) -> str:
     filters: dict[str, Callable[..., str]] = {
         "seconds": phrases.seconds,
         "percent": phrases.percent,
-        "listed": phrases.listed,
+        "listed": phrases.join_names,
     }
     return template("reba.report", "template.html", filters, scripted=True).render(
         levels=[
@@ -75,12 +75,12 @@ def page(scores: Sequence[Scores], command: str) -> str:
     )
 
 
-def _length(record: Recording) -> float:
+def _length(record: RecordingSummary) -> float:
     time = record.scores.time
     return max(float(time[-1] - time[0] + record.weights[-1]), 1e-3) if record.frames else 1e-3
 
 
-def _section(number: int, record: Recording, span: float) -> dict[str, Any]:
+def _section(number: int, record: RecordingSummary, span: float) -> dict[str, Any]:
     """Return everything that the template shows of one recording."""
     from markupsafe import Markup
 
@@ -94,7 +94,7 @@ def _section(number: int, record: Recording, span: float) -> dict[str, Any]:
         "record": record,
         "empty": not record.frames,
         "verdict": verdict(record, driven),
-        "held": phrases.span(*record.held),
+        "held": phrases.span(*record.sustained),
         "demanding": _demanding(record),
         "side": worse_side(record)[0] if record.frames else "",
         "views": VIEWS,
@@ -127,12 +127,12 @@ def _section(number: int, record: Recording, span: float) -> dict[str, Any]:
     return section
 
 
-def _demanding(record: Recording) -> str:
+def _demanding(record: RecordingSummary) -> str:
     low, high = (phrases.percent(share) for share in demanding_time(record))
     return low if low == high else f"{low} to {high}"
 
 
-def _level_rows(record: Recording) -> list[dict[str, Any]]:
+def _level_rows(record: RecordingSummary) -> list[dict[str, Any]]:
     """Return seconds and share of each action level, highest first, for each total; undetermined time last."""
     of_view = {name: shares_of_levels(record, name) for name in VIEWS}
     rows = []

@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reba.arrays import Array
-from reba.method.classes import quantities
+from reba.method.classes import angle_classes
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import ACTIVITIES, flag
 from reba.report.findings import Worst
 from reba.report.labels import LEVEL_COLOURS, angle_name, span
-from reba.report.series import VIEWS, Curve, Steps, band, line, runs, steps
-from reba.report.summary import Recording
+from reba.report.series import VIEWS, Curve, StepCurve, band, line, runs, steps
+from reba.report.summary import RecordingSummary
 
 INK: Final = "#1b2430"
 RANGE_FILL: Final = "rgba(72, 52, 170, 0.42)"
@@ -33,20 +32,20 @@ def level_bands() -> list[tuple[float, float, str, str]]:
     return [(edges[i], edges[i + 1], LEVEL_COLOURS[i], ACTION_LEVELS[i][0]) for i in range(len(LEVEL_COLOURS))]
 
 
-def drawn_gaps(record: Recording) -> list[tuple[float, float]]:
+def drawn_gaps(record: RecordingSummary) -> list[tuple[float, float]]:
     """Return the gaps that are drawn, in time order."""
     longest = sorted(record.gaps, key=lambda gap: gap[0] - gap[1])[:MOST_GAPS]
     return sorted(longest)
 
 
-def time_range(record: Recording, span: float) -> list[float]:
+def time_range(record: RecordingSummary, span: float) -> list[float]:
     """Return the ends of the time axis [s]: `span` seconds from the first frame."""
     start = float(record.scores.time[0]) if record.frames else 0.0
     margin = 0.01 * span
     return [start - margin, start + span + margin]
 
 
-def time_figure(record: Recording, intervals: list[Worst], span: float) -> str:
+def time_figure(record: RecordingSummary, intervals: list[Worst], span: float) -> str:
     """Return the plot of REBA over time as JSON: totals with their ranges, levels, gaps, worst intervals, activity.
 
     Args:
@@ -79,7 +78,7 @@ def time_figure(record: Recording, intervals: list[Worst], span: float) -> str:
     return _json(figure)
 
 
-def _curve_traces(record: Recording, curve: Curve, *, shown: bool) -> list[dict[str, Any]]:
+def _curve_traces(record: RecordingSummary, curve: Curve, *, shown: bool) -> list[dict[str, Any]]:
     points = steps(record.scores, curve, record.gaps)
     low, high, value = (part[points.frame] for part in (curve.low, curve.high, curve.value))
     open_, known = low < high, ~np.isnan(value)
@@ -103,7 +102,7 @@ def _curve_traces(record: Recording, curve: Curve, *, shown: bool) -> list[dict[
     return traces
 
 
-def _activity_traces(record: Recording) -> list[dict[str, Any]]:
+def _activity_traces(record: RecordingSummary) -> list[dict[str, Any]]:
     n = record.frames
     frames = np.arange(n)
     last = np.zeros(n, bool)
@@ -111,7 +110,7 @@ def _activity_traces(record: Recording) -> list[dict[str, Any]]:
     if n:
         last[np.searchsorted(time, [start for start, _ in record.gaps], side="right") - 1] = True
         last[-1] = True
-    every = Steps(time, time + record.weights, last, frames)
+    every = StepCurve(time, time + record.weights, last, frames)
     traces = []
     for row, kind in enumerate(reversed(ACTIVITIES)):
         flags = np.broadcast_to(flag(kind, getattr(record.scores.factors, kind), n), (n,))
@@ -141,7 +140,7 @@ def _level_names() -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _gap_shapes(record: Recording) -> list[dict[str, Any]]:
+def _gap_shapes(record: RecordingSummary) -> list[dict[str, Any]]:
     return [
         {"type": "rect", "xref": "x", "x0": start, "x1": end, "yref": "paper", "y0": 0, "y1": 1, "fillcolor": GAP_FILL,
          "line": {"width": 0}, "layer": "below"}
@@ -165,7 +164,7 @@ def _worst_numbers(intervals: list[Worst]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def angle_figure(record: Recording, span: float) -> tuple[str, list[str]] | None:
+def angle_figure(record: RecordingSummary, span: float) -> tuple[str, list[str]] | None:
     """Return the plot of one angle at a time as JSON and the names to choose from, or None if nothing was measured."""
     import plotly.graph_objects as go
 
@@ -173,7 +172,7 @@ def angle_figure(record: Recording, span: float) -> tuple[str, list[str]] | None
     measured = [column for column in COLUMNS if not np.isnan(angles[:, INDEX[column]]).all()]
     if not measured or not record.frames:
         return None
-    edges = {column: one for one in quantities(record.scores.rules) for column in one.columns}
+    edges = {column: one for one in angle_classes(record.scores.rules) for column in one.columns}
     figure = go.Figure()
     for number, column in enumerate(measured):
         values = angles[:, INDEX[column]]
@@ -212,7 +211,7 @@ def _layout(title: str, height: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _short(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+def _short(seconds: Array) -> Array:
     return np.round(seconds, 4)
 
 
@@ -227,7 +226,7 @@ _BUCKETS: Final = 800
 _BOTTOM: Final = 0.5
 
 
-def time_svg(record: Recording, intervals: list[Worst], length: float) -> str:
+def time_svg(record: RecordingSummary, intervals: list[Worst], length: float) -> str:
     """Return the SVG; `length` [s] is that of the time axis."""
     start, end = time_range(record, length)
 
@@ -272,7 +271,7 @@ def time_svg(record: Recording, intervals: list[Worst], length: float) -> str:
     return f"{opening}{''.join(parts)}</svg>"
 
 
-def time_label(record: Recording) -> str:
+def time_label(record: RecordingSummary) -> str:
     """Return what the plot over time shows, for people who cannot see it."""
     ends = record.summary["range"]
     return (

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reba.analysis.exposure import column
 from reba.arrays import Array
-from reba.method.classes import quantities
+from reba.method.classes import angle_classes
 from reba.method.rules import PRESETS
 from reba.method.scoring import ScoreArrays, score_parts
 from reba.method.tables import PART_MAXIMA
@@ -21,7 +21,7 @@ from reba.posture.columns import ANGLES, INDEX, SIDES
 from reba.posture.factors import ACTIVITIES, ASSUMED, COUPLINGS, FACTORS, flag, load_kg
 from reba.report.labels import BODY, PARTS, RULES, angle_name, percent, span
 from reba.report.labels import FACTORS as FACTOR_WORDS
-from reba.report.summary import Recording
+from reba.report.summary import RecordingSummary
 
 QUANTILES: Final = (0.05, 0.50, 0.95)
 
@@ -47,7 +47,7 @@ class AngleRow:
     beyond: tuple[tuple[str, float], ...]
 
 
-def angle_rows(record: Recording) -> list[AngleRow]:
+def angle_rows(record: RecordingSummary) -> list[AngleRow]:
     """Return the measured angles as they are scored, in worksheet order."""
     if not record.frames:
         return []
@@ -55,7 +55,7 @@ def angle_rows(record: Recording) -> list[AngleRow]:
     if record.scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)
     found = []
-    for quantity in quantities(record.scores.rules):
+    for quantity in angle_classes(record.scores.rules):
         for name in quantity.columns:
             values = angles[INDEX[name]]
             known = ~np.isnan(values)
@@ -105,7 +105,7 @@ class Unmeasured:
     leaves: str
 
 
-def factor_rows(record: Recording) -> list[tuple[str, str, str]]:
+def factor_rows(record: RecordingSummary) -> list[tuple[str, str, str]]:
     """Return (factor, value, where it comes from) of every factor."""
     used = record.scores.factors
     return [
@@ -114,7 +114,7 @@ def factor_rows(record: Recording) -> list[tuple[str, str, str]]:
     ]
 
 
-def _origin(record: Recording, name: str) -> str:
+def _origin(record: RecordingSummary, name: str) -> str:
     if name in record.scores.activity_causes:
         return "found in the movement"
     if name in ACTIVITIES and record.frames < 2 and isinstance(getattr(record.scores.factors, name), np.ndarray):
@@ -122,7 +122,7 @@ def _origin(record: Recording, name: str) -> str:
     return "assumed" if ASSUMED.get(name) in record.scores.assumed else "given"
 
 
-def _value(record: Recording, name: str, value: Any) -> str:
+def _value(record: RecordingSummary, name: str, value: Any) -> str:
     """Return a factor in words: one value, its range, or the share of time of each value."""
     n = record.frames
     if not n:
@@ -145,7 +145,7 @@ def _value(record: Recording, name: str, value: Any) -> str:
     return ", ".join(f"{word} {percent(share)}" for word, share in shares.items())
 
 
-def unmeasured_rows(record: Recording) -> list[Unmeasured]:
+def unmeasured_rows(record: RecordingSummary) -> list[Unmeasured]:
     """Return what was not measured, part by part."""
     of_angle = {angle.name: angle.columns for angle in ANGLES}
     why = record.scores.postures.why_unmeasured
@@ -167,7 +167,7 @@ def unmeasured_rows(record: Recording) -> list[Unmeasured]:
     return rows
 
 
-def rule_rows(record: Recording) -> list[tuple[str, str, str, bool]]:
+def rule_rows(record: RecordingSummary) -> list[tuple[str, str, str, bool]]:
     """Return (field, value, meaning, whether it differs from the preset "measured") of every rule."""
     usual = PRESETS["measured"]
     rows = []
@@ -182,7 +182,7 @@ def _number(value: object) -> bool:
     return isinstance(value, (int, float))
 
 
-def activity_rows(record: Recording) -> list[tuple[str, str]]:
+def activity_rows(record: RecordingSummary) -> list[tuple[str, str]]:
     """Return (kind of activity, the parts that caused it and for how long)."""
     rows = []
     for kind, causes in record.scores.activity_causes.items():
@@ -226,7 +226,7 @@ class PartShare:
 
 
 @dataclass(frozen=True)
-class Effect:
+class PartContribution:
     """How far the mean REBA would fall if one part always had its lowest score."""
 
     title: str
@@ -234,7 +234,7 @@ class Effect:
     drop: float
 
 
-def part_shares(record: Recording) -> list[PartShare]:
+def part_shares(record: RecordingSummary) -> list[PartShare]:
     """Return the time in each part score, in worksheet order."""
     if not record.frames:
         return []
@@ -251,7 +251,7 @@ def part_shares(record: Recording) -> list[PartShare]:
     return found
 
 
-def effects(record: Recording) -> list[Effect]:
+def effects(record: RecordingSummary) -> list[PartContribution]:
     """Return the effect of each part on the mean REBA (unmeasured angles neutral), largest first.
 
     The few combinations of part scores that occur are scored again with one part at its lowest.
@@ -266,13 +266,11 @@ def effects(record: Recording) -> list[Effect]:
         lowest = 0 if group in ("load_force", "coupling", "activity") else 1
         eased = {name: np.full_like(v, lowest) if name.startswith(group) else v for name, v in combinations.items()}
         after = float(np.average(_totals(eased, sides), weights=weights))
-        found.append(Effect(title, after, before - after))
+        found.append(PartContribution(title, after, before - after))
     return sorted(found, key=lambda effect: -effect.drop)
 
 
-def _combinations(
-    scores: ScoreArrays, weights: NDArray[np.float64]
-) -> tuple[dict[str, NDArray[np.int64]], NDArray[np.float64]]:
+def _combinations(scores: ScoreArrays, weights: Array) -> tuple[dict[str, NDArray[np.int64]], Array]:
     """Return each combination of part scores that occurs, and its seconds."""
     key = np.zeros(len(weights), np.int64)
     for name in PARTS:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.analysis.exposure import column, durations
-from reba.arrays import Array
+from reba.arrays import Array, Flags
 from reba.method.scoring import ScoreArrays, score_array
 from reba.scores import Scores
 
@@ -26,7 +26,7 @@ VIEWS: Final[dict[str, str]] = {"reba": "Total", "reba_left": "Left arm", "reba_
 
 
 @dataclass(frozen=True)
-class Bounds:
+class ScoreRange:
     """Every score of n frames with unmeasured angles at their best (`low`) and at their worst (`high`)."""
 
     low: ScoreArrays
@@ -43,7 +43,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Steps:
+class StepCurve:
     """Points of a curve that holds each value until the next point; k points.
 
     Attributes:
@@ -55,19 +55,19 @@ class Steps:
 
     x: Array
     until: Array
-    last: NDArray[np.bool_]
+    last: Flags
     frame: NDArray[np.int64]
 
 
-def bounds(scores: Scores) -> Bounds:
+def bounds(scores: Scores) -> ScoreRange:
     """Return both ends of the range of every score."""
     angles = scores.angles
     low = score_array(angles, scores.factors, scores.rules, "neutral")
     complete = not np.isnan(angles).any()
-    return Bounds(low, low if complete else score_array(angles, scores.factors, scores.rules, "worst"))
+    return ScoreRange(low, low if complete else score_array(angles, scores.factors, scores.rules, "worst"))
 
 
-def curve(scores: Scores, ends: Bounds, name: str) -> Curve:
+def curve(scores: Scores, ends: ScoreRange, name: str) -> Curve:
     """Return one column of the score table with its range."""
     low, high = ends.low[name].astype(np.float64), ends.high[name].astype(np.float64)
     return Curve(low, high, column(scores, name))
@@ -89,7 +89,7 @@ def gaps(scores: Scores) -> list[tuple[float, float]]:
     return merged
 
 
-def steps(scores: Scores, curve: Curve, without: list[tuple[float, float]], buckets: int = BUCKETS) -> Steps:
+def steps(scores: Scores, curve: Curve, without: list[tuple[float, float]], buckets: int = BUCKETS) -> StepCurve:
     """Return the points of a curve: all frames, or the extremes of each bucket where there are more.
 
     Args:
@@ -101,7 +101,7 @@ def steps(scores: Scores, curve: Curve, without: list[tuple[float, float]], buck
     time, weights = scores.time, durations(scores.time)
     n = len(time)
     if not n:
-        return Steps(time, time, np.zeros(0, bool), np.zeros(0, np.int64))
+        return StepCurve(time, time, np.zeros(0, bool), np.zeros(0, np.int64))
     starts = np.array([start for start, _ in without])
     # A frame whose successor lies behind the same gap start belongs to the stretch that ends there.
     stretch = np.searchsorted(starts, time, side="left")
@@ -117,7 +117,7 @@ def steps(scores: Scores, curve: Curve, without: list[tuple[float, float]], buck
         frames = np.unique(np.concatenate(kept))
     last = np.append(np.diff(stretch[frames]) != 0, True)
     until = np.where(last, time[frames] + weights[frames], np.append(time[frames][1:], 0.0))
-    return Steps(time[frames], until, last, frames)
+    return StepCurve(time[frames], until, last, frames)
 
 
 def _lowest(values: Array, first: NDArray[np.int64], n: int) -> NDArray[np.int64]:
@@ -127,7 +127,7 @@ def _lowest(values: Array, first: NDArray[np.int64], n: int) -> NDArray[np.int64
     return lowest
 
 
-def line(points: Steps, values: Array, shown: NDArray[np.bool_]) -> tuple[Array, Array]:
+def line(points: StepCurve, values: Array, shown: Flags) -> tuple[Array, Array]:
     """Return x and y of the shown stretches of a step line, NaN between them; each ends where its last value ends.
 
     Args:
@@ -143,7 +143,7 @@ def line(points: Steps, values: Array, shown: NDArray[np.bool_]) -> tuple[Array,
     return _joined(xs), _joined(ys)
 
 
-def band(points: Steps, low: Array, high: Array, shown: NDArray[np.bool_]) -> tuple[Array, Array]:
+def band(points: StepCurve, low: Array, high: Array, shown: Flags) -> tuple[Array, Array]:
     """Return closed polygons, NaN between them, around the area from `low` to `high` of each shown stretch."""
     xs: list[Any] = []
     ys: list[Any] = []
@@ -154,7 +154,7 @@ def band(points: Steps, low: Array, high: Array, shown: NDArray[np.bool_]) -> tu
     return _joined(xs), _joined(ys)
 
 
-def runs(points: Steps, flags: NDArray[np.bool_], joined: float = 0.0) -> list[tuple[float, float]]:
+def runs(points: StepCurve, flags: Flags, joined: float = 0.0) -> list[tuple[float, float]]:
     """Return (start, end) [s] of the stretches where a flag (k,) holds; those closer than `joined` [s] become one."""
     found: list[tuple[float, float]] = []
     for a, b in _stretches(flags, points.last):
@@ -166,7 +166,7 @@ def runs(points: Steps, flags: NDArray[np.bool_], joined: float = 0.0) -> list[t
     return found
 
 
-def _stretches(shown: NDArray[np.bool_], last: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _stretches(shown: Flags, last: Flags) -> list[tuple[int, int]]:
     """Return first and last index of each stretch of shown points; a point before a gap ends one."""
     before = np.append(True, last[:-1] | ~shown[:-1]) if len(shown) else shown
     after = last | np.append(~shown[1:], True) if len(shown) else shown

@@ -9,17 +9,17 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from reba.analysis.exposure import durations, held
+from reba.analysis.exposure import durations, sustained
 from reba.arrays import Array
 from reba.method.tables import LEVEL_OF
 from reba.posture.columns import COLUMNS
 from reba.posture.table import Quality
-from reba.report.series import VIEWS, Bounds, Curve, bounds, curve, gaps
+from reba.report.series import VIEWS, Curve, ScoreRange, bounds, curve, gaps
 from reba.scores import Scores
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordingSummary:
     """One scored recording with what is derived from it.
 
     Attributes:
@@ -37,8 +37,8 @@ class Recording:
     name: str
     scores: Scores
     summary: dict[str, Any]
-    held: tuple[int | None, int | None]
-    ends: Bounds
+    sustained: tuple[int | None, int | None]
+    ends: ScoreRange
     curves: dict[str, Curve]
     weights: Array
     gaps: list[tuple[float, float]]
@@ -66,7 +66,7 @@ class Recording:
         return bool((total.low == total.high).all())
 
 
-def recording(scores: Scores) -> Recording:
+def recording(scores: Scores) -> RecordingSummary:
     """Work out what the sections share."""
     scores = _in_one_block(scores)
     weights = durations(scores.time)
@@ -86,8 +86,8 @@ def recording(scores: Scores) -> Recording:
     name = PurePath(scores.postures.source.replace("\\", "/")).name or "recording"
     summary = scores.summary()
     longest = summary["held"]["reba"]
-    at_worst = longest if not width.any() else held(_at_worst(scores))
-    return Recording(name, scores, summary, (longest, at_worst), ends, curves, weights, without, quality)
+    at_worst = longest if not width.any() else sustained(_at_worst(scores))
+    return RecordingSummary(name, scores, summary, (longest, at_worst), ends, curves, weights, without, quality)
 
 
 def _in_one_block(scores: Scores) -> Scores:
@@ -112,7 +112,7 @@ def sampling_rate(scores: Scores) -> float:
     return rate
 
 
-def shares_of_levels(record: Recording, name: str) -> dict[int | None, float]:
+def shares_of_levels(record: RecordingSummary, name: str) -> dict[int | None, float]:
     """Return seconds in each action level of a total; None: the range spans more than one."""
     shown = record.curves[name]
     low, high = (np.where(np.isnan(shown.value), end, shown.value).astype(int) for end in (shown.low, shown.high))
@@ -139,7 +139,7 @@ RULE: Final = (
 
 
 @dataclass(frozen=True)
-class Check:
+class QualityCheck:
     """One check: what was looked at, how it ended, what was found and the rule that was applied."""
 
     what: str
@@ -153,7 +153,7 @@ class Grade:
     """A letter and the checks behind it."""
 
     letter: str
-    checks: tuple[Check, ...]
+    checks: tuple[QualityCheck, ...]
 
     @property
     def text(self) -> str:
@@ -190,17 +190,21 @@ def grade(quality: Quality, frames: int, seconds: float, missing: float, width: 
     silent = f"{missing:.1f} s ({100 * gaps:.2g} %) without samples" if missing else "none"
     warned = f"{len(quality.warnings)}" if quality.warnings else "none"
     checks = (
-        Check("End of the recording", "failed" if end else "passed", end or "complete", "failed if it breaks off"),
-        Check("Unusable messages", _result(skipped, SKIPPED), unusable, _limits("share", SKIPPED)),
-        Check("Gaps", _result(gaps, GAPS), silent, _limits("share of the duration", GAPS)),
-        Check("Sampling rate", slow, pace, f"weak below {RATES[0]:g} Hz, failed below {RATES[1]:g} Hz"),
-        Check(
+        QualityCheck(
+            "End of the recording", "failed" if end else "passed", end or "complete", "failed if it breaks off"
+        ),
+        QualityCheck("Unusable messages", _result(skipped, SKIPPED), unusable, _limits("share", SKIPPED)),
+        QualityCheck("Gaps", _result(gaps, GAPS), silent, _limits("share of the duration", GAPS)),
+        QualityCheck("Sampling rate", slow, pace, f"weak below {RATES[0]:g} Hz, failed below {RATES[1]:g} Hz"),
+        QualityCheck(
             "Angles not measured",
             _result(width, RANGE),
             open_range,
             f"weak if they leave any range, failed above {RANGE[1]:g} points on average",
         ),
-        Check("Warnings of the reader", "weak" if quality.warnings else "passed", warned, "weak if there are any"),
+        QualityCheck(
+            "Warnings of the reader", "weak" if quality.warnings else "passed", warned, "weak if there are any"
+        ),
     )
     results = [check.result for check in checks]
     failed = results.count("failed")

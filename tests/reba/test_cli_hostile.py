@@ -17,7 +17,7 @@ import pytest
 
 import reba
 from reba.batch.dataset import Dataset, settings
-from reba.batch.run import Options, check_report, find_inputs, plan_output
+from reba.batch.run import ScoringOptions, check_report, find_inputs, plan_output
 from reba.cli import main
 from reba.errors import RebaError
 
@@ -87,7 +87,7 @@ def test_an_empty_name_is_no_folder(monkeypatch: pytest.MonkeyPatch, table: Path
         find_inputs([""])
     assert plan_output(["."], "out") == (None, Path("out"))
     with Dataset("out") as dataset:
-        (part,) = dataset.due(["."], settings(Options()))
+        (part,) = dataset.due(["."], settings(ScoringOptions()))
     assert part.recording == table.parent.name
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import lgp
 from lgp.execution.events import Event
 from lgp.execution.faults import parse_fault
-from lgp.execution.session import Run, Session
+from lgp.execution.session import ExecutionRun, RunOptions
 from lgp.execution.worker import EXACT
 
 SEQUENCE = (
@@ -36,8 +36,8 @@ def went(folder: Path, *faults: str, **more: Any) -> tuple[dict[str, Any], list[
     """Run the plan in a folder as fast as possible; return the summary and all events."""
     events: list[Event] = []
     chosen = {"speed": 0.0, "compare": False, "habits": EXACT, **more}
-    run = Run(faults=tuple(map(parse_fault, faults)), **chosen)
-    return Session(folder, run, events.append).go(), events
+    run = RunOptions(faults=tuple(map(parse_fault, faults)), **chosen)
+    return ExecutionRun(folder, run, events.append).go(), events
 
 
 def kinds(events: list[Event]) -> list[str]:

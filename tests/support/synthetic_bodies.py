@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.posture.angles import Body
+from reba.posture.angles import SegmentFrames
 from reba.posture.columns import SIDES
 from reba.readers.recording.stream import Block, Kind, ReadLog, Recording, Stream
 
@@ -60,10 +60,10 @@ def segment_frames(posture: Posture, heading: float = 0.0) -> dict[str, Array]:
     return frames
 
 
-def body_of(posture: Posture, heading: float = 0.0) -> Body:
+def body_of(posture: Posture, heading: float = 0.0) -> SegmentFrames:
     """Return the body of one frame in a posture."""
     frames = {name: frame[None] for name, frame in segment_frames(posture, heading).items()}
-    return Body(frames, up=np.array([0.0, 1.0, 0.0]))
+    return SegmentFrames(frames, up=np.array([0.0, 1.0, 0.0]))
 
 
 def stream_of(

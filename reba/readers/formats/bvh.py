@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import ReadError
 from reba.readers.formats.text import LARGEST, number_rows, read_lines
 from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, clip, unique_names
@@ -41,7 +41,7 @@ def open_bvh(path: Path) -> Recording:
     lines = read_lines(path, log)
     joints, motion = _Hierarchy(path, lines).parse()
     names = unique_names([joint.name for joint in joints], log)
-    skeleton = Skeleton(tuple(joints))
+    skeleton = BvhSkeleton(tuple(joints))
     if not skeleton.width:
         raise ReadError(path, "no joint has a channel, so nothing moves", hint="export the motion with it")
     declared, frame_time, first = _motion_header(path, lines, motion)
@@ -114,10 +114,10 @@ class _Hierarchy:
     path: Path
     lines: list[str]
 
-    def parse(self) -> tuple[list[Joint], int]:
+    def parse(self) -> tuple[list[BvhJoint], int]:
         """Return the joints, each behind its parent, and the index of the line MOTION."""
         self._take_words()
-        joints: list[Joint] = []
+        joints: list[BvhJoint] = []
         stack: list[int] = []
         self._expect("HIERARCHY")
         while self.at < len(self.words):
@@ -152,7 +152,7 @@ class _Hierarchy:
             self.words += row
             self.line_of += [index + 1] * len(row)
 
-    def _joint(self, kind: str, joints: list[Joint], parent: int) -> Joint:
+    def _joint(self, kind: str, joints: list[BvhJoint], parent: int) -> BvhJoint:
         """Read a joint from its name to the last of its own lines."""
         label = []
         while (word := self._next("{")) != "{":
@@ -171,7 +171,7 @@ class _Hierarchy:
                 channels = tuple(self._channel() for _ in range(self._count()))
         if len(set(channels)) < len(channels):
             self._fail(f"joint {clip(name)} has a channel twice")
-        return Joint(name, parent, offset, channels)
+        return BvhJoint(name, parent, offset, channels)
 
     def _count(self) -> int:
         word = self._next("the number of channels")
@@ -214,7 +214,7 @@ CHANNELS: dict[str, tuple[str, int]] = {
 
 
 @dataclass(frozen=True)
-class Joint:
+class BvhJoint:
     """One joint or end site.
 
     Attributes:
@@ -226,22 +226,22 @@ class Joint:
 
     name: str
     parent: int
-    offset: NDArray[np.float64]
+    offset: Array
     channels: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Skeleton:
+class BvhSkeleton:
     """Joints, each behind its parent, and what rows of channel values do to them."""
 
-    joints: tuple[Joint, ...]
+    joints: tuple[BvhJoint, ...]
 
     @property
     def width(self) -> int:
         """Channel values in a frame."""
         return sum(len(joint.channels) for joint in self.joints)
 
-    def rest(self) -> NDArray[np.float64]:
+    def rest(self) -> Array:
         """Return (k, 7) global poses with every channel zero: summed offsets and identity quaternions."""
         poses = np.zeros((len(self.joints), 7))
         poses[:, 6] = 1.0
@@ -249,7 +249,7 @@ class Skeleton:
             poses[index, :3] = joint.offset + (poses[joint.parent, :3] if joint.parent >= 0 else 0.0)
         return poses
 
-    def adds_positions(self, rows: NDArray[np.float64]) -> bool | None:
+    def adds_positions(self, rows: Array) -> bool | None:
         """Return whether position channels of inner joints add to the offset; None where there are none.
 
         Some exporters write the whole translation there, so that it replaces the offset, others the departure from
@@ -266,7 +266,7 @@ class Skeleton:
                 start += 1
         return None if to_zero == to_offset == 0.0 else to_zero <= to_offset
 
-    def poses(self, rows: NDArray[np.float64], add: bool | None) -> NDArray[np.float64]:
+    def poses(self, rows: Array, add: bool | None) -> Array:
         """Return (n, k, 7) global poses x y z qx qy qz qw of channel values (n, `width`).
 
         Args:
@@ -277,7 +277,7 @@ class Skeleton:
         start = 0
         for index, joint in enumerate(self.joints):
             moved = np.tile(joint.offset, (len(rows), 1))
-            turn: NDArray[np.float64] = np.tile([0.0, 0.0, 0.0, 1.0], (len(rows), 1))
+            turn: Array = np.tile([0.0, 0.0, 0.0, 1.0], (len(rows), 1))
             for channel in joint.channels:
                 kind, axis = CHANNELS[channel]
                 value = rows[:, start]
@@ -298,7 +298,7 @@ class Skeleton:
         return poses
 
 
-def axis_turn(axis: int, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def axis_turn(axis: int, angle: Array) -> Array:
     """Return (n, 4) quaternions x y z w of turns by `angle` (n,) [rad] about the axis 0, 1 or 2."""
     turn = np.zeros((len(angle), 4))
     turn[:, axis] = np.sin(angle / 2)
@@ -306,7 +306,7 @@ def axis_turn(axis: int, angle: NDArray[np.float64]) -> NDArray[np.float64]:
     return turn
 
 
-def multiply(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+def multiply(first: Array, second: Array) -> Array:
     """Return the Hamilton product of quaternions (n, 4) x y z w: the turn `second` inside the turn `first`."""
     a, b = first[:, :3], second[:, :3]
     product = np.empty_like(first)
@@ -315,7 +315,7 @@ def multiply(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray
     return product
 
 
-def rotate(turn: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
+def rotate(turn: Array, vector: Array) -> Array:
     """Return the vectors (n, 3) turned by unit quaternions (n, 4) x y z w."""
     twice = 2.0 * np.cross(turn[:, :3], vector)
     return vector + turn[:, 3:] * twice + np.cross(turn[:, :3], twice)

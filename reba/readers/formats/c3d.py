@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import ReadError
 from reba.readers.formats.marker_sets import marker_recording, metres
 from reba.readers.formats.text import read_bytes
@@ -70,7 +71,7 @@ def open_c3d(path: Path) -> Recording:
     return marker_recording(path, ("c3d", "C3D markers"), labels, time, points, log, topics=topics, up=up)
 
 
-def _points(path: Path, data: bytes, layout: Layout, log: ReadLog) -> NDArray[np.float64]:
+def _points(path: Path, data: bytes, layout: C3dHeader, log: ReadLog) -> Array:
     """Return (n, k, 3) points in the unit of the file, NaN in gaps, of the whole frames that are there."""
     size = 4 if layout.scale < 0 else 2
     width = 4 * layout.points + layout.analogs
@@ -83,7 +84,7 @@ def _points(path: Path, data: bytes, layout: Layout, log: ReadLog) -> NDArray[np
     raw = data[layout.start : layout.start + count * width * size]
     with np.errstate(all="ignore"):
         if size == 4:
-            words: NDArray[np.float64] = floats(raw, layout.processor).reshape(count, width).astype(np.float64)
+            words: Array = floats(raw, layout.processor).reshape(count, width).astype(np.float64)
             scale = 1.0
         else:
             words = np.frombuffer(raw, ORDERS[layout.processor] + "i2").reshape(count, width).astype(np.float64)
@@ -95,7 +96,7 @@ def _points(path: Path, data: bytes, layout: Layout, log: ReadLog) -> NDArray[np
     return points
 
 
-def _labels(layout: Layout) -> tuple[list[str], dict[str, int]]:
+def _labels(layout: C3dHeader) -> tuple[list[str], dict[str, int]]:
     """Return a label per point, "" for what is no marker, and how many points each output group names."""
     labels = list(layout.texts("POINT", "LABELS"))
     for number in itertools.count(2):
@@ -123,11 +124,11 @@ DEC = 85
 MAX_RECORDS = 10_000
 """More groups and parameters than any file has."""
 HINT = "the file is damaged: export or copy it again"
-Value = list[str] | NDArray[np.float64]
+Value = list[str] | Array
 
 
 @dataclass(frozen=True)
-class Layout:
+class C3dHeader:
     """What a C3D file states about itself.
 
     Attributes:
@@ -163,7 +164,7 @@ class Layout:
         return None if isinstance(value, list) or not len(value) else float(value[0])
 
 
-def read_layout(path: Path, data: bytes) -> Layout:
+def read_layout(path: Path, data: bytes) -> C3dHeader:
     """Return the layout of a C3D file.
 
     Raises:
@@ -182,14 +183,16 @@ def read_layout(path: Path, data: bytes) -> Layout:
     (start,) = struct.unpack_from(order + "H", data, 16)
     scale, rate = (_float(data, at, processor) for at in (12, 20))
     parameters = _parameters(path, data, section + 4, processor)
-    layout = Layout(points, analogs, first, last - first + 1, scale, (start - 1) * BLOCK, rate, processor, parameters)
+    layout = C3dHeader(
+        points, analogs, first, last - first + 1, scale, (start - 1) * BLOCK, rate, processor, parameters
+    )
     _check(path, layout, len(data))
     if last == 0xFFFF:
         return _with_long_count(layout)
     return layout
 
 
-def _check(path: Path, layout: Layout, size: int) -> None:
+def _check(path: Path, layout: C3dHeader, size: int) -> None:
     used = layout.number("POINT", "USED")
     if used is not None and int(used) & 0xFFFF != layout.points:
         what = f"the header states {layout.points} points and POINT:USED {used:g}"
@@ -202,7 +205,7 @@ def _check(path: Path, layout: Layout, size: int) -> None:
         raise ReadError(path, f"the scale of points is {layout.scale}", offset=12, hint=HINT)
 
 
-def _with_long_count(layout: Layout) -> Layout:
+def _with_long_count(layout: C3dHeader) -> C3dHeader:
     """Return the layout with the count of a file of more frames than the 16 bits of the header hold."""
     counts = [float(layout.frames)]
     counts += [layout.number("POINT", name) or 0.0 for name in ("FRAMES", "LONG_FRAMES")]
@@ -213,7 +216,7 @@ def _with_long_count(layout: Layout) -> Layout:
         low, high = (words[1] % 65536 - words[0] % 65536).tolist()
         counts.append(low + 65536 * high + 1)
     best = max(count for count in counts if np.isfinite(count))
-    return Layout(**{**vars(layout), "frames": int(best)})
+    return C3dHeader(**{**vars(layout), "frames": int(best)})
 
 
 def _parameters(path: Path, data: bytes, at: int, processor: int) -> dict[tuple[str, str], Value]:

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import ReadError
 from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, clip, unique_names
 
@@ -39,8 +39,8 @@ def marker_recording(
     path: Path,
     format: tuple[str, str],
     labels: Sequence[str],
-    time: NDArray[np.float64],
-    points: NDArray[np.float64],
+    time: Array,
+    points: Array,
     log: ReadLog,
     *,
     topics: Sequence[Topic] = (),

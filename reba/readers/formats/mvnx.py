@@ -13,8 +13,8 @@ from typing import Final
 from xml.parsers import expat
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import ReadError
 from reba.readers.formats.text import LARGEST, read_bytes
 from reba.readers.recording.stream import (
@@ -90,7 +90,7 @@ def _parse(path: Path, log: ReadLog) -> Parser:
     return parser
 
 
-def _times(path: Path, parser: Parser, log: ReadLog) -> tuple[NDArray[np.float64], float]:
+def _times(path: Path, parser: Parser, log: ReadLog) -> tuple[Array, float]:
     """Return the time of each frame [s] and the epoch [s], 0 if the file gives no date."""
     stated = np.array([frame.time for frame in parser.frames], dtype=np.float64)
     first = parser.frames[0]
@@ -105,7 +105,7 @@ def _times(path: Path, parser: Parser, log: ReadLog) -> tuple[NDArray[np.float64
     return time, first.epoch / 1000.0 - float(time[0]) if first.epoch > 0 else 0.0
 
 
-def _segments(parser: Parser, time: NDArray[np.float64], epoch: float, log: ReadLog) -> Stream | None:
+def _segments(parser: Parser, time: Array, epoch: float, log: ReadLog) -> Stream | None:
     """Return the stream of segment poses, None if no frame has an orientation."""
     if not any("orientation" in frame.values for frame in parser.frames):
         return None
@@ -127,7 +127,7 @@ def _segments(parser: Parser, time: NDArray[np.float64], epoch: float, log: Read
     )
 
 
-def _pose(frame: Frame, count: int) -> NDArray[np.float64]:
+def _pose(frame: Frame, count: int) -> Array:
     """Return (k, 7) x y z qx qy qz qw of a frame, NaN for what it lacks."""
     pose = np.full((count, 7), np.nan)
     if "position" in frame.values:
@@ -140,10 +140,10 @@ def _pose(frame: Frame, count: int) -> NDArray[np.float64]:
     return pose
 
 
-def _joints(parser: Parser, time: NDArray[np.float64], epoch: float, log: ReadLog) -> Stream | None:
+def _joints(parser: Parser, time: Array, epoch: float, log: ReadLog) -> Stream | None:
     """Return the stream of joint angles `<joint>_x|y|z`, None if no frame has any."""
     names: list[str] = []
-    columns: list[NDArray[np.float64]] = []
+    columns: list[Array] = []
     for tag in ANGLES:
         width = max((len(frame.values[tag]) for frame in parser.frames if tag in frame.values), default=0)
         if not width:
@@ -191,7 +191,7 @@ class Frame:
 
     time: float
     epoch: float
-    values: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    values: dict[str, Array] = field(default_factory=dict)
 
 
 class Parser:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import ReadError, did_you_mean
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
@@ -223,7 +224,7 @@ def time_column(path: Path, columns: list[str]) -> tuple[str, float | None, str 
 
 def take_time(
     path: Path, frame: pd.DataFrame, log: ReadLog, where: Callable[[int], str]
-) -> tuple[NDArray[np.float64], float, list[str]]:
+) -> tuple[Array, float, list[str]]:
     """Return the time (n,) [s], NaN where a row has none, the epoch [s] (0 if not a date), and the columns used.
 
     Raises:
@@ -242,7 +243,7 @@ def take_time(
     if unit is None:
         unit = _unit_by_size(valid, largest, column, log)
     log.time_source = f"column {column}"
-    extra: NDArray[np.float64] = np.zeros(len(values))
+    extra: Array = np.zeros(len(values))
     if nanoseconds is not None:
         extra = np.asarray(_as_numbers(path, frame, nanoseconds, where)[0], dtype=np.float64) * 1e-9
     start = valid[0]
@@ -254,7 +255,7 @@ def take_time(
 
 def _as_numbers(
     path: Path, frame: pd.DataFrame, column: str, where: Callable[[int], str]
-) -> tuple[NDArray[np.int64] | NDArray[np.float64], bool]:
+) -> tuple[NDArray[np.int64] | Array, bool]:
     """Return integers where the column has them in every row, else floats; and whether they are dates in ns."""
     import pandas as pd
 
@@ -284,7 +285,7 @@ def _as_numbers(
     return np.where(np.isinf(floats), np.nan, floats), False
 
 
-def _unit_by_size(valid: NDArray[np.int64] | NDArray[np.float64], largest: float, column: str, log: ReadLog) -> float:
+def _unit_by_size(valid: NDArray[np.int64] | Array, largest: float, column: str, log: ReadLog) -> float:
     """Return the unit [s] of time stamps without a stated one, from their size and their steps."""
     steps = np.diff(valid)
     steps = steps[steps > 0]

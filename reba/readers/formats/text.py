@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import ReadError
 from reba.readers.recording.stream import ReadLog, clip
 
@@ -75,7 +76,7 @@ def number_rows(
     *,
     separator: str | None = None,
     gaps: bool = False,
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+) -> tuple[Array, NDArray[np.int64]]:
     """Return rows of numbers (n, width) and the line number (n,) of each, counted from 1.
 
     Blank lines are passed over. An incomplete last row is left out and noted, an incomplete row before it is an error.
@@ -92,7 +93,7 @@ def number_rows(
     Raises:
         ReadError: a word is no finite number, or a row has too many or too few.
     """
-    parts: list[NDArray[np.float64]] = []
+    parts: list[Array] = []
     numbers: list[int] = []
     last = next((index for index in range(len(lines) - 1, first - 1, -1) if _is_row(lines[index], separator)), -1)
     for start in range(first, len(lines), CHUNK):
@@ -135,7 +136,7 @@ def _row(line: str, width: int, separator: str | None) -> list[str]:
     return row
 
 
-def _convert(path: Path, rows: list[list[str]], numbers: list[int], gaps: bool) -> NDArray[np.float64]:
+def _convert(path: Path, rows: list[list[str]], numbers: list[int], gaps: bool) -> Array:
     """Return (n, width) numbers of rows of equal length; the fast way first, word by word only where it fails."""
     words: Iterable[str] = chain.from_iterable(rows)
     if gaps:

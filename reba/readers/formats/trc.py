@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.arrays import Array
 from reba.errors import ReadError
 from reba.readers.formats.marker_sets import marker_recording, metres
 from reba.readers.formats.text import number_rows, read_lines
@@ -79,8 +80,8 @@ def _names(path: Path, lines: list[str], separator: str) -> list[str]:
 
 
 def _time(
-    path: Path, rows: NDArray[np.float64], numbers: NDArray[np.int64], header: dict[str, str], log: ReadLog
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    path: Path, rows: Array, numbers: NDArray[np.int64], header: dict[str, str], log: ReadLog
+) -> tuple[Array, Array]:
     """Return the time [s] of the rows and those rows that have one."""
     time = rows[:, 1]
     if np.isnan(time).all():

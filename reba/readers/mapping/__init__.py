@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from reba.arrays import Array
-from reba.posture.angles import Body, posture_angles
+from reba.posture.angles import SegmentFrames, posture_angles
 from reba.posture.columns import COLUMNS, INDEX
 from reba.readers.mapping.joints import JointMapper
 from reba.readers.mapping.markers import PointMapper
@@ -38,7 +38,7 @@ class Mapper(Protocol):
     def begin(self) -> None:
         """Start a pass over the recording."""
 
-    def body(self, block: Block) -> Body:
+    def body(self, block: Block) -> SegmentFrames:
         """Return the body of a block of n samples."""
 
     def settled(self) -> bool:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reba.arrays import Array
-from reba.posture.angles import Body, turned
+from reba.arrays import Array, Flags
+from reba.posture.angles import SegmentFrames, rotated_about
 from reba.posture.columns import COLUMNS, SIDES
 from reba.readers.mapping.reference_frames import RootPose, axis_vector
-from reba.readers.recording.profile import Profile, Step
+from reba.readers.recording.profile import ElementaryRotation, Profile
 from reba.readers.recording.stream import Block, Stream
 
 ARM_AND_LEG = (
@@ -62,11 +61,11 @@ class JointMapper:
         """Start a pass over the recording."""
         self.ranges = JointRanges(len(self.names))
 
-    def body(self, block: Block) -> Body:
+    def body(self, block: Block) -> SegmentFrames:
         """Return the body of a block of n samples."""
         values = self._values(block)
         n = len(block.time)
-        body = Body(up=axis_vector(self.profile.up) if self.profile.up else None)
+        body = SegmentFrames(up=axis_vector(self.profile.up) if self.profile.up else None)
         frames = body.frames
         if self.root is not None:
             body.up = self.root.up
@@ -165,12 +164,14 @@ class JointMapper:
         result = frame
         for step in self.profile.chains.get(segment, ()):
             if step.name in values:
-                result = turned(result, step.axis, values[step.name] * (self._sign(step, segment) * factor))
+                result = rotated_about(result, step.axis, values[step.name] * (self._sign(step, segment) * factor))
             elif not step.name:
-                result = turned(result, step.axis, np.full(n, np.radians(self._sign(step, segment) * step.degrees)))
+                result = rotated_about(
+                    result, step.axis, np.full(n, np.radians(self._sign(step, segment) * step.degrees))
+                )
         return result if result.ndim == 3 else np.broadcast_to(result, (n, 3, 3))
 
-    def _sign(self, step: Step, segment: str) -> float:
+    def _sign(self, step: ElementaryRotation, segment: str) -> float:
         """Return the sense of a step; in the mirror image x and y turn the other way, z does not."""
         mirrored = self.profile.mirror and segment.endswith("_left") and step.axis != 2
         return -step.sign if mirrored else step.sign
@@ -238,7 +239,7 @@ class JointRanges:
         return data
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def known(self) -> Flags:
         """(k,) joints that have a value."""
         return self.low <= self.high
 
@@ -251,7 +252,7 @@ class JointRanges:
         known = self.known
         return float(np.max(np.maximum(np.abs(self.low[known]), np.abs(self.high[known])), initial=0.0))
 
-    def still(self, to_degrees: float) -> tuple[Array, NDArray[np.bool_]]:
+    def still(self, to_degrees: float) -> tuple[Array, Flags]:
         """Return the (k,) middle of each range [deg] and which joints never leave it."""
         known = self.known
         low, high = np.where(known, self.low, np.nan), np.where(known, self.high, np.nan)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from reba.arrays import Array
-from reba.posture.angles import Body, frame_across, frame_of
+from reba.posture.angles import SegmentFrames, frame_across, frame_from_y_z
 from reba.posture.columns import SIDES
 from reba.readers.mapping.reference_frames import Orientation
 from reba.readers.recording.profile import Profile
@@ -60,7 +60,7 @@ class PointMapper:
         """Start a pass over the recording."""
         self.orientation.begin()
 
-    def body(self, block: Block) -> Body:
+    def body(self, block: Block) -> SegmentFrames:
         """Return the body of a block of n samples."""
         at = {name: index for index, name in enumerate(block.names)}
         points = {
@@ -70,7 +70,7 @@ class PointMapper:
         }
         _complete(points)
         self._watch(points)
-        body = Body(up=self.orientation.up)
+        body = SegmentFrames(up=self.orientation.up)
         _spine(points, body)
         _head(points, body)
         for side, outward in zip(SIDES, (-1.0, 1.0), strict=True):
@@ -144,7 +144,7 @@ def _complete(points: Points) -> None:
 
 def _hips(points: Points, front: Array, back: Array) -> None:
     across = points["asis_right"] - points["asis_left"]
-    pelvis = frame_of(np.cross(across, front - back), across)
+    pelvis = frame_from_y_z(np.cross(across, front - back), across)
     width = np.linalg.norm(across, axis=1)
     depth = np.linalg.norm(front - back, axis=1)
     sizes = {"back": depth, "down": width, "out": width}
@@ -154,20 +154,20 @@ def _hips(points: Points, front: Array, back: Array) -> None:
         points[f"hip_{side}"] = front + np.einsum("nij,nj->ni", pelvis, local)
 
 
-def _spine(points: Points, body: Body) -> None:
+def _spine(points: Points, body: SegmentFrames) -> None:
     """Add pelvis, thorax (ISB: notch, C7, xiphoid, T8) and trunk (line from hips to shoulders)."""
     hips, shoulders = _mid(points, "hip"), _mid(points, "shoulder")
     if all(name in points for name in ("notch", "c7", "xiphoid", "t8")):
         high, low = (points["notch"] + points["c7"]) / 2.0, (points["xiphoid"] + points["t8"]) / 2.0
         ahead = points["notch"] - points["c7"] + points["xiphoid"] - points["t8"]
-        body.frames["thorax"] = frame_of(high - low, np.cross(ahead, high - low))
+        body.frames["thorax"] = frame_from_y_z(high - low, np.cross(ahead, high - low))
     if hips is not None and shoulders is not None:
         across = points["shoulder_right"] - points["shoulder_left"]
-        body.frames["trunk"] = frame_of(shoulders - hips, across)
+        body.frames["trunk"] = frame_from_y_z(shoulders - hips, across)
     elif hips is not None and "thorax" in body.frames:
         # Markers on one arm only: the line ends between notch and C7, which stay at shoulder height.
         neck = (points["notch"] + points["c7"]) / 2.0
-        body.frames["trunk"] = frame_of(neck - hips, body.frames["thorax"][:, :, 2])
+        body.frames["trunk"] = frame_from_y_z(neck - hips, body.frames["thorax"][:, :, 2])
     right = _across(points, "asis")
     right = right if right is not None else _across(points, "hip")
     if right is None:
@@ -178,11 +178,11 @@ def _spine(points: Points, body: Body) -> None:
         body.frames["pelvis"] = frame_across(body.frames["trunk"][:, :, 1], right)
 
 
-def _head(points: Points, body: Body) -> None:
+def _head(points: Points, body: SegmentFrames) -> None:
     """Add the head: a frame from four markers or from ears and nose, else the line from the neck."""
     right = _across(points, "ear")
     if right is not None and "head_front" in points and "head_back" in points:
-        body.frames["head"] = frame_of(np.cross(right, points["head_front"] - points["head_back"]), right)
+        body.frames["head"] = frame_from_y_z(np.cross(right, points["head_front"] - points["head_back"]), right)
         return
     neck = points.get("neck", points.get("c7", _mid(points, "shoulder")))
     head = _mid(points, "ear")
@@ -193,21 +193,21 @@ def _head(points: Points, body: Body) -> None:
     if right is None and "nose" in points:
         right = np.cross(points["nose"] - head, head - neck)
     if right is not None:
-        body.frames["head"] = frame_of(head - neck, right)
+        body.frames["head"] = frame_from_y_z(head - neck, right)
 
 
-def _limbs(points: Points, body: Body, side: str, outward: float) -> None:
+def _limbs(points: Points, body: SegmentFrames, side: str, outward: float) -> None:
     for segment, (near, far) in LIMBS.items():
         if f"{near}_{side}" in points and f"{far}_{side}" in points:
             body.axes[f"{segment}_{side}"] = points[f"{near}_{side}"] - points[f"{far}_{side}"]
     lateral, medial = points.get(f"elbow_lateral_{side}"), points.get(f"elbow_medial_{side}")
     arm = body.axes.get(f"upper_arm_{side}")
     if arm is not None and lateral is not None and medial is not None:
-        body.frames[f"upper_arm_{side}"] = frame_of(arm, (lateral - medial) * outward)
+        body.frames[f"upper_arm_{side}"] = frame_from_y_z(arm, (lateral - medial) * outward)
     radial, ulnar = points.get(f"wrist_radial_{side}"), points.get(f"wrist_ulnar_{side}")
     forearm = body.axes.get(f"forearm_{side}")
     if forearm is not None and radial is not None and ulnar is not None:
-        body.frames[f"forearm_{side}"] = frame_of(forearm, np.cross(radial - ulnar, forearm))
+        body.frames[f"forearm_{side}"] = frame_from_y_z(forearm, np.cross(radial - ulnar, forearm))
     neck = points.get("notch", points.get("neck", points.get("c7")))
     if neck is not None and f"shoulder_{side}" in points:
         body.axes[f"clavicle_{side}"] = points[f"shoulder_{side}"] - neck

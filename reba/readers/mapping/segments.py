@@ -8,7 +8,7 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.errors import ProfileError
-from reba.posture.angles import Body, frame_across, frame_of, turned, unit
+from reba.posture.angles import SegmentFrames, frame_across, frame_from_y_z, rotated_about, unit
 from reba.posture.columns import SIDES
 from reba.readers.mapping.reference_frames import FramePoses, Orientation, axis_name, axis_vector, matrices, rotated
 from reba.readers.recording.profile import Profile
@@ -54,7 +54,7 @@ class FrameMapper:
         self.orientation.begin()
         self.lines = 0
 
-    def body(self, block: Block) -> Body:
+    def body(self, block: Block) -> SegmentFrames:
         """Return the body of a block of n samples."""
         poses = {segment: self.poses.world(block, frame) for segment, frame in self.names.items()}
         where = {segment: position for segment, (_, position) in poses.items()}
@@ -71,10 +71,10 @@ class FrameMapper:
             known = bool(np.isfinite(line).any())
             self.lines += known
             if known:
-                frames["trunk"] = frame_of(line, shoulders[1])
+                frames["trunk"] = frame_from_y_z(line, shoulders[1])
             if known and "pelvis" in frames:
                 frames["pelvis"] = frame_across(frames["pelvis"][:, :, 1], hips[1])
-        return Body(frames, up=self.orientation.up)
+        return SegmentFrames(frames, up=self.orientation.up)
 
     def settled(self) -> bool:
         """Return whether the vertical fits all frames; otherwise choose anew, and the recording is read again."""
@@ -118,7 +118,7 @@ class FrameMapper:
         for segment in self.names:
             frame = base
             for step in self.profile.turns.get(segment, ()):
-                frame = turned(frame, step.axis, np.radians([step.sign * step.degrees]))[0]
+                frame = rotated_about(frame, step.axis, np.radians([step.sign * step.degrees]))[0]
             result[segment] = frame
         return result
 
@@ -143,7 +143,7 @@ class FrameMapper:
             long = up if bone is None else -bone
             axes = np.stack([forward, up, right], axis=1)
             if bone is not None and np.linalg.norm(np.cross(long, forward)) > 0.1:
-                axes = frame_of(long[None], np.cross(forward, long)[None])[0]
+                axes = frame_from_y_z(long[None], np.cross(forward, long)[None])[0]
             back = quaternion[0] * np.array([-1.0, -1.0, -1.0, 1.0])
             result[segment] = np.stack([rotated(back[None], axis[None])[0] for axis in axes.T], axis=1)
         if not self.warnings and float(np.sum(np.abs(up * right))) > 0.5:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from reba.errors import ReadError
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
-from reba.readers.mcap.channels import Part, Unused, classify, recording_files
+from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
 from reba.readers.mcap.container import Container, Store
 from reba.readers.mcap.streams import StreamReader, first_look
 from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic
@@ -51,7 +51,7 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
         ReadError: no recording, or damaged so that data would be wrong or missing without a word.
     """
     log = ReadLog()
-    channels: list[Part | Unused] = []
+    channels: list[DecodableChannel | Unused] = []
     for container, found in _open_files(path, strict, check_crc, limit_bytes, log):
         _note(container, log, path.is_dir())
         channels += found
@@ -60,16 +60,18 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
     return gathered(path, channels, log, strict=strict)
 
 
-def gathered(path: Path, channels: Iterable[Part | Unused], log: ReadLog, *, strict: bool = False) -> Recording:
+def gathered(
+    path: Path, channels: Iterable[DecodableChannel | Unused], log: ReadLog, *, strict: bool = False
+) -> Recording:
     """Return the recording that channels make, of one or more files.
 
     Raises:
         ReadError: a chunk is damaged.
     """
-    parts: list[Part] = []
+    parts: list[DecodableChannel] = []
     unused: list[Unused] = []
     for channel in channels:
-        if isinstance(channel, Part):
+        if isinstance(channel, DecodableChannel):
             parts.append(channel)
         else:
             unused.append(channel)
@@ -80,7 +82,7 @@ def gathered(path: Path, channels: Iterable[Part | Unused], log: ReadLog, *, str
 
 def _open_files(
     path: Path, strict: bool, check_crc: bool, limit_bytes: int, log: ReadLog
-) -> list[tuple[Container, list[Part | Unused]]]:
+) -> list[tuple[Container, list[DecodableChannel | Unused]]]:
     """Open all files by start time; a damaged one of several is noted and left out."""
     files = recording_files(path)
     opened = []
@@ -98,7 +100,7 @@ def _open_files(
     return sorted(opened, key=lambda pair: pair[0].segments[0].start if pair[0].segments else 0)
 
 
-def classified(container: Store) -> list[Part | Unused]:
+def classified(container: Store) -> list[DecodableChannel | Unused]:
     """Return what each channel of a file holds.
 
     Raises:
@@ -119,7 +121,7 @@ def _note(container: Container, log: ReadLog, named: bool) -> None:
         log.warn(f"{prefix}{container.counts[number]} messages name channel {number}, which the file does not define")
 
 
-def _streams(parts: Sequence[Part], log: ReadLog, strict: bool) -> tuple[list[Stream], list[Topic]]:
+def _streams(parts: Sequence[DecodableChannel], log: ReadLog, strict: bool) -> tuple[list[Stream], list[Topic]]:
     """Return a stream for each group of channels that holds anything, and what became of each topic."""
     streams, topics = [], []
     for kind, group in dict.fromkeys((part.kind, part.group) for part in parts):
@@ -138,7 +140,7 @@ def _streams(parts: Sequence[Part], log: ReadLog, strict: bool) -> tuple[list[St
     return streams, topics
 
 
-def _main_topic(parts: Sequence[Part]) -> str:
+def _main_topic(parts: Sequence[DecodableChannel]) -> str:
     moving = [part for part in parts if not part.static]
     return max(moving, key=lambda part: part.container.counts[part.channel]).topic
 

@@ -24,7 +24,7 @@ _HEAD: Final = 18
 """The longest zstd frame header."""
 
 
-class Source:
+class ByteSource:
     """Random access to the bytes of one recording.
 
     Attributes:

@@ -12,7 +12,7 @@ from reba.errors import ReadError
 from reba.readers.mcap import protobuf, ros
 from reba.readers.mcap import ros as cdr
 from reba.readers.mcap.bytes import ZSTD_MAGIC
-from reba.readers.mcap.container import Segment, Store
+from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.mcap.decode import Batch, ColumnDecoder, Decoder, JsonDecoder, load_json
 from reba.readers.mcap.extract import PICKERS, TEXTS, Picker, kind_of_json, pick_transforms
 from reba.readers.mcap.layout import Undecodable, Walked
@@ -27,7 +27,7 @@ STATIC: Final = "tf_static"
 
 
 @dataclass(frozen=True)
-class Part:
+class DecodableChannel:
     """One usable channel of one file.
 
     Attributes:
@@ -62,13 +62,13 @@ class Unused:
     why: str
 
 
-def segments_of(container: Store, channel: int) -> list[Segment]:
+def segments_of(container: Store, channel: int) -> list[ChunkRef]:
     """Return the segments that hold a channel by the indexes in the file, or all if those name none."""
     hinted = [seg for seg in container.segments if seg.channels is None or channel in seg.channels]
     return hinted or container.segments
 
 
-def batch_of(container: Store, segment: Segment, channel: int) -> Batch:
+def batch_of(container: Store, segment: ChunkRef, channel: int) -> Batch:
     """Return the messages of a channel in a segment."""
     loaded = container.load(segment)
     found = loaded.scan
@@ -88,7 +88,7 @@ def first_message(container: Store, channel: int) -> bytes | None:
     return None
 
 
-def classify(container: Store, channel: Channel) -> Part | Unused:
+def classify(container: Store, channel: Channel) -> DecodableChannel | Unused:
     """Say what a channel holds.
 
     Raises:
@@ -158,7 +158,7 @@ def _refuse_packed(container: Store, channel: Channel) -> None:
 
 def _classify_json(
     container: Store, channel: Channel, meaning: tuple[Kind, Picker] | None, shown: str
-) -> Part | Unused:
+) -> DecodableChannel | Unused:
     """Say what a JSON channel holds, by its type or else by the fields of its first message."""
     unused = partial(Unused, container, channel.id, channel.topic, shown)
     message = first_message(container, channel.id)
@@ -174,12 +174,14 @@ def _classify_json(
     return _part(container, channel, shown, meaning, f"JSON {shown}", partial(JsonDecoder, meaning[1]))
 
 
-def _part(container: Store, channel: Channel, shown: str, meaning: tuple[Kind, Picker], form: str, make: Make) -> Part:
+def _part(
+    container: Store, channel: Channel, shown: str, meaning: tuple[Kind, Picker], form: str, make: Make
+) -> DecodableChannel:
     kind, pick = meaning
     transforms = pick is pick_transforms
     static = transforms and channel.topic.rstrip("/").endswith(STATIC)
     group = "" if transforms else channel.topic
-    return Part(container, channel.id, channel.topic, shown, kind, form, make, group, static)
+    return DecodableChannel(container, channel.id, channel.topic, shown, kind, form, make, group, static)
 
 
 def recording_files(path: Path) -> list[Path]:

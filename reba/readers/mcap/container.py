@@ -18,7 +18,7 @@ from mcap.opcode import Opcode
 
 from reba.errors import ReadError
 from reba.readers.mcap import records
-from reba.readers.mcap.bytes import MAGIC, BadChunk, Source, unpack
+from reba.readers.mcap.bytes import MAGIC, BadChunk, ByteSource, unpack
 from reba.readers.mcap.records import BadRecord, Channel, ChunkHead, Scan, Schema
 
 _PEEK: Final = 1 << 14
@@ -28,7 +28,7 @@ _FOOTER: Final = 20
 
 
 @dataclass
-class Segment:
+class ChunkRef:
     """A chunk, or a run of message records outside chunks.
 
     Attributes:
@@ -50,7 +50,7 @@ class Segment:
 class Loaded:
     """The records of one segment, unpacked and found."""
 
-    segment: Segment
+    segment: ChunkRef
     data: bytes
     scan: Scan
 
@@ -69,12 +69,12 @@ class Store(Protocol):
     """
 
     path: Path
-    segments: list[Segment]
+    segments: list[ChunkRef]
     schemas: dict[int, Schema]
     channels: dict[int, Channel]
     counts: Counter[int]
 
-    def load(self, segment: Segment) -> Loaded:
+    def load(self, segment: ChunkRef) -> Loaded:
         """Return the records of a segment, checked."""
 
     def release(self) -> None:
@@ -110,10 +110,10 @@ class Container:
 
     def __init__(self, path: Path, *, check_crc: bool, limit_bytes: int) -> None:
         self.path = path
-        self.source = Source(path, limit_bytes)
+        self.source = ByteSource(path, limit_bytes)
         self.check_crc = check_crc
         self.limit_bytes = limit_bytes
-        self.segments: list[Segment] = []
+        self.segments: list[ChunkRef] = []
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
         self.counts: Counter[int] = Counter()
@@ -125,7 +125,7 @@ class Container:
         self._at = len(MAGIC)
         self._index()
 
-    def load(self, segment: Segment) -> Loaded:
+    def load(self, segment: ChunkRef) -> Loaded:
         """Return the records of a segment, checked; the last one stays at hand.
 
         Raises:
@@ -150,7 +150,7 @@ class Container:
         """Let go of the segment at hand."""
         self._last = None
 
-    def _bytes(self, segment: Segment) -> bytes:
+    def _bytes(self, segment: ChunkRef) -> bytes:
         packed = self.source.read_at(segment.offset, segment.size)
         head = segment.chunk
         if len(packed) != segment.size:
@@ -276,7 +276,7 @@ class Container:
         except BadRecord as error:
             raise BadRecord(at + error.offset, error.what) from error
         self._tally(found)
-        self.segments.append(Segment(at, found.end, None, int(found.times.min())))
+        self.segments.append(ChunkRef(at, found.end, None, int(found.times.min())))
         return at + found.end
 
     def _tally(self, found: Scan) -> None:
@@ -311,7 +311,7 @@ class Container:
         if size > self.limit_bytes:
             raise BadRecord(at, f"a chunk declares {size} bytes, the limit is {self.limit_bytes} (limit_bytes)")
         if head.size:
-            self.segments.append(Segment(at + head.records_at, head.records_size, head, head.start))
+            self.segments.append(ChunkRef(at + head.records_at, head.records_size, head, head.start))
 
     def _check_size(self, at: int, length: int) -> None:
         if length > self.limit_bytes:
@@ -367,7 +367,7 @@ class Container:
         for segment in self.segments:
             self._count_one(segment)
 
-    def _count_one(self, segment: Segment) -> None:
+    def _count_one(self, segment: ChunkRef) -> None:
         """Count the messages of a chunk; those of a bare run were counted when it was found."""
         if segment.chunk is not None:
             found = self.load(segment).scan

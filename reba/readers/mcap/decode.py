@@ -12,9 +12,20 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.arrays import Array, Flags
 from reba.readers.mcap.container import Loaded
 from reba.readers.mcap.extract import Pick, Picker, Stamp, Value
-from reba.readers.mcap.layout import VARINT, Layout, Rows, Run, Span, Undecodable, Walked, runs, take
+from reba.readers.mcap.layout import (
+    VARINT,
+    FieldRun,
+    FieldSpan,
+    MessageLayout,
+    MessageRows,
+    Undecodable,
+    Walked,
+    runs,
+    take,
+)
 from reba.readers.recording.stream import ReadLog
 
 NO_STAMP: Final = np.iinfo(np.int64).min
@@ -42,7 +53,7 @@ class Piece:
     log: NDArray[np.int64]
     names: tuple[str, ...]
     parents: tuple[str, ...]
-    values: NDArray[np.float64]
+    values: Array
 
 
 @dataclass(frozen=True)
@@ -54,7 +65,7 @@ class Batch:
     lengths: NDArray[np.int64]
     times: NDArray[np.int64]
 
-    def __getitem__(self, chosen: NDArray[np.bool_] | slice) -> Batch:
+    def __getitem__(self, chosen: Flags | slice) -> Batch:
         """Return the messages for which `chosen` (n,) is true, or those of a slice."""
         return Batch(self.loaded, self.starts[chosen], self.lengths[chosen], self.times[chosen])
 
@@ -75,9 +86,9 @@ class Decoder(Protocol):
 class _Plan:
     """What to take from the messages of one layout; `joined`: all names and parents; `error`: why it is of no use."""
 
-    layout: Layout
+    layout: MessageLayout
     picks: list[Pick] = field(default_factory=list)
-    runs: list[Run] = field(default_factory=list)
+    runs: list[FieldRun] = field(default_factory=list)
     constant: dict[int, float] = field(default_factory=dict)
     joined: tuple[tuple[str, ...], tuple[str, ...]] | None = None
     error: str = ""
@@ -135,7 +146,7 @@ class ColumnDecoder:
         plan: _Plan, batch: Batch, data: NDArray[np.uint8], length: int, pieces: list[Piece], log: ReadLog
     ) -> Batch:
         """Decode the messages that have the layout of the plan, return the others."""
-        rows = Rows(data, batch.starts, length)
+        rows = MessageRows(data, batch.starts, length)
         fits = plan.layout.matches(rows)
         if not fits.any():
             return batch
@@ -152,12 +163,14 @@ class ColumnDecoder:
         try:
             walked = self._walk(message)
         except Undecodable as error:
-            return _Plan(Layout(alone, message), error=str(error), alone=True)
+            return _Plan(MessageLayout(alone, message), error=str(error), alone=True)
         try:
             picks = self._pick(walked.tree)
         except Undecodable as error:
-            return _Plan(Layout(walked, message), error=str(error))
-        plan = _Plan(Layout(walked, message), [kept for pick in picks if (kept := pick.only(self._wanted)).names])
+            return _Plan(MessageLayout(walked, message), error=str(error))
+        plan = _Plan(
+            MessageLayout(walked, message), [kept for pick in picks if (kept := pick.only(self._wanted)).names]
+        )
         values = [value for pick in plan.picks for value in pick.values]
         plan.runs, plan.constant = runs(values)
         names = tuple(name for pick in plan.picks for name in pick.names)
@@ -166,7 +179,7 @@ class ColumnDecoder:
         return plan
 
 
-def _extract(plan: _Plan, rows: Rows, times: NDArray[np.int64]) -> list[Piece]:
+def _extract(plan: _Plan, rows: MessageRows, times: NDArray[np.int64]) -> list[Piece]:
     """Return the pieces of messages of one layout: one if all picks share their time, else one for each pick."""
     if not plan.picks:
         return []
@@ -182,22 +195,22 @@ def _extract(plan: _Plan, rows: Rows, times: NDArray[np.int64]) -> list[Piece]:
     return pieces
 
 
-def _share_time(picks: list[Pick], rows: Rows) -> bool:
+def _share_time(picks: list[Pick], rows: MessageRows) -> bool:
     """Say whether all picks of each row carry one time."""
     first = _raw_stamp(picks[0].stamp, rows)
     return all(np.array_equal(_raw_stamp(pick.stamp, rows), first) for pick in picks[1:])
 
 
-def _raw_stamp(stamp: Stamp | None, rows: Rows) -> NDArray[Any]:
+def _raw_stamp(stamp: Stamp | None, rows: MessageRows) -> NDArray[Any]:
     """Return (n,) the bytes of a time as one number if they stand together, else the time."""
     seconds, nanos = stamp or (None, None)
-    if not isinstance(seconds, Span) or not isinstance(nanos, Span):
+    if not isinstance(seconds, FieldSpan) or not isinstance(nanos, FieldSpan):
         return _stamp(stamp, rows)
     together = seconds.code[1:] == "i4" and nanos.start == seconds.start + 4
     return rows.numbers(seconds.start, "u8", 1)[:, 0] if together else _stamp(stamp, rows)
 
 
-def _stamp(stamp: Stamp | None, rows: Rows) -> NDArray[np.int64]:
+def _stamp(stamp: Stamp | None, rows: MessageRows) -> NDArray[np.int64]:
     if stamp is None:
         return np.full(len(rows), NO_STAMP)
     seconds, nanos = (_whole(part, rows) for part in stamp)
@@ -206,8 +219,8 @@ def _stamp(stamp: Stamp | None, rows: Rows) -> NDArray[np.int64]:
     return total
 
 
-def _whole(value: Value, rows: Rows) -> NDArray[np.int64]:
-    if not isinstance(value, Span):
+def _whole(value: Value, rows: MessageRows) -> NDArray[np.int64]:
+    if not isinstance(value, FieldSpan):
         return np.full(len(rows), int(value or 0), np.int64)
     if value.code == VARINT:
         return rows.varint(value.start, value.count)

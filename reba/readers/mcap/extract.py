@@ -12,10 +12,10 @@ from typing import Any, Final
 
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import FACTORS
-from reba.readers.mcap.layout import Span, Undecodable
+from reba.readers.mcap.layout import FieldSpan, Undecodable
 from reba.readers.recording.stream import Kind
 
-Value = Span | float | None
+Value = FieldSpan | float | None
 Stamp = tuple[Value, Value]
 """Seconds and nanoseconds."""
 TEXTS: Final = frozenset({"name", "child_frame_id", "parent_frame_id", "frame_id"})
@@ -70,7 +70,7 @@ def _fields(tree: Any) -> Mapping[str, Any]:
 
 def number(value: Any) -> Value:
     """Return a number of a tree; what is no number is None."""
-    if isinstance(value, Span):
+    if isinstance(value, FieldSpan):
         return value if value.scalar else None
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
@@ -100,7 +100,7 @@ def stamp_of(tree: Mapping[str, Any]) -> Stamp | None:
 
 
 def _whole(value: Any) -> Value:
-    if isinstance(value, Span) and value.scalar and value.code[-2] != "f":
+    if isinstance(value, FieldSpan) and value.scalar and value.code[-2] != "f":
         return value
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 1 << 33:
         raise Undecodable("the time stamp is not in whole seconds and nanoseconds")
@@ -128,7 +128,7 @@ def pick_joints(tree: Any) -> list[Pick]:
     else:
         fields = _fields(tree)
         names, given = fields.get("name"), fields.get("position")
-        if isinstance(given, Span):
+        if isinstance(given, FieldSpan):
             positions = list(given.items())
         else:
             positions = _numbers(given) if isinstance(given, list) else []

@@ -2,9 +2,9 @@
 
 Walking a message field by field costs tens of microseconds in Python. But the messages of a topic nearly always have
 the same layout: only numbers differ, while counts and names stay. So one message is walked; what it finds are the
-places of its numbers (`Span`) and the bytes that decide where these are ("fixed": counts, lengths, names that matter).
-Every other message of the same length whose fixed bytes are equal has its numbers in the same places, and numpy takes
-them from all these messages at once.
+places of its numbers (`FieldSpan`) and the bytes that decide where these are ("fixed": counts, lengths, names that
+matter). Every other message of the same length whose fixed bytes are equal has its numbers in the same places, and
+numpy takes them from all these messages at once.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.arrays import Array, Flags
 from reba.readers.mcap.records import gather
 
 VARINT: Final = "varint"
@@ -29,7 +30,7 @@ class Undecodable(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class FieldSpan:
     """Where numbers stand in a message: `count` of the numpy type `code` (with byte order) from byte `start`.
 
     A varint has the code `VARINT`, and `count` is its number of bytes. `scalar` tells a field from an array of one.
@@ -40,15 +41,15 @@ class Span:
     count: int = 1
     scalar: bool = True
 
-    def items(self) -> list[Span]:
+    def items(self) -> list[FieldSpan]:
         """Return a span for each number of an array."""
         if self.code == VARINT:
             return [self]
         size = int(self.code[-1])
-        return [Span(self.start + index * size, self.code) for index in range(self.count)]
+        return [FieldSpan(self.start + index * size, self.code) for index in range(self.count)]
 
 
-Tree: TypeAlias = "Span | str | float | dict[str, Tree] | list[Tree] | None"
+Tree: TypeAlias = "FieldSpan | str | float | dict[str, Tree] | list[Tree] | None"
 """A message as it was found: spans for numbers (JSON: the numbers), text, fields by name, elements in order."""
 
 
@@ -67,7 +68,7 @@ class Walked:
     varints: list[tuple[int, int]] = field(default_factory=list)
 
 
-class Rows:
+class MessageRows:
     """Messages of one length in the bytes of a segment; row i starts at `starts[i]`."""
 
     def __init__(self, data: NDArray[np.uint8], starts: NDArray[np.int64], length: int) -> None:
@@ -81,9 +82,9 @@ class Rows:
     def __len__(self) -> int:
         return len(self.starts)
 
-    def select(self, chosen: NDArray[np.bool_]) -> Rows:
+    def select(self, chosen: Flags) -> MessageRows:
         """Return the rows for which `chosen` (n,) is true."""
-        return self if chosen.all() else Rows(self.data, self.starts[chosen], self.length)
+        return self if chosen.all() else MessageRows(self.data, self.starts[chosen], self.length)
 
     def numbers(self, start: int, code: str, count: int) -> NDArray[Any]:
         """Return (n, count) numbers of type `code` that begin `start` bytes into each row."""
@@ -106,7 +107,7 @@ class Rows:
         return (parts << shifts).sum(axis=1, dtype=np.uint64).astype(np.int64)
 
 
-class Layout:
+class MessageLayout:
     """The layout of a walked message, to be compared with others of the same length."""
 
     def __init__(self, walked: Walked, message: bytes) -> None:
@@ -119,7 +120,7 @@ class Layout:
             mask[start:stop] = 0x80
         self._blocks = [(start, template[start:stop], mask[start:stop]) for start, stop in _blocks(mask)]
 
-    def matches(self, rows: Rows) -> NDArray[np.bool_]:
+    def matches(self, rows: MessageRows) -> Flags:
         """Return (n,) whether each row has this layout."""
         equal = np.ones(len(rows), bool)
         for start, template, mask in self._blocks:
@@ -142,7 +143,7 @@ def _blocks(mask: NDArray[np.uint8]) -> list[tuple[int, int]]:
 
 
 @dataclass(frozen=True)
-class Run:
+class FieldRun:
     """Numbers that stand side by side in a message and in the result."""
 
     start: int
@@ -151,12 +152,12 @@ class Run:
     column: int
 
 
-def runs(spans: Sequence[Span | float | None]) -> tuple[list[Run], dict[int, float]]:
+def runs(spans: Sequence[FieldSpan | float | None]) -> tuple[list[FieldRun], dict[int, float]]:
     """Return the runs of adjacent spans, and the columns that are constant (None: NaN)."""
-    found: list[Run] = []
+    found: list[FieldRun] = []
     constant: dict[int, float] = {}
     for column, span in enumerate(spans):
-        if not isinstance(span, Span):
+        if not isinstance(span, FieldSpan):
             constant[column] = float("nan") if span is None else float(span)
             continue
         last = found[-1] if found else None
@@ -167,13 +168,13 @@ def runs(spans: Sequence[Span | float | None]) -> tuple[list[Run], dict[int, flo
             and last.column + last.count == column
             and last.start + last.count * int(span.code[-1]) == span.start
         ):
-            found[-1] = Run(last.start, last.code, last.count + 1, last.column)
+            found[-1] = FieldRun(last.start, last.code, last.count + 1, last.column)
         else:
-            found.append(Run(span.start, span.code, span.count, column))
+            found.append(FieldRun(span.start, span.code, span.count, column))
     return found, constant
 
 
-def take(rows: Rows, found: Sequence[Run], constant: dict[int, float], width: int) -> NDArray[np.float64]:
+def take(rows: MessageRows, found: Sequence[FieldRun], constant: dict[int, float], width: int) -> Array:
     """Return (n, width) numbers of all rows."""
     result = np.empty((len(rows), width))
     for column, value in constant.items():

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reba.arrays import Array, Flags, Indices
 from reba.readers.mcap.decode import NO_STAMP, Piece
 from reba.readers.mcap.extract import POSE
 from reba.readers.recording.stream import Block, ReadLog
@@ -24,7 +24,6 @@ MOST_SIGNALS: Final = 2000
 """Names kept in one stream; no body has more, and names that change with every message would fill the memory."""
 BLOCK_ROWS: Final = 4096
 """Messages gathered before a block is handed out."""
-Values = NDArray[np.float64]
 
 
 class Clock:
@@ -42,7 +41,7 @@ class Clock:
         self.epoch = epoch
         self._lag = 0
 
-    def seconds(self, piece: Piece, log: ReadLog) -> NDArray[np.float64]:
+    def seconds(self, piece: Piece, log: ReadLog) -> Array:
         """Return (n,) seconds; messages without a stamp get their log time, moved by the last known lag."""
         if self.source == "log_time":
             return np.asarray((piece.log - self.zero) / 1e9)
@@ -74,10 +73,10 @@ class Merger:
         self._log = log
         self._frames = frames
         self._width = POSE if frames else 1
-        self._static: dict[str, Values] = {}
-        self._pieces: list[tuple[NDArray[np.float64], NDArray[np.intp], Values]] = []
+        self._static: dict[str, Array] = {}
+        self._pieces: list[tuple[Array, Indices, Array]] = []
         self._rows = 0
-        self._held: tuple[Values, Values] = (np.zeros(0), np.zeros((0, self._width)))
+        self._held: tuple[Array, Array] = (np.zeros(0), np.zeros((0, self._width)))
         self._end = -np.inf
 
     @property
@@ -161,7 +160,7 @@ class Merger:
 
     def _keep(self, time: float) -> None:
         """Keep what came at this time or so for the next block: of each set of columns the last sample."""
-        kept: dict[bytes, tuple[NDArray[np.float64], NDArray[np.intp], Values]] = {}
+        kept: dict[bytes, tuple[Array, Indices, Array]] = {}
         for times, columns, values in self._pieces:
             late = np.flatnonzero(times >= time)
             if len(late):
@@ -169,7 +168,7 @@ class Merger:
                 kept[columns.tobytes()] = (times[late[-1:]], columns, values[late[-1:]])
         self._pieces, self._rows = list(kept.values()), len(kept)
 
-    def _complete(self) -> tuple[NDArray[np.float64], Values] | None:
+    def _complete(self) -> tuple[Array, Array] | None:
         """Return time and values if every piece brings every column and time only grows: nothing to merge."""
         wanted = np.arange(len(self._columns))
         if not all(np.array_equal(columns, wanted) for _, columns, _ in self._pieces):
@@ -181,7 +180,7 @@ class Merger:
         self._held = (np.full(len(wanted), time[-1]), values[-1].copy())
         return time, values
 
-    def _merged(self, last: bool) -> tuple[NDArray[np.float64], Values]:
+    def _merged(self, last: bool) -> tuple[Array, Array]:
         """Return time and values with one row for each distinct time, gaps held."""
         every = np.unique(np.concatenate([times for times, _, _ in self._pieces]))
         near = np.diff(every) < TOGETHER if self._frames else np.zeros(len(every) - 1, bool)
@@ -200,7 +199,7 @@ class Merger:
         self._hold(time, values, present, last)
         return time, values
 
-    def _hold(self, time: NDArray[np.float64], values: Values, present: NDArray[np.bool_], last: bool) -> None:
+    def _hold(self, time: Array, values: Array, present: Flags, last: bool) -> None:
         """Fill what rows lack with the last value that is not too old; remember the newest of each column.
 
         The newest row is not complete yet unless this is the `last` block.
@@ -223,7 +222,7 @@ class Merger:
         last_value[seen] = values[newest[-1], np.arange(count)][seen]
         self._held = (last_time, last_value)
 
-    def _last(self, count: int) -> tuple[Values, Values]:
+    def _last(self, count: int) -> tuple[Array, Array]:
         times, values = self._held
         new = count - len(times)
         return (

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from reba.readers.mcap.layout import VARINT, Span, Tree, Undecodable, Walked
+from reba.readers.mcap.layout import VARINT, FieldSpan, Tree, Undecodable, Walked
 from reba.readers.mcap.ros import BadSchema
 
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
@@ -201,8 +201,8 @@ def _leaf(field: Field, piece: _Piece, message: bytes, texts: Collection[str], w
             raise Undecodable(f"byte {piece.at}: {field.name} is not UTF-8 text") from error
     code, wire = _NUMBERS.get(field.type, (VARINT, _VARINT))
     if piece.wire == wire:
-        return Span(piece.at, code, piece.stop - piece.at if wire == _VARINT else 1)
+        return FieldSpan(piece.at, code, piece.stop - piece.at if wire == _VARINT else 1)
     if piece.wire == _BYTES and field.repeated and wire != _VARINT:
         size = int(code[-1])
-        return list(Span(piece.at, code, (piece.stop - piece.at) // size, False).items())
+        return list(FieldSpan(piece.at, code, (piece.stop - piece.at) // size, False).items())
     return None

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from reba.readers.mcap.layout import Span, Tree, Undecodable, Walked
+from reba.readers.mcap.layout import FieldSpan, Tree, Undecodable, Walked
 
 PRIMITIVES: Final[Mapping[str, str]] = {
     "bool": "u1",
@@ -219,7 +219,7 @@ class _Walker:
             raise Undecodable(f"byte {self.at}: array of {count} elements exceeds the message")
         return [self.value(kind.element, name) for _ in range(count)]
 
-    def numbers(self, code: str, count: int, *, scalar: bool) -> Span:
+    def numbers(self, code: str, count: int, *, scalar: bool) -> FieldSpan:
         size = int(code[1])
         if count:
             self.align(size)
@@ -229,7 +229,7 @@ class _Walker:
                 f"byte {start}: {count} numbers of {size} bytes exceed the message of {len(self.message)}"
             )
         self.at = stop
-        return Span(start, self.order + code, count, scalar)
+        return FieldSpan(start, self.order + code, count, scalar)
 
     def count(self) -> int:
         span = self.numbers("u4", 1, scalar=True)

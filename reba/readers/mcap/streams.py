@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from reba.errors import ReadError
-from reba.readers.mcap.channels import Part, batch_of, segments_of
-from reba.readers.mcap.container import Segment, Store
+from reba.readers.mcap.channels import DecodableChannel, batch_of, segments_of
+from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.mcap.decode import NO_STAMP, Decoder, Piece, load_json
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.merge import MOST_SIGNALS, Clock, Merger
@@ -29,7 +29,7 @@ _JUMP_BACK: Final = 500_000_000
 
 
 @dataclass(frozen=True)
-class Peek:
+class StreamHeader:
     """What the first messages of the channels of a stream tell."""
 
     names: tuple[str, ...]
@@ -37,7 +37,7 @@ class Peek:
     clock: Clock
 
 
-def first_look(parts: Sequence[Part], kind: Kind, log: ReadLog) -> Peek | None:
+def first_look(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
     """Peek into the first file that holds usable messages; None if there is none.
 
     Raises:
@@ -56,7 +56,7 @@ def first_look(parts: Sequence[Part], kind: Kind, log: ReadLog) -> Peek | None:
     return None
 
 
-def peek(parts: Sequence[Part], kind: Kind, log: ReadLog) -> Peek | None:
+def peek(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
     """Look at the first messages of each channel; None if none of them is of use, the log then says why.
 
     Raises:
@@ -75,10 +75,10 @@ def peek(parts: Sequence[Part], kind: Kind, log: ReadLog) -> Peek | None:
     }
     names = tuple(dict.fromkeys(name for piece in moving + static for name in piece.names))[:MOST_SIGNALS]
     clock = _clock(moving, "time" if kind == "angles" else "header.stamp")
-    return Peek(names, tuple(parents[name] for name in names) if kind == "frames" else (), clock)
+    return StreamHeader(names, tuple(parents[name] for name in names) if kind == "frames" else (), clock)
 
 
-def _first_pieces(part: Part, decoder: Decoder, log: ReadLog) -> list[Piece]:
+def _first_pieces(part: DecodableChannel, decoder: Decoder, log: ReadLog) -> list[Piece]:
     pieces, seen = [], 0
     looked = 0
     for number, segment in enumerate(segments_of(part.container, part.channel), 1):
@@ -107,7 +107,7 @@ def _clock(pieces: Sequence[Piece], stamped: str) -> Clock:
     return Clock(stamped, first, first)
 
 
-class Intake:
+class McapBlockDecoder:
     """Turns segments of the channels of one stream into blocks, one segment after the other.
 
     Args:
@@ -119,7 +119,12 @@ class Intake:
     """
 
     def __init__(
-        self, parts: Sequence[Part], kind: Kind, first: Peek, log: ReadLog, wanted: frozenset[str] | None
+        self,
+        parts: Sequence[DecodableChannel],
+        kind: Kind,
+        first: StreamHeader,
+        log: ReadLog,
+        wanted: frozenset[str] | None,
     ) -> None:
         kept = [at for at, name in enumerate(first.names) if wanted is None or name in wanted]
         self._parts = parts
@@ -138,7 +143,7 @@ class Intake:
                 for piece in _first_pieces(part, self._decoders[id(part)], ReadLog()):
                     self._merger.add(piece, static=True)
 
-    def take(self, container: Store, segment: Segment) -> None:
+    def take(self, container: Store, segment: ChunkRef) -> None:
         """Take up the messages of a segment.
 
         Raises:
@@ -164,7 +169,7 @@ class Intake:
         """Return what is gathered; the newest row only if it has every signal, so that no more of it can come."""
         return self._merger.flush(last=self._merger.newest_whole())
 
-    def rows(self, container: Store, segment: Segment) -> list[dict[str, Any]]:
+    def rows(self, container: Store, segment: ChunkRef) -> list[dict[str, Any]]:
         """Return the rows of posture tables in a segment, text columns included.
 
         Raises:
@@ -197,7 +202,9 @@ class StreamReader:
         strict: whether a damaged file of several is an error.
     """
 
-    def __init__(self, parts: Sequence[Part], kind: Kind, first: Peek, opened: ReadLog, *, strict: bool) -> None:
+    def __init__(
+        self, parts: Sequence[DecodableChannel], kind: Kind, first: StreamHeader, opened: ReadLog, *, strict: bool
+    ) -> None:
         self._parts = parts
         self._kind = kind
         self._first = first
@@ -233,10 +240,10 @@ class StreamReader:
         if (block := intake.flush(last=True)) is not None:
             yield block
 
-    def follow(self, log: ReadLog, names: Sequence[str] | None) -> Intake:
+    def follow(self, log: ReadLog, names: Sequence[str] | None) -> McapBlockDecoder:
         """Return what turns segments into blocks, for whoever hands it one segment after the other."""
         self._begin(log)
-        return Intake(self._parts, self._kind, self._first, log, None if names is None else frozenset(names))
+        return McapBlockDecoder(self._parts, self._kind, self._first, log, None if names is None else frozenset(names))
 
     def table(self) -> pd.DataFrame:
         """Return all rows of posture tables, text columns included; `time` in seconds since the epoch."""
@@ -253,7 +260,7 @@ class StreamReader:
         for warning in self._opened.warnings:
             log.warn(warning)
 
-    def _segments(self, log: ReadLog) -> Iterator[tuple[Store, Segment]]:
+    def _segments(self, log: ReadLog) -> Iterator[tuple[Store, ChunkRef]]:
         """Yield the segments of all files; a file of several that is damaged on the way is left there."""
         containers = list(dict.fromkeys(part.container for part in self._parts))
         for container in containers:

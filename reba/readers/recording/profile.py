@@ -40,7 +40,7 @@ AXES = ("isb", "ros", "rest")
 
 
 @dataclass(frozen=True)
-class Step:
+class ElementaryRotation:
     """One elementary turn of a chain: about `axis` 0, 1 or 2, by `sign` times joint `name`, or by `degrees`."""
 
     axis: int
@@ -96,11 +96,11 @@ class Profile:
     trunk: str = "line"
     required: tuple[str, ...] = ()
     marks: tuple[str, ...] = ()
-    chains: Mapping[str, tuple[Step, ...]] = field(default_factory=dict)
+    chains: Mapping[str, tuple[ElementaryRotation, ...]] = field(default_factory=dict)
     columns: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
     segments: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     points: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    turns: Mapping[str, tuple[Step, ...]] = field(default_factory=dict)
+    turns: Mapping[str, tuple[ElementaryRotation, ...]] = field(default_factory=dict)
     dummies: Mapping[str, float] = field(default_factory=dict)
     root: tuple[str, ...] = ()
     root_axes: str = "ros"
@@ -318,15 +318,15 @@ def _reasons(table: Mapping[str, Any], where: str) -> dict[str, str]:
     return result
 
 
-def _step(item: Any, where: str) -> Step:
+def _step(item: Any, where: str) -> ElementaryRotation:
     words = item.split() if isinstance(item, str) else []
     if len(words) != 2 or words[0] not in ("+x", "-x", "+y", "-y", "+z", "-z"):
         raise ProfileError(f"profile {where}: turn {item!r}, expected like '+z left_elbow' or '-x 90'")
     sign, axis = (-1.0 if words[0][0] == "-" else 1.0), "xyz".index(words[0][1])
     try:
-        return Step(axis, sign, "", float(words[1]))
+        return ElementaryRotation(axis, sign, "", float(words[1]))
     except ValueError:
-        return Step(axis, sign, words[1])
+        return ElementaryRotation(axis, sign, words[1])
 
 
 def _term(item: Any, where: str) -> Term:

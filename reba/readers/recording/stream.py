@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+
+from reba.arrays import Array
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,9 +64,9 @@ class Block:
         parents: frames only: the parent frame of each name, "" for a pose that is already in the world.
     """
 
-    time: NDArray[np.float64]
+    time: Array
     names: tuple[str, ...]
-    values: NDArray[np.float64]
+    values: Array
     parents: tuple[str, ...] = ()
 
 
@@ -134,7 +135,7 @@ class Stream:
     epoch: float = 0.0
     count: int | None = None
     up: str = ""
-    rest: NDArray[np.float64] | None = None
+    rest: Array | None = None
     table: Callable[[], pd.DataFrame] | None = None
     follow: Callable[[ReadLog, Sequence[str] | None], BlockDecoder] | None = None
 
@@ -183,7 +184,7 @@ class Recording:
 
 BLOCK = 20_000
 """Samples handed out at once: a few tens of MB for a whole body."""
-Values = Callable[[slice], NDArray[np.float64]]
+Values = Callable[[slice], Array]
 
 
 def array_stream(
@@ -191,8 +192,8 @@ def array_stream(
     kind: Kind,
     format: str,
     names: Sequence[str],
-    time: NDArray[np.float64],
-    values: NDArray[np.float64] | Values,
+    time: Array,
+    values: Array | Values,
     *,
     opened: ReadLog,
     **more: Any,
@@ -264,7 +265,7 @@ def clip(text: str, length: int = 40) -> str:
     return repr(text if len(text) <= length else text[:length] + "...")
 
 
-def check_time(time: NDArray[np.float64], log: ReadLog) -> None:
+def check_time(time: Array, log: ReadLog) -> None:
     """Note it when time stands still or runs backwards."""
     steps = np.diff(time)
     if np.any(steps < 0):

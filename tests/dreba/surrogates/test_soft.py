@@ -16,7 +16,7 @@ from dreba.surrogates.soft import SoftModel
 from dreba.surrogates.soft_fit import RATES, by_parameters
 from dreba.surrogates.soft_steps import STEPS
 from dreba.surrogates.soft_tables import SoftTables
-from reba.method.classes import quantities
+from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
 from reba.posture.columns import COLUMNS, INDEX
 
@@ -38,7 +38,7 @@ def learned() -> SoftModel:
 def away_from_thresholds(angles: np.ndarray, rules: Rules, distance: float) -> np.ndarray:
     """Which poses have no angle within a distance of a class edge of its own."""
     clear = np.ones(len(angles), bool)
-    for quantity in quantities(rules):
+    for quantity in angle_classes(rules):
         edges = [edge for c in quantity.classes for edge in (c.low, c.high) if np.isfinite(edge)]
         for column in quantity.columns:
             for edge in edges:

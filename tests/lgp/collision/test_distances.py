@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lgp.collision.distances import Collisions
-from lgp.kinematics.modes import Modes, Switch
+from lgp.kinematics.modes import KinematicSwitch, ModeSequence
 from tests.support.lgp_worlds import anywhere, human_world, needs_robots, screwdriver_world
 
 RIGHT = "human.right_hand"
@@ -26,7 +26,7 @@ def test_distances_are_what_a_ruler_says() -> None:
     found = collisions.distances(kinematics, [0], np.zeros(0), np.array([0]), np.array([pair]))
     # The box lies below the head: nearest is the lower end of the head's capsule, radius 0.1 m at 1.75 m stature.
     end = kinematics.place("human.middle_cervical_Y").position[0]
-    box = Modes(world, ()).pose("box", 0, kinematics, np.zeros(0))
+    box = ModeSequence(world, ()).pose("box", 0, kinematics, np.zeros(0))
     local = box.rotation[0].T @ (end - box.position[0])
     gap = np.linalg.norm(np.maximum(np.abs(local) - np.array([0.15, 0.05, 0.1]), 0.0)) - 0.1
     assert found.value[0] == pytest.approx(gap, abs=1e-6)
@@ -49,12 +49,12 @@ def test_distance_goes_below_zero_by_the_depth() -> None:
 @needs_robots
 def test_derivatives_by_differences_objects_and_variables_included() -> None:
     world = screwdriver_world()
-    modes = Modes(
+    modes = ModeSequence(
         world,
         [
-            Switch("grasp", "baxter.right", "screwdriver"),
-            Switch("place", "baxter.right", "screwdriver", "table.left"),
-            Switch("grasp", RIGHT, "screwdriver"),
+            KinematicSwitch("grasp", "baxter.right", "screwdriver"),
+            KinematicSwitch("place", "baxter.right", "screwdriver", "table.left"),
+            KinematicSwitch("grasp", RIGHT, "screwdriver"),
         ],
     )
     collisions = Collisions(world, modes)
@@ -113,12 +113,12 @@ def test_the_resting_postures_are_clear_of_tables_of_any_height() -> None:
 @needs_robots
 def test_an_object_may_touch_what_holds_it_around_a_switch() -> None:
     world = screwdriver_world()
-    modes = Modes(
+    modes = ModeSequence(
         world,
         [
-            Switch("grasp", "baxter.right", "screwdriver"),
-            Switch("place", "baxter.right", "screwdriver", "table.left"),
-            Switch("grasp", RIGHT, "screwdriver"),
+            KinematicSwitch("grasp", "baxter.right", "screwdriver"),
+            KinematicSwitch("place", "baxter.right", "screwdriver", "table.left"),
+            KinematicSwitch("grasp", RIGHT, "screwdriver"),
         ],
     )
     collisions = Collisions(world, modes)

@@ -9,7 +9,7 @@ import pytest
 import lgp
 from lgp.execution.executive import Settings
 from lgp.execution.faults import KINDS, parse_fault
-from lgp.execution.session import Run, Session, compare
+from lgp.execution.session import ExecutionRun, RunOptions, compare
 from lgp.execution.worker import EXACT
 from tests.support.execution_plans import kinds, saved, went
 from tests.support.lgp_worlds import needs_robots
@@ -33,8 +33,8 @@ def test_a_moved_object_moves_one_motion_and_the_rest_goes_on(folder: Path) -> N
 
 
 def test_moving_a_motion_is_compared_with_a_new_plan(folder: Path) -> None:
-    run = Run(speed=0.0, compare=False, habits=EXACT, faults=(parse_fault("moved@1"),))
-    session = Session(folder, run)
+    run = RunOptions(speed=0.0, compare=False, habits=EXACT, faults=(parse_fault("moved@1"),))
+    session = ExecutionRun(folder, run)
     session.go()
     (shift,) = session.executive.shifts
     found = compare(session.planner, shift, 3.0)
@@ -105,10 +105,10 @@ def test_an_action_that_never_ends_is_tried_once_more_and_given_up(folder: Path,
 
 
 def test_a_motion_too_fast_is_slowed_down_or_refused(folder: Path) -> None:
-    session = Session(folder, Run(speed=0.0, compare=False, habits=EXACT))
+    session = ExecutionRun(folder, RunOptions(speed=0.0, compare=False, habits=EXACT))
     session.planner.motion.world.model.velocityLimit *= 0.3
     assert session.go()["slowed"] >= 1
-    session = Session(folder, Run(speed=0.0, habits=EXACT, settings=Settings(slow_down=False)))
+    session = ExecutionRun(folder, RunOptions(speed=0.0, habits=EXACT, settings=Settings(slow_down=False)))
     session.planner.motion.world.model.velocityLimit *= 0.3
     summary = session.go()
     assert summary["state"] == "failed"

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from lgp.execution.predicates import check, end_of, first_failing, free, grasped, on_table, placed, start_of
 from lgp.execution.ros_messages import DEFINITIONS, TRAJECTORY, encode, quaternion, trajectory
 from lgp.execution.tracked_scene import atoms_now, carrier, scene_now
-from lgp.execution.tracking import Observation, Sighting, View
-from lgp.execution.trajectory import Brake, Segment, slowed, violations
+from lgp.execution.tracking import Observation, TrackedPose, TrackedWorld
+from lgp.execution.trajectory import Brake, JointTrajectory, time_scaled, violations
 from lgp.kinematics.features import exponential
 from lgp.kinematics.world import World
 from lgp.logic.task import parse_atom
@@ -30,7 +30,7 @@ def test_a_motion_begins_and_ends_at_rest_where_it_should(
     slices: int, seconds: float, stretch: float, seed: int
 ) -> None:
     knots = np.random.default_rng(seed).normal(size=(slices + 1, 3))
-    segment = Segment(knots, seconds, stretch)
+    segment = JointTrajectory(knots, seconds, stretch)
     np.testing.assert_allclose(segment.at(0.0), knots[0], atol=1e-9)
     np.testing.assert_allclose(segment.at(segment.duration + 1.0), knots[-1], atol=1e-9)
     for end in (0.0, segment.duration):
@@ -42,7 +42,7 @@ def test_a_motion_begins_and_ends_at_rest_where_it_should(
 
 
 def test_a_brake_goes_on_as_the_motion_went_and_ends_at_rest() -> None:
-    segment = Segment(np.array([[0.0], [1.0], [2.0]]), 1.0)
+    segment = JointTrajectory(np.array([[0.0], [1.0], [2.0]]), 1.0)
     brake = Brake(segment.at(0.5), segment.velocity(0.5))
     np.testing.assert_allclose(brake.velocity(0.0), segment.velocity(0.5))
     assert brake.velocity(brake.duration)[0] == 0.0
@@ -56,21 +56,21 @@ def test_limits_name_joint_time_and_value_and_slowing_down_keeps_them() -> None:
     at = world.column["baxter.left_s1"]
     knots = np.tile(world.start, (5, 1))
     knots[:, at] += np.linspace(0.0, 1.2, 5)
-    fast = Segment(knots, 0.5)
+    fast = JointTrajectory(knots, 0.5)
     (broken,) = violations(world, fast, columns)
     assert (broken.joint, broken.kind, broken.limit) == ("baxter.left_s1", "velocity", 1.5)
     assert abs(broken.value) > 1.5
-    slow, factor = slowed(world, fast, columns)
+    slow, factor = time_scaled(world, fast, columns)
     assert factor == pytest.approx(1.001 * abs(broken.value) / 1.5)
     assert violations(world, slow, columns) == []
     knots[:, at] = np.linspace(world.start[at], world.upper[at] + 0.2, 5)
-    assert violations(world, Segment(knots, 9.0), columns)[0].kind == "position"
+    assert violations(world, JointTrajectory(knots, 9.0), columns)[0].kind == "position"
 
 
 def test_messages_are_what_ros_writes() -> None:
     typestores = pytest.importorskip("rosbags.typesys")
     store = typestores.get_typestore(typestores.Stores.ROS2_HUMBLE)
-    segment = Segment(np.random.default_rng(1).normal(size=(4, 3)), 0.3)
+    segment = JointTrajectory(np.random.default_rng(1).normal(size=(4, 3)), 0.3)
     message = trajectory(1_700_000_000_123_456_789, ["a", "joint_b", "c"], segment, np.arange(3))
     data = encode(TRAJECTORY, message)
     read = store.deserialize_cdr(data, TRAJECTORY)
@@ -98,12 +98,12 @@ def world() -> World:
     )
 
 
-def seen(world: World, spots: list[np.ndarray], stale: float = 0.0, **more: object) -> View:
+def seen(world: World, spots: list[np.ndarray], stale: float = 0.0, **more: object) -> TrackedWorld:
     """Return a view of the box at some places, one every 0.05 s, that nobody moves for."""
-    view = View(world)
+    view = TrackedWorld(world)
     for number, spot in enumerate(spots):
         time = 0.05 * number
-        things = {"box": Sighting(np.eye(3), np.asarray(spot, dtype=float), time - stale)}
+        things = {"box": TrackedPose(np.eye(3), np.asarray(spot, dtype=float), time - stale)}
         view.add(Observation(time, world.start, things))
     return view
 
@@ -149,9 +149,9 @@ def test_an_object_in_the_hand_is_grasped_and_the_scene_has_it_there(world: Worl
     assert parse_atom("on_table(box)") not in atoms
     scene = scene_now(world.scene, view, set(), atoms)
     held = World(scene)
-    from lgp.kinematics.modes import Modes
+    from lgp.kinematics.modes import ModeSequence
 
-    modes = Modes(held, ())
+    modes = ModeSequence(held, ())
     pose = modes.pose("box", 0, held.at(held.start[None], modes.frames), np.zeros(0))
     np.testing.assert_allclose(pose.position[0], at, atol=1e-9)
     np.testing.assert_allclose(pose.rotation[0], np.eye(3), atol=1e-9)

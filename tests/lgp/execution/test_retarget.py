@@ -8,11 +8,11 @@ import numpy as np
 
 import lgp
 from lgp.collision.distances import Collisions
-from lgp.execution.fixed_path import SLACK, PinnedBounds, planned_course, still_hands
+from lgp.execution.fixed_path import SLACK, FixedPathBounds, planned_course, still_hands
 from lgp.execution.replan import again, shortened
 from lgp.execution.retarget import Phase, Planner
-from lgp.execution.tracking import Observation, Sighting, View
-from lgp.kinematics.modes import Modes
+from lgp.execution.tracking import Observation, TrackedPose, TrackedWorld
+from lgp.kinematics.modes import ModeSequence
 from lgp.planner import task_of
 from lgp.scene.model import Scene
 from tests.support.execution_plans import small_plan
@@ -44,9 +44,9 @@ def scene_before(number: int) -> Scene:
     planner = toolbox()
     row = number * planner.motion.phases.slices
     poses = {name: planner.motion.thing(name) for name in planner.plan.scene.things}
-    view = View(planner.motion.world)
+    view = TrackedWorld(planner.motion.world)
     for time in np.arange(0.0, 0.4, 0.05):
-        things = {name: Sighting(at.rotation[row], at.position[row], time) for name, at in poses.items()}
+        things = {name: TrackedPose(at.rotation[row], at.position[row], time) for name, at in poses.items()}
         view.add(Observation(time, planner.motion.path[row], things, frozenset({"baxter.left", "baxter.right"})))
     return planner.scene(number, view)
 
@@ -79,8 +79,8 @@ def test_a_new_plan_begins_with_the_hold_that_goes_on() -> None:
     # The arm may touch what it holds in every phase.
     world = planner.motion.world.with_scene(scene)
     switches = planner.motion.phases.switches[GIVES:]
-    assert Modes(world, switches).held_at_first == (("baxter.right", HANDLE, 2),)
-    bodies = Collisions(world, Modes(world, switches))
+    assert ModeSequence(world, switches).held_at_first == (("baxter.right", HANDLE, 2),)
+    bodies = Collisions(world, ModeSequence(world, switches))
     pair = {"baxter.right_w2", HANDLE}
     touching = [at for at in range(len(bodies.pairs)) if set(bodies.name(at).split(" and ")) == pair]
     assert touching
@@ -92,7 +92,7 @@ def test_a_hand_that_holds_is_free_after_its_next_action() -> None:
     task = task_of(world.scene)
     names = ("grasp(human.right_hand, screwdriver)", "place(human.right_hand, screwdriver, table.center)",
              "grasp(baxter.right, screwdriver)", "place(baxter.right, screwdriver, table.left)")  # fmt: skip
-    bounds = PinnedBounds(world, slices=2, still=["baxter.right"])
+    bounds = FixedPathBounds(world, slices=2, still=["baxter.right"])
     problem = bounds.problem("path", bounds.phases(tuple(map(task.action, names))))
     arm = np.flatnonzero(world.support("baxter.right"))
     room = (problem.upper - problem.lower)[: 8 * world.nq].reshape(8, -1)[:, arm].max(axis=1)
@@ -118,7 +118,7 @@ def test_an_arm_without_a_part_moves_as_planned_as_a_whole_or_not_at_all() -> No
 def test_what_is_left_is_tried_first_with_what_must_be_done_again() -> None:
     planner = Planner(small_plan())
     world = planner.motion.world
-    bounds = PinnedBounds(world, slices=planner.motion.phases.slices)
+    bounds = FixedPathBounds(world, slices=planner.motion.phases.slices)
     task = task_of(world.scene)
     # The screwdriver lies where it was at first: it was dropped on the way.
     assert again(planner.motion, task, 1, bounds) == planner.actions

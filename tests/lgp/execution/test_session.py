@@ -14,7 +14,7 @@ import reba
 from lgp.execution.commands import export
 from lgp.execution.log_reader import messages
 from lgp.execution.session import TICK
-from lgp.execution.worker import Habits
+from lgp.execution.worker import WorkerBehaviour
 from lgp.kinematics.posture import PostureMap
 from lgp.motion import Motion
 from tests.support.execution_plans import kinds, saved, small_plan, went
@@ -61,7 +61,7 @@ def test_nobody_is_late_for_an_action_before_its_motion_is_over(ran: tuple[Path,
 def test_the_log_scores_as_the_executed_path_does(tmp_path: Path) -> None:
     """Angles by the posture table of the log, by its joint states and by the configurations themselves agree."""
     folder = saved(tmp_path)
-    went(folder, habits=Habits(), seed=4)
+    went(folder, habits=WorkerBehaviour(), seed=4)
     states = of_topic(folder / "run.mcap", "/state")
     times, q = np.array([one["time"] for one in states]), np.array([one["q"] for one in states])
     truth = PostureMap(Motion(small_plan()).world).angles(q)
@@ -116,7 +116,7 @@ def test_the_same_seed_gives_the_same_run(ran: tuple[Path, dict[str, Any], list[
     folder = saved(tmp_path)
     _, again = went(folder)
     assert [(e.time, e.text) for e in ran[2]] == [(e.time, e.text) for e in again]
-    _, other = went(folder, habits=Habits())
+    _, other = went(folder, habits=WorkerBehaviour())
     assert [e.time for e in other] != [e.time for e in again]
 
 

@@ -13,7 +13,7 @@ from lgp.experiments import sensitivity as module
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, empty
 from lgp.experiments.screwdriver import plan_run
 from lgp.experiments.sensitivity import remarks, sensitivity
-from lgp.experiments.variations import AS_IT_IS, WEIGHT, Variation, variations
+from lgp.experiments.variations import BASELINE, WEIGHT, SceneVariation, variations
 from tests.support.lgp_worlds import needs_robots
 
 pytestmark = needs_robots
@@ -23,7 +23,7 @@ SETTINGS = {"seed": 0, "cost": "convex", "collisions": True}
 def test_every_free_choice_is_varied_both_ways() -> None:
     scene = lgp.load_scene("screwdriver")
     found = variations(scene)
-    assert found[0] == AS_IT_IS
+    assert found[0] == BASELINE
     words = " ".join(one.choice for one in found)
     for choice in scene.choices:
         for key in choice.keys:
@@ -39,7 +39,7 @@ def test_every_free_choice_is_varied_both_ways() -> None:
 def test_a_start_table_in_reach_is_remarked_and_taken_from() -> None:
     from lgp.kinematics.world import World
 
-    near = Variation("tables start: position", 0.2, '{"tables.start.position": [0.3, -0.5]}')
+    near = SceneVariation("tables start: position", 0.2, '{"tables.start.position": [0.3, -0.5]}')
     assert "the human reaches the screwdriver without help" in remarks(World(near.scene("screwdriver")))
     runs, _ = plan_run(0, slices=3, variation=near, collisions=False)
     assert set(runs["table"]) == {"start"}
@@ -50,7 +50,7 @@ def test_a_start_table_in_reach_is_remarked_and_taken_from() -> None:
 def test_a_start_table_far_away_is_remarked() -> None:
     from lgp.kinematics.world import World
 
-    far = Variation("tables start: position", 2.0, '{"tables.start.position": [2.9, 1.8]}')
+    far = SceneVariation("tables start: position", 2.0, '{"tables.start.position": [2.9, 1.8]}')
     assert "no robot hand reaches the screwdriver" in remarks(World(far.scene("screwdriver")))
 
 
@@ -69,12 +69,12 @@ def test_rows_are_shares_of_feasible_runs_and_made_once(tmp_path: Path, monkeypa
     tables = {0: "left", 1: "center", 2: None, 3: "start"}
 
     def plan_runs(
-        runs: list[int], seed: int, initial: str, cost: str, jobs: int, variation: Variation, *_: object
+        runs: list[int], seed: int, initial: str, cost: str, jobs: int, variation: SceneVariation, *_: object
     ) -> object:
         asked.append((variation.name, runs))
         return [made(run, tables[run]) for run in runs]
 
-    wanted = (AS_IT_IS, Variation(WEIGHT, 0.8, weight=0.8))
+    wanted = (BASELINE, SceneVariation(WEIGHT, 0.8, weight=0.8))
     monkeypatch.setattr(module, "plan_runs", plan_runs)
     monkeypatch.setattr(module, "variations", lambda scene: wanted)
     sensitivity(tmp_path, 2, SETTINGS)

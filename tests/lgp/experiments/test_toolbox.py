@@ -15,11 +15,11 @@ from lgp.experiments import published
 from lgp.experiments.toolbox import CONDITIONS, Condition, _plain, _summary, scores_of
 from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST, heaviest, order_of, parts_of
 from lgp.experiments.toolbox_report import write_page
-from lgp.kinematics.modes import Modes
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.motion import Motion
 from lgp.path.bounds import PathBounds
-from lgp.path.cache import Memory
+from lgp.path.cache import WarmStartCache
 from lgp.path.phases import Phases
 from lgp.planner import parse_sequence, task_of
 from tests.support.lgp_worlds import needs_robots
@@ -156,7 +156,7 @@ def test_the_page_shows_both_sequences(tmp_path: Path) -> None:
 def test_joined_parts_and_hands_at_work_may_touch() -> None:
     world = World(lgp.load_scene("toolbox"))
     phases = Phases.of(world.scene, parse_sequence(task_of(world.scene), paper("ergonomic")))
-    collisions = Collisions(world, Modes(world, phases.switches))
+    collisions = Collisions(world, ModeSequence(world, phases.switches))
     names = [tuple(collisions.bodies[side].name for side in pair) for pair in collisions.pairs]
 
     def touching(first: str, second: str, phase: int) -> set[bool]:
@@ -175,11 +175,11 @@ def test_other_orders_start_from_the_best_motion_of_the_same_actions() -> None:
     world = World(lgp.load_scene("toolbox"))
     task = task_of(world.scene)
     first, second = (Phases.of(world.scene, parse_sequence(task, paper(name))) for name in CONDITIONS)
-    memory = Memory(world)
+    memory = WarmStartCache(world)
     assert memory.start(second, world.start) is None
     rng = np.random.default_rng(0)
     keys = rng.uniform(world.lower, world.upper, (first.count, world.nq))
-    size = Modes(world, first.switches).size
+    size = ModeSequence(world, first.switches).size
     variables = rng.uniform(-1.0, 1.0, size)
     memory.keep(first, 2.0, keys, variables)
     memory.keep(first, 3.0, keys * 0.0, variables)
@@ -191,7 +191,7 @@ def test_other_orders_start_from_the_best_motion_of_the_same_actions() -> None:
     np.testing.assert_allclose(found[0][2][left], (keys[1][left] + keys[2][left]) / 2.0)
     assert sorted(found[1].tolist()) == sorted(variables.tolist())
     names = [
-        dict(zip(Modes(world, phases.switches).names, values, strict=True))
+        dict(zip(ModeSequence(world, phases.switches).names, values, strict=True))
         for phases, values in ((first, variables), (second, found[1]))
     ]
     assert names[0][f"3.{HANDLE}.yaw"] == names[1][f"2.{HANDLE}.yaw"]

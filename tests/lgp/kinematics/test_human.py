@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from lgp.errors import SceneError
 from lgp.kinematics import human
-from lgp.kinematics.leg_ik import knees, legs
+from lgp.kinematics.leg_ik import knees, solve_legs
 from lgp.kinematics.robot import urdf_of
 from lgp.scene import body_measures as body_measures_
 from tests.support.lgp_worlds import human_world, needs_robots
@@ -70,7 +70,7 @@ def test_every_joint_turns_as_in_human_urdf() -> None:
 @settings(max_examples=30, deadline=None)
 @given(BENT, st.sampled_from(["male", "female"]), st.floats(1.45, 2.0))
 def test_solved_legs_keep_the_soles(pelvis: tuple[float, ...], sex: str, stature: float) -> None:
-    angles, beyond = legs(np.array([pelvis]), stature, sex)
+    angles, beyond = solve_legs(np.array([pelvis]), stature, sex)
     if beyond.max() > 0.0:
         return
     model = human.human_model(stature, sex)
@@ -86,7 +86,7 @@ def test_solved_legs_keep_the_soles(pelvis: tuple[float, ...], sex: str, stature
 @given(BENT)
 def test_knees_agree_with_the_legs_and_with_differences(pelvis: tuple[float, ...]) -> None:
     x = np.array([pelvis])
-    angles, _ = legs(x, 1.75, "male")
+    angles, _ = solve_legs(x, 1.75, "male")
     bend, slope, beyond, by_pelvis = knees(x, 1.75, "male")
     if beyond.max() > -1e-5:
         return

@@ -10,27 +10,27 @@ import pytest
 
 from lgp.errors import WorldError
 from lgp.kinematics.features import Feature
-from lgp.kinematics.modes import Modes, Switch
+from lgp.kinematics.modes import KinematicSwitch, ModeSequence
 from lgp.kinematics.world import World
 from lgp.scene.scene_file import read_scene
 from tests.support.lgp_worlds import anywhere, differences, human_world
 
 RIGHT, LEFT = "human.right_hand", "human.left_hand"
 MOVE = (
-    Switch("grasp", RIGHT, "box"),
-    Switch("grasp", LEFT, "box"),
-    Switch("place", LEFT, "box", "table.near"),
+    KinematicSwitch("grasp", RIGHT, "box"),
+    KinematicSwitch("grasp", LEFT, "box"),
+    KinematicSwitch("place", LEFT, "box", "table.near"),
 )
 
 
 @pytest.fixture(params=["free", "axis", "fixed"])
-def modes(request: pytest.FixtureRequest) -> Modes:
+def modes(request: pytest.FixtureRequest) -> ModeSequence:
     scene = human_world().scene
     hands = tuple(replace(hand, freedom=request.param) for hand in scene.human.hands)
-    return Modes(World(replace(scene, human=replace(scene.human, hands=hands))), MOVE)
+    return ModeSequence(World(replace(scene, human=replace(scene.human, hands=hands))), MOVE)
 
 
-def test_variables_are_named_and_bounded(modes: Modes) -> None:
+def test_variables_are_named_and_bounded(modes: ModeSequence) -> None:
     freedom = modes.world.scene.human.hands[0].freedom
     turns = {"free": 3, "axis": 1, "fixed": 0}[freedom]
     assert modes.size == 2 * (turns + 1) + 3
@@ -43,7 +43,7 @@ def test_variables_are_named_and_bounded(modes: Modes) -> None:
 
 
 @pytest.mark.parametrize("number", [0, 1, 2])
-def test_jump_by_differences(modes: Modes, number: int) -> None:
+def test_jump_by_differences(modes: ModeSequence, number: int) -> None:
     world, nq = modes.world, modes.world.nq
     q = anywhere(world, 3, seed=number)
     z = 0.5 * np.random.default_rng(1).uniform(modes.lower, modes.upper)
@@ -60,7 +60,7 @@ def test_jump_by_differences(modes: Modes, number: int) -> None:
 
 def test_a_free_grasp_is_guessed_without_a_jump_of_orientation() -> None:
     world = human_world()
-    modes = Modes(world, MOVE)
+    modes = ModeSequence(world, MOVE)
     keys = anywhere(world, 3, seed=8)
     z = modes.guess(keys)
     for number in (0, 1):
@@ -71,7 +71,7 @@ def test_a_free_grasp_is_guessed_without_a_jump_of_orientation() -> None:
 
 def test_poses_follow_what_holds_the_object() -> None:
     world = human_world()
-    modes = Modes(world, MOVE)
+    modes = ModeSequence(world, MOVE)
     q, z = anywhere(world, 4), 0.3 * modes.upper
     kinematics = world.at(q, modes.frames)
     assert [modes.holder("box", phase).by for phase in range(4)] == ["table.near", RIGHT, LEFT, "table.near"]
@@ -89,7 +89,7 @@ def test_poses_follow_what_holds_the_object() -> None:
 
 def test_a_placed_object_keeps_upright_on_the_top_for_any_variables() -> None:
     world = human_world()
-    modes = Modes(world, MOVE)
+    modes = ModeSequence(world, MOVE)
     kinematics = world.at(world.start[None], modes.frames)
     table = world.scene.tables["table.near"]
     turn = np.radians(table.yaw)
@@ -105,21 +105,30 @@ def test_a_placed_object_keeps_upright_on_the_top_for_any_variables() -> None:
 @pytest.mark.parametrize(
     ("switches", "text"),
     [
-        ([Switch("grasp", "human.right_han", "box")], "action 0 .* unknown hand .*did you mean 'human.right_hand'"),
-        ([Switch("grasp", RIGHT, "bux")], "unknown thing 'bux'"),
-        ([Switch("place", RIGHT, "box", "table.near")], "held by table.near; grasp it first"),
-        ([Switch("grasp", RIGHT, "box"), Switch("place", LEFT, "box", "table.near")], "held by human.right_hand"),
-        ([Switch("grasp", RIGHT, "box"), Switch("place", RIGHT, "box", "near")], "unknown table 'near'"),
-        ([Switch("throw", RIGHT, "box")], "unknown kind 'throw'"),
+        (
+            [KinematicSwitch("grasp", "human.right_han", "box")],
+            "action 0 .* unknown hand .*did you mean 'human.right_hand'",
+        ),
+        ([KinematicSwitch("grasp", RIGHT, "bux")], "unknown thing 'bux'"),
+        ([KinematicSwitch("place", RIGHT, "box", "table.near")], "held by table.near; grasp it first"),
+        (
+            [KinematicSwitch("grasp", RIGHT, "box"), KinematicSwitch("place", LEFT, "box", "table.near")],
+            "held by human.right_hand",
+        ),
+        (
+            [KinematicSwitch("grasp", RIGHT, "box"), KinematicSwitch("place", RIGHT, "box", "near")],
+            "unknown table 'near'",
+        ),
+        ([KinematicSwitch("throw", RIGHT, "box")], "unknown kind 'throw'"),
     ],
 )
-def test_impossible_switches_are_refused(switches: list[Switch], text: str) -> None:
+def test_impossible_switches_are_refused(switches: list[KinematicSwitch], text: str) -> None:
     with pytest.raises(WorldError, match=text):
-        Modes(human_world(), switches)
+        ModeSequence(human_world(), switches)
 
 
 def test_unknown_phases_and_objects_are_refused() -> None:
-    modes = Modes(human_world(), MOVE)
+    modes = ModeSequence(human_world(), MOVE)
     with pytest.raises(WorldError, match="phase 4 is outside 0 to 3"):
         modes.holder("box", 4)
     with pytest.raises(WorldError, match="no object 'bx'"):
@@ -155,20 +164,20 @@ BOARDS = {
     ],
 }
 ASSEMBLE = (
-    Switch("grasp", LEFT, "handle"),
-    Switch("handover", RIGHT, "handle", giver=LEFT),
-    Switch("place", RIGHT, "handle", "table.near"),
-    Switch("grasp", RIGHT, "side"),
-    Switch("place", RIGHT, "side", "table.near"),
-    Switch("hold", LEFT, "handle"),
-    Switch("screw", RIGHT, "handle", other="side"),
-    Switch("release", LEFT, "handle"),
+    KinematicSwitch("grasp", LEFT, "handle"),
+    KinematicSwitch("handover", RIGHT, "handle", giver=LEFT),
+    KinematicSwitch("place", RIGHT, "handle", "table.near"),
+    KinematicSwitch("grasp", RIGHT, "side"),
+    KinematicSwitch("place", RIGHT, "side", "table.near"),
+    KinematicSwitch("hold", LEFT, "handle"),
+    KinematicSwitch("screw", RIGHT, "handle", other="side"),
+    KinematicSwitch("release", LEFT, "handle"),
 )
 
 
 @cache
-def boards() -> Modes:
-    return Modes(World(read_scene(BOARDS)), ASSEMBLE)
+def boards() -> ModeSequence:
+    return ModeSequence(World(read_scene(BOARDS)), ASSEMBLE)
 
 
 def test_a_board_lies_flat_and_stands_where_it_is_placed() -> None:
@@ -254,7 +263,7 @@ def test_parts_on_one_table_are_joined_by_place_and_yaw() -> None:
     z[screw.second.variables] = [0.05 - 0.189 * np.cos(0.4), 0.1 - 0.189 * np.sin(0.4), 0.4 + np.pi / 2]
     np.testing.assert_allclose(screw.apart(kinematics, z).value, 0.0, atol=1e-12)
     # Before the handle stands on the table it cannot be joined: all rows are kept.
-    lying = Modes(modes.world, (Switch("screw", RIGHT, "handle", other="side"),))
+    lying = ModeSequence(modes.world, (KinematicSwitch("screw", RIGHT, "handle", other="side"),))
     assert lying.fastening(0).rows(kinematics) == tuple(range(6))
 
 
@@ -262,13 +271,13 @@ def test_parts_on_one_table_are_joined_by_place_and_yaw() -> None:
     ("switches", "text"),
     [
         (
-            [Switch("handover", RIGHT, "handle", giver=LEFT)],
+            [KinematicSwitch("handover", RIGHT, "handle", giver=LEFT)],
             "human.left_hand hands over handle, which is held by table",
         ),
-        ([Switch("screw", RIGHT, "handle", other="handle")], "have no joint"),
-        ([Switch("screw", RIGHT, "handle", other="sid")], "unknown other 'sid'"),
+        ([KinematicSwitch("screw", RIGHT, "handle", other="handle")], "have no joint"),
+        ([KinematicSwitch("screw", RIGHT, "handle", other="sid")], "unknown other 'sid'"),
     ],
 )
-def test_impossible_assemblies_are_refused(switches: list[Switch], text: str) -> None:
+def test_impossible_assemblies_are_refused(switches: list[KinematicSwitch], text: str) -> None:
     with pytest.raises(WorldError, match=text):
-        Modes(boards().world, switches)
+        ModeSequence(boards().world, switches)

@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from lgp.errors import WorldError
 from lgp.kinematics.human import ISB, joint_names
-from lgp.kinematics.leg_ik import STRAIGHTEST, knees, legs
+from lgp.kinematics.leg_ik import STRAIGHTEST, knees, solve_legs
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
 from reba.posture.columns import COLUMNS, INDEX
-from reba.readers.build_table import finish
+from reba.readers.build_table import build_table
 from reba.readers.recognise import choose
 from reba.readers.recording.profile import find_profile
 from reba.readers.recording.stream import ReadLog, Recording, array_stream
@@ -35,7 +35,7 @@ def _as_recorded(path: Path, joints: dict[str, np.ndarray], pelvis: np.ndarray) 
     )
     recording = Recording(str(path), "test", streams)
     match = choose(recording, (find_profile("human_description"),), "/joint_states", named=True)
-    return finish(recording, match).data[list(COLUMNS)].to_numpy()
+    return build_table(recording, match).data[list(COLUMNS)].to_numpy()
 
 
 @pytest.mark.parametrize("legs_mode", ["planted", "solved"])
@@ -44,7 +44,7 @@ def test_same_angles_as_a_recording_of_the_same_joints(tmp_path: Path, legs_mode
     q = anywhere(world, 40)
     joints = {name: q[:, world.column[f"human.{name}"]] for name in joint_names() if f"human.{name}" in world.column}
     if legs_mode == "solved":
-        solved, _ = legs(q[:, world.columns("human")[:5]], 1.75, "male")
+        solved, _ = solve_legs(q[:, world.columns("human")[:5]], 1.75, "male")
         joints |= solved
     pelvis = world.at(q, ["human.pelvis_tilt"]).rotation[:, 0] @ ISB
     recorded = _as_recorded(tmp_path / "plan.bin", joints, pelvis)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import lgp
 from lgp.errors import LgpError
-from lgp.kinematics.modes import ROLES, Switch
+from lgp.kinematics.modes import ROLES, KinematicSwitch
 from lgp.motion import Motion
 from lgp.page import page as libraries
 from lgp.page.camera import ANGLE, Subject, framed, hidden, shots
@@ -57,13 +57,13 @@ def scene_with(*robots: str) -> Scene:
     return replace(scene, robots=found, things={**scene.things, **parts})
 
 
-def said(scene: Scene, *switches: Switch) -> list[str]:
+def said(scene: Scene, *switches: KinematicSwitch) -> list[str]:
     return [line.text for line in sentences(scene, switches)]
 
 
 def test_the_sentence_of_the_paper() -> None:
     handle, right = "toolbox/handle", "human.right_hand"
-    lines = said(scene_with("baxter"), Switch("handover", right, handle, giver="baxter.left"))
+    lines = said(scene_with("baxter"), KinematicSwitch("handover", right, handle, giver="baxter.left"))
     assert lines == ["The robot, using its left arm, hands over the toolbox handle to your right hand."]
 
 
@@ -71,12 +71,12 @@ def test_a_worker_is_told_what_to_do() -> None:
     hand, screwdriver = "human.right_hand", "screwdriver"
     assert said(
         scene_with("baxter"),
-        Switch("grasp", "baxter.left", screwdriver),
-        Switch("place", "baxter.left", screwdriver, "table.left"),
-        Switch("grasp", hand, screwdriver),
-        Switch("handover", "baxter.right", screwdriver, giver=hand),
-        Switch("hold", "baxter.right", "toolbox/handle"),
-        Switch("screw", hand, "toolbox/handle", other="toolbox/side.left"),
+        KinematicSwitch("grasp", "baxter.left", screwdriver),
+        KinematicSwitch("place", "baxter.left", screwdriver, "table.left"),
+        KinematicSwitch("grasp", hand, screwdriver),
+        KinematicSwitch("handover", "baxter.right", screwdriver, giver=hand),
+        KinematicSwitch("hold", "baxter.right", "toolbox/handle"),
+        KinematicSwitch("screw", hand, "toolbox/handle", other="toolbox/side.left"),
     ) == [
         "The robot, using its left arm, picks up the screwdriver from the start table.",
         "The robot, using its left arm, puts the screwdriver on the left table.",
@@ -97,7 +97,7 @@ def test_every_kind_of_action_has_words(kind: str, actor: str, robots: tuple[str
         "place": {"table": "table.center"},
         "screw": {"other": "toolbox/side.left"},
     }.get(kind, {})
-    (line,) = sentences(scene_with(*robots), [Switch(kind, **fields)])
+    (line,) = sentences(scene_with(*robots), [KinematicSwitch(kind, **fields)])
     assert line.you == actor.startswith("human")
     assert line.text.endswith(".")
     assert line.text[0].isupper()

@@ -13,9 +13,9 @@ from lgp.errors import LgpError
 from lgp.kinematics.world import World
 from lgp.logic.task import Action, Task
 from lgp.path.bounds import PathBounds, Solution
-from lgp.path.costs import condense, quadratic
+from lgp.path.costs import eliminate_slices, quadratic
 from lgp.path.ergonomics import Ergonomics
-from lgp.path.feasibility import nearest
+from lgp.path.feasibility import project_to_feasible
 from lgp.path.phases import Phases, switch_of
 from lgp.path.problem import PathProblem
 from lgp.planner import task_of
@@ -75,7 +75,7 @@ def test_condensing_is_the_minimum_over_what_is_left_out(slices: int, seed: int)
     rng = np.random.default_rng(seed)
     matrix = quadratic(slices, 0.2, stop=True)
     kept = np.array([2, slices - 1])
-    condensed = condense(matrix, kept, [(2, 3)])
+    condensed = eliminate_slices(matrix, kept, [(2, 3)])
     values = rng.normal(size=2)
     best = condensed.expand @ values
     assert best[kept] == pytest.approx(values)
@@ -139,8 +139,8 @@ def test_costs_have_the_gradient_they_say(world: World, task: Task, ergonomics: 
 def test_bends_are_second_derivatives_where_nothing_jumps(world: World, task: Task, number: int) -> None:
     sequence = phases(world, task)
     problem = PathProblem(world, sequence, kept=sequence.keys[number : number + 1], enforced=[number], stop=False)
-    x, left = nearest(problem, problem.join(world.start[None], np.zeros(problem.modes.size)))
-    x, left = nearest(problem, x, 1e-9)
+    x, left = project_to_feasible(problem, problem.join(world.start[None], np.zeros(problem.modes.size)))
+    x, left = project_to_feasible(problem, x, 1e-9)
     assert left < 1e-8
     y = np.array([0.3, -0.7, 0.4, 0.2, -0.1, 0.5])
     rows = np.zeros(len(problem.rows.in_rows))

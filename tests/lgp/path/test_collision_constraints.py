@@ -11,7 +11,7 @@ from lgp.kinematics.world import World
 from lgp.logic.task import Action
 from lgp.path.bounds import PathBounds, Solution
 from lgp.path.collision_constraints import FINER, MARGIN, CollisionRows
-from lgp.path.feasibility import reason
+from lgp.path.feasibility import explain_infeasibility
 from lgp.path.problem import PathProblem
 from lgp.planner import plan, task_of
 from lgp.scene.scene_file import load_scene
@@ -113,7 +113,7 @@ def test_paths_keep_bodies_apart_between_slices_too(world: World, actions: tuple
 def test_where_bodies_touch_is_named(world: World, actions: tuple[Action, ...], free: Solution) -> None:
     rows = chosen(world, actions, free)
     problem = PathProblem(world, PathBounds(world, slices=SLICES).phases(actions), apart=rows)
-    words = reason(problem, problem.join(free.path, free.variables))
+    words = explain_infeasibility(problem, problem.join(free.path, free.variables))
     deepest, same = rows.worst(free.path, free.variables)
     assert words == same
     assert f"{deepest:.3f} m into" in words

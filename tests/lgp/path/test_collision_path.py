@@ -13,7 +13,7 @@ from lgp.logic.task import Action
 from lgp.path import bounds as levels
 from lgp.path.bounds import PathBounds, Solution
 from lgp.path.collision_constraints import CollisionRows
-from lgp.path.collision_path import SUSPICIOUS, apart, swings
+from lgp.path.collision_path import SUSPICIOUS, initial_guesses, solve_collision_free
 from lgp.planner import follow, parse_sequence, task_of
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import SearchResult
@@ -74,7 +74,7 @@ def test_other_starts_are_spared_where_bodies_cost_little(monkeypatch: pytest.Mo
     def never(*_: object) -> None:
         raise AssertionError("no other start is called for")
 
-    monkeypatch.setattr(levels, "detour", never)
+    monkeypatch.setattr(levels, "multi_start", never)
     bounds, found = planned(LOW)
     assert found.cost <= SUSPICIOUS * free(bounds, found).costs.total
 
@@ -82,8 +82,10 @@ def test_other_starts_are_spared_where_bodies_cost_little(monkeypatch: pytest.Mo
 def test_starts_swing_robots_out_between_switches(behind: tuple[PathBounds, SearchResult]) -> None:
     bounds, found = behind
     world, phases, path = bounds.world, bounds.phases(found.skeleton), free(*behind).path
-    starts = list(swings(world, phases, path, 3))
-    assert [start.tobytes() for start in swings(world, phases, path, 3)] == [start.tobytes() for start in starts]
+    starts = list(initial_guesses(world, phases, path, 3))
+    assert [start.tobytes() for start in initial_guesses(world, phases, path, 3)] == [
+        start.tobytes() for start in starts
+    ]
     arm = world.support("baxter.right") > 0.0
     for start in starts:
         assert np.allclose(start[phases.keys], path[phases.keys], atol=1e-12)
@@ -101,9 +103,9 @@ def test_robots_first_follow_their_path_under_another_cost(
 
     def watched(make, rows, first, *more, **given):  # type: ignore[no-untyped-def]
         begun.append(first.x)
-        return apart(make, rows, first, *more, **given)
+        return solve_collision_free(make, rows, first, *more, **given)
 
-    monkeypatch.setattr(detours, "apart", watched)
+    monkeypatch.setattr(detours, "solve_collision_free", watched)
     bounds, found = planned(HIGH, like=behind[0])
     assert found.cost <= behind[1].cost * 1.01
     robot = bounds.world.columns("baxter")

@@ -9,19 +9,19 @@ from hypothesis import strategies as st
 
 import lgp
 from lgp.kinematics.world import World
-from lgp.path.feasibility import Span, Top, span
+from lgp.path.feasibility import ReachBound, Rectangle, span
 from lgp.scene.scene_file import read_scene
 from tests.support.lgp_worlds import HUMAN_ONLY, human_world, needs_robots, screwdriver_world
 
 LEVEL = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
-def reached(world: World, hand: str, n: int) -> tuple[Span, np.ndarray]:
+def reached(world: World, hand: str, n: int) -> tuple[ReachBound, np.ndarray]:
     """Return the span of a hand, and by how much (n,) random postures go beyond it."""
     found = span(world, world.scene.hands[hand])
     q = np.random.default_rng(0).uniform(world.lower, world.upper, (n, world.nq))
     points = world.at(q, [hand]).position[:, 0]
-    return found, np.array([found.beyond(Top(point, np.zeros(2), LEVEL)) for point in points])
+    return found, np.array([found.beyond(Rectangle(point, np.zeros(2), LEVEL)) for point in points])
 
 
 @needs_robots
@@ -42,8 +42,8 @@ def test_a_turned_human_has_its_own_span() -> None:
 @given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3), st.floats(0.0, 0.5), st.floats(0.0, 3.1))
 def test_the_distance_of_a_top_is_a_lower_bound(centre: list[float], half: float, yaw: float) -> None:
     sides = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0]])
-    top = Top(np.array(centre), np.array([half, 0.5 * half]), sides)
-    box = Span(np.zeros(3), np.eye(3), np.array([-0.1, -0.1, -0.2]), np.array([0.1, 0.1, 0.0]), 0.0)
+    top = Rectangle(np.array(centre), np.array([half, 0.5 * half]), sides)
+    box = ReachBound(np.zeros(3), np.eye(3), np.array([-0.1, -0.1, -0.2]), np.array([0.1, 0.1, 0.0]), 0.0)
     rng = np.random.default_rng(1)
     spots = top.centre + (rng.uniform(-1, 1, (3000, 2)) * top.halves) @ sides
     roots = rng.uniform(box.lower, box.upper, (3000, 3))

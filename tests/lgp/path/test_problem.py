@@ -9,24 +9,24 @@ from hypothesis import strategies as st
 
 import dreba
 from lgp.kinematics.posture import PostureMap
-from lgp.path.constraints import BLEND, Legs
-from lgp.path.costs import Condensed, condense, quadratic
+from lgp.path.constraints import BLEND, LegReachConstraint
+from lgp.path.costs import CondensedQuadratic, eliminate_slices, quadratic
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.hessian import SPARE, Convexity
 from tests.support.lgp_worlds import human_world
 
 
 @pytest.fixture(scope="module")
-def standing() -> tuple[np.ndarray, Legs]:
+def standing() -> tuple[np.ndarray, LegReachConstraint]:
     world = human_world("solved")
-    legs, rng = Legs(world), np.random.default_rng(0)
+    legs, rng = LegReachConstraint(world), np.random.default_rng(0)
     q = np.tile(world.start, (40, 1))
     q[:, legs.columns] += 0.02 * rng.normal(size=(40, len(legs.columns)))
     q[:5, legs.columns] = world.start[legs.columns]
     return q, legs
 
 
-def test_one_row_keeps_both_legs_long_enough(standing: tuple[np.ndarray, Legs]) -> None:
+def test_one_row_keeps_both_legs_long_enough(standing: tuple[np.ndarray, LegReachConstraint]) -> None:
     q, legs = standing
     both = PostureMap(human_world("solved")).reach(q)[0]
     value, _ = legs.evaluate(q)
@@ -34,7 +34,7 @@ def test_one_row_keeps_both_legs_long_enough(standing: tuple[np.ndarray, Legs]) 
     assert (value <= both.max(axis=1) + BLEND * np.log(2.0) + 1e-12).all()
 
 
-def test_the_row_has_the_slope_it_says_and_bends_upwards(standing: tuple[np.ndarray, Legs]) -> None:
+def test_the_row_has_the_slope_it_says_and_bends_upwards(standing: tuple[np.ndarray, LegReachConstraint]) -> None:
     q, legs = standing
     _, slope = legs.evaluate(q)
     for at, column in enumerate(legs.columns):
@@ -47,7 +47,7 @@ def test_the_row_has_the_slope_it_says_and_bends_upwards(standing: tuple[np.ndar
 
 def convexity(joints: int = 3) -> tuple[Convexity, np.ndarray]:
     """One switch in the last of four slices whose rows hold the first joint."""
-    condensed = condense(quadratic(4, 0.5, stop=True), np.array([3]))
+    condensed = eliminate_slices(quadratic(4, 0.5, stop=True), np.array([3]))
     columns = np.arange(joints)
     stiff = 2.0 * float(condensed.cost[0, 0])
     return Convexity([(columns, condensed)], [columns], [columns], (joints, 0)), np.full(joints, stiff)
@@ -71,7 +71,7 @@ def test_far_from_its_rows_a_model_keeps_no_negative_curvature() -> None:
 
 
 def test_variables_that_nothing_costs_keep_no_negative_curvature() -> None:
-    condensed = Condensed(np.array([[1.0]]), np.array([[1.0]]))
+    condensed = CondensedQuadratic(np.array([[1.0]]), np.array([[1.0]]))
     falling, both = np.diag([0.0, -1.0]), np.array([0, 1])
     # Rows that tie the variable to the joint hold it; rows on the joint alone do not.
     for row, kept in (([1.0, 0.0], 0.0), ([1.0, -1.0], -1.0)):
@@ -82,7 +82,7 @@ def test_variables_that_nothing_costs_keep_no_negative_curvature() -> None:
 
 def two_switches(joints: int) -> tuple[Convexity, list[np.ndarray], np.ndarray]:
     """Switches in two of eight slices, their columns, and the least cost (2 joints, 2 joints) through both."""
-    condensed = condense(quadratic(8, 0.5, stop=True), np.array([3, 7]))
+    condensed = eliminate_slices(quadratic(8, 0.5, stop=True), np.array([3, 7]))
     columns = [np.arange(joints), joints + np.arange(joints)]
     test = Convexity([(np.arange(joints), condensed)], columns, columns, (joints, 0))
     return test, columns, np.kron(2.0 * condensed.cost, np.eye(joints))

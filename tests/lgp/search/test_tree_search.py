@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from lgp.logic.pddl import load_domain
 from lgp.logic.task import Task, ground, parse_atom
-from lgp.search.tree_search import BoundResult, Budget, SearchResult, Skeleton, Status, search
+from lgp.search.tree_search import BoundResult, Budget, SearchResult, SearchStatus, Skeleton, search
 
 domain = cache(load_domain)
 TABLES = ("left", "center", "right")
@@ -89,12 +89,12 @@ def test_finds_the_optimum_and_proves_it(seed: int, infeasible: float, direct: b
     truth = exhaustive(problem, MadeUp(seed, infeasible, direct), 5)
     assert found.cost == pytest.approx(truth)
     if math.isfinite(truth):
-        assert found.status is Status.OPTIMAL
+        assert found.status is SearchStatus.OPTIMAL
         assert found.bound <= found.cost + 1e-12
         assert found.gap == 0.0
         assert problem.is_goal(end_state(problem, found.skeleton))
     else:
-        assert found.status is Status.INFEASIBLE
+        assert found.status is SearchStatus.INFEASIBLE
         assert "cannot be reached" in found.reason
 
 
@@ -156,17 +156,17 @@ def test_conflicts_are_remembered() -> None:
     found = search(problem, bounds, Budget(depth=5))
     asked = [skeleton for _, skeleton in bounds.calls if bad in skeleton]
     assert len(asked) == 1
-    assert found.status is Status.OPTIMAL
+    assert found.status is SearchStatus.OPTIMAL
     assert any(node.verdict == "pruned" and "out of reach" in node.reason for node in found.nodes)
 
 
 def test_unreachable_and_too_deep() -> None:
     nothing = search(task(start=("on_table",)), MadeUp(1))
-    assert nothing.status is Status.UNREACHABLE
+    assert nothing.status is SearchStatus.UNREACHABLE
     assert "free(human) never holds" in nothing.reason
     assert nothing.gap == math.inf
     shallow = search(task(), MadeUp(1, 0.0), Budget(depth=0))
-    assert shallow.status is Status.INFEASIBLE
+    assert shallow.status is SearchStatus.INFEASIBLE
     assert "more than 0 actions" in shallow.reason
 
 
@@ -175,12 +175,12 @@ def test_budgets_end_the_search_with_a_gap() -> None:
     free = search(problem, MadeUp(7, 0.0), Budget(depth=5))
     few = search(problem, MadeUp(7, 0.0), Budget(depth=5, calls={"path": 1}))
     assert few.statistics["path"].solved == 1
-    assert few.status in (Status.GAP, Status.OPTIMAL)
+    assert few.status in (SearchStatus.GAP, SearchStatus.OPTIMAL)
     assert few.bound <= free.cost + 1e-12 <= few.cost + 2e-12
     none = search(problem, MadeUp(7, 0.0), Budget(depth=5, calls={"pose": 0}))
-    assert none.status is Status.EXHAUSTED
+    assert none.status is SearchStatus.EXHAUSTED
     late = search(problem, MadeUp(7, 0.0), Budget(depth=5, seconds=0.0))
-    assert late.status is Status.EXHAUSTED
+    assert late.status is SearchStatus.EXHAUSTED
 
 
 def test_interrupt_keeps_the_best_plan() -> None:
@@ -191,7 +191,7 @@ def test_interrupt_keeps_the_best_plan() -> None:
             return super().solve(level, skeleton, warm)
 
     found = search(task(), Interrupted(2, 0.0), Budget(depth=5))
-    assert found.status is Status.INTERRUPTED
+    assert found.status is SearchStatus.INTERRUPTED
     assert found.skeleton
     assert found.bound <= found.cost
 

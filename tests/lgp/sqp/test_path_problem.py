@@ -6,12 +6,12 @@ import scipy.sparse as sp
 
 from lgp.sqp.active_set import ActiveSet
 from lgp.sqp.backends import Piqp
-from lgp.sqp.problem import Options
-from lgp.sqp.result import Status
+from lgp.sqp.problem import SolverOptions
+from lgp.sqp.result import SolveStatus
 from lgp.sqp.solver import Solver
 from tests.support.sliced_paths import PathProblem
 
-OPTIONS = Options(decrease=1e-5)
+OPTIONS = SolverOptions(decrease=1e-5)
 
 
 def test_the_derivatives_of_the_problem_match_differences():
@@ -64,7 +64,7 @@ def test_a_warm_start_beats_a_cold_one(solved):
 def test_places_out_of_reach_are_infeasible_and_named():
     problem = PathProblem(12, shift=3.0)
     result = Solver(OPTIONS).solve(problem, problem.start())
-    assert result.status is Status.INFEASIBLE
+    assert result.status is SolveStatus.INFEASIBLE
     assert result.violation > 0.5
     # The rows of the four places come first.
     assert all(row.block == "equality" and row.index < 16 for row in result.worst)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from lgp.sqp.active_set import ActiveSet
 from lgp.sqp.backends import Piqp, QpSolvers
-from lgp.sqp.dual_active_set import BORDERS, DualWalk
+from lgp.sqp.dual_active_set import BORDERS, DualActiveSet
 from lgp.sqp.kkt import DUAL_SHIFTS, KKT
 from lgp.sqp.problem import ProblemError
 from lgp.sqp.qp import QP, ColumnOrder, QPResult, QPStatus, UpperTriangle, cost_scale, residuals
@@ -155,7 +155,7 @@ def on(qp, rows, side):
 def walk_from(qp, rows, side, limit=1000):
     """The walk from a working set, and whether it arrived."""
     kkt, solution = on(qp, rows, side)
-    walk = DualWalk(kkt, qp, cost_scale(qp), rows, side, solution)
+    walk = DualActiveSet(kkt, qp, cost_scale(qp), rows, side, solution)
     return walk, walk.run(limit)
 
 

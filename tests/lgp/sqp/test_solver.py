@@ -8,8 +8,8 @@ import scipy.sparse as sp
 
 from lgp.sqp.active_set import ActiveSet
 from lgp.sqp.backends import Piqp, QpSolvers
-from lgp.sqp.problem import FunctionProblem, Options, ProblemError
-from lgp.sqp.result import Status
+from lgp.sqp.problem import FunctionProblem, ProblemError, SolverOptions
+from lgp.sqp.result import SolveStatus
 from lgp.sqp.solver import Solver, solve
 from tests.support.hock_schittkowski import CASES
 
@@ -38,7 +38,7 @@ def test_the_derivatives_of_the_cases_match_differences(case):
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"hs{case.number}")
 def test_the_published_optimum_is_found(case, backend):
     result = solve(case.problem, np.array(case.start, dtype=float), backend=backend())
-    assert result.status is Status.OPTIMAL, result.message
+    assert result.status is SolveStatus.OPTIMAL, result.message
     # A violation of 1e-6 lets the cost fall by as much times the multipliers, which stay below 10 here.
     assert result.cost == pytest.approx(case.optimum, rel=1e-5, abs=1e-5)
     assert result.violation <= 1e-6
@@ -74,7 +74,7 @@ def two_circles(distance):
 
 def test_discs_that_touch_not_are_infeasible_and_both_are_named():
     result = solve(two_circles(4.0), np.array([0.3, 0.4]))
-    assert result.status is Status.INFEASIBLE
+    assert result.status is SolveStatus.INFEASIBLE
     assert not result
     assert {(row.block, row.index) for row in result.worst} == {("inequality", 0), ("inequality", 1)}
     # The least violation is half way between them: 2^2 - 1.
@@ -85,7 +85,7 @@ def test_discs_that_touch_not_are_infeasible_and_both_are_named():
 
 def test_discs_that_overlap_are_feasible():
     result = solve(two_circles(1.5), np.array([0.3, 0.4]))
-    assert result.status is Status.OPTIMAL
+    assert result.status is SolveStatus.OPTIMAL
     assert result.cost == pytest.approx(-np.sqrt(1 - 0.75**2), abs=1e-5)
 
 
@@ -99,7 +99,7 @@ def test_rows_that_contradict_each_other_are_infeasible(backend):
         equality_jacobian=lambda x: np.ones((2, 2)),
     )
     result = solve(problem, np.zeros(2), backend=backend())
-    assert result.status is Status.INFEASIBLE
+    assert result.status is SolveStatus.INFEASIBLE
     assert [row.block for row in result.worst] == ["equality", "equality"] or len(result.worst) == 1
     assert len(result.iterations) <= 5
 
@@ -124,7 +124,7 @@ def test_rows_that_repeat_each_other_do_no_harm(backend):
 def test_a_cost_without_floor_is_unbounded(slope):
     cost = {True: lambda x: -float(x[0]), False: lambda x: -float(x @ x)}[slope(1.0) == -1.0]
     problem = FunctionProblem(1, cost=cost, gradient=lambda x: np.atleast_1d(slope(x)), lower=np.zeros(1))
-    assert solve(problem, np.ones(1)).status is Status.UNBOUNDED
+    assert solve(problem, np.ones(1)).status is SolveStatus.UNBOUNDED
 
 
 def test_a_degenerate_optimum_without_multipliers_ends_near_it():
@@ -147,7 +147,7 @@ def test_a_warm_start_at_the_solution_takes_no_step():
     solver = Solver()
     cold = solver.solve(case.problem, np.array(case.start, dtype=float))
     warm = solver.solve(case.problem, cold.x, warm=cold)
-    assert warm.status is Status.OPTIMAL
+    assert warm.status is SolveStatus.OPTIMAL
     assert len(warm.iterations) == 1
     assert len(cold.iterations) > 4
 
@@ -162,23 +162,23 @@ def test_two_runs_are_the_same():
 def test_budgets_end_a_solve_with_what_it_has():
     case = next(case for case in CASES if case.number == 1)
     start = np.array(case.start, dtype=float)
-    few = solve(case.problem, start, options=Options(iterations=3))
-    assert few.status is Status.ITERATIONS
+    few = solve(case.problem, start, options=SolverOptions(iterations=3))
+    assert few.status is SolveStatus.ITERATIONS
     assert len(few.iterations) == 4
     assert few.cost < case.problem.evaluate(start)[0]
-    assert solve(case.problem, start, options=Options(seconds=1e-9)).status is Status.TIME
+    assert solve(case.problem, start, options=SolverOptions(seconds=1e-9)).status is SolveStatus.TIME
 
 
 def test_steps_keep_to_their_longest():
     case = next(case for case in CASES if case.number == 12)
-    result = solve(case.problem, np.array(case.start, dtype=float), options=Options(longest_step=0.25))
+    result = solve(case.problem, np.array(case.start, dtype=float), options=SolverOptions(longest_step=0.25))
     assert result
     assert max(line.step for line in result.iterations) <= 0.25 + 1e-12
 
 
 def test_values_that_are_not_numbers_end_the_solve():
     problem = FunctionProblem(1, cost=lambda x: np.nan, gradient=lambda x: np.zeros(1))
-    assert solve(problem, np.zeros(1)).status is Status.BROKEN
+    assert solve(problem, np.zeros(1)).status is SolveStatus.BROKEN
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,7 @@ def test_a_start_or_option_that_cannot_be_used_is_refused():
     with pytest.raises(ProblemError, match="x0: entry 1 is not a number"):
         solve(problem, np.array([0.0, np.nan]))
     with pytest.raises(ProblemError, match="option kkt: 0 given"):
-        Options(kkt=0)
+        SolverOptions(kkt=0)
 
 
 class Unfit(FunctionProblem):
@@ -229,4 +229,4 @@ def test_models_that_do_not_fit_are_refused(changes, words):
 
 
 def test_a_gradient_that_is_not_finite_ends_the_solve():
-    assert solve(Unfit(gradient=np.array([np.nan, 0.0])), np.ones(2)).status is Status.BROKEN
+    assert solve(Unfit(gradient=np.array([np.nan, 0.0])), np.ones(2)).status is SolveStatus.BROKEN

@@ -22,7 +22,7 @@ from lgp.scene.scene_file import read_scene
 from lgp.study.commands import simulate_study
 from lgp.study.commands import study as study_command
 from lgp.study.labels import Label, recorded_label
-from lgp.study.movement import VARIATION, Variation, perform, person, smooth_noise
+from lgp.study.movement import VARIATION, MotionVariability, perform, person, smooth_noise
 from lgp.study.report import render
 from lgp.study.retarget import Retarget, _places
 from lgp.study.simulate import simulate, simulated
@@ -281,7 +281,7 @@ def test_another_stature_reaches_the_same_place(planned: lgp.Plan, stature: floa
 
 
 def test_without_variation_everybody_does_the_plan(planned: lgp.Plan) -> None:
-    still = Variation(stature=1.75, stature_sd=0, habit=0, occasion=0, motor=0, speed=0, pace=0)
+    still = MotionVariability(stature=1.75, stature_sd=0, habit=0, occasion=0, motor=0, speed=0, pace=0)
     (log_,) = simulated({"a": planned}, participants=1, rate=10.0, vary=still)
     assert log_.stature == planned.scene.human.stature  # type: ignore[union-attr]
     slices = np.round(planned.time - planned.time[0], 6)

@@ -11,7 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import reba
-from reba.analysis.exposure import Distribution, distribution, durations, held, level_shares, stretches, worst_intervals
+from reba.analysis.exposure import (
+    Distribution,
+    distribution,
+    durations,
+    intervals,
+    level_shares,
+    sustained,
+    worst_intervals,
+)
 
 # Trunk flexion (elbows at 80 deg, load 12 kg, nothing else) -> REBA.
 TRUNK = {2: 0.0, 3: 15.0, 4: 30.0, 5: 70.0}
@@ -75,13 +83,13 @@ def test_gaps_do_not_weigh() -> None:
     scores = scores_of([2, 2, 5, 5], np.array([0.0, 1.0, 2.0, 100.0]))
     assert scores.summary()["reba"]["mean"] == pytest.approx(3.0)
     assert scores.summary()["seconds"] == pytest.approx(4.0)
-    assert [(s.start, s.end) for s in stretches(scores, 4)] == [(2.0, 3.0), (100.0, 101.0)]
+    assert [(s.start, s.end) for s in intervals(scores, 4)] == [(2.0, 3.0), (100.0, 101.0)]
 
 
 @pytest.mark.parametrize(("frames", "score"), [(9, 2), (10, 4), (11, 4)])
 def test_a_score_counts_as_held_after_one_second(frames: int, score: int) -> None:
     values: list[int | None] = [2] * 20 + [5] * frames + [2] * 20
-    assert held(scores_of(values, np.arange(len(values)) * 0.1)) == score
+    assert sustained(scores_of(values, np.arange(len(values)) * 0.1)) == score
 
 
 def test_worst_intervals() -> None:

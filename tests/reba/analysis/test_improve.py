@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import reba
 from reba.analysis.changes import _BEST, choices
-from reba.analysis.improve import Improvement, improve_frame, improve_frames, improve_worst, worst_stretch
-from reba.method.classes import quantities
+from reba.analysis.improve import Improvement, improve_frame, improve_frames, improve_worst, worst_interval
+from reba.method.classes import angle_classes
 from reba.method.tables import ACTION_LEVEL_FROM, LEVEL_OF
 from reba.posture.angles import against_gravity
 from reba.posture.columns import INDEX
@@ -64,7 +64,7 @@ def rescored(scores: reba.Scores, frames: np.ndarray, improvement: Improvement) 
         for field in dataclasses.fields(scores.factors)
     }
     available = choices(scores, frames)
-    known = {quantity.name: quantity for quantity in quantities(scores.rules)}
+    known = {quantity.name: quantity for quantity in angle_classes(scores.rules)}
     before = angles.copy()
     for change in improvement.changes:
         assert available[change.choice].what == change.what
@@ -141,7 +141,7 @@ def test_least_movement_by_brute_force(seed: int, rules: reba.Rules) -> None:
     rng = np.random.default_rng(seed)
     rules = rules.replace(upper_arm_reference="trunk")
     row = np.where(rng.random(len(reba.COLUMNS)) < 0.3, samples.random_angles(rng, 1)[0], _BEST)
-    listed = [q for q in quantities(rules) if _departs(q, row)][:7]
+    listed = [q for q in angle_classes(rules) if _departs(q, row)][:7]
     kept = {column for q in listed for column in q.columns}
     row = np.where([column in kept for column in reba.COLUMNS], row, _BEST)
     factors = samples.frame_factors(samples.random_factors(rng, 1), 0)
@@ -233,11 +233,11 @@ def test_worst_stretch() -> None:
     angles[100:160, INDEX["trunk_flexion"]] = 70.0
     angles[100:160, INDEX["knee_flexion_left"]] = 70.0
     scores = reba.score(table(angles), activity="none")
-    frames = worst_stretch(scores, 60.0)
+    frames = worst_interval(scores, 60.0)
     assert (frames[0], frames[-1], len(frames)) == (100, 159, 60)
     for improvement in improve_worst(scores):
         assert rescored(scores, frames, improvement)[0] == improvement.reba_after
-    assert worst_stretch(scores, 10_000.0).tolist() == list(range(n))
+    assert worst_interval(scores, 10_000.0).tolist() == list(range(n))
 
 
 def test_improvements_are_plain_data() -> None:

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import reba
-from reba.analysis.worksheet import drivers
-from reba.method.classes import Quantity, quantities
+from reba.analysis.worksheet import contributions
+from reba.method.classes import AngleClasses, angle_classes
 from reba.posture.columns import INDEX
 from tests.support import posture_samples as samples
 
@@ -86,7 +86,7 @@ def test_classes_agree_with_the_core(rules: reba.Rules, seed: int) -> None:
     """Every class of every quantity, on and one float beside each of its ends, gives the points of the core."""
     rules = rules.replace(upper_arm_reference="trunk", seated_knees=False)
     rng = np.random.default_rng(seed)
-    for quantity in quantities(rules):
+    for quantity in angle_classes(rules):
         ends = [end for c in quantity.classes for end in (c.low, c.high) if np.isfinite(end)]
         values = np.array(
             [v for e in ends for v in (e, np.nextafter(e, 1e9), np.nextafter(e, -1e9), e + 1e-9, e - 1e-9)]
@@ -101,7 +101,7 @@ def test_classes_agree_with_the_core(rules: reba.Rules, seed: int) -> None:
         assert reba.score_array(angles, None, rules)[quantity.part].tolist() == found, quantity.name
 
 
-def _base(quantity: Quantity) -> int:
+def _base(quantity: AngleClasses) -> int:
     return 1 if quantity.classes[0].points == 0 else 0
 
 
@@ -154,7 +154,7 @@ def test_drivers_name_the_worse_side_only() -> None:
     angles[0, INDEX["upper_arm_flexion_right"]] = 100.0
     angles[0, INDEX["wrist_flexion_left"]] = 40.0
     scores = reba.score(frame_of(angles))
-    found = drivers(scores, 0)
+    found = contributions(scores, 0)
     assert found[0] == "trunk flexion 70.0 deg (over 60): +3"
     assert any(text.startswith("right upper arm flexion 100.0 deg (over 90): +3") for text in found)
     assert not any("left" in text for text in found)

@@ -21,9 +21,9 @@ from lgp.experiments.runs import check_paths, check_runs
 from reba.batch.dataset import Dataset
 from reba.batch.dataset_run import score_into
 from reba.batch.manifest import MANIFEST
-from reba.batch.parallel import fan_out
-from reba.batch.run import Options, score_many, sees
-from reba.batch.worker_pool import Lost
+from reba.batch.parallel import run_parallel
+from reba.batch.run import ScoringOptions, score_many, sees
+from reba.batch.worker_pool import WorkerDied
 from reba.errors import RebaError
 from tests.support.lgp_worlds import needs_robots
 from tests.support.scale_work import cluster, die_at, write_recordings
@@ -110,7 +110,7 @@ def test_the_command_gives_the_same_as_here(
 def test_a_worker_killed_in_the_middle_changes_nothing(address: str, tmp_path: Path) -> None:
     inputs = write_recordings(tmp_path / "in", 24)
     with Dataset(tmp_path / "here") as dataset:
-        score_into(dataset, inputs, Options())
+        score_into(dataset, inputs, ScoringOptions())
     done: list[str] = []
 
     def kill_one(name: str) -> None:
@@ -119,7 +119,7 @@ def test_a_worker_killed_in_the_middle_changes_nothing(address: str, tmp_path: P
             kill_a_worker(address)
 
     with Dataset(tmp_path / "there") as dataset:
-        found = score_into(dataset, inputs, Options(), scheduler=address, done=kill_one)
+        found = score_into(dataset, inputs, ScoringOptions(), scheduler=address, done=kill_one)
     assert (dict(found.scored), found.failed) == ({"new": 24}, 0)
     assert sorted(done) == inputs
     assert len((tmp_path / "there" / MANIFEST).read_text().splitlines()) == 24
@@ -179,18 +179,18 @@ def test_an_experiment_is_the_same_with_a_worker_killed(address: str, local_runs
 
 
 def test_a_task_that_kills_workers_is_lost_and_stops_no_other(address: str) -> None:
-    found = dict(fan_out(partial(die_at, poison=2), range(6), scheduler=address))
+    found = dict(run_parallel(partial(die_at, poison=2), range(6), scheduler=address))
     lost = found.pop(2)
-    assert isinstance(lost, Lost)
+    assert isinstance(lost, WorkerDied)
     assert "workers died with it" in lost.reason
     assert found == {number: number * number for number in (0, 1, 3, 4, 5)}
 
 
 def test_what_workers_lack_is_said_before_the_work(address: str, tmp_path: Path) -> None:
     with pytest.raises(RebaError, match=r"worker tcp://.* \(and 1 more workers\)"):
-        list(fan_out(abs, [1], scheduler=address, probe=partial(sees, str(tmp_path / "nothing.mcap"))))
+        list(run_parallel(abs, [1], scheduler=address, probe=partial(sees, str(tmp_path / "nothing.mcap"))))
     (inside,) = write_recordings(tmp_path, 1)
-    (outcome,) = score_many([inside], tmp_path / "one.csv", Options(), scheduler=address)
+    (outcome,) = score_many([inside], tmp_path / "one.csv", ScoringOptions(), scheduler=address)
     assert outcome.error is None
     assert (tmp_path / "one.csv").is_file()
 
@@ -200,5 +200,5 @@ def test_a_worker_without_the_package_is_one_line(tmp_path: Path) -> None:
         cluster(tmp_path, workers=1, prelude="sys.modules['reba'] = None;") as address,
         pytest.raises(RebaError, match="cannot load dreba") as error,
     ):
-        list(fan_out(abs, [1], scheduler=address))
+        list(run_parallel(abs, [1], scheduler=address))
     assert "\n" not in str(error.value)

@@ -20,7 +20,7 @@ import reba
 from reba.batch.dataset import Dataset, settings
 from reba.batch.dataset_run import DatasetRun, score_into
 from reba.batch.manifest import MANIFEST, content_hash, stamp
-from reba.batch.run import Options
+from reba.batch.run import ScoringOptions
 from reba.errors import RebaError
 from tests.support.paths import ROOT
 from tests.support.scale_work import write_recordings
@@ -61,7 +61,7 @@ for _ in range({killed}):
 
 def run(folder: Path, inputs: list[str], **options: Any) -> DatasetRun:
     with Dataset(folder) as dataset:
-        return score_into(dataset, inputs, Options(**options))
+        return score_into(dataset, inputs, ScoringOptions(**options))
 
 
 def lines(folder: Path) -> list[dict[str, Any]]:
@@ -138,9 +138,9 @@ def test_what_changed_is_scored_again_and_said(inputs: list[str], tmp_path: Path
 def test_a_rules_file_counts_by_what_is_in_it(inputs: list[str], tmp_path: Path) -> None:
     file = tmp_path / "ours.toml"
     file.write_text('name = "ours"\nabduction = 45.0\n')
-    before = settings(Options(rules=str(file)))
+    before = settings(ScoringOptions(rules=str(file)))
     file.write_text('name = "ours"\nabduction = 50.0\n')
-    assert settings(Options(rules=str(file)))["rules_hash"] != before["rules_hash"]
+    assert settings(ScoringOptions(rules=str(file)))["rules_hash"] != before["rules_hash"]
 
 
 def test_failures_leave_no_scores_and_are_tried_again(inputs: list[str], tmp_path: Path) -> None:

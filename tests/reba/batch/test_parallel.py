@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from reba.batch import dask_cluster as cluster
-from reba.batch.parallel import fan_out
+from reba.batch.parallel import run_parallel
 from reba.batch.run import sees
-from reba.batch.worker_pool import WAITING, Lost
+from reba.batch.worker_pool import WAITING, WorkerDied
 from reba.errors import RebaError
 from tests.support.scale_work import die_at, refuse, square
 
@@ -23,9 +23,9 @@ pytestmark = pytest.mark.slow
 
 
 def test_in_this_process_by_default() -> None:
-    assert list(fan_out(square, range(5))) == [(number, number * number) for number in range(5)]
+    assert list(run_parallel(square, range(5))) == [(number, number * number) for number in range(5)]
     with pytest.raises(RebaError, match="expected another number"):
-        list(fan_out(refuse, range(5)))
+        list(run_parallel(refuse, range(5)))
 
 
 def test_every_task_comes_back_once_and_is_taken_in_a_window() -> None:
@@ -38,7 +38,7 @@ def test_every_task_comes_back_once_and_is_taken_in_a_window() -> None:
             yield number
 
     found, ahead = {}, []
-    for given, (task, result) in enumerate(fan_out(square, tasks(), jobs=2)):
+    for given, (task, result) in enumerate(run_parallel(square, tasks(), jobs=2)):
         time.sleep(0.002)
         found[task] = result
         ahead.append(taken - given)
@@ -47,23 +47,23 @@ def test_every_task_comes_back_once_and_is_taken_in_a_window() -> None:
 
 
 def test_a_task_that_kills_its_process_is_told_and_stops_no_other() -> None:
-    found = dict(fan_out(partial(die_at, poison=3), range(12), jobs=2))
+    found = dict(run_parallel(partial(die_at, poison=3), range(12), jobs=2))
     lost = found.pop(3)
-    assert isinstance(lost, Lost)
+    assert isinstance(lost, WorkerDied)
     assert "died" in lost.reason
     assert found == {number: number * number for number in range(12) if number != 3}
 
 
 def test_errors_of_the_work_are_raised() -> None:
     with pytest.raises(RebaError, match="expected another number"):
-        list(fan_out(refuse, range(5), jobs=2))
+        list(run_parallel(refuse, range(5), jobs=2))
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "", "127.0.0.1:99999", "ftp://x:1"])
 def test_an_address_without_a_scheduler_is_one_line_in_seconds(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "CONNECT", 0.5)
     with pytest.raises(RebaError, match="no Dask scheduler answers there") as error:
-        list(fan_out(square, range(3), scheduler=address))
+        list(run_parallel(square, range(3), scheduler=address))
     assert "\n" not in str(error.value)
 
 
@@ -78,13 +78,13 @@ def test_a_server_that_is_no_scheduler_is_one_line() -> None:
         threading.Thread(target=answer, daemon=True).start()
         port = server.getsockname()[1]
         with pytest.raises(RebaError, match="no Dask scheduler"):
-            list(fan_out(square, range(3), scheduler=f"tcp://127.0.0.1:{port}"))
+            list(run_parallel(square, range(3), scheduler=f"tcp://127.0.0.1:{port}"))
 
 
 def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(RebaError, match=r"dreba\[cluster\]"):
-        list(fan_out(square, range(3), scheduler="tcp://127.0.0.1:1"))
+        list(run_parallel(square, range(3), scheduler="tcp://127.0.0.1:1"))
 
 
 def test_what_a_worker_cannot_reach_is_named(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from reba.errors import RebaError
-from reba.live.session import Alert, Session
+from reba.live.session import Alert, LiveScorer
 from tests.reba.live.test_session import frames
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
@@ -19,7 +19,7 @@ websocket = pytest.importorskip("websocket", reason="websocket-client is not ins
 
 from foxglove import messages  # noqa: E402
 
-from reba.live.foxglove import TOPICS, View  # noqa: E402
+from reba.live.foxglove import TOPICS, FoxgloveServer  # noqa: E402
 
 pytestmark = pytest.mark.slow
 
@@ -28,13 +28,13 @@ PROTOCOLS = ["foxglove.sdk.v1", "foxglove.websocket.v1"]
 
 
 @pytest.fixture
-def view() -> Iterator[View]:
-    served = View(port=0)
+def view() -> Iterator[FoxgloveServer]:
+    served = FoxgloveServer(port=0)
     yield served
     served.close()
 
 
-def test_a_client_gets_scores_and_a_figure(view: View) -> None:
+def test_a_client_gets_scores_and_a_figure(view: FoxgloveServer) -> None:
     client = websocket.create_connection(view.address, subprotocols=PROTOCOLS, timeout=20)
     try:
         channels = _channels(client)
@@ -45,7 +45,7 @@ def test_a_client_gets_scores_and_a_figure(view: View) -> None:
         assert figure["schemaName"] == "foxglove.SceneUpdate"
         wanted = [{"id": number, "channelId": channel["id"]} for number, channel in enumerate((scores, figure))]
         client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-        session = Session("measured", 1.0, Alert(8, 1.0))
+        session = LiveScorer("measured", 1.0, Alert(8, 1.0))
         got: dict[int, bytes] = {}
         at = 0
         while len(got) < 2:
@@ -85,8 +85,8 @@ def _messages(client: Any) -> dict[int, bytes]:
         return found
 
 
-def test_the_figure_is_what_the_sdk_makes_of_it(view: View) -> None:
-    session = Session("measured", 1.0, Alert(8, 1.0))
+def test_the_figure_is_what_the_sdk_makes_of_it(view: FoxgloveServer) -> None:
+    session = LiveScorer("measured", 1.0, Alert(8, 1.0))
     given = frames([9])
     records, scores = session.add(given)
     from reba.live.foxglove import figure
@@ -96,10 +96,10 @@ def test_the_figure_is_what_the_sdk_makes_of_it(view: View) -> None:
     assert len(update.encode()) > 500
 
 
-def test_a_port_that_is_taken_is_one_line(view: View) -> None:
+def test_a_port_that_is_taken_is_one_line(view: FoxgloveServer) -> None:
     port = int(view.address.rpartition(":")[2])
     with pytest.raises(RebaError, match=f"port {port} cannot be used"):
-        View(port=port)
+        FoxgloveServer(port=port)
 
 
 def test_without_the_sdk_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,4 +112,4 @@ def test_without_the_sdk_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(RebaError, match=r"dreba\[live\]"):
-        View(port=0)
+        FoxgloveServer(port=0)

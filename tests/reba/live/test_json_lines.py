@@ -21,7 +21,7 @@ from reba.cli import cli
 from reba.live.follow import Follower
 from reba.live.frames import Reading
 from reba.live.json_lines import Lines
-from reba.live.session import Alert, Session
+from reba.live.session import Alert, LiveScorer
 from tests.support.live_sources import assert_same, batch, json_lines, rewritten, run_live
 from tests.support.paths import DATASETS
 
@@ -201,7 +201,7 @@ def test_no_line_brings_it_down(lines: list[bytes], opened: bool) -> None:
     os.close(writing)
     told: list[str] = []
     follower = Follower(Lines(reading, told.append), Reading(), {}, {}, told.append)
-    session = Session("measured", 1.0, Alert(8, 1.0))
+    session = LiveScorer("measured", 1.0, Alert(8, 1.0))
     said = ""
     try:
         for frames in follower.frames():

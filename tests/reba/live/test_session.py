@@ -14,7 +14,7 @@ from reba.live.command import seconds
 from reba.live.foxglove import GREY, SCALE, colour_of, figure
 from reba.live.frames import Frames, later
 from reba.live.output import Latency
-from reba.live.session import Alert, Session, score_of_level
+from reba.live.session import Alert, LiveScorer, score_of_level
 from reba.method.scoring import UNKNOWN
 from reba.posture.factors import Factors
 
@@ -35,7 +35,7 @@ def frames(scores: list[int], start: float = 0.0) -> Frames:
 
 def test_an_alert_is_raised_and_cleared_after_the_hold() -> None:
     high = [1] * 20 + [9] * 10 + [1] * 5 + [9] * 60 + [1] * 10 + [9] * 5 + [1] * 60
-    session = Session("measured", 2.0, Alert(7, 1.0))
+    session = LiveScorer("measured", 2.0, Alert(7, 1.0))
     records, _ = session.add(frames(high))
     levels = {record["reba"] for record in records}
     assert min(levels) == 1
@@ -50,7 +50,7 @@ def test_an_alert_is_raised_and_cleared_after_the_hold() -> None:
 def test_the_window_is_the_mean_of_its_frames() -> None:
     random = np.random.default_rng(2)
     pattern = random.choice([1, 9], 400).tolist()
-    records, scores = Session("measured", 3.0, Alert(8, 0.0)).add(frames(pattern))
+    records, scores = LiveScorer("measured", 3.0, Alert(8, 0.0)).add(frames(pattern))
     reba_scores = scores.reba.astype(float)
     for at in (100, 250, 399):
         inside = reba_scores[at - 60 : at]
@@ -61,8 +61,8 @@ def test_the_window_is_the_mean_of_its_frames() -> None:
 
 @given(st.lists(st.sampled_from([1, 9]), min_size=1, max_size=60), st.integers(1, 7))
 def test_blocks_do_not_matter(pattern: list[int], size: int) -> None:
-    whole, _ = Session("measured", 1.0, Alert(8, 0.2)).add(frames(pattern))
-    session, parts = Session("measured", 1.0, Alert(8, 0.2)), []
+    whole, _ = LiveScorer("measured", 1.0, Alert(8, 0.2)).add(frames(pattern))
+    session, parts = LiveScorer("measured", 1.0, Alert(8, 0.2)), []
     given_frames = frames(pattern)
     for at in range(0, len(pattern), size):
         part = slice(at, at + size)
@@ -72,7 +72,7 @@ def test_blocks_do_not_matter(pattern: list[int], size: int) -> None:
 
 
 def test_memory_does_not_grow_with_the_length() -> None:
-    session = Session("measured", 2.0, Alert(8, 1.0))
+    session = LiveScorer("measured", 2.0, Alert(8, 1.0))
     block = frames([1, 9] * 25)
     length = len(block.time) / RATE
 
@@ -119,7 +119,7 @@ def test_percentiles_are_right_to_two_percent() -> None:
 
 def test_the_figure_stands_and_is_coloured_by_part() -> None:
     given_frames = frames([1, 9])
-    _, scores = Session("measured", 1.0, Alert(8, 1.0)).add(given_frames)
+    _, scores = LiveScorer("measured", 1.0, Alert(8, 1.0)).add(given_frames)
     upright, bent = (figure(given_frames.angles[at], scores, at) for at in (0, 1))
     for shown in (upright, bent):
         assert shown.lines.shape == (len(shown.colours), 2, 3)

@@ -13,7 +13,7 @@ import pytest
 import reba
 from reba.live.follow import Follower
 from reba.live.frames import Reading
-from reba.live.session import Steps
+from reba.live.session import FrameDurations
 from reba.live.sources import Growing, open_growing
 from reba.readers.mcap import open_mcap
 from tests.support import mcap_builder as make
@@ -191,7 +191,7 @@ def test_the_peek_sees_past_many_small_segments(tmp_path: Path) -> None:
 
 
 def test_a_gap_counts_one_period() -> None:
-    steps = Steps()
+    steps = FrameDurations()
     assert [steps.add(step) for step in (0.04, 0.04, 3.0, 0.04)] == [False, False, True, False]
     assert steps.period() == 0.04
 

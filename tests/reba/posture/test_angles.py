@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from reba.posture.angles import CONE, Body, angle_between, arm_angles, frame_of, posture_angles, turned
+from reba.posture.angles import (
+    CONE,
+    SegmentFrames,
+    angle_between,
+    arm_angles,
+    frame_from_y_z,
+    posture_angles,
+    rotated_about,
+)
 from reba.posture.columns import COLUMNS, INDEX
 from tests.support.synthetic_bodies import body_of, rotation, segment_frames
 
@@ -54,7 +62,7 @@ def test_left_is_right_in_a_mirror(posture: dict[str, float]) -> None:
     for name, frame in frames.items():
         part, _, side = name.rpartition("_")
         mirrored[f"{part}_{swap[side]}" if side in swap else name] = (mirror @ frame @ mirror)[None]
-    read = posture_angles(Body(mirrored, up=np.array([0.0, 1.0, 0.0])), 1)[0]
+    read = posture_angles(SegmentFrames(mirrored, up=np.array([0.0, 1.0, 0.0])), 1)[0]
     plain = posture_angles(body_of(posture), 1)[0]
     for column, index in INDEX.items():
         part, _, side = column.rpartition("_")
@@ -77,7 +85,7 @@ def test_class_edges_are_exact_after_rounding(degrees: float) -> None:
 def test_trunk_keeps_its_sign_when_the_pelvis_tips_over() -> None:
     frames = segment_frames({"trunk_flexion": 0.0}, 30.0)
     tipped = rotation("y", 30.0) @ rotation("z", -100.0)
-    body = Body({"pelvis": tipped[None], "thorax": tipped[None]}, up=np.array([0.0, 1.0, 0.0]))
+    body = SegmentFrames({"pelvis": tipped[None], "thorax": tipped[None]}, up=np.array([0.0, 1.0, 0.0]))
     read = posture_angles(body, 1)[0]
     assert read[0] == pytest.approx(100.0)
     assert read[1:3] == pytest.approx([0.0, 0.0], abs=1e-9)
@@ -116,14 +124,14 @@ def test_directions_are_enough_for_elbow_knee_and_arm() -> None:
     down, forward = np.array([[0.0, 2.0, 0.0]]), np.array([[-3.0, 0.0, 0.0]])
     frames = {"thorax": np.eye(3)[None], "pelvis": np.eye(3)[None]}
     axes = {"upper_arm_left": down, "forearm_left": forward, "thigh_left": down, "shank_left": down}
-    read = posture_angles(Body(frames, axes), 1)[0]
+    read = posture_angles(SegmentFrames(frames, axes), 1)[0]
     assert read[INDEX["lower_arm_flexion_left"]] == pytest.approx(90.0)
     assert read[INDEX["upper_arm_flexion_left"]] == pytest.approx(0.0)
     assert read[INDEX["knee_flexion_left"]] == 0.0
 
 
 def test_helpers_refuse_degenerate_directions_with_nan() -> None:
-    assert np.isnan(frame_of(np.array([[0.0, 1.0, 0.0]]), np.array([[0.0, 2.0, 0.0]]))).any()
+    assert np.isnan(frame_from_y_z(np.array([[0.0, 1.0, 0.0]]), np.array([[0.0, 2.0, 0.0]]))).any()
     assert np.isnan(angle_between(np.zeros((1, 3)), np.array([[1.0, 0, 0]]))[0])
     assert angle_between(np.array([[1.0, 0, 0]]), np.array([[-1.0, 0, 0]]))[0] == 180.0
-    np.testing.assert_allclose(turned(np.eye(3), 0, np.radians([30.0]))[0], rotation("x", 30.0), atol=1e-15)
+    np.testing.assert_allclose(rotated_about(np.eye(3), 0, np.radians([30.0]))[0], rotation("x", 30.0), atol=1e-15)

@@ -13,7 +13,7 @@ from reba.errors import ProfileError, ReadError, RebaError
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
 from reba.readers import is_recording, is_recording_folder, read
-from reba.readers.build_table import finish
+from reba.readers.build_table import build_table
 from reba.readers.info import inspect
 from reba.readers.mapping.reference_frames import RootPose
 from reba.readers.mapping.segments import AXES
@@ -37,7 +37,7 @@ WAVE = np.linspace(0.0, 1.0, N)
 
 def _read(*streams: Stream, topic: str | None = None, neutral: str = "none") -> PostureTable:
     recording = recording_of(*streams)
-    return finish(recording, choose(recording, profiles(), topic), neutral=neutral)
+    return build_table(recording, choose(recording, profiles(), topic), neutral=neutral)
 
 
 def _human(unit: str = "rad", scale: float = np.pi / 180.0, **moves: Array | float) -> Stream:
@@ -273,6 +273,6 @@ def test_abnormal_ends_are_kept_and_refused_when_strict() -> None:
     recording = Recording(__file__, "test", (stream,))
     recording.log.ended_abnormally = "cut at byte 9"
     match = choose(recording, profiles())
-    assert finish(recording, match).quality.ended_abnormally == "cut at byte 9"
+    assert build_table(recording, match).quality.ended_abnormally == "cut at byte 9"
     with pytest.raises(ReadError, match="cut at byte 9"):
-        finish(recording, match, strict=True)
+        build_table(recording, match, strict=True)

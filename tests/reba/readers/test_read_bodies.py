@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
-from reba.readers.build_table import finish
+from reba.readers.build_table import build_table
 from reba.readers.mapping.segments import AXES
 from reba.readers.quality_control import first_frame_alien
 from reba.readers.recognise import choose
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 def _read(stream: Stream, neutral: str = "none", format: str = "test") -> PostureTable:
     recording = Recording(__file__, format, (stream,))
-    return finish(recording, choose(recording, profiles()), neutral=neutral)
+    return build_table(recording, choose(recording, profiles()), neutral=neutral)
 
 
 def _poses(

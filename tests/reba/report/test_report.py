@@ -25,7 +25,7 @@ from reba.posture.skeleton import LIMBS, joints
 from reba.posture.table import Quality, table_of
 from reba.report import render, write_report
 from reba.report.labels import BODY, FACTORS, LEVEL_COLOURS, PARTS, RULES
-from reba.report.series import Curve, Steps, band, line, steps
+from reba.report.series import Curve, StepCurve, band, line, steps
 from reba.report.summary import grade, recording, shares_of_levels
 from reba.scores import Scores
 
@@ -269,7 +269,7 @@ def test_decimation_keeps_extremes_and_invents_nothing(values: list[int], bucket
 
 
 def test_lines_and_bands_end_where_their_last_value_ends() -> None:
-    points = Steps(np.array([0.0, 1.0, 2.0, 5.0]), np.array([1.0, 2.0, 3.0, 6.0]), np.array([0, 0, 1, 1], bool),
+    points = StepCurve(np.array([0.0, 1.0, 2.0, 5.0]), np.array([1.0, 2.0, 3.0, 6.0]), np.array([0, 0, 1, 1], bool),
                    np.arange(4))  # fmt: skip
     x, y = line(points, np.array([4.0, 5.0, 6.0, 7.0]), np.array([True, False, True, True]))
     np.testing.assert_array_equal(x, [0, 1, np.nan, 2, 3, np.nan, 5, 6])

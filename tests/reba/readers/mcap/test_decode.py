@@ -18,10 +18,10 @@ from rosbags.typesys import Stores, get_typestore
 
 from reba.readers.mcap import open_mcap, protobuf
 from reba.readers.mcap import ros as cdr
-from reba.readers.mcap.container import Loaded, Segment
+from reba.readers.mcap.container import ChunkRef, Loaded
 from reba.readers.mcap.decode import Batch, ColumnDecoder
 from reba.readers.mcap.extract import TEXTS, pick_joints
-from reba.readers.mcap.layout import Span, Undecodable
+from reba.readers.mcap.layout import FieldSpan, Undecodable
 from reba.readers.mcap.merge import MOST_SIGNALS
 from reba.readers.mcap.records import Scan
 from reba.readers.mcap.ros import BadSchema, Number, parse
@@ -164,8 +164,8 @@ def test_xcdr2_aligns_numbers_of_eight_bytes_to_four() -> None:
     root = parse("uint32 a\nfloat64 b\nuint8 c\nfloat64[] d", "x/Y")
     body = b"\1\0\0\0" + np.float64(2.5).tobytes() + b"\7\0\0\0" + b"\1\0\0\0" + np.float64(3.5).tobytes()
     tree = cdr.walk(root, b"\0\7\0\0" + body, (), ros1=False).tree
-    assert tree["b"] == Span(8, "<f8")
-    assert tree["d"] == Span(24, "<f8", 1, scalar=False)
+    assert tree["b"] == FieldSpan(8, "<f8")
+    assert tree["d"] == FieldSpan(24, "<f8", 1, scalar=False)
     with pytest.raises(Undecodable, match="not plain CDR"):
         cdr.walk(root, b"\0\3\0\0" + body, (), ros1=False)
 
@@ -173,7 +173,7 @@ def test_xcdr2_aligns_numbers_of_eight_bytes_to_four() -> None:
 def test_an_empty_array_is_not_padded() -> None:
     root = parse("uint32 a\nfloat64[] b\nuint8 c", "x/Y")
     tree = cdr.walk(root, b"\0\1\0\0\1\0\0\0\0\0\0\0\5", (), ros1=False).tree
-    assert tree["c"] == Span(12, "<u1")
+    assert tree["c"] == FieldSpan(12, "<u1")
 
 
 @pytest.mark.parametrize(
@@ -314,7 +314,7 @@ def test_a_damaged_layout_does_not_hide_good_messages() -> None:
     lengths = np.array([len(payload) for payload in payloads])
     starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     none = Scan(starts, lengths, np.zeros(10, np.uint16), starts, (), 0)
-    batch = Batch(Loaded(Segment(0, len(data), None, 0), data, none), starts, lengths, starts)
+    batch = Batch(Loaded(ChunkRef(0, len(data), None, 0), data, none), starts, lengths, starts)
     decoder = ColumnDecoder(lambda message: cdr.walk(root, message, TEXTS, ros1=False), pick_joints, None)
     log = ReadLog()
     (piece,) = decoder.decode(batch, log)
