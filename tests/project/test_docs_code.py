@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 COMMANDS = {"reba": reba.cli.cli, "dreba": dreba.cli.cli, "lgp": lgp.cli.cli}
-KINDS = {"python", "console", "toml", "text", "json", "{toctree}"}
+KINDS = {"python", "console", "toml", "text", "json", "{toctree}", "{math}", "{eval-rst}"}
 """What a fenced block may be; `text` is output or a formula, and is not run."""
 CHECK = doctest.OutputChecker()
 LOOSE = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import runpy
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,44 +12,7 @@ import pytest
 
 from tests.support.paths import ROOT
 
-ROOMS = {
-    "reba": (
-        "_version arrays errors checks files toml_table",
-        "posture",
-        "method",
-        "analysis",
-        "scores",
-        "readers.recording",
-        "readers.mcap",
-        "readers.formats",
-        "readers.mapping",
-        "readers",
-        "writers",
-        "batch",
-        "report",
-        "command_line console",
-        "live",
-        "score_command cli",
-    ),
-    "dreba": ("errors domain", "surrogates", "sampling", "evaluation", "export", "report", "options console", "cli"),
-    "lgp": (
-        "errors svg",
-        "logic",
-        "scene",
-        "kinematics",
-        "collision",
-        "sqp",
-        "search",
-        "path",
-        "plan_record planner motion",
-        "page",
-        "execution",
-        "statistics",
-        "experiments",
-        "study",
-        "console cli",
-    ),
-}
+ROOMS = tomllib.loads((ROOT / "docs" / "rooms.toml").read_text(encoding="utf-8"))
 """The rooms of each package in their order; a module imports its own row and those above it."""
 COMMANDS = {"cli.py", "command.py", "commands.py", "options.py"}
 """Files of commands, which import on use what one command alone needs, so that `--help` is quick."""
@@ -117,12 +82,12 @@ def test_no_import_circle() -> None:
     assert circles(GRAPH) == []
 
 
-def level(module: str) -> int:
-    """Return the position of a module's room in its package."""
+def level(module: str) -> int | None:
+    """Return the position of a module's room in its package, None where it has none."""
     package, _, inner = module.partition(".")
-    ranks = {room: rank for rank, rooms in enumerate(ROOMS[package]) for room in rooms.split()}
+    ranks = {room: rank for rank, rooms in enumerate(ROOMS[package]) for room in rooms}
     parts = inner.split(".")
-    return next(ranks[room] for n in range(len(parts), 0, -1) if (room := ".".join(parts[:n])) in ranks)
+    return next((ranks[room] for n in range(len(parts), 0, -1) if (room := ".".join(parts[:n])) in ranks), None)
 
 
 @pytest.mark.parametrize("package", sorted(ROOMS))
@@ -157,3 +122,15 @@ def imports_of(tree: ast.Module) -> Iterator[tuple[str, ast.stmt]]:
             for alias in node.names:
                 if alias.name.split(".")[0] in ROOMS:
                     yield alias.name, node
+
+
+def test_every_module_has_a_room_and_every_room_a_module() -> None:
+    lived = {name for name in MODULES if name not in FACES}
+    assert [name for name in lived if level(name) is None] == []
+    rooms = {f"{package}.{room}" for package, rows in ROOMS.items() for row in rows for room in row}
+    assert [room for room in rooms if not any(name == room or name.startswith(f"{room}.") for name in lived)] == []
+
+
+def test_the_picture_of_the_rooms_is_that_of_the_code() -> None:
+    drawing = runpy.run_path(str(ROOT / "docs" / "draw_rooms.py"))
+    assert drawing["PICTURE"].read_text(encoding="utf-8") == drawing["draw"](), "run: python docs/draw_rooms.py"

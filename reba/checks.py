@@ -1,0 +1,120 @@
+"""Arguments of public functions are checked once, at the border: wrong types end in the package's own error.
+
+`accepts` names what each argument may be; below the border nothing is checked again.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
+
+import numpy as np
+
+from reba.errors import RebaError
+
+_Given = ParamSpec("_Given")
+_Result = TypeVar("_Result")
+_WHOLE: Final = (int, np.integer)
+_NUMBER: Final = (*_WHOLE, float, np.floating)
+_YES_NO: Final = (bool, np.bool_)
+LONGEST: Final = 60
+"""Characters of a value that a message repeats."""
+
+
+class Allowed(NamedTuple):
+    """What an argument may be: in words, and as a test."""
+
+    expected: str
+    fits: Callable[[Any], bool]
+
+    def or_none(self) -> Allowed:
+        """Return the same with None allowed.
+
+        >>> COUNT.or_none().fits(None)
+        True
+        """
+        return Allowed(f"{self.expected}, or None", lambda value: value is None or self.fits(value))
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value is a real number and no truth value."""
+    return isinstance(value, _NUMBER) and not isinstance(value, _YES_NO)
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, _WHOLE) and not isinstance(value, _YES_NO)
+
+
+def one_of(*names: str) -> Allowed:
+    """Return that an argument is one of some names."""
+    return Allowed("one of " + ", ".join(names), lambda value: isinstance(value, str) and value in names)
+
+
+def instance(expected: str, *kinds: type) -> Allowed:
+    """Return that an argument is an instance of one of some classes, in words a caller knows."""
+    return Allowed(expected, lambda value: isinstance(value, kinds))
+
+
+def has(expected: str, *attributes: str) -> Allowed:
+    """Return that an argument has some attributes, for classes that are too costly to import for a check."""
+    return Allowed(expected, lambda value: all(hasattr(value, name) for name in attributes))
+
+
+TEXT: Final = Allowed("a text", lambda value: isinstance(value, str))
+PATH: Final = Allowed("a path, as text or pathlib.Path", lambda value: isinstance(value, str | os.PathLike))
+YES_NO: Final = Allowed("True or False", lambda value: isinstance(value, _YES_NO))
+POSITIVE: Final = Allowed("a number above 0", lambda value: is_number(value) and 0 < value < np.inf)
+NOT_NEGATIVE: Final = Allowed("a number, 0 or more", lambda value: is_number(value) and 0 <= value < np.inf)
+COUNT: Final = Allowed("a whole number above 0", lambda value: _is_whole(value) and value > 0)
+SEED: Final = Allowed("a whole number from 0 to 4294967295", lambda value: _is_whole(value) and 0 <= value < 2**32)
+
+
+def shown(value: Any) -> str:
+    """Return a value as a message repeats it.
+
+    >>> shown("x" * 100)
+    'a str'
+    >>> shown(2.5)
+    '2.5'
+    """
+    text = repr(value) if isinstance(value, str | int | float | bool | np.number | os.PathLike | None) else ""
+    return text if 0 < len(text) <= LONGEST else f"a {type(value).__name__}"
+
+
+def accepts(
+    error: type[RebaError], **allowed: Allowed
+) -> Callable[[Callable[_Given, _Result]], Callable[_Given, _Result]]:
+    """Check arguments of a public function by name (a decorator).
+
+    Args:
+        error: class of the errors raised.
+        **allowed: argument -> what it may be; arguments left out by the caller are not checked.
+
+    >>> @accepts(RebaError, depth=COUNT)
+    ... def search(depth: int = 3) -> int:
+    ...     return depth
+    >>> search(depth=2.5)
+    Traceback (most recent call last):
+    reba.errors.RebaError: search: depth is 2.5; expected a whole number above 0
+    """
+
+    def decorate(function: Callable[_Given, _Result]) -> Callable[_Given, _Result]:
+        signature = inspect.signature(function)
+
+        @functools.wraps(function)
+        def checked(*args: _Given.args, **kwargs: _Given.kwargs) -> _Result:
+            try:
+                given = signature.bind(*args, **kwargs).arguments
+            except TypeError:
+                return function(*args, **kwargs)  # Python's own words on a missing or unknown argument
+            for name, rule in allowed.items():
+                if name in given and not rule.fits(given[name]):
+                    raise error(f"{function.__name__}: {name} is {shown(given[name])}; expected {rule.expected}")
+            return function(*args, **kwargs)
+
+        return checked
+
+    return decorate

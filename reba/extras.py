@@ -1,0 +1,57 @@
+"""Optional packages: which extra of the distribution brings them, and the one line where one is missing.
+
+`pip install dreba` alone brings what `reba` needs; planning, surrogates and the rest come as extras.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from reba.errors import RebaError
+
+EXTRAS: Final = {
+    "clarabel": "fit",
+    "qpsolvers": "fit",
+    "scipy": "fit",
+    "sklearn": "fit",
+    "threadpoolctl": "fit",
+    "coal": "plan",
+    "lark": "plan",
+    "pddl": "plan",
+    "pinocchio": "plan",
+    "piqp": "plan",
+    "qdldl": "plan",
+    "example_robot_data": "robots",
+    "statsmodels": "experiments",
+    "collada": "page",
+    "jupyter_threejs_sage": "page",
+    "PIL": "page",
+    "pyvista": "page",
+    "sphinx_revealjs": "page",
+    "trimesh": "page",
+    "mcap_ros2": "run",
+    "starlette": "run",
+    "uvicorn": "run",
+    "foxglove": "live",
+    "distributed": "cluster",
+}
+"""Name of an import -> extra that installs it."""
+
+
+class MissingPackageError(RebaError, ImportError):
+    """An optional package is not installed; its text names the command that installs it."""
+
+
+def missing(package: str, purpose: str = "this") -> MissingPackageError:
+    """Return the error that says what to install.
+
+    Args:
+        package: name of the import, with or without submodules.
+        purpose: what needs it, the subject of the sentence.
+
+    >>> print(missing("sklearn.base", "dreba.load"))
+    dreba.load needs the package sklearn, which is not installed; run: pip install "dreba[fit]"
+    """
+    name = package.split(".")[0]
+    command = f'pip install "dreba[{EXTRAS[name]}]"' if name in EXTRAS else f"pip install {name}"
+    return MissingPackageError(f"{purpose} needs the package {name}, which is not installed; run: {command}")

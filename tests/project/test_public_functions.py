@@ -1,0 +1,125 @@
+"""Every public function: wrong types end in the package's own error, one line; names are documented and no room's."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import dreba
+import lgp
+import reba
+from tests.support.paths import DATASETS, ROOT
+
+PACKAGES = {"reba": reba, "dreba": dreba, "lgp": lgp}
+WRONG = (
+    None,
+    3,
+    -2.5,
+    "x",
+    b"x",
+    object(),
+    [],
+    {},
+    np.zeros(3),
+    np.zeros((2, 5)),
+    np.array(["a", "b"]),
+    Path("nowhere"),
+)
+"""Of these most do not fit any one argument; those that do must simply work."""
+MODEL = dreba.load("quadratic")
+POSES = dreba.sample(300, rng=1)
+SCORES = reba.score(pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]}))
+POSTURES = SCORES.postures
+RECORDING = DATASETS / "balancing_keypoints.trc"
+GOOD: dict[str, dict[str, Any]] = {
+    "reba.angle_table": {"data": POSES.angles},
+    "reba.compare": {"a": SCORES, "b": SCORES},
+    "reba.info": {"path": RECORDING},
+    "reba.read": {"path": RECORDING, "profile": "auto", "topic": None, "neutral": "none", "strict": False},
+    "reba.score": {"postures": POSTURES, "rules": "measured", "activity": "auto", "missing": "range"},
+    "reba.score_array": {"angles": POSES.angles, "factors": None, "rules": "measured", "missing": "range"},
+    "reba.score_parts": {"trunk": 1, "neck": 1, "legs": 1, "upper_arm": 1, "lower_arm": 1, "wrist": 1},
+    "reba.write_postures": {"postures": POSTURES, "path": "postures.parquet"},
+    "reba.write_report": {"scores": SCORES, "path": "report.html"},
+    "reba.write_scores": {"scores": SCORES, "path": "scores.parquet"},
+    "dreba.compare": {"models": {"quadratic": MODEL}, "poses": POSES},
+    "dreba.delta_payload": {"load": 3.0},
+    "dreba.domain_of": {"which": "human"},
+    "dreba.evaluate": {"model": MODEL, "poses": POSES},
+    "dreba.export_model": {"model": MODEL, "path": "model.c", "to": "c"},
+    "dreba.fit_to": {"model": dreba.QuadraticModel(), "train": POSES, "held_out": POSES},
+    "dreba.load": {"path": "quadratic"},
+    "dreba.models": {},
+    "dreba.read_poses": {"path": RECORDING, "joints": "measured"},
+    "dreba.sample": {"n": 50, "classes": (1, 2, 3), "rng": 1},
+    "dreba.write_report": {"model": MODEL, "poses": POSES, "path": "model.html"},
+    "lgp.experiment_screwdriver": {"folder": "screwdriver", "runs": None},
+    "lgp.experiment_toolbox": {"folder": None},
+    "lgp.load_scene": {"path": "screwdriver"},
+    "lgp.plan": {"scene": "screwdriver", "cost": None, "slices": -1},
+    "lgp.run_plan": {"plan": None, "folder": "run"},
+    "lgp.run_study": {"logs": None},
+    "lgp.shipped_scenes": {},
+    "lgp.write_page": {"plan": None, "folder": "page"},
+}
+"""Arguments of each function; those whose run takes long have one wrong value here already."""
+
+
+def functions() -> dict[str, Callable[..., Any]]:
+    return {
+        f"{package}.{name}": getattr(module, name)
+        for package, module in PACKAGES.items()
+        for name in module.__all__
+        if inspect.isfunction(getattr(module, name))
+    }
+
+
+def test_the_list_is_complete() -> None:
+    assert set(functions()) == set(GOOD)
+
+
+@pytest.mark.parametrize("name", sorted(GOOD))
+def test_wrong_types_end_in_one_line(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    function, good = functions()[name], GOOD[name]
+    for argument in good:
+        for wrong in WRONG:
+            try:
+                function(**{**good, argument: wrong})
+            except reba.RebaError as error:
+                text = str(error)
+                assert text, (argument, wrong)
+                assert "\n" not in text, (argument, wrong)
+            except Exception as error:
+                raise AssertionError(f"{name}({argument}={wrong!r}) ends in {error!r}") from error
+
+
+@pytest.mark.parametrize("name", sorted(GOOD))
+def test_paths_come_second_and_options_by_keyword(name: str) -> None:
+    kinds = inspect.signature(functions()[name]).parameters.values()
+    positional = [each.name for each in kinds if each.kind is inspect.Parameter.POSITIONAL_OR_KEYWORD]
+    for path in {"path", "folder"} & set(positional):
+        assert positional.index(path) == len(positional) - 1, "the path follows what is written"
+
+
+@pytest.mark.parametrize("package", sorted(PACKAGES))
+def test_no_public_name_is_a_room(package: str) -> None:
+    inside = (ROOT / package).iterdir()
+    rooms = {path.stem for path in inside if path.suffix == ".py" or (path / "__init__.py").exists()}
+    assert set(PACKAGES[package].__all__) & (rooms - {"__init__"}) == set()
+
+
+@pytest.mark.parametrize("package", sorted(PACKAGES))
+def test_every_public_name_is_in_the_reference_with_a_docstring(package: str) -> None:
+    module = PACKAGES[package]
+    page = (ROOT / "docs" / f"api_{package}.md").read_text(encoding="utf-8")
+    missing = [name for name in module.__all__ if name != "__version__" and f":: {name}\n" not in page]
+    assert missing == []
+    bare = [name for name in module.__all__ if callable(getattr(module, name)) and not getattr(module, name).__doc__]
+    assert bare == []
