@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from reba.errors import RebaError
-from reba.files import _sha256, as_json
+from reba.files import as_json, sha256_of
 
 MANIFEST: Final = "_manifest.jsonl"
 """Its name; readers of Parquet datasets pass over what begins with an underscore."""
@@ -171,8 +171,8 @@ def content_hash(path: str | Path) -> str:
     place = Path(path)
     try:
         if not place.is_dir():
-            return _sha256(place)
-        lines = [f"{file.relative_to(place)} {_sha256(file)}\n" for file in _files(place)]
+            return sha256_of(place)
+        lines = [f"{file.relative_to(place)} {sha256_of(file)}\n" for file in _files(place)]
     except OSError:
         return ""
     return hashlib.sha256("".join(lines).encode(errors="surrogateescape")).hexdigest()

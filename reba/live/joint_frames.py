@@ -281,7 +281,7 @@ class DecisionMonitor:
             return
         mapper = self._copied()
         before = len(mapper.warnings)
-        settled = mapper.settled()
+        settled = mapper.is_consistent()
         found = quality_control(
             Samples(self._table[: self._kept].copy(), ReadLog()), mapper, self._profile, self._kind, self._neutral
         )
