@@ -24,6 +24,7 @@ from reba.scores import Scores, score
 
 if TYPE_CHECKING:
     from reba.readers import read
+    from reba.report import write_report
     from reba.writers import write_postures, write_scores
 
 __all__ = [
@@ -51,10 +52,16 @@ __all__ = [
     "score_array",
     "score_parts",
     "write_postures",
+    "write_report",
     "write_scores",
 ]
-# Reading and writing load what formats need; scoring alone should not pay for them.
-_LATE = {"read": "reba.readers", "write_postures": "reba.writers", "write_scores": "reba.writers"}
+# Readers and writers import the libraries of their formats; programs that only score load none of them.
+_LATE = {
+    "read": "reba.readers",
+    "write_postures": "reba.writers",
+    "write_report": "reba.report",
+    "write_scores": "reba.writers",
+}
 
 
 def __getattr__(name: str) -> Any:

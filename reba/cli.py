@@ -17,20 +17,18 @@ from reba.method.rules import rules_of
 from reba.method.tables import ACTION_LEVELS
 from reba.posture.factors import COUPLINGS, SUPPORTS
 
-LEVEL_WORDS = [risk.replace(" ", "-") for risk, _ in ACTION_LEVELS]
-"""Action levels as words of one piece."""
+LEVEL_NAMES = [risk.replace(" ", "-") for risk, _ in ACTION_LEVELS]
+"""Names of the action levels as values of options, such as very-high."""
 
 
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say how recordings are read."""
+    """Add the options for reading recordings."""
     for option in (
-        click.option(
-            "--strict", is_flag=True, help="Refuse a recording that breaks off instead of reading up to there."
-        ),
+        click.option("--strict", is_flag=True, help="Refuse a truncated recording instead of reading its first part."),
         click.option("--neutral", default="none", metavar="first:3s|at:T|none", help="Posture that counts as neutral."),
-        click.option("--topic", default=None, help="Topic or stream to use, if a recording holds several."),
+        click.option("--topic", default=None, help="Topic or stream to use, if a recording has several."),
         click.option(
-            "--profile", default="auto", metavar="NAME|FILE.toml", help="What the names mean: `reba profiles`."
+            "--profile", default="auto", metavar="NAME|FILE.toml", help="Meaning of the names: `reba profiles`."
         ),
     ):
         command = option(command)
@@ -38,17 +36,17 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say how postures are scored."""
+    """Add the options for scoring postures, after those for reading."""
     for option in (
         click.option(
             "--missing",
             default="range",
             type=click.Choice(["range", "neutral", "worst", "error"]),
-            help="What stands for scores that unmeasured angles leave open.",
+            help="Value of scores that unmeasured angles leave undetermined.",
         ),
         click.option("--activity", default="auto", metavar="auto|none|LIST", help="LIST: static,repeated,unstable."),
         click.option("--arm-supported", is_flag=True, default=None, help="Both arms are supported."),
-        click.option("--support", type=click.Choice(SUPPORTS), default=None, help="How the legs bear the weight."),
+        click.option("--support", type=click.Choice(SUPPORTS), default=None, help="Support of the body by the legs."),
         click.option("--coupling", type=click.Choice([*COUPLINGS, "0", "1", "2", "3"]), default=None, help="Grip."),
         click.option("--shock", is_flag=True, default=None, help="Shock or rapid build-up of force."),
         click.option("--load", type=float, default=None, metavar="KG", help="Load in kilograms."),
@@ -58,11 +56,11 @@ def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return reading_options(command)
 
 
-def options_of(given: dict[str, Any]) -> ScoringOptions:
-    """Return the record for what `scoring_options` gave."""
+def options_of(values: dict[str, Any]) -> ScoringOptions:
+    """Return the record of the values that click gives for `scoring_options`."""
     names = ("load", "shock", "coupling", "support", "arm_supported")
-    factors = {name: given.pop(name) for name in names}
-    return ScoringOptions(factors={name: value for name, value in factors.items() if value is not None}, **given)
+    factors = {name: values.pop(name) for name in names}
+    return ScoringOptions(factors={name: value for name, value in factors.items() if value is not None}, **values)
 
 
 @click.group(context_settings=GROUP)
@@ -71,7 +69,7 @@ def cli() -> None:
     """Exact REBA scores from recordings of posture.
 
     \b
-    Start with:  reba info RECORDING      what is in it, and what REBA can get from it
+    Start with:  reba info RECORDING      contents, and the angles that REBA can use
     Then:        reba score RECORDING     scores, exposure and a report
     """
 
@@ -79,7 +77,7 @@ def cli() -> None:
 @cli.command(epilog="Example: reba score shift.mcap --load 8 --coupling fair -o shift.parquet --report shift.html")
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
 @click.option(
-    "-o", "--output", metavar="OUT", help="Score table (.parquet .csv .mcap), or a folder: a dataset that grows."
+    "-o", "--output", metavar="OUT", help="Score table (.parquet .csv .mcap), or the folder of a growing dataset."
 )
 @click.option("--report", metavar="FILE.html", help="Write a self-contained HTML report.")
 @scoring_options
@@ -87,27 +85,27 @@ def cli() -> None:
 @json_option
 def score(
     inputs: tuple[str, ...], output: str | None, report: str | None, jobs: int, scheduler: str | None, as_json: bool,
-    **given: Any,
+    **values: Any,
 ) -> None:  # fmt: skip
     """Score recordings: files, or folders of them.
 
-    A folder as output is a Parquet dataset with one partition a recording. What is in it already, unchanged and by the
-    same rules, is not scored again; an interrupted run goes on where it was.
+    A folder as output is a Parquet dataset with one partition per recording. Recordings whose scores it contains are
+    not scored again unless they, the rules or the options changed; an interrupted run is continued.
     """
     from reba import score_command
 
-    options = options_of(given)
+    options = options_of(values)
     rules_of(options.rules)
     paths = find_inputs(inputs)
     file, folder = plan_output(paths, output)
     check_report(report, paths, file)
-    where: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "keep": report is not None}
+    where: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "keep_scores": report is not None}
     if folder is not None:
         failed = score_command.into_dataset(folder, paths, options, report, as_json, _progress(len(paths)), where)
     else:
         with _progress(len(paths)) as advance:
-            outcomes = score_many(paths, file, options, done=advance, **where)
-        failed = score_command.show(outcomes, file, report, as_json)
+            results = score_many(paths, file, options, on_done=advance, **where)
+        failed = score_command.show(results, file, report, as_json)
     if failed:
         raise Stop(1)
 
@@ -116,17 +114,17 @@ def score(
 @click.argument("path", metavar="INPUT")
 @reading_options
 @json_option
-def info(path: str, as_json: bool, **given: Any) -> None:
-    """Say what is in a recording, what was recognised and why, and what REBA can get from it."""
+def info(path: str, as_json: bool, **values: Any) -> None:
+    """Print the contents of a recording, the recognised profile with the reason, and the angles that REBA can use."""
     from reba.readers.info import inspect
 
-    found = inspect(path, **given)
+    contents = inspect(path, **values)
     if as_json:
-        print_json(found.to_dict())
+        print_json(contents.to_dict())
     else:
         from reba.console import show_info
 
-        show_info(console(), found)
+        show_info(console(), contents)
 
 
 @cli.command(epilog="Example: reba compare before.mcap after.mcap --load 8")
@@ -135,11 +133,11 @@ def info(path: str, as_json: bool, **given: Any) -> None:
 @click.option("--report", metavar="FILE.html", help="Write both into one HTML report.")
 @scoring_options
 @json_option
-def compare(a: str, b: str, report: str | None, as_json: bool, **given: Any) -> None:
-    """Put two recordings side by side: before and after."""
+def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) -> None:
+    """Compare two recordings, such as before and after a change."""
     from reba.analysis.exposure import compare as compare_scores
 
-    options = options_of(given)
+    options = options_of(values)
     check_report(report, (a, b))
     first, second = options.read_and_score(a), options.read_and_score(b)
     result = compare_scores(first, second)
@@ -148,7 +146,7 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **given: Any) -> 
     if report is not None:
         from reba.report import write_report
 
-        write_report(report, [first, second], command=command_line("reba"))
+        write_report([first, second], report, command=command_line("reba"))
     if as_json:
         print_json(result)
     else:
@@ -162,9 +160,9 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **given: Any) -> 
 @click.option("--at", "time", type=float, required=True, metavar="SECONDS", help="Time of the frame.")
 @scoring_options
 @json_option
-def explain(path: str, time: float, as_json: bool, **given: Any) -> None:
-    """Print the worksheet of one frame: which angle and rule gave which point."""
-    sheet = options_of(given).read_and_score(path).explain(time)
+def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
+    """Print the worksheet of one frame: the angle and the rule of every point."""
+    sheet = options_of(values).read_and_score(path).explain(time)
     if as_json:
         print_json(sheet.to_dict())
     else:
@@ -185,12 +183,12 @@ def explain(path: str, time: float, as_json: bool, **given: Any) -> None:
 @click.option("--at", "time", type=float, default=None, metavar="SECONDS", help="One frame instead of the worst ones.")
 @scoring_options
 @json_option
-def improve(path: str, time: float | None, to_level: str | None, as_json: bool, **given: Any) -> None:
+def improve(path: str, time: float | None, to_level: str | None, as_json: bool, **values: Any) -> None:
     """Find the smallest changes that lower the action level of a frame, or of the worst frames and minute."""
     from reba.analysis.exposure import worst_intervals
     from reba.analysis.improve import improve_frame, improve_frames, worst_interval
 
-    scores = options_of(given).read_and_score(path)
+    scores = options_of(values).read_and_score(path)
     stamps = scores.time
     if time is not None:
         frames = [scores.frame_at(time)]
@@ -199,27 +197,27 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
         frames = [interval.frame for interval in worst_intervals(scores)]
         minute = worst_interval(scores)
     level = None if to_level is None else [risk for risk, _ in ACTION_LEVELS].index(to_level)
-    found = [(float(stamps[frame]), improve_frame(scores, frame, level)) for frame in frames]
-    whole = None if minute is None else improve_frames(scores, minute, level)
+    improvements = [(float(stamps[frame]), improve_frame(scores, frame, level)) for frame in frames]
+    of_minute = None if minute is None else improve_frames(scores, minute, level)
     if as_json:
         result: dict[str, Any] = {"input": path, "rules": scores.rules.name}
         result["taken_as_neutral"] = list(scores.unmeasured)
-        result["frames"] = [{"time": at, "improvements": [i.to_dict() for i in some]} for at, some in found]
-        if minute is not None and whole is not None:
+        result["frames"] = [{"time": at, "improvements": [i.to_dict() for i in some]} for at, some in improvements]
+        if minute is not None and of_minute is not None:
             span = {"start": float(stamps[minute[0]]), "end": float(stamps[minute[-1]])}
-            result["worst_minute"] = {**span, "improvements": [i.to_dict() for i in whole]}
+            result["worst_minute"] = {**span, "improvements": [i.to_dict() for i in of_minute]}
         print_json(result)
         return
     from reba.console import show_improvements
 
     out = console()
-    for at, some in found:
+    for at, some in improvements:
         show_improvements(out, f"frame at {at:.2f} s", some)
-    if minute is not None and whole is not None:
+    if minute is not None and of_minute is not None:
         title = f"worst minute, every frame from {stamps[minute[0]]:.1f} to {stamps[minute[-1]]:.1f} s"
-        show_improvements(out, title, whole)
+        show_improvements(out, title, of_minute)
     if scores.unmeasured:
-        click.echo("angles that were not measured count as neutral here: a change can only be asked of what is known")
+        click.echo("unmeasured angles count as neutral here: only measured angles can be changed")
 
 
 @cli.command(epilog="Example: reba convert walk.bvh -o walk.parquet")
@@ -227,14 +225,14 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
 @click.option("-o", "--output", required=True, metavar="OUT", help="Posture table (.parquet .csv .mcap).")
 @reading_options
 @json_option
-def convert(path: str, output: str, as_json: bool, **given: Any) -> None:
-    """Turn any readable recording into a posture table in degrees."""
+def convert(path: str, output: str, as_json: bool, **values: Any) -> None:
+    """Convert any readable recording to a posture table in degrees."""
     if Path(path).resolve() == Path(output).resolve():
         raise RebaError(f"{output}: this is the recording itself and would be lost; choose another name")
     from reba.readers import read
     from reba.writers import write_postures
 
-    postures = read(path, **given)
+    postures = read(path, **values)
     write_postures(postures, output)
     result = {"input": path, "output": output, "frames": len(postures.data), "profile": postures.profile}
     if as_json:
@@ -247,7 +245,7 @@ def convert(path: str, output: str, as_json: bool, **given: Any) -> None:
 @click.argument("name", required=False, metavar="[NAME]")
 @json_option
 def profiles(name: str | None, as_json: bool) -> None:
-    """List the known sources and what each can and cannot measure, or print the TOML file of one to start from."""
+    """List the known sources with the angles each can and cannot measure, or print one as TOML to start from."""
     from reba.console import describe_profile, show_profiles
     from reba.readers.recording.profile import profile_text
     from reba.readers.recording.profile import profiles as known
@@ -255,11 +253,11 @@ def profiles(name: str | None, as_json: bool) -> None:
     if name is not None and not as_json:
         click.echo(profile_text(name), nl=False)
         return
-    found = [describe_profile(profile) for profile in known() if name in (None, profile.name)]
+    described = [describe_profile(profile) for profile in known() if name in (None, profile.name)]
     if as_json:
-        print_json({"profiles": found})
+        print_json({"profiles": described})
     else:
-        show_profiles(console(), found)
+        show_profiles(console(), described)
 
 
 @cli.command(epilog="Example: reba live shift.mcap --load 8 --alert 8 --hold 2   or: sensors | reba live -")
@@ -270,37 +268,37 @@ def profiles(name: str | None, as_json: bool) -> None:
     help="Serve scores and a coloured figure to Foxglove or Lichtblick.",
 )  # fmt: skip
 @click.option("--window", default="60s", show_default=True, metavar="SECONDS", help="Length of the rolling window.")
-@click.option("--hold", default="1s", show_default=True, metavar="SECONDS", help="How long a score has to stay.")
-@click.option("--alert-level", type=click.Choice(LEVEL_WORDS), help="The same by the action level that begins there.")
+@click.option("--hold", default="1s", show_default=True, metavar="SECONDS", help="Time for which a score must persist.")
+@click.option("--alert-level", type=click.Choice(LEVEL_NAMES), help="Alert from this action level on.")
 @click.option("--alert", type=click.IntRange(1, 15), metavar="SCORE", help="Alert from this score on.  [default: 8]")
-@click.option("--settle", default="2s", show_default=True, metavar="SECONDS", help="Looked at before the first line.")
+@click.option("--settle", default="2s", show_default=True, metavar="SECONDS", help="Data read before the first line.")
 @click.option("--neutral", default="none", metavar="first:3s|at:T|none", help="Posture that counts as neutral.")
 @click.option(
     "--activity", default="none", show_default=True, metavar="none|LIST", help="LIST: static,repeated,unstable."
 )
-@click.option("--support", type=click.Choice(SUPPORTS), default=None, help="How the legs bear the weight.")
+@click.option("--support", type=click.Choice(SUPPORTS), default=None, help="Support of the body by the legs.")
 @click.option("--coupling", type=click.Choice([*COUPLINGS, "0", "1", "2", "3"]), default=None, help="Grip.")
 @click.option("--load", type=float, default=None, metavar="KG", help="Load in kilograms.")
 @click.option("--rules", default="measured", metavar="paper|measured|FILE.toml", help="Rules to score by.")
 @click.option("--topic", default=None, help="Topic to use, if there are several.")
-@click.option("--profile", default="auto", metavar="NAME|FILE.toml", help="What the names mean: `reba profiles`.")
-def live(source: str, **given: Any) -> None:
-    """Score postures while they are recorded, one JSON line a frame.
+@click.option("--profile", default="auto", metavar="NAME|FILE.toml", help="Meaning of the names: `reba profiles`.")
+def live(source: str, **values: Any) -> None:
+    """Score postures while they are recorded, one JSON line per frame.
 
     SOURCE is an MCAP file that is being written, or - for JSON lines on standard input: rows of the posture table or
-    joint states. The scores are those of `reba score --activity none` on the same data. What that decides from the
-    whole recording is decided from its first seconds (--settle) here. Activity found in the movement depends on what
-    follows a frame, so it is not to be had live.
+    joint states. The scores equal those of `reba score --activity none` on the same data. What that decides from the
+    complete recording (unit, vertical, unmeasured angles) is decided here from its first seconds (--settle). Activity
+    cannot be derived from the movement, because it depends on later frames.
     """
     from reba.live.command import live_options, run_live
 
-    code = run_live(source, live_options(given))
+    code = run_live(source, live_options(values))
     if code:
         raise Stop(code)
 
 
 class _progress:
-    """A progress bar on standard error for long batches, nothing when it is not a terminal."""
+    """A progress bar on standard error for several recordings, if that is a terminal."""
 
     def __init__(self, total: int) -> None:
         self.total = total
@@ -326,5 +324,5 @@ class _progress:
 
 
 def main() -> None:
-    """Run the command; errors are one line on standard error."""
+    """Run the command and exit; an error is one line on standard error."""
     run(cli, "reba")

@@ -1,4 +1,4 @@
-"""What the commands of all packages share: how they print, and how they end.
+"""Output, exit codes and options that the commands of all packages share.
 
 Exit codes: 0 done, 1 some inputs of a batch failed, 2 bad input or usage (one line), 130 interrupted.
 """
@@ -25,9 +25,9 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 
 def where_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say where many pieces of work run, see `reba.batch.parallel`."""
+    """Add the options for parallel work, see `reba.batch.parallel`."""
     for option in (
-        click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it, as tcp://HOST:8786."),
+        click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler to run on, such as tcp://HOST:8786."),
         click.option(
             "--jobs", default=1, type=click.IntRange(min=1), show_default=True, help="Processes on this machine."
         ),
@@ -37,19 +37,18 @@ def where_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class Stop(Exception):
-    """Ends a command with an exit code after everything was said."""
+    """Ends a command with an exit code after all output was printed."""
 
     def __init__(self, code: int) -> None:
         self.code = code
 
 
 def console(stderr: bool = False) -> Console:
-    """Return where tables are printed to."""
+    """Return the console for tables: as wide as the terminal, 160 columns if the output is piped."""
     from rich.console import Console
 
-    # Piped output is not cut to 80 columns: a table then is as wide as it needs to be.
     stream = sys.stderr if stderr else sys.stdout
-    on_terminal = stream is not None and stream.isatty()  # None: closed by the caller
+    on_terminal = stream is not None and stream.isatty()  # None: the caller closed the stream
     width = None if on_terminal or "COLUMNS" in os.environ else 160
     return Console(stderr=stderr, highlight=False, markup=False, width=width)
 
@@ -60,11 +59,12 @@ def print_json(result: Any) -> None:
 
 
 def command_line(name: str) -> str:
-    """Return the command as it was typed, so that a result can be made again."""
+    """Return the command as it was typed, so that a result can be reproduced."""
     return " ".join([name, *sys.argv[1:]])
 
 
-def _drop_output() -> None:
+def _discard_output() -> None:
+    """Redirect standard output to the null device: Python would write buffered text again at exit and fail again."""
     if sys.stdout is not None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
@@ -86,14 +86,12 @@ def run(group: click.Group, name: str) -> None:
         click.echo(f"{name}: interrupted", err=True)
         code = 130
     except (BrokenPipeError, SystemExit):
-        # The reader of our output went away (`reba score ... | head`), which rich tells as an exit of its own; nothing
-        # is left to say.
-        _drop_output()
+        # The reader of the output closed the pipe (`reba score ... | head`); rich raises SystemExit for that.
+        _discard_output()
         code = 0
     except OSError as error:
-        # What was to be printed stays in a buffer that would be written again at exit.
-        _drop_output()
-        place = f"{error.filename}: " if error.filename else ""
-        click.echo(f"{name}: {place}{error.strerror or error}; nothing more was written", err=True)
+        _discard_output()
+        path = f"{error.filename}: " if error.filename else ""
+        click.echo(f"{name}: {path}{error.strerror or error}; the output is incomplete", err=True)
         code = 2
     raise SystemExit(code)

@@ -1,4 +1,4 @@
-"""What commands print for people: tables in the terminal, nothing computed here."""
+"""Tables in the terminal for the results of the commands."""
 
 from __future__ import annotations
 
@@ -20,59 +20,59 @@ from reba.readers.mapping import measurable_columns
 from reba.readers.recording.profile import Profile
 
 WIDE = 120
-"""Characters from which the names of recordings fit beside their figures."""
-FIRST_FAILED = 20
-"""Failures that are listed where recordings are not."""
+"""Columns of a terminal from which a table has room for the names of recordings."""
+MAX_FAILURES = 20
+"""Failures that are listed under the totals of many recordings."""
 LEVEL_STYLES = ("green", "green", "yellow", "dark_orange", "red")
 
 
-def show_outcomes(console: Console, outcomes: Sequence[RecordingResult]) -> None:
-    """Print one line a recording, then what every reader of the numbers must know."""
-    scored = [outcome.summary for outcome in outcomes if outcome.summary is not None]
+def show_results(console: Console, results: Sequence[RecordingResult]) -> None:
+    """Print one line per recording, then unmeasured angles, assumptions, warnings and rules."""
+    scored = [result.summary for result in results if result.summary is not None]
     if scored:
-        # The figures need 80 characters: in a narrow terminal names stand above the table, numbered if they are many.
+        # The figures need 80 columns: a narrow terminal gets a numbered list of names above the table.
         if len(scored) == 1:
-            console.print(_outcome_table(f"REBA of {scored[0]['input']}", scored, []))
+            console.print(_result_table(f"REBA of {scored[0]['input']}", scored, []))
         elif console.width < WIDE:
             for number, summary in enumerate(scored, 1):
                 console.print(Text(f"{number}: {summary['input']}"))
-            console.print(_outcome_table("REBA", scored, [str(number + 1) for number in range(len(scored))]))
+            console.print(_result_table("REBA", scored, [str(number + 1) for number in range(len(scored))]))
         else:
-            console.print(_outcome_table("REBA", scored, [summary["input"] for summary in scored]))
+            console.print(_result_table("REBA", scored, [summary["input"] for summary in scored]))
     for line in _notes(scored):
         console.print(Text(line))
-    for outcome in outcomes:
-        if outcome.error is not None:
-            console.print(Text(f"failed: {outcome.error}", style="red"))
+    for result in results:
+        if result.error is not None:
+            console.print(Text(f"failed: {result.error}", style="red"))
 
 
-def show_totals(console: Console, outcomes: Iterable[RecordingResult]) -> None:
-    """Print many recordings as one: time at each action level over all of them, and the first that failed."""
+def show_totals(console: Console, results: Iterable[RecordingResult]) -> None:
+    """Print the time at each action level summed over all recordings, and the first failures."""
     recordings, seconds, undetermined = 0, 0.0, 0.0
     levels = dict.fromkeys((str(level) for level in range(len(ACTION_LEVELS))), 0.0)
     failed: list[str] = []
-    for outcome in outcomes:
-        if outcome.summary is None:
-            failed.append(str(outcome.error))
+    for result in results:
+        if result.summary is None:
+            failed.append(str(result.error))
             continue
         recordings += 1
-        seconds += outcome.summary["seconds"]
-        undetermined += outcome.summary["seconds"] * outcome.summary["action_level_undetermined"]
-        for level, share in outcome.summary["action_levels"].items():
-            levels[level] += outcome.summary["seconds"] * share
+        seconds += result.summary["seconds"]
+        undetermined += result.summary["seconds"] * result.summary["action_level_undetermined"]
+        for level, share in result.summary["action_levels"].items():
+            levels[level] += result.summary["seconds"] * share
     console.print(f"{recordings} recordings, {seconds / 3600:.1f} h")
     for level, (risk, action) in enumerate(ACTION_LEVELS):
         share = levels[str(level)] / seconds if seconds else 0.0
         console.print(Text(f"{_percent(share):>5} of the time at {risk} risk (action {action})", LEVEL_STYLES[level]))
     if undetermined:
         console.print(f"{_percent(undetermined / seconds):>5} of the time undetermined: not everything was measured")
-    for text in failed[:FIRST_FAILED]:
+    for text in failed[:MAX_FAILURES]:
         console.print(Text(f"failed: {text}", style="red"))
-    if len(failed) > FIRST_FAILED:
-        console.print(Text(f"failed: {len(failed) - FIRST_FAILED} more", style="red"))
+    if len(failed) > MAX_FAILURES:
+        console.print(Text(f"failed: {len(failed) - MAX_FAILURES} more", style="red"))
 
 
-def _outcome_table(title: str, scored: Sequence[dict[str, Any]], labels: Sequence[str]) -> Table:
+def _result_table(title: str, scored: Sequence[dict[str, Any]], labels: Sequence[str]) -> Table:
     table = Table(
         title=Text(title),
         title_justify="left",
@@ -83,7 +83,7 @@ def _outcome_table(title: str, scored: Sequence[dict[str, Any]], labels: Sequenc
     )
     if labels:
         table.add_column("recording" if len(labels[0]) > 3 else "", overflow="fold")
-    for name in ("time\n[s]", "mean", "med-\nian", "p90", "held\n1 s", "max"):
+    for name in ("time\n[s]", "mean", "med-\nian", "p90", "sus-\ntained\n1 s", "max"):
         table.add_column(name, justify="right", no_wrap=True)
     for level, (risk, _) in enumerate(ACTION_LEVELS):
         heading = risk.replace(" ", "\n").replace("negligible", "negli-\ngible").replace("medium", "me-\ndium")
@@ -97,8 +97,8 @@ def _outcome_table(title: str, scored: Sequence[dict[str, Any]], labels: Sequenc
         shares += [_percent(summary["action_level_undetermined"])] if open_share else []
         figures = [_span(summary, key) for key in ("mean", "median", "p90")]
         low = summary["held"]["reba"]
-        held = "-" if low is None else str(low) if _known(summary) else f"{low}+"
-        table.add_row(*label, f"{summary['seconds']:.1f}", *figures, held, _span(summary, "max"), *shares)
+        sustained = "-" if low is None else str(low) if _known(summary) else f"{low}+"
+        table.add_row(*label, f"{summary['seconds']:.1f}", *figures, sustained, _span(summary, "max"), *shares)
     return table
 
 
@@ -111,8 +111,8 @@ def _span(summary: dict[str, Any], key: str) -> str:
     low, high = summary["range"][f"{key}_low"], summary["range"][f"{key}_high"]
     if low is None:
         return "-"
-    words = (f"{low:.1f}", f"{high:.1f}") if key == "mean" else (str(low), str(high))
-    return words[0] if words[0] == words[1] else f"{words[0]}-{words[1]}"
+    first, second = (f"{low:.1f}", f"{high:.1f}") if key == "mean" else (str(low), str(high))
+    return first if first == second else f"{first}-{second}"
 
 
 def _percent(share: float) -> str:
@@ -120,14 +120,14 @@ def _percent(share: float) -> str:
 
 
 def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:
-    """Return what was not measured, assumed and noticed; said once where it holds for every recording."""
+    """Return unmeasured angles, assumptions, warnings and rules; a note that applies to all recordings stands once."""
     summaries = list(scored)
     lines: dict[str, list[str]] = {}
     for summary in summaries:
         notes = []
         if summary["unmeasured"]:
             notes.append(
-                f"not measured: {', '.join(short_columns(summary['unmeasured']))} (ranges hold every possibility)"
+                f"not measured: {', '.join(short_columns(summary['unmeasured']))} (ranges cover every possible value)"
             )
         if summary["assumed"]:
             notes.append(f"assumed: {'; '.join(summary['assumed'])}")
@@ -139,7 +139,7 @@ def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:
 
 
 def short_columns(columns: Sequence[str]) -> list[str]:
-    """Return column names with both sides of a pair written as one.
+    """Return column names, one name for a pair of left and right.
 
     >>> short_columns(["wrist_flexion_left", "wrist_flexion_right", "neck_twist"])
     ['wrist_flexion', 'neck_twist']
@@ -155,7 +155,7 @@ def short_columns(columns: Sequence[str]) -> list[str]:
 def show_worksheet(console: Console, sheet: Worksheet) -> None:
     """Print the worksheet of one frame."""
     table = Table(title=f"REBA worksheet at {sheet.time:.2f} s", title_justify="left", header_style="bold")
-    for name in ("part", "points", "what", "value", "rule"):
+    for name in ("part", "points", "quantity", "value", "rule"):
         table.add_column(name, justify="right" if name == "points" else "left")
     shown = ""
     for line in sheet.lines:
@@ -180,12 +180,12 @@ def show_worksheet(console: Console, sheet: Worksheet) -> None:
     console.print(f"rules: {sheet.rules}")
 
 
-def show_improvements(console: Console, title: str, found: Sequence[Improvement]) -> None:
-    """Print the smallest changes for a frame or a stretch."""
+def show_improvements(console: Console, title: str, improvements: Sequence[Improvement]) -> None:
+    """Print the smallest changes for a frame or an interval."""
     console.print(Text(title, style="bold"))
-    if not found:
-        console.print("  at or below this action level already, or no change of what was measured reaches it")
-    for improvement in found:
+    if not improvements:
+        console.print("  at or below this action level already, or no change of measured angles reaches it")
+    for improvement in improvements:
         console.print(Text(f"  {improvement.goal}: {improvement.text()}"))
 
 
@@ -206,8 +206,8 @@ def show_comparison(console: Console, result: dict[str, Any]) -> None:
     for part, change in result["difference"]["parts"].items():
         means = (a["parts"][part]["mean"], b["parts"][part]["mean"])
         if any(mean is not None for mean in means):
-            words = ["open" if mean is None else f"{mean:.2f}" for mean in means]
-            table.add_row(part.replace("_", " "), *words, "" if change is None else f"{change:+.2f}")
+            texts = ["open" if mean is None else f"{mean:.2f}" for mean in means]
+            table.add_row(part.replace("_", " "), *texts, "" if change is None else f"{change:+.2f}")
     console.print(table)
     for side in ("a", "b"):
         columns = result[f"only_{side}_unmeasured"]
@@ -219,15 +219,16 @@ def show_comparison(console: Console, result: dict[str, Any]) -> None:
 def _change(low: float | None, high: float | None) -> str:
     if low is None or high is None:
         return ""
-    words = (f"{low:+.1f}", f"{high:+.1f}")
-    return words[0] if words[0] == words[1] else f"{words[0]} / {words[1]}"
+    first, second = f"{low:+.1f}", f"{high:+.1f}"
+    return first if first == second else f"{first} / {second}"
 
 
-MOST_NAMES = 12
+MAX_NAMES = 12
+"""Names and gaps that a line lists; of more, their number is printed."""
 
 
 def show_info(console: Console, info: Info) -> None:
-    """Print what a recording holds, what was recognised and why, and what REBA can get from it."""
+    """Print the contents of a recording, the recognised profile with the reason, and the angles that REBA can use."""
     console.print(Text(f"{info.input} ({info.format})", style="bold"))
     if info.topics:
         table = Table(header_style="bold")
@@ -244,7 +245,7 @@ def show_info(console: Console, info: Info) -> None:
         console.print(Text.assemble((f"{label}: ", "bold"), text))
     if info.usable:
         console.print(_columns(info))
-        console.print("Next: reba score FILE (factors such as --load are yours to give)")
+        console.print("Next: reba score FILE (give factors such as --load)")
 
 
 def _lines(info: Info) -> list[tuple[str, str]]:
@@ -256,21 +257,21 @@ def _lines(info: Info) -> list[tuple[str, str]]:
         lines.append(("profile", f"{info.profile} ({info.title})" if info.title else info.profile))
         rate = "?" if info.rate != info.rate else f"{info.rate:g}"
         lines.append(("time", f"{info.frames} frames, {info.seconds:.2f} s at {rate} Hz, from {info.time_source}"))
-        gaps = ", ".join(f"{start:.2f}-{end:.2f} s" for start, end in info.gaps[:MOST_NAMES])
+        gaps = ", ".join(f"{start:.2f}-{end:.2f} s" for start, end in info.gaps[:MAX_NAMES])
         lines.append(("gaps", f"{len(info.gaps)}: {gaps}" if info.gaps else "none"))
     if info.skipped:
         lines.append(("skipped", f"{info.skipped} of {info.messages} messages, the first: {info.first_skipped}"))
     for label, names in (("found", info.found), ("missing", info.missing), ("also fits", info.alternatives)):
         if names:
-            more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-            lines.append((label, ", ".join(names[:MOST_NAMES]) + more))
+            more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+            lines.append((label, ", ".join(names[:MAX_NAMES]) + more))
     lines += [("assumed", text) for text in info.assumed]
     lines += [("warning", text) for text in info.warnings]
     return lines
 
 
 def _columns(info: Info) -> Table:
-    table = Table(header_style="bold", title="What REBA gets [deg]", title_justify="left")
+    table = Table(header_style="bold", title="Angles for REBA [deg]", title_justify="left")
     for name in ("angle", "lowest", "median", "highest", ""):
         table.add_column(name, justify="left" if name in ("angle", "") else "right", overflow="fold")
     for name in COLUMNS:
@@ -282,7 +283,7 @@ def _columns(info: Info) -> Table:
 
 
 def describe_profile(profile: Profile) -> dict[str, Any]:
-    """Return a profile as plain data: what it is for, what it measures and what it cannot measure and why."""
+    """Return a profile as plain data: source, measured columns, and the reason for each column it cannot measure."""
     measures = measurable_columns(profile)
     return {
         "name": profile.name,
@@ -296,7 +297,7 @@ def describe_profile(profile: Profile) -> dict[str, Any]:
 
 
 def show_profiles(console: Console, profiles: list[dict[str, Any]]) -> None:
-    """Print the known sources."""
+    """Print the known sources with the angles each cannot measure."""
     table = Table(header_style="bold", show_lines=True)
     for name in ("profile", "source", "from", "cannot measure"):
         table.add_column(name, overflow="fold")
@@ -306,6 +307,6 @@ def show_profiles(console: Console, profiles: list[dict[str, Any]]) -> None:
             reasons.setdefault(why, []).append(column)
         cannot = "; ".join(f"{', '.join(short_columns(columns))}: {why}" for why, columns in reasons.items())
         origin = f"{profile['kind']} in {', '.join(profile['formats'])}" if profile["formats"] else profile["kind"]
-        table.add_row(profile["name"], Text(profile["title"]), origin, Text(cannot or "nothing is missing"))
+        table.add_row(profile["name"], Text(profile["title"]), origin, Text(cannot or "all angles are measured"))
     console.print(table)
-    console.print("Your own names: reba profiles NAME > mylab.toml, change it, and give it with --profile mylab.toml")
+    console.print("For other names: reba profiles NAME > mylab.toml, edit it, and use it with --profile mylab.toml")

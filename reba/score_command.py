@@ -1,4 +1,4 @@
-"""What `reba score` tells and writes beside the scores: tables or JSON, the report, what failed."""
+"""Output of `reba score` besides the scores: tables or JSON, the report, failures."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from reba.batch.dataset_run import DatasetRun, score_into
 from reba.batch.manifest import MANIFEST
 from reba.batch.run import RecordingResult, ScoringOptions
 from reba.command_line import command_line, console
-from reba.console import show_outcomes, show_totals
+from reba.console import show_results, show_totals
 from reba.errors import RebaError
 from reba.report import write_report
 
-SHOWN: Final = 40
-"""Recordings up to which each gets a line in the terminal; beyond, all of them together get one."""
+MAX_LISTED: Final = 40
+"""Recordings up to which each has a line in the terminal; of more, only the totals are printed."""
 
 
-def show(outcomes: Sequence[RecordingResult], file: Path | None, report: str | None, as_json: bool) -> int:
-    """Tell what became of recordings that are all in memory, write the report, and return how many failed.
+def show(results: Sequence[RecordingResult], file: Path | None, report: str | None, as_json: bool) -> int:
+    """Print results, write the report, and return the number of failed recordings.
 
     Raises:
         RebaError: the only recording failed, or the report cannot be written.
     """
-    failed = sum(outcome.error is not None for outcome in outcomes)
-    _refuse(outcomes, failed)
-    written = _report(report, [outcome.scores for outcome in outcomes if outcome.scores is not None])
+    failed = sum(result.error is not None for result in results)
+    _raise_single_failure(results, failed)
+    written = _write_report(report, [result.scores for result in results if result.scores is not None])
     if as_json:
-        print_outcomes(outcomes)
+        print_results(results)
     else:
-        show_outcomes(console(), outcomes)
-        for place in [*([file] if file is not None and file.exists() else []), *written]:
-            click.echo(f"written: {place}", err=True)
+        show_results(console(), results)
+        for path in [*([file] if file is not None and file.exists() else []), *written]:
+            click.echo(f"written: {path}", err=True)
     return failed
 
 
@@ -50,67 +50,67 @@ def into_dataset(
     progress: AbstractContextManager[Callable[[str], None]],
     where: dict[str, Any],
 ) -> int:
-    """Score into a dataset, tell what became of the recordings, write the report, and return how many failed.
+    """Score into a dataset, print the results, write the report, and return the number of failed recordings.
 
     Raises:
-        RebaError: the only recording failed, or something cannot be used or written.
+        RebaError: the only recording failed, or the dataset or the report cannot be written.
     """
     with Dataset(folder) as dataset:
         with progress as advance:
-            run = score_into(dataset, inputs, options, done=advance, **where)
+            run = score_into(dataset, inputs, options, on_done=advance, **where)
         if len(inputs) == 1:
-            _refuse(list(dataset.outcomes(inputs)), run.failed)
-        written = _report(report, [run.scores[name] for name in inputs if name in run.scores])
+            _raise_single_failure(list(dataset.results(inputs)), run.failed)
+        written = _write_report(report, [run.scores[name] for name in inputs if name in run.scores])
         if as_json:
-            print_outcomes(dataset.outcomes(inputs), dataset={"output": str(folder), **run.to_dict()})
+            print_results(dataset.results(inputs), dataset={"output": str(folder), **run.to_dict()})
             return run.failed
-        if len(inputs) <= SHOWN:
-            show_outcomes(console(), list(dataset.outcomes(inputs)))
+        if len(inputs) <= MAX_LISTED:
+            show_results(console(), list(dataset.results(inputs)))
         else:
-            show_totals(console(), dataset.outcomes(inputs))
-    for line in [f"{folder}: {_told(run)}; what became of each is in {MANIFEST}", *written]:
+            show_totals(console(), dataset.results(inputs))
+    for line in [f"{folder}: {_counts(run)}; the results of each recording are in {MANIFEST}", *written]:
         click.echo(f"written: {line}", err=True)
     return run.failed
 
 
-def print_outcomes(outcomes: Iterable[RecordingResult], **more: Any) -> None:
-    """Print the JSON object of `reba score`, one recording after the other, so that none has to be kept.
+def print_results(results: Iterable[RecordingResult], **more: Any) -> None:
+    """Print the JSON object of `reba score` recording by recording, so that memory does not grow with their number.
 
     Args:
-        outcomes: of all recordings.
-        more: what follows the lists of recordings and failures.
+        more: further members of the object, after the lists of recordings and failures.
     """
     failed = []
     click.echo('{"recordings": [', nl=False)
     separator = ""
-    for outcome in outcomes:
-        if outcome.error is not None:
-            failed.append({"input": outcome.input, "error": outcome.error})
+    for result in results:
+        if result.error is not None:
+            failed.append({"input": result.input, "error": result.error})
         else:
-            click.echo(separator + json.dumps(outcome.summary, allow_nan=False), nl=False)
+            click.echo(separator + json.dumps(result.summary, allow_nan=False), nl=False)
             separator = ", "
     rest = json.dumps({"failed": failed, **more}, allow_nan=False)
     click.echo(f"], {rest[1:]}")
 
 
-def _told(run: DatasetRun) -> str:
-    """Return what a run did in words."""
-    reasons = ", ".join(f"{number} {'new' if why == NEW else f'again: {why}'}" for why, number in run.scored.items())
-    words = [f"{run.scored.total()} scored" + (f" ({reasons})" if reasons else "")]
-    words += [f"{run.unchanged} unchanged"] if run.unchanged else []
-    words += [f"{run.failed} of them failed"] if run.failed else []
-    return ", ".join(words)
+def _counts(run: DatasetRun) -> str:
+    """Return the counts of a run as text."""
+    reasons = ", ".join(
+        f"{number} {'new' if reason == NEW else f'again: {reason}'}" for reason, number in run.scored.items()
+    )
+    parts = [f"{run.scored.total()} scored" + (f" ({reasons})" if reasons else "")]
+    parts += [f"{run.unchanged} unchanged"] if run.unchanged else []
+    parts += [f"{run.failed} of them failed"] if run.failed else []
+    return ", ".join(parts)
 
 
-def _refuse(outcomes: Sequence[RecordingResult], failed: int) -> None:
-    if len(outcomes) == 1 and failed:
-        raise RebaError(outcomes[0].error or "it could not be scored")
+def _raise_single_failure(results: Sequence[RecordingResult], failed: int) -> None:
+    if len(results) == 1 and failed:
+        raise RebaError(results[0].error or "the recording could not be scored")
 
 
-def _report(report: str | None, scores: list[Any]) -> list[str]:
-    """Write the report if it was asked for, and return its place."""
+def _write_report(report: str | None, scores: list[Any]) -> list[str]:
+    """Write the report if requested, and return its path."""
     if report is None or not scores:
         return []
-
-    write_report(report, scores, command=command_line("reba"))
+    write_report(scores, report, command=command_line("reba"))
     return [report]

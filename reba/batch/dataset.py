@@ -1,10 +1,10 @@
-"""A folder of scores that grows: one Parquet file a recording in a hive layout, and the manifest that says of what.
+"""Growing dataset of scores: one Parquet file per recording in hive partitions, and a manifest of what was scored.
 
     DIR/_manifest.jsonl
     DIR/recording=shift.mcap/scores.parquet
 
 pandas, pyarrow, DuckDB, Polars and Spark read the folder as one table with a column `recording`. A recording is scored
-once: again only if its content, the rules, the options or the version differ, if it failed, or if its scores are gone.
+again only if its content, the rules, the options or the version differ, if it failed, or if its scores are missing.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import contextlib
 import hashlib
 import json
 import os
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
@@ -22,23 +21,24 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from reba._version import __version__
-from reba.batch.manifest import FAILED, SCORED, Content, Entry, Manifest, stamp
+from reba.batch.manifest import FAILED, SCORED, Content, Entry, Manifest, size_and_mtime
 from reba.batch.run import RecordingResult, ScoringOptions
 from reba.errors import RebaError
 from reba.method.rules import rules_of
 
-PART: Final = "scores.parquet"
+SCORES_FILE: Final = "scores.parquet"
 """Name of the one file of a recording."""
-KEY: Final = "recording="
+PARTITION: Final = "recording="
+"""Prefix of a recording's folder: the partition column of the hive layout."""
 LOCK: Final = "_lock"
-"""Held while a command writes to the dataset; not empty after one that did not end by itself."""
-LONGEST: Final = 200
-"""Characters of a name in a path, written for a path; file systems end at 255."""
+"""File that is locked while a command writes to the dataset; not empty after a command that was killed."""
+MAX_NAME: Final = 200
+"""Characters of a recording's name, percent-encoded; file systems accept 255, the prefix and a hash are added."""
 NEW: Final = "new"
 CHANGED: Final = "the file changed"
-RETRIED: Final = "failed before"
-GONE: Final = "its scores are gone"
-ASKED: Final = "a report needs every frame"
+FAILED_BEFORE: Final = "failed before"
+MISSING_SCORES: Final = "its scores are gone"
+REPORT: Final = "a report needs every frame"
 
 
 @dataclass(frozen=True)
@@ -46,27 +46,27 @@ class PendingRecording:
     """A recording that is to be scored.
 
     Attributes:
-        input: as it was given.
-        path: where it is read from.
-        recording: its name in the dataset.
-        output: the file its scores go to.
-        why: it is scored.
-        before: hash of its content when it was scored last, if nothing but the content can have changed.
+        input: path as on the command line.
+        path: absolute path.
+        recording: name in the dataset.
+        output: file for its scores.
+        reason: why it is scored, such as "new".
+        previous_hash: hash of its content at the last scoring if only the content can have changed, else "".
     """
 
     input: str
     path: str
     recording: str
     output: Path
-    why: str
-    before: str = ""
+    reason: str
+    previous_hash: str = ""
 
 
 class Dataset:
-    """A dataset that is open for writing; one process at a time.
+    """A dataset open for writing, by one process at a time.
 
     Args:
-        folder: made if it is not there.
+        folder: created if missing.
 
     Raises:
         RebaError: the folder cannot be used, its manifest is damaged, or another process writes to it.
@@ -78,13 +78,15 @@ class Dataset:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._lock = (self.folder / LOCK).open("a+b")
         except OSError as error:
-            raise RebaError(f"{folder}: cannot be written to ({error.strerror or error}); choose another") from error
+            raise RebaError(
+                f"{folder}: cannot be written to ({error.strerror or error}); choose another folder"
+            ) from error
         self.token = os.urandom(8).hex()
         try:
-            _hold(self._lock.fileno(), folder)
+            _lock_exclusively(self._lock.fileno(), folder)
             self.manifest = Manifest(self.folder)
             self._names = {entry.recording: path for path, entry in self.manifest.entries.items()}
-            self._begin()
+            self._recover()
         except BaseException:
             self._lock.close()
             raise
@@ -97,53 +99,59 @@ class Dataset:
         self._lock.truncate(0)
         self._lock.close()
 
-    def due(self, inputs: Sequence[str], with_: dict[str, Any], *, everything: bool = False) -> list[PendingRecording]:
-        """Return the recordings that have to be scored, in order.
+    def pending(
+        self, inputs: Sequence[str], settings: dict[str, Any], *, rescore_all: bool = False
+    ) -> list[PendingRecording]:
+        """Return the recordings that have to be scored, in the order of the inputs.
 
         Args:
             inputs: files and folders that are recordings.
-            with_: `settings` they are scored with.
-            everything: score also what has not changed.
+            settings: `scoring_settings` of the run.
+            rescore_all: include unchanged recordings.
         """
-        parts = []
+        pending = []
         for path, name in {str(Path(name).resolve()): name for name in inputs}.items():
             entry = self.manifest.entries.get(path)
-            why = NEW if entry is None else self._why(entry, path, with_)
-            if not why and everything:
-                why = ASKED
-            if why:
-                recording = self._name(path) if entry is None else entry.recording
-                before = entry.hash if entry is not None and why == CHANGED else ""
-                parts.append(PendingRecording(name, path, recording, self.output(recording), why, before))
-        return parts
+            reason = NEW if entry is None else self._reason(entry, path, settings)
+            if not reason and rescore_all:
+                reason = REPORT
+            if reason:
+                recording = self._unique_name(path) if entry is None else entry.recording
+                previous_hash = entry.hash if entry is not None and reason == CHANGED else ""
+                output = self.output(recording)
+                pending.append(PendingRecording(name, path, recording, output, reason, previous_hash))
+        return pending
 
     def record(
-        self, part: PendingRecording, outcome: RecordingResult, content: Content, with_: dict[str, Any], seconds: float
+        self,
+        pending: PendingRecording,
+        result: RecordingResult,
+        content: Content,
+        settings: dict[str, Any],
+        seconds: float,
     ) -> None:
-        """Write down what became of a recording.
+        """Append the result of a recording to the manifest; the scores of a failed recording are removed.
 
         Args:
-            part: the recording.
-            outcome: its summary or the error.
-            content: of the input, as it was scored.
-            with_: `settings` it was scored with.
-            seconds: that it took.
+            content: of the input when it was scored.
+            settings: `scoring_settings` of the run.
+            seconds: duration of the scoring [s].
         """
-        failed = outcome.error is not None
+        failed = result.error is not None
         if failed:
-            _remove(part.output)
-        summary = {} if outcome.summary is None else dict(outcome.summary)
+            _remove_scores(pending.output)
+        summary = {} if result.summary is None else dict(result.summary)
         for name in ("input", "output"):
             summary.pop(name, None)
         line = {
-            "recording": part.recording,
-            "input": str(Path(part.input).resolve()),
+            "recording": pending.recording,
+            "input": str(Path(pending.input).resolve()),
             **asdict(content),
-            **with_,
+            **settings,
             "outcome": FAILED if failed else SCORED,
-            "output": None if failed else f"{part.output.parent.name}/{part.output.name}",
-            "error": outcome.error,
-            "why": part.why,
+            "output": None if failed else f"{pending.output.parent.name}/{pending.output.name}",
+            "error": result.error,
+            "why": pending.reason,
             "frames": summary.get("frames"),
             "seconds": round(seconds, 3),
             "finished": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -151,13 +159,13 @@ class Dataset:
         }
         self.manifest.append(line)
 
-    def confirm(self, part: PendingRecording, content: Content) -> None:
-        """Write down that a recording is the same under another time of change."""
-        line = self.manifest.line(self.manifest.entries[str(Path(part.input).resolve())])
+    def confirm(self, pending: PendingRecording, content: Content) -> None:
+        """Append a line for a recording whose modification time changed but whose content did not."""
+        line = self.manifest.line(self.manifest.entries[str(Path(pending.input).resolve())])
         self.manifest.append({**line, **asdict(content)})
 
-    def outcomes(self, inputs: Iterable[str]) -> Iterator[RecordingResult]:
-        """Yield what is known of each recording, read from the manifest one by one."""
+    def results(self, inputs: Iterable[str]) -> Iterator[RecordingResult]:
+        """Yield the result of each recording in the manifest, read one by one."""
         for name in inputs:
             entry = self.manifest.entries.get(str(Path(name).resolve()))
             if entry is None:
@@ -166,80 +174,75 @@ class Dataset:
             if entry.outcome == FAILED:
                 yield RecordingResult(name, error=line["error"])
             else:
-                place = str(self.output(entry.recording))
-                yield RecordingResult(name, summary={"input": name, **line["summary"], "output": place})
+                output = str(self.output(entry.recording))
+                yield RecordingResult(name, summary={"input": name, **line["summary"], "output": output})
 
     def output(self, recording: str) -> Path:
-        """Return the file with the scores of a recording."""
-        return self.folder / f"{KEY}{_quoted(recording)}" / PART
+        """Return the path of the score file of a recording."""
+        return self.folder / f"{PARTITION}{_encoded(recording)}" / SCORES_FILE
 
-    def _why(self, entry: Entry, path: str, with_: dict[str, Any]) -> str:
-        for field, what in (("rules_hash", "other rules"), ("version", "another version")):
-            if getattr(entry, field) != with_[field]:
-                return what
-        if entry.options != json.dumps(with_["options"], sort_keys=True):
+    def _reason(self, entry: Entry, path: str, settings: dict[str, Any]) -> str:
+        """Return why a recording has to be scored again, "" if its scores are valid."""
+        for field, reason in (("rules_hash", "other rules"), ("version", "another version")):
+            if getattr(entry, field) != settings[field]:
+                return reason
+        if entry.options != json.dumps(settings["options"], sort_keys=True):
             return "other options"
         if entry.outcome == FAILED:
-            return RETRIED
+            return FAILED_BEFORE
         if not self.output(entry.recording).is_file():
-            return GONE
-        return "" if stamp(path) == (entry.size, entry.modified) else CHANGED
+            return MISSING_SCORES
+        return "" if size_and_mtime(path) == (entry.size, entry.modified) else CHANGED
 
-    def _name(self, path: str) -> str:
-        """Return a name that no other recording has: the file's own, with a hash of its place if that is taken."""
-        own = Path(path).name or "recording"
-        while len(_quoted(own)) > LONGEST:
-            own = own[:-1]
-        place = hashlib.sha256(os.fsencode(path)).hexdigest()[:8]
-        name = own if self._names.setdefault(own, path) == path else f"{own}-{place}"
+    def _unique_name(self, path: str) -> str:
+        """Return a unique name in the dataset: the file name, with a hash of the path if another recording has it."""
+        file_name = Path(path).name or "recording"
+        while len(_encoded(file_name)) > MAX_NAME:
+            file_name = file_name[:-1]
+        path_hash = hashlib.sha256(os.fsencode(path)).hexdigest()[:8]
+        name = file_name if self._names.setdefault(file_name, path) == path else f"{file_name}-{path_hash}"
         self._names[name] = path
         return name
 
-    def _begin(self) -> None:
-        """Clean up after a process that was killed, and leave a mark that only an orderly end takes away."""
+    def _recover(self) -> None:
+        """Remove what a killed process left, and write a token to the lock file that only a regular end removes."""
         self._lock.seek(0)
         if self._lock.read():
-            known = {entry.recording for entry in self.manifest.entries.values() if entry.outcome == SCORED}
-            names = {self.output(recording).parent.name for recording in known}
-            for folder in self.folder.glob(f"{KEY}*"):
-                for file in folder.glob(f".{PART}.*.part"):
+            scored = {entry.recording for entry in self.manifest.entries.values() if entry.outcome == SCORED}
+            folders = {self.output(recording).parent.name for recording in scored}
+            for folder in self.folder.glob(f"{PARTITION}*"):
+                for file in folder.glob(f".{SCORES_FILE}.*.part"):
                     file.unlink(missing_ok=True)
-                if folder.name not in names:
-                    _remove(folder / PART)
+                if folder.name not in folders:
+                    _remove_scores(folder / SCORES_FILE)
         self._lock.truncate(0)
         self._lock.write(self.token.encode())
         self._lock.flush()
 
 
-def settings(options: ScoringOptions) -> dict[str, Any]:
-    """Return what scores depend on beside the recording, as it stands in the manifest.
+def scoring_settings(options: ScoringOptions) -> dict[str, Any]:
+    """Return everything but the recording that determines scores, as fields of a manifest line.
 
     Raises:
         RebaError: the rules or the profile cannot be used.
     """
-
     rules = rules_of(options.rules)
-    given = asdict(replace(options, rules=rules.name))
-    del given["rules"]
+    values = asdict(replace(options, rules=rules.name))
+    del values["rules"]
     if Path(options.profile).is_file():
-        given["profile"] = f"{Path(options.profile).name} {_digest(Path(options.profile).read_bytes())}"
+        values["profile"] = f"{Path(options.profile).name} {_digest(Path(options.profile).read_bytes())}"
     return {
         "version": __version__,
         "rules": rules.name,
         "rules_hash": _digest(json.dumps(asdict(rules), sort_keys=True).encode()),
-        "options": given,
+        "options": values,
     }
 
 
-def count(parts: Iterable[PendingRecording]) -> dict[str, int]:
-    """Return how many recordings there are for each reason."""
-    return dict(Counter(part.why for part in parts))
-
-
-def _quoted(recording: str) -> str:
-    """Return a name as it stands in a path; readers of hive layouts turn it back."""
+def _encoded(recording: str) -> str:
+    """Return a name percent-encoded for a path, which readers of hive layouts decode."""
     text = quote(recording, safe=" ", errors="surrogateescape")
-    # A folder that ends like a file would be found by `**/*.parquet`.
+    # The glob `**/*.parquet` must match score files only, not the folder of a recording in Parquet.
     return f"{text.removesuffix('.parquet')}%2Eparquet" if text.endswith(".parquet") else text
 
 
@@ -247,15 +250,15 @@ def _digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
 
-def _remove(part: Path) -> None:
-    """Remove the scores of a recording and its folder, if that holds nothing else."""
-    part.unlink(missing_ok=True)
+def _remove_scores(file: Path) -> None:
+    """Remove the score file of a recording, and its folder if that is empty then."""
+    file.unlink(missing_ok=True)
     with contextlib.suppress(OSError):
-        part.parent.rmdir()
+        file.parent.rmdir()
 
 
-def _hold(file: int, folder: str | Path) -> None:
-    """Take the lock, which the system gives back however the process ends; there is none on some file systems."""
+def _lock_exclusively(file: int, folder: str | Path) -> None:
+    """Lock the file; the system releases the lock when the process ends. Some systems have no locks: do without."""
     try:
         import fcntl
     except ImportError:
@@ -263,6 +266,8 @@ def _hold(file: int, folder: str | Path) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise RebaError(f"{folder}: another command is writing to it; wait for its end or choose another") from error
+        raise RebaError(
+            f"{folder}: another command is writing to it; wait until that ends or choose another folder"
+        ) from error
     except OSError:
         return

@@ -1,4 +1,4 @@
-"""Scoring into a dataset: what is due, by processes or a cluster, each result written down as it comes."""
+"""Scoring into a dataset: pending recordings are scored in parallel, and each result is recorded as it arrives."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from reba.batch.dataset import LOCK, Dataset, PendingRecording, settings
-from reba.batch.manifest import Content, content_hash, stamp
+from reba.batch.dataset import LOCK, Dataset, PendingRecording, scoring_settings
+from reba.batch.manifest import Content, content_hash, size_and_mtime
 from reba.batch.parallel import run_parallel
-from reba.batch.run import RecordingResult, ScoringOptions, score_one, sees
+from reba.batch.run import RecordingResult, ScoringOptions, access_problem, score_one
 from reba.batch.worker_pool import WorkerDied
 from reba.scores import Scores
 
 
 @dataclass
 class DatasetRun:
-    """What a run did.
+    """Counts of a run.
 
     Attributes:
-        recordings: that were asked for.
-        scored: how many were scored for each reason, such as "new"; failed ones count too.
-        unchanged: recordings that were scored before.
-        failed: how many failed.
-        frames: that were scored.
-        seconds: that the run took.
-        scores: by input, if they were to be kept.
+        recordings: distinct inputs.
+        scored: reason, such as "new" -> number of recordings, failed ones included.
+        unchanged: recordings with valid scores from an earlier run.
+        failed: recordings that could not be scored.
+        frames: scored frames.
+        seconds: duration of the run [s].
+        scores: input -> scores, if requested.
     """
 
     recordings: int
@@ -54,10 +54,10 @@ class DatasetRun:
 
 
 @dataclass(frozen=True)
-class ScoredPart:
-    """What became of a part, where it was scored; `outcome` is None if its content turned out to be the same."""
+class ScoredRecording:
+    """Result of a pending recording; `result` is None if its content had not changed."""
 
-    outcome: RecordingResult | None
+    result: RecordingResult | None
     content: Content
     seconds: float
 
@@ -69,89 +69,93 @@ def score_into(
     *,
     jobs: int = 1,
     scheduler: str | None = None,
-    keep: bool = False,
-    done: Callable[[str], None] = lambda name: None,
+    keep_scores: bool = False,
+    on_done: Callable[[str], None] = lambda name: None,
 ) -> DatasetRun:
-    """Score what a dataset lacks; each recording is safe as soon as it is done.
+    """Score the pending recordings of a dataset; each result is on disk before the next one is recorded.
 
     Args:
-        dataset: open.
-        inputs: recordings.
-        options: how they are scored.
-        jobs, scheduler: where, as for `reba.batch.parallel.run_parallel`.
-        keep: whether the run holds the scores themselves (for a report); then everything is scored.
-        done: called with the name of each recording.
+        jobs, scheduler: see `reba.batch.parallel.run_parallel`.
+        keep_scores: return the scores themselves (for a report); every recording is scored then.
+        on_done: called with the name of each finished recording.
 
     Raises:
         RebaError: options are wrong, the cluster cannot be used, or the dataset cannot be written.
-
-    Example:
-        >>> with Dataset("scores") as dataset:                                    # doctest: +SKIP
-        ...     run = score_into(dataset, ["a.mcap", "b.mcap"], Options(), jobs=2)
     """
     start = time.perf_counter()
-    with_ = settings(options)
-    parts = dataset.due(inputs, with_, everything=keep)
+    settings = scoring_settings(options)
+    pending = dataset.pending(inputs, settings, rescore_all=keep_scores)
     recordings = len({Path(name).resolve() for name in inputs})
-    run = DatasetRun(recordings, unchanged=recordings - len(parts))
-    far = scheduler is not None
-    work = partial(score_part, options=options.anywhere() if far else options, keep=keep, far=far)
+    run = DatasetRun(recordings, unchanged=recordings - len(pending))
+    remote = scheduler is not None
+    work = partial(
+        score_pending,
+        options=options.with_absolute_paths() if remote else options,
+        keep_scores=keep_scores,
+        remote=remote,
+    )
     probe = None
-    if parts:
+    if pending:
         lock = str(dataset.folder / LOCK)
-        probe = partial(sees, parts[0].path, str(dataset.folder), lock, dataset.token)
-    for part, result in run_parallel(work, parts, jobs=min(jobs, max(len(parts), 1)), scheduler=scheduler, probe=probe):
-        _take(dataset, run, part, result, with_)
-        done(part.input)
+        probe = partial(access_problem, pending[0].path, str(dataset.folder), lock, dataset.token)
+    jobs = min(jobs, max(len(pending), 1))
+    for recording, result in run_parallel(work, pending, jobs=jobs, scheduler=scheduler, probe=probe):
+        _record(dataset, run, recording, result, settings)
+        on_done(recording.input)
     run.seconds = time.perf_counter() - start
     return run
 
 
-def score_part(part: PendingRecording, *, options: ScoringOptions, keep: bool, far: bool = False) -> ScoredPart:
-    """Score one recording into its file, which is safe on disk when this returns.
+def score_pending(
+    pending: PendingRecording, *, options: ScoringOptions, keep_scores: bool, remote: bool = False
+) -> ScoredRecording:
+    """Score one recording into its file, which is on disk when this returns.
 
     Args:
-        part: the recording.
-        options: how it is scored.
-        keep: whether the scores come back too.
-        far: whether this process may work in another folder than the one that asked.
+        keep_scores: return the scores themselves as well.
+        remote: the working folder of this process may differ from that of the command: use absolute paths.
     """
     start = time.perf_counter()
-    path = part.path if far else part.input
-    size, modified = stamp(path)
-    if part.before and content_hash(path) == part.before:
-        return ScoredPart(None, Content(size, modified, part.before), time.perf_counter() - start)
-    outcome = score_one(path, part.output, options, keep)
-    if outcome.error is None:
-        _settle(part.output)
-    content = Content(size, modified, outcome.hash or content_hash(path))
-    return ScoredPart(outcome, content, time.perf_counter() - start)
+    path = pending.path if remote else pending.input
+    size, modified = size_and_mtime(path)
+    if pending.previous_hash and content_hash(path) == pending.previous_hash:
+        return ScoredRecording(None, Content(size, modified, pending.previous_hash), time.perf_counter() - start)
+    result = score_one(path, pending.output, options, keep_scores)
+    if result.error is None:
+        _sync_to_disk(pending.output)
+    content = Content(size, modified, result.hash or content_hash(path))
+    return ScoredRecording(result, content, time.perf_counter() - start)
 
 
-def _take(
-    dataset: Dataset, run: DatasetRun, part: PendingRecording, result: ScoredPart | WorkerDied, with_: dict[str, Any]
+def _record(
+    dataset: Dataset,
+    run: DatasetRun,
+    pending: PendingRecording,
+    scored: ScoredRecording | WorkerDied,
+    settings: dict[str, Any],
 ) -> None:
-    """Write a result down and count it."""
-    if isinstance(result, WorkerDied):
-        outcome = RecordingResult(part.input, error=f"{part.input}: {result.reason}")
-        result = ScoredPart(outcome, Content(*stamp(part.path), content_hash(part.path)), 0.0)
-    if result.outcome is None:
-        dataset.confirm(part, result.content)
+    """Append a result to the manifest and count it."""
+    if isinstance(scored, WorkerDied):
+        failure = RecordingResult(pending.input, error=f"{pending.input}: {scored.reason}")
+        scored = ScoredRecording(failure, Content(*size_and_mtime(pending.path), content_hash(pending.path)), 0.0)
+    result = scored.result
+    if result is None:
+        dataset.confirm(pending, scored.content)
         run.unchanged += 1
         return
-    dataset.record(part, result.outcome, result.content, with_, result.seconds)
-    run.scored[part.why] += 1
-    run.failed += result.outcome.error is not None
-    run.frames += 0 if result.outcome.summary is None else result.outcome.summary["frames"]
-    if result.outcome.scores is not None:
-        run.scores[part.input] = result.outcome.scores
+    dataset.record(pending, result, scored.content, settings, scored.seconds)
+    run.scored[pending.reason] += 1
+    run.failed += result.error is not None
+    run.frames += 0 if result.summary is None else result.summary["frames"]
+    if result.scores is not None:
+        run.scores[pending.input] = result.scores
 
 
-def _settle(file: Path) -> None:
-    """Make a file safe from a power cut, and its name."""
-    for place in (file, file.parent):
-        with contextlib.suppress(OSError):  # some systems do not do this for folders
-            handle = os.open(place, os.O_RDONLY)
+def _sync_to_disk(file: Path) -> None:
+    """Write a file and its directory entry to disk (fsync), so that a power cut does not lose them."""
+    for path in (file, file.parent):
+        with contextlib.suppress(OSError):  # some systems refuse fsync of a folder
+            handle = os.open(path, os.O_RDONLY)
             try:
                 os.fsync(handle)
             finally:

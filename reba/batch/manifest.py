@@ -1,7 +1,7 @@
-"""The manifest of a dataset: one line of JSON for each time a recording was scored, kept beside the scores.
+"""The manifest of a dataset: a journal with one JSON line for each scoring of a recording, stored with the scores.
 
-A line is added once the scores it speaks of are whole on disk, and the last line of a recording counts. A process that
-ends in the middle of a line leaves a broken end, which is cut off when the manifest is opened again.
+A line is appended after the scores are complete on disk; the last line of a recording is valid. A process that ends
+while it writes a line leaves an incomplete last line, which is removed when the manifest is opened again.
 """
 
 from __future__ import annotations
@@ -16,30 +16,30 @@ from pathlib import Path
 from typing import Any, Final
 
 from reba.errors import RebaError
-from reba.files import _sha256, as_json
+from reba.files import as_json, sha256_of
 
 MANIFEST: Final = "_manifest.jsonl"
-"""Its name; readers of Parquet datasets pass over what begins with an underscore."""
-SYNC: Final = 0.5
-"""[s] At most until a line is safe from a power cut; from the end of this process it is so at once."""
+"""File name; readers of Parquet datasets ignore names that begin with an underscore."""
+SYNC_SECONDS: Final = 0.5
+"""[s] Between two fsync calls: a power cut loses lines of this time at most, the end of this process loses none."""
 SCORED: Final = "scored"
 FAILED: Final = "failed"
 FIELDS: Final = (
     "recording", "input", "size", "modified", "hash", "version", "rules", "rules_hash", "options", "outcome",
 )  # fmt: skip
-"""Fields that every line has; `output`, `error`, `seconds`, `frames`, `finished` and `summary` follow."""
+"""Fields that are required in every line; `output`, `error`, `seconds`, `frames`, `finished` and `summary` follow."""
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What the last line of a recording says, as far as it decides whether the recording is scored again.
+    """The fields of a recording's last line that decide whether the recording is scored again.
 
     Attributes:
-        recording: its name in the dataset.
-        size, modified, hash: of the input: bytes, nanoseconds since 1970, SHA-256.
-        version, rules_hash, options: what it was scored with; options as JSON text.
+        recording: name in the dataset.
+        size, modified, hash: of the input: bytes, ns since 1970, SHA-256.
+        version, rules_hash, options: of the scoring; options as JSON text.
         outcome: `SCORED` or `FAILED`.
-        place, length: of the line in the manifest [bytes].
+        offset, length: of the line in the manifest [bytes].
     """
 
     recording: str
@@ -50,15 +50,15 @@ class Entry:
     rules_hash: str
     options: str
     outcome: str
-    place: int
+    offset: int
     length: int
 
 
 class Manifest:
-    """The manifest in a folder; entries by the absolute path of their input.
+    """The manifest of the dataset in a folder.
 
-    Args:
-        folder: of the dataset.
+    Attributes:
+        entries: absolute path of the input -> its last line.
 
     Raises:
         RebaError: a line is damaged, or the file cannot be read or written.
@@ -71,7 +71,9 @@ class Manifest:
         try:
             self._file = self.path.open("a+b")
         except OSError as error:
-            raise RebaError(f"{self.path}: cannot be used ({error.strerror or error}); choose another place") from error
+            raise RebaError(
+                f"{self.path}: cannot be used ({error.strerror or error}); choose another folder"
+            ) from error
         try:
             self._read()
         except BaseException:
@@ -79,30 +81,30 @@ class Manifest:
             raise
 
     def append(self, line: dict[str, Any]) -> None:
-        """Add a line; it survives the end of this process when this returns.
+        """Append a line; after the return it survives the end of this process.
 
         Raises:
-            RebaError: it cannot be written.
+            RebaError: the manifest cannot be written.
         """
         data = as_json(line).encode() + b"\n"
         try:
-            place = self._file.seek(0, os.SEEK_END)
+            offset = self._file.seek(0, os.SEEK_END)
             self._file.write(data)
             self._file.flush()
-            if time.monotonic() - self._synced > SYNC:
+            if time.monotonic() - self._synced > SYNC_SECONDS:
                 self._sync()
         except OSError as error:
-            raise RebaError(f"{self.path}: cannot be written ({error.strerror or error}); make room") from error
-        self._add(line, place, len(data))
+            raise RebaError(f"{self.path}: cannot be written ({error.strerror or error}); free disk space") from error
+        self._add(line, offset, len(data))
 
     def line(self, entry: Entry) -> dict[str, Any]:
-        """Return the whole line of an entry."""
-        self._file.seek(entry.place)
-        found: dict[str, Any] = json.loads(self._file.read(entry.length))
-        return found
+        """Return the complete line of an entry."""
+        self._file.seek(entry.offset)
+        line: dict[str, Any] = json.loads(self._file.read(entry.length))
+        return line
 
     def close(self) -> None:
-        """Make all lines safe."""
+        """Write all lines to disk and close the file."""
         self._sync()
         self._file.close()
 
@@ -111,45 +113,45 @@ class Manifest:
         self._synced = time.monotonic()
 
     def _read(self) -> None:
-        whole = 0
-        for number, (place, data) in enumerate(self._lines(), 1):
+        complete = 0
+        for number, (offset, data) in enumerate(self._lines(), 1):
             try:
-                self._add(json.loads(data), place, len(data))
+                self._add(json.loads(data), offset, len(data))
             except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
                 raise RebaError(
                     f"{self.path}: line {number} is damaged ({error}); delete the line to score its recording again"
                 ) from error
-            whole = place + len(data)
-        self._file.truncate(whole)
+            complete = offset + len(data)
+        self._file.truncate(complete)
 
     def _lines(self) -> Iterator[tuple[int, bytes]]:
         self._file.seek(0)
-        place = 0
+        offset = 0
         for data in self._file:
             if data.endswith(b"\n"):
-                yield place, data
-            place += len(data)
+                yield offset, data
+            offset += len(data)
 
-    def _add(self, line: dict[str, Any], place: int, length: int) -> None:
+    def _add(self, line: dict[str, Any], offset: int, length: int) -> None:
         recording, path, size, modified, digest, version, _, rules, options, outcome = (line[name] for name in FIELDS)
         if not isinstance(recording, str) or not isinstance(path, str):
-            raise TypeError("recording and input are no names")
-        # The same options stand in every line: one text for all of them.
+            raise TypeError("recording and input must be text")
         text = json.dumps(options, sort_keys=True)
-        same = next(reversed(self.entries.values())).options if self.entries else text
-        self.entries[path] = Entry(
-            recording, size, modified, digest, version, rules, same if same == text else text, outcome, place, length
-        )
+        if self.entries:
+            # Most lines have equal options: sharing one text keeps the memory of a million entries small.
+            previous = next(reversed(self.entries.values())).options
+            text = previous if previous == text else text
+        self.entries[path] = Entry(recording, size, modified, digest, version, rules, text, outcome, offset, length)
 
 
 @dataclass(frozen=True)
 class Content:
-    """What identifies the content of a recording.
+    """Identity of the content of a recording.
 
     Attributes:
-        size: bytes of all its files.
-        modified: of the file that changed last [ns since 1970].
-        hash: SHA-256 of a file; of the names and hashes of its files for a folder.
+        size: of all its files [bytes].
+        modified: latest modification time of its files [ns since 1970].
+        hash: SHA-256 of a file; for a folder of the names and hashes of its files.
     """
 
     size: int
@@ -157,22 +159,22 @@ class Content:
     hash: str
 
 
-def stamp(path: str | Path) -> tuple[int, int]:
-    """Return size and time of change of a file or folder; (-1, -1) if it cannot be looked at."""
+def size_and_mtime(path: str | Path) -> tuple[int, int]:
+    """Return size [bytes] and latest modification time [ns since 1970] of a file or folder; (-1, -1) if unreadable."""
     try:
-        found = [os.stat(file) for file in _files(Path(path))]
+        stats = [os.stat(file) for file in _files(Path(path))]
     except OSError:
         return -1, -1
-    return sum(stat.st_size for stat in found), max((stat.st_mtime_ns for stat in found), default=0)
+    return sum(stat.st_size for stat in stats), max((stat.st_mtime_ns for stat in stats), default=0)
 
 
 def content_hash(path: str | Path) -> str:
-    """Return the SHA-256 of a file, or of a folder's names and hashes; "" if it cannot be read."""
-    place = Path(path)
+    """Return the SHA-256 of a file, or of the names and hashes of a folder's files; "" if it cannot be read."""
+    source = Path(path)
     try:
-        if not place.is_dir():
-            return _sha256(place)
-        lines = [f"{file.relative_to(place)} {_sha256(file)}\n" for file in _files(place)]
+        if not source.is_dir():
+            return sha256_of(source)
+        lines = [f"{file.relative_to(source)} {sha256_of(file)}\n" for file in _files(source)]
     except OSError:
         return ""
     return hashlib.sha256("".join(lines).encode(errors="surrogateescape")).hexdigest()

@@ -1,9 +1,9 @@
-"""Many independent pieces of work at once: in processes of this machine, or on the workers of a Dask cluster.
+"""Independent tasks in parallel: in local processes, or on the workers of a Dask cluster.
 
-    tasks -> window of twice the workers -> results as they finish
+    tasks -> at most twice as many submitted as workers -> results as they finish
 
-Local processes are joblib's own (loky). On a cluster the same calls go through Dask's executor: joblib's Dask backend
-waits for ever once a task takes its worker down with it (joblib 1.6.0, distributed 2026.8.0).
+Local processes are loky's (the library below joblib). On a cluster the same calls go through Dask's executor, because
+joblib's Dask backend blocks for ever when a task kills its worker (joblib 1.6.0, distributed 2026.8.0).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from reba.batch.worker_pool import Pool, Processes, WorkerDied
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
-CHECK: Final = 2.0
-"""[s] Without a result after which the pool is looked at."""
+CHECK_SECONDS: Final = 2.0
+"""[s] Without a result after which the pool is checked; short against the tens of seconds until a cluster is lost."""
 
 
 def run_parallel(
@@ -30,24 +30,24 @@ def run_parallel(
     scheduler: str | None = None,
     probe: Callable[[], str] | None = None,
 ) -> Iterator[tuple[Task, Result | WorkerDied]]:
-    """Yield every task with its result, as they finish.
+    """Yield pairs (task, result) in the order in which the tasks finish.
 
-    Tasks are taken from the iterable only as workers get free, and results are not kept: memory does not grow with
-    their number. A process that dies takes no other task with it: what was under way is run again, and a task that
-    kills its process every time comes back as `WorkerDied`.
+    Tasks are taken from the iterable only as workers become free and results are not stored, so memory does not grow
+    with their number. A worker that dies loses only its own task: unfinished tasks are repeated one by one, and a task
+    that kills its process again yields `WorkerDied`.
 
     Args:
         work: a function of a module, or a partial of one; it and the tasks are pickled.
-        tasks: taken lazily.
-        jobs: processes on this machine; 1 runs everything in this one.
-        scheduler: address of a Dask scheduler, such as tcp://10.0.0.5:8786; `jobs` does not matter then.
-        probe: run on every worker of a cluster before anything else: says what is missing there, "" if nothing.
+        tasks: consumed lazily.
+        jobs: local processes; 1 runs everything in this process.
+        scheduler: address of a Dask scheduler, such as tcp://10.0.0.5:8786; `jobs` is ignored then.
+        probe: run on every worker of a cluster before the first task; returns what the worker lacks, "" if ready.
 
     Raises:
-        RebaError: the cluster cannot be used or was lost; and whatever `work` raises.
+        RebaError: the cluster cannot be used or was lost. Exceptions of `work` are re-raised.
 
     Example:
-        >>> sorted(fan_out(abs, [-3, 2]))
+        >>> sorted(run_parallel(abs, [-3, 2]))
         [(-3, 3), (2, 2)]
     """
     if scheduler is None and jobs == 1:
@@ -65,29 +65,29 @@ def run_parallel(
 def _stream(
     pool: Pool, work: Callable[[Task], Result], tasks: Iterator[Task]
 ) -> Iterator[tuple[Task, Result | WorkerDied]]:
-    under_way: dict[Future[Result], Task] = {}
-    suspects: list[Task] = []
+    submitted: dict[Future[Result], Task] = {}
+    unfinished: list[Task] = []
     while True:
-        for task in islice(tasks, max(0, pool.room() - len(under_way))):
-            under_way[pool.submit(work, task)] = task
-        if not under_way:
+        for task in islice(tasks, max(0, pool.capacity() - len(submitted))):
+            submitted[pool.submit(work, task)] = task
+        if not submitted:
             break
-        for future in _done(pool, under_way):
-            task = under_way.pop(future)
+        for future in _wait_for_any(pool, submitted):
+            task = submitted.pop(future)
             result = pool.result(future)
             if isinstance(result, WorkerDied):
-                suspects.append(task)
+                unfinished.append(task)
             else:
                 yield task, result
-    # A process that dies takes what waits beside it along: which task it was shows when each runs by itself.
-    for task in suspects:
-        alone = pool.submit(work, task)
-        _done(pool, [alone])
-        yield task, pool.result(alone)
+    # A process that dies ends the tasks submitted with it; which of them kills its process shows when each runs alone.
+    for task in unfinished:
+        retry = pool.submit(work, task)
+        _wait_for_any(pool, [retry])
+        yield task, pool.result(retry)
 
 
-def _done(pool: Pool, futures: Iterable[Future[Any]]) -> set[Future[Any]]:
-    """Wait until at least one is done and return those that are."""
-    while not (done := wait(futures, timeout=CHECK, return_when=FIRST_COMPLETED).done):
+def _wait_for_any(pool: Pool, futures: Iterable[Future[Any]]) -> set[Future[Any]]:
+    """Wait until at least one future is done and return all that are done."""
+    while not (done := wait(futures, timeout=CHECK_SECONDS, return_when=FIRST_COMPLETED).done):
         pool.check()
     return done

@@ -1,4 +1,4 @@
-"""Scoring one recording or many: find the inputs, score each, write what was asked for; one bad file stops no other."""
+"""Scoring one recording or many: find the inputs, score each, write the outputs; a bad file stops no other one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from reba.scores import Scores, score
 from reba.writers import SUFFIXES, write_scores
 
 SCORED_SUFFIX: Final = ".scores.parquet"
-"""Ending by which score tables among recordings are known."""
+"""Ending of score tables that versions before datasets wrote beside recordings; not taken as recordings."""
 
 
 @dataclass(frozen=True)
@@ -39,24 +39,23 @@ class ScoringOptions:
         """Return the scores of one recording.
 
         Raises:
-            RebaError: the recording or an option is bad.
+            RebaError: the recording or an option cannot be used.
         """
-
         postures = read(path, profile=self.profile, topic=self.topic, neutral=self.neutral, strict=self.strict)
         return score(postures, rules=self.rules, activity=self.activity, missing=self.missing, **self.factors)
 
-    def anywhere(self) -> ScoringOptions:
-        """Return the same for a process that works in another folder."""
-        return replace(self, rules=_whole(self.rules), profile=_whole(self.profile))
+    def with_absolute_paths(self) -> ScoringOptions:
+        """Return equal options for a process with another working folder."""
+        return replace(self, rules=_absolute_if_file(self.rules), profile=_absolute_if_file(self.profile))
 
 
 @dataclass(frozen=True)
 class RecordingResult:
-    """What became of one input: its summary (the JSON object of a recording), or the error.
+    """Result of one input: its summary (the JSON object of a recording) or its error.
 
     Attributes:
-        scores: the scores themselves, if they were asked for.
-        hash: SHA-256 of the recording where the reader found it, "" otherwise.
+        scores: the scores themselves, if requested.
+        hash: SHA-256 of the recording if the reader computed it, else "".
     """
 
     input: str
@@ -66,57 +65,54 @@ class RecordingResult:
     hash: str = ""
 
 
-def find_inputs(given: Sequence[str]) -> list[str]:
+def find_inputs(names: Sequence[str]) -> list[str]:
     """Return the recordings named by files and folders, in order, each once.
 
-    A folder that is itself one recording (a rosbag2 folder of splits) stays one input; any other folder gives the
-    recordings in it, at any depth, but for the score tables that this command wrote there.
+    A folder that is itself one recording (a rosbag2 folder of splits) is one input; any other folder gives the
+    recordings in it at any depth, except score tables that this command wrote there.
 
     Raises:
-        RebaError: a path does not exist or cannot be looked into, or a folder holds no recording.
+        RebaError: a path does not exist or cannot be read, or a folder contains no recording.
     """
-
-    found: dict[str, None] = {}
-    for name in given:
+    inputs: dict[str, None] = {}
+    for name in names:
         path = Path(name)
         try:
             if not name or not path.exists():
                 raise RebaError(f"{name or 'an empty name'}: there is no such file or folder; check the path")
             if not path.is_dir() or is_recording_folder(path):
-                found[name] = None
+                inputs[name] = None
                 continue
-            inside = _inside(path, is_recording, is_recording_folder, frozenset())
+            recordings = _recordings_in(path, frozenset())
         except OSError as error:
-            raise RebaError(f"{error.filename or name}: {error.strerror or error}; give files you may read") from error
-        if not inside:
-            raise RebaError(f"{name}: the folder holds no recording; `reba info FILE` says why a file is not one")
-        found.update(dict.fromkeys(map(str, inside)))
-    return list(found)
+            raise RebaError(f"{error.filename or name}: {error.strerror or error}; give readable files") from error
+        if not recordings:
+            raise RebaError(f"{name}: the folder contains no recording; `reba info FILE` says why a file is not one")
+        inputs.update(dict.fromkeys(map(str, recordings)))
+    return list(inputs)
 
 
-def _inside(
-    folder: Path, is_file: Callable[[Path], bool], is_folder: Callable[[Path], bool], above: frozenset[Path]
-) -> list[Path]:
-    found: list[Path] = []
-    if (folder / MANIFEST).is_file():  # scores that this command wrote
-        return found
-    above |= {folder.resolve()}
+def _recordings_in(folder: Path, parents: frozenset[Path]) -> list[Path]:
+    recordings: list[Path] = []
+    if (folder / MANIFEST).is_file():  # a dataset of scores
+        return recordings
+    parents |= {folder.resolve()}
     for path in sorted(folder.iterdir()):
         if path.name.startswith(".") or path.name.endswith(SCORED_SUFFIX):
             continue
         if path.is_dir():
-            if path.resolve() in above:  # a link back to a folder that is being looked into
+            if path.resolve() in parents:  # a symbolic link to a parent folder would never end
                 continue
-            found += [path] if is_folder(path) else _inside(path, is_file, is_folder, above)
-        elif is_file(path):
-            found.append(path)
-    return found
+            recordings += [path] if is_recording_folder(path) else _recordings_in(path, parents)
+        elif is_recording(path):
+            recordings.append(path)
+    return recordings
 
 
 def plan_output(inputs: Sequence[str], output: str | None) -> tuple[Path | None, Path | None]:
-    """Return the file and the folder for the scores: one of them, or neither if nothing is to be written.
+    """Return (file, folder) for the scores: one of them, or neither without an output.
 
-    One input and an ending of .parquet, .csv or .mcap name a file; everything else is a folder, see
+    With one input an ending of .parquet, .csv or .mcap names a file; any other output is the folder of a
     `reba.batch.dataset`.
 
     Raises:
@@ -127,35 +123,35 @@ def plan_output(inputs: Sequence[str], output: str | None) -> tuple[Path | None,
     target = Path(output)
     if target.suffix.lower() in SUFFIXES and not target.is_dir():
         if len(inputs) > 1:
-            raise RebaError(f"{output}: one file cannot hold the scores of {len(inputs)} recordings; give a folder")
+            raise RebaError(f"{output}: one file cannot contain the scores of {len(inputs)} recordings; give a folder")
         if target.resolve() == Path(inputs[0]).resolve():
             raise RebaError(f"{output}: this is the recording itself and would be lost; choose another name")
         return target, None
     if target.suffix and not target.is_dir() and len(inputs) == 1 and not output.endswith(("/", "\\")):
         raise RebaError(f"{output}: ending {target.suffix!r} is unknown; choose .parquet, .csv, .mcap or a folder")
     if not output or target.is_file():
-        raise RebaError(f"{output or 'an empty name'}: this is no folder; give a folder for the scores")
+        raise RebaError(f"{output or 'an empty name'}: this is not a folder; give a folder for the scores")
     return None, target
 
 
 def check_report(report: str | None, inputs: Sequence[str], output: Path | None = None) -> None:
-    """Refuse a place for the report before the work is done.
+    """Check the path of the report before anything is scored.
 
     Raises:
-        RebaError: it is one of the recordings or the score table, or a folder.
+        RebaError: it is a recording, the score table or a folder.
     """
     if report is None:
         return
     target = Path(report)
     if target.is_dir() or not report:
         raise RebaError(f"{report or 'an empty name'}: a report is one file; give a name like report.html")
-    for taken, what in [*((name, "recording") for name in inputs), (output, "score table")]:
-        if taken is not None and target.resolve() == Path(taken).resolve():
-            raise RebaError(f"{report}: this is a {what} and would be lost; choose another name for the report")
+    for other, kind in [*((name, "recording") for name in inputs), (output, "score table")]:
+        if other is not None and target.resolve() == Path(other).resolve():
+            raise RebaError(f"{report}: this is a {kind} and would be lost; choose another name for the report")
 
 
-def score_one(path: str, output: Path | None, options: ScoringOptions, keep: bool = False) -> RecordingResult:
-    """Score one recording; an error of the recording is an outcome, not an exception."""
+def score_one(path: str, output: Path | None, options: ScoringOptions, keep_scores: bool = False) -> RecordingResult:
+    """Score one recording; an error of the recording is a result, not an exception."""
     try:
         scores = options.read_and_score(path)
         if output is not None:
@@ -164,13 +160,12 @@ def score_one(path: str, output: Path | None, options: ScoringOptions, keep: boo
     except RebaError as error:
         return RecordingResult(path, error=str(error))
     except MemoryError:
-        return RecordingResult(
-            path, error=f"{path}: does not fit into memory; score parts of it, or fewer at the same time"
-        )
-    except Exception as error:  # whatever is wrong with one recording stops no other
-        said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        return RecordingResult(path, error=f"{path}: cannot be scored ({said}); please report it with the recording")
-    return RecordingResult(path, summary=summary, scores=scores if keep else None, hash=scores.postures.quality.sha256)
+        return RecordingResult(path, error=f"{path}: does not fit into memory; score parts of it, or use fewer --jobs")
+    except Exception as error:  # an unexpected error of one recording must not stop the others
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        return RecordingResult(path, error=f"{path}: cannot be scored ({reason}); please report it with the recording")
+    sha256 = scores.postures.quality.sha256
+    return RecordingResult(path, summary=summary, scores=scores if keep_scores else None, hash=sha256)
 
 
 def score_many(
@@ -180,48 +175,49 @@ def score_many(
     *,
     jobs: int = 1,
     scheduler: str | None = None,
-    keep: bool = False,
-    done: Callable[[str], None] = lambda name: None,
+    keep_scores: bool = False,
+    on_done: Callable[[str], None] = lambda name: None,
 ) -> list[RecordingResult]:
-    """Score every input, all of which stay in memory; `done` is called with the name of each one that ends.
+    """Score every input and return the results in the order of the inputs.
 
     Args:
-        inputs: recordings.
         output: file for the scores, if there is one input.
-        options: how they are scored.
-        jobs, scheduler: where, as for `reba.batch.parallel.run_parallel`.
-        keep: whether the outcomes hold the scores themselves (for a report), not only their summaries.
+        jobs, scheduler: see `reba.batch.parallel.run_parallel`.
+        keep_scores: return the scores themselves (for a report), not only their summaries.
+        on_done: called with the name of each finished input.
 
     Raises:
         RebaError: the cluster cannot be used.
     """
-    far = scheduler is not None
-    target = output.resolve() if far and output is not None else output
-    work = partial(_numbered, output=target, options=options.anywhere() if far else options, keep=keep)
-    tasks = [(number, str(Path(name).resolve()) if far else name) for number, name in enumerate(inputs)]
-    outcomes: dict[int, RecordingResult] = {}
-    probe = partial(sees, tasks[0][1], "" if target is None else str(target.parent)) if tasks else None
+    remote = scheduler is not None
+    target = output.resolve() if remote and output is not None else output
+    options = options.with_absolute_paths() if remote else options
+    work = partial(_score_numbered, output=target, options=options, keep_scores=keep_scores)
+    tasks = [(number, str(Path(name).resolve()) if remote else name) for number, name in enumerate(inputs)]
+    results: dict[int, RecordingResult] = {}
+    probe = partial(access_problem, tasks[0][1], "" if target is None else str(target.parent)) if tasks else None
     jobs = max(1, min(jobs, len(inputs)))
     for (number, path), result in run_parallel(work, tasks, jobs=jobs, scheduler=scheduler, probe=probe):
-        outcome = RecordingResult(path, error=f"{path}: {result.reason}") if isinstance(result, WorkerDied) else result
-        if outcome.summary is not None:
-            outcome.summary.update(input=inputs[number], output=None if output is None else str(output))
-        outcomes[number] = replace(outcome, input=inputs[number])
-        done(inputs[number])
-    return [outcomes[number] for number in sorted(outcomes)]
+        if isinstance(result, WorkerDied):
+            result = RecordingResult(path, error=f"{path}: {result.reason}")
+        if result.summary is not None:
+            result.summary.update(input=inputs[number], output=None if output is None else str(output))
+        results[number] = replace(result, input=inputs[number])
+        on_done(inputs[number])
+    return [results[number] for number in sorted(results)]
 
 
-def sees(recording: str, folder: str = "", mark: str = "", text: str = "") -> str:
-    """Return what this process lacks to score, "" if nothing.
+def access_problem(recording: str, folder: str = "", mark: str = "", text: str = "") -> str:
+    """Return why this process cannot access the files of a task, "" if it can.
 
     Args:
-        recording: a file or folder it must be able to read.
-        folder: that it must be able to write to, "" if it writes nothing.
-        mark, text: a file in the folder and what it must hold, to know that it is the same folder.
+        recording: file or folder that must be readable.
+        folder: folder that must be writable, "" if nothing is written.
+        mark, text: a file in the folder and its expected content, which proves that the folder is the shared one.
     """
-    place = Path(recording)
-    if not place.exists() or not os.access(place, os.R_OK):
-        return f"cannot read {recording}; keep recordings where every worker finds them under the same path"
+    source = Path(recording)
+    if not source.exists() or not os.access(source, os.R_OK):
+        return f"cannot read {recording}; keep recordings under a path that is the same on every worker"
     if folder and not os.access(folder, os.W_OK):
         return f"cannot write to {folder}; give a folder that every worker shares"
     try:
@@ -231,9 +227,11 @@ def sees(recording: str, folder: str = "", mark: str = "", text: str = "") -> st
     return "" if same else f"has another folder at {folder}; give a folder that every worker shares"
 
 
-def _numbered(task: tuple[int, str], *, output: Path | None, options: ScoringOptions, keep: bool) -> RecordingResult:
-    return score_one(task[1], output, options, keep)
+def _score_numbered(
+    task: tuple[int, str], *, output: Path | None, options: ScoringOptions, keep_scores: bool
+) -> RecordingResult:
+    return score_one(task[1], output, options, keep_scores)
 
 
-def _whole(name: str) -> str:
+def _absolute_if_file(name: str) -> str:
     return str(Path(name).resolve()) if Path(name).is_file() else name

@@ -1,10 +1,4 @@
-"""Many independent pieces of work at once: in processes of this machine, or on the workers of a Dask cluster.
-
-    tasks -> window of twice the workers -> results as they finish
-
-Local processes are joblib's own (loky). On a cluster the same calls go through Dask's executor: joblib's Dask backend
-waits for ever once a task takes its worker down with it (joblib 1.6.0, distributed 2026.8.0).
-"""
+"""Worker pools: the protocol that every pool satisfies, and the pool of local processes (loky, the one of joblib)."""
 
 from __future__ import annotations
 
@@ -17,51 +11,51 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
-WAITING: Final = 2
-"""Tasks in the window for each worker: one that runs, and one so that it never waits for the next."""
-ORPHANED: Final = 0.5
-"""[s] How often a worker process looks whether the one that started it still lives."""
-THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
-"""What is set to 1 in worker processes: their number uses the cores, threads inside would only get in the way."""
+TASKS_PER_WORKER: Final = 2
+"""Submitted tasks per worker: one that runs and one in the queue, so that a worker never idles between two tasks."""
+PARENT_POLL_SECONDS: Final = 0.5
+"""[s] Between two checks of a worker process that the process that started it is alive."""
+THREAD_VARIABLES: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+"""Environment variables set to 1 in worker processes: one process per core leaves no core for more threads."""
 
 
 @dataclass(frozen=True)
 class WorkerDied:
-    """Stands for the result of a task whose process died each time it was tried; `reason` ends a sentence."""
+    """Result of a task whose worker process died in every attempt; `reason` completes a sentence."""
 
     reason: str
 
 
 class Pool(Protocol):
-    """Where tasks run."""
+    """Workers that run tasks."""
 
     def __enter__(self) -> Any: ...
 
     def __exit__(self, kind: object, /, *rest: object) -> None: ...
 
-    def room(self) -> int:
-        """Return how many tasks may be under way."""
+    def capacity(self) -> int:
+        """Return the number of tasks that may be submitted and unfinished."""
 
     def submit(self, work: Callable[[Any], Any], task: Any) -> Future[Any]:
-        """Start a task."""
+        """Submit a task."""
 
     def result(self, future: Future[Any]) -> Any:
-        """Return the result of a finished task, `WorkerDied` if its process died; re-raise what the work raised.
+        """Return the result of a finished task, `WorkerDied` if its process died; exceptions of the task are re-raised.
 
         Raises:
-            RebaError: the pool cannot go on.
+            RebaError: the pool can run no further task.
         """
 
     def check(self) -> None:
-        """Look whether results can still come.
+        """Check that the pool can still deliver results.
 
         Raises:
-            RebaError: none can.
+            RebaError: all workers are lost.
         """
 
 
 class Processes:
-    """Processes of this machine; they end with the one that started them, however that ends."""
+    """Local worker processes; they end with the process that started them, even if that is killed."""
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
@@ -73,16 +67,16 @@ class Processes:
     def __exit__(self, kind: object, /, *rest: object) -> None:
         self._pool.shutdown(wait=True, kill_workers=kind is not None)
 
-    def room(self) -> int:
-        """Return how many tasks may be under way."""
-        return WAITING * self.jobs
+    def capacity(self) -> int:
+        """Return the number of tasks that may be submitted and unfinished."""
+        return TASKS_PER_WORKER * self.jobs
 
     def submit(self, work: Callable[[Any], Any], task: Any) -> Future[Any]:
-        """Start a task."""
+        """Submit a task."""
         from concurrent.futures.process import BrokenProcessPool
 
         with warnings.catch_warnings():
-            # A worker that holds much more memory than at first is replaced between two tasks.
+            # loky replaces a worker whose memory has grown much; that is no reason to warn the user.
             warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
             try:
                 return self._pool.submit(work, task)
@@ -92,7 +86,7 @@ class Processes:
                 return self._pool.submit(work, task)
 
     def result(self, future: Future[Any]) -> Any:
-        """Return the result of a task that is done; one process that dies ends all tasks that are under way."""
+        """Return the result of a finished task; one process that dies ends every unfinished task of the pool."""
         from concurrent.futures.process import BrokenProcessPool
 
         try:
@@ -101,22 +95,22 @@ class Processes:
             return WorkerDied("the process died (out of memory, or killed)")
 
     def check(self) -> None:
-        """Do nothing: a process that dies ends its tasks."""
+        """Pass: a process that dies ends its tasks, which `result` reports."""
 
     @staticmethod
     def _start(jobs: int) -> Any:
         from joblib.externals.loky import ProcessPoolExecutor
 
-        env = {name: "1" for name in THREADS if name not in os.environ}
-        return ProcessPoolExecutor(jobs, initializer=_follow, initargs=(os.getpid(),), env=env)
+        env = {name: "1" for name in THREAD_VARIABLES if name not in os.environ}
+        return ProcessPoolExecutor(jobs, initializer=_exit_with_parent, initargs=(os.getpid(),), env=env)
 
 
-def _follow(parent: int) -> None:
-    """End this process soon after the one that started it, even if that was killed."""
+def _exit_with_parent(parent: int) -> None:
+    """End this process soon after its parent process, even if that was killed."""
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(ORPHANED)
+            time.sleep(PARENT_POLL_SECONDS)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

@@ -1,10 +1,11 @@
-"""Scores while a recording is being made: the same numbers as `reba score`, one frame at a time.
+"""Live scoring: the scores of `reba score`, frame by frame while a recording is written.
 
-    source (growing MCAP file, lines) -> segments -> settle -> stage (bodies or rows) -> Frames -> session -> lines
+    source (growing MCAP file, JSON lines) -> segments -> converter (joints or table rows) -> Frames -> LiveScorer
+    -> JSON lines
 
-What the readers decide from a whole recording (unit, vertical, columns that were not measured, neutral posture) is
-decided from its first seconds here, by the same functions; frames of that time wait and are handed out after it.
-Everything kept is bounded: it does not grow with the length of the recording.
+What the readers decide from a complete recording (unit, vertical, unmeasured columns, neutral posture) is decided here
+from its first seconds, by the same functions; frames of that time are yielded after the decision. Memory is bounded: it
+does not grow with the length of the recording.
 """
 
 from __future__ import annotations

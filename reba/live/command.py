@@ -1,4 +1,4 @@
-"""What `reba live` does: follow, score, write, tell, sum up."""
+"""`reba live`: options, and the run that follows a source, scores it, writes the lines and the summary."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ import click
 
 from reba.errors import RebaError
 from reba.live.follow import Follower
-from reba.live.frames import Reading, neutral_until
-from reba.live.json_lines import Lines
+from reba.live.frames import ReadingOptions, neutral_until
+from reba.live.json_lines import LineStore
 from reba.live.output import Latency, write_lines
 from reba.live.session import Alert, LiveScorer, score_of_level
 from reba.live.sources import GrowingStore, open_growing
@@ -28,21 +28,21 @@ INTERRUPTED = 130
 
 @dataclass(frozen=True)
 class LiveOptions:
-    """What the caller chose beside the source.
+    """Options of `reba live`.
 
     Attributes:
-        reading: how the source is read.
-        factors: load and others, as given.
+        reading: options of reading the source.
+        factors: load and others by name.
         activity: "none", or a comma list.
         rules: preset or TOML file.
-        alert: score from which on to alert.
-        hold: [s] for which it has to stay there.
-        window: [s] length of the rolling window.
-        until_idle: [s] of silence after which to end, None to go on for ever.
-        foxglove: port to serve on, None not to.
+        alert: score from which on an alert is raised.
+        hold: time for which the score must persist [s].
+        window: length of the rolling window [s].
+        until_idle: time without data after which the run ends [s], None for no limit.
+        foxglove: port of the Foxglove server, None without a server.
     """
 
-    reading: Reading
+    reading: ReadingOptions
     factors: Mapping[str, Any]
     activity: str = "none"
     rules: str = "measured"
@@ -54,15 +54,15 @@ class LiveOptions:
 
 
 def activity_of(text: str) -> dict[str, bool]:
-    """Return the kinds of activity that were named.
+    """Return the named kinds of activity.
 
     Raises:
-        RebaError: it is "auto", or a kind is unknown.
+        RebaError: the text is "auto", or a kind is unknown.
     """
     if text == "auto":
         raise RebaError(
-            "activity auto depends on what follows a frame (a posture is static from its first second on once it has "
-            "been held for a minute), which is not known live; use none or some of static,repeated,unstable"
+            "activity auto depends on later frames (a posture held for more than a minute is static from its first "
+            "second on), which do not exist yet; use none or some of static,repeated,unstable"
         )
     return named_activity(text)
 
@@ -72,123 +72,127 @@ def stdin_descriptor() -> int:
     return sys.stdin.fileno()
 
 
-def run_live(place: str, options: LiveOptions) -> int:
-    """Follow a source to its end, and return the exit code.
+def run_live(source_name: str, options: LiveOptions) -> int:
+    """Score a source to its end, and return the exit code.
 
     Args:
-        place: MCAP file that is being written, or "-" for JSON lines on standard input.
-        options: what the caller chose.
+        source_name: path of an MCAP file that is being written, or "-" for JSON lines on standard input.
 
     Raises:
-        RebaError: the source or an option cannot be used; what was scored before is summed up all the same.
+        RebaError: the source or an option cannot be used; the summary of the frames scored before is written first.
     """
     activity = activity_of(options.activity)
     neutral_until(options.reading.neutral, 0.0)
     checked(Factors.of({**activity, **options.factors}), 1)
-    session = LiveScorer(options.rules, options.window, Alert(options.alert, options.hold))
-    view = _view(options.foxglove)
+    scorer = LiveScorer(options.rules, options.window, Alert(options.alert, options.hold))
+    server = _foxglove_server(options.foxglove)
     latency = Latency()
     follower: Follower | None = None
     code = 0
     try:
         source: GrowingStore = (
-            Lines(stdin_descriptor(), _tell) if place == "-" else open_growing(Path(place), options.until_idle)
+            LineStore(stdin_descriptor(), _report)
+            if source_name == "-"
+            else open_growing(Path(source_name), options.until_idle)
         )
-        follower = Follower(source, options.reading, options.factors, activity, _tell)
-        _follow(follower, session, latency, view, options)
+        follower = Follower(source, options.reading, options.factors, activity, _report)
+        _follow(follower, scorer, latency, server, options)
     except KeyboardInterrupt:
         code = INTERRUPTED
     except BrokenPipeError:
         follower = None
         raise
     finally:
-        if view is not None:
-            view.close()
-        if follower is not None and (session.frames or code):
-            _sum_up(follower, session, latency, code)
+        if server is not None:
+            server.close()
+        if follower is not None and (scorer.frames or code):
+            _write_summary(follower, scorer, latency, code)
     return code
 
 
-def _follow(follower: Follower, session: LiveScorer, latency: Latency, view: Any, options: LiveOptions) -> None:
+def _follow(follower: Follower, scorer: LiveScorer, latency: Latency, server: Any, options: LiveOptions) -> None:
     stream = sys.stdout.buffer
     for frames in follower.frames(options.until_idle):
-        if not session.frames:
-            _introduce(follower)
-        records, scores = session.add(frames)
+        if not scorer.frames:
+            _report_stream(follower)
+        records, scores = scorer.add(frames)
         write_lines(stream, records)
-        latency.add(time.perf_counter() - follower.seen, len(records))
+        latency.add(time.perf_counter() - follower.received_at, len(records))
         for record in records:
             event = record["alert"]["event"]
             if event is not None:
-                word = "at or above" if event == "raised" else "below"
-                _tell(f"alert {event} at {record['time']:.2f} s: REBA {word} {options.alert} for {options.hold:g} s")
-        if view is not None:
-            view.publish(frames, records, scores, follower.epoch)
+                relation = "at or above" if event == "raised" else "below"
+                _report(
+                    f"alert {event} at {record['time']:.2f} s: REBA {relation} {options.alert} for {options.hold:g} s"
+                )
+        if server is not None:
+            server.publish(frames, records, scores, follower.epoch)
 
 
-def _introduce(follower: Follower) -> None:
-    """Say what was recognised and what is not measured."""
-    _tell(f"{follower.source.path}: {follower.about}")
-    stage = follower.stage
-    if stage is not None and stage.unmeasured:
-        _tell(f"not measured: {', '.join(stage.unmeasured)}")
-    for text in stage.assumed if stage is not None else ():
-        _tell(f"assumed: {text}")
+def _report_stream(follower: Follower) -> None:
+    """Report the recognised stream, unmeasured angles and assumptions."""
+    _report(f"{follower.source.path}: {follower.recognised}")
+    converter = follower.converter
+    if converter is not None and converter.unmeasured:
+        _report(f"not measured: {', '.join(converter.unmeasured)}")
+    for text in converter.assumed if converter is not None else ():
+        _report(f"assumed: {text}")
 
 
-def _sum_up(follower: Follower, session: LiveScorer, latency: Latency, code: int) -> None:
-    """Write the summary as the last line, and say it in words."""
-    stage = follower.stage
-    found = session.summary()
-    skipped = follower.source.skipped + (stage.log.skipped if stage is not None else 0)
-    late = stage.late if stage is not None else 0
+def _write_summary(follower: Follower, scorer: LiveScorer, latency: Latency, code: int) -> None:
+    """Write the summary as the last line, and report it as text."""
+    converter = follower.converter
+    totals = scorer.summary()
+    skipped = follower.source.skipped + (converter.log.skipped if converter is not None else 0)
+    late = converter.late if converter is not None else 0
     summary = {
-        **found,
-        "profile": stage.profile if stage is not None else None,
-        "unmeasured": stage.unmeasured if stage is not None else None,
+        **totals,
+        "profile": converter.profile if converter is not None else None,
+        "unmeasured": converter.unmeasured if converter is not None else None,
         "skipped": skipped,
         "out_of_order": late,
-        "warnings": stage.log.warnings if stage is not None else [],
+        "warnings": converter.log.warnings if converter is not None else [],
         "interrupted": code == INTERRUPTED,
         "latency": latency.to_dict(),
     }
     write_lines(sys.stdout.buffer, [{"summary": summary}])
-    left_out = f", {skipped + late} left out" if skipped + late else ""
-    mean = found["exposure"]["mean_low"]
-    words = "" if mean is None else f", REBA at least {mean:.2f} on average and {found['max_low']} at most"
-    how = "interrupted after" if code else "ended after"
-    _tell(f"{how} {found['frames']} frames ({found['exposure']['seconds']:.1f} s){left_out}{words}")
+    left_out = f", {skipped + late} skipped" if skipped + late else ""
+    exposure = totals["exposure"]
+    mean = exposure["mean_low"]
+    scores = "" if mean is None else f", REBA at least {mean:.2f} on average and {totals['max_low']} at most"
+    end = "interrupted after" if code else "ended after"
+    _report(f"{end} {totals['frames']} frames ({exposure['seconds']:.1f} s){left_out}{scores}")
 
 
-def _view(port: int | None) -> Any:
+def _foxglove_server(port: int | None) -> Any:
     if port is None:
         return None
     from reba.live.foxglove import FoxgloveServer
 
-    view = FoxgloveServer(port)
-    _tell(f"open {view.address} in Foxglove or Lichtblick")
-    return view
+    server = FoxgloveServer(port)
+    _report(f"open {server.address} in Foxglove or Lichtblick")
+    return server
 
 
-def _tell(text: str) -> None:
+def _report(text: str) -> None:
     click.echo(f"reba: {' '.join(text.split())}", err=True)
 
 
-ALERT = 8
-"""Score from which on to alert: the paper's high risk, action necessary soon."""
+ALERT_SCORE = 8
+"""Default score from which on an alert is raised: high risk, action necessary soon (Hignett & McAtamney 2000)."""
 FACTORS = ("load", "coupling", "support")
 _FORM = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(s|min)?")
 _UNITS = {None: 1.0, "s": 1.0, "min": 60.0}
 
 
-def seconds(name: str, text: str) -> float:
-    """Return a length of time [s].
+def parse_seconds(name: str, text: str) -> float:
+    """Return a duration [s]; `name` of the option for the error.
 
-    >>> seconds("window", "1.5min"), seconds("hold", "2")
+    >>> parse_seconds("window", "1.5min"), parse_seconds("hold", "2")
     (90.0, 2.0)
 
     Raises:
-        RebaError: it is none.
+        RebaError: the text is not a duration.
     """
     form = _FORM.fullmatch(text.strip())
     if form is None:
@@ -196,25 +200,27 @@ def seconds(name: str, text: str) -> float:
     return float(form[1]) * _UNITS[form[2]]
 
 
-def live_options(given: dict[str, Any]) -> LiveOptions:
-    """Return the options.
+def live_options(values: dict[str, Any]) -> LiveOptions:
+    """Return the record of the values that click gives.
 
     Raises:
-        RebaError: one of them cannot be used, or both alert options are given.
+        RebaError: a value cannot be used, or both alert options are given.
     """
-    if given["alert"] is not None and given["alert_level"] is not None:
-        raise RebaError("--alert and --alert-level say the same; give one of them")
-    alert = given["alert"] or ALERT
-    if given["alert_level"] is not None:
-        alert = score_of_level(given["alert_level"])
+    if values["alert"] is not None and values["alert_level"] is not None:
+        raise RebaError("--alert and --alert-level are alternatives; give one of them")
+    alert = values["alert"] or ALERT_SCORE
+    if values["alert_level"] is not None:
+        alert = score_of_level(values["alert_level"])
     return LiveOptions(
-        reading=Reading(given["profile"], given["topic"], given["neutral"], seconds("settle", given["settle"])),
-        factors={name: given[name] for name in FACTORS if given[name] is not None},
-        activity=given["activity"],
-        rules=given["rules"],
+        reading=ReadingOptions(
+            values["profile"], values["topic"], values["neutral"], parse_seconds("settle", values["settle"])
+        ),
+        factors={name: values[name] for name in FACTORS if values[name] is not None},
+        activity=values["activity"],
+        rules=values["rules"],
         alert=alert,
-        hold=seconds("hold", given["hold"]),
-        window=seconds("window", given["window"]),
-        until_idle=given["until_idle"],
-        foxglove=given["foxglove"],
+        hold=parse_seconds("hold", values["hold"]),
+        window=parse_seconds("window", values["window"]),
+        until_idle=values["until_idle"],
+        foxglove=values["foxglove"],
     )

@@ -1,6 +1,6 @@
-"""Scores and a coloured figure to Foxglove or Lichtblick, which connect to a WebSocket that is served here.
+"""WebSocket server of scores and a coloured skeleton for Foxglove and Lichtblick.
 
-Topics: `/ergonomics/reba`, the records as JSON with a schema, to plot and to alert on; `/ergonomics/figure`, a
+Topics: `/ergonomics/reba`, the records as JSON with a schema, for plots and alerts; `/ergonomics/figure`, a
 `foxglove.SceneUpdate` in the frame `reba`, for the 3D panel.
 """
 
@@ -26,18 +26,18 @@ from reba.posture.skeleton import LENGTHS, LIMBS, joints
 PORT: Final = 8765
 TOPICS: Final = {"scores": "/ergonomics/reba", "figure": "/ergonomics/figure"}
 FRAME: Final = "reba"
-"""Name of the coordinate frame of the figure."""
+"""Name of the coordinate frame of the skeleton."""
 SCENE_PERIOD: Final = 1.0 / 30.0
-"""[s] Figures are not sent more often: no screen shows more."""
-THICK: Final = 0.05
-"""[m] Of a limb."""
+"""[s] Between two skeletons, as smooth as video."""
+LIMB_WIDTH: Final = 0.05
+"""[m] Of the lines of the skeleton."""
 
 
 class FoxgloveServer:
-    """A server to look at scores.
+    """WebSocket server of scores and skeletons.
 
     Args:
-        port: to listen on; 0 for any free one.
+        port: to listen on; 0 for any free port.
         host: address to listen on.
 
     Raises:
@@ -52,26 +52,26 @@ class FoxgloveServer:
         except ImportError as error:
             raise RebaError("--foxglove needs foxglove-sdk; install it with `pip install dreba[live]`") from error
         self._messages = messages
-        # Kept: its channels close with it.
+        # Referenced as long as the server lives: channels close with their context.
         context = self._context = foxglove.Context()
         schema = foxglove.Schema(name="reba.Live", encoding="jsonschema", data=encoder()(record_schema()))
         self._scores = foxglove.Channel(TOPICS["scores"], schema=schema, message_encoding="json", context=context)
-        self._figures = SceneUpdateChannel(TOPICS["figure"], context=context)
+        self._skeletons = SceneUpdateChannel(TOPICS["figure"], context=context)
         try:
             self._server = foxglove.start_server(name="reba live", host=host, port=port, context=context)
         except (RuntimeError, OSError, ValueError) as error:
             raise RebaError(f"port {port} cannot be used ({error}); choose another with --foxglove PORT") from error
         self.address = f"ws://{host}:{self._server.port}"
-        self._next = -np.inf
+        self._next_scene = -np.inf
 
     def publish(self, frames: Frames, records: Sequence[Mapping[str, Any]], scores: ScoreArrays, epoch: float) -> None:
-        """Send the records of n frames, and the figure of the newest of them if it is time for one.
+        """Send the records of n frames, and the skeleton of the newest frame once per `SCENE_PERIOD`.
 
         Args:
-            frames: what was scored.
-            records: one for each frame.
+            frames: scored frames.
+            records: one per frame.
             scores: of the frames.
-            epoch: Unix time [s] of time 0; where it is 0, frames are stamped with the time now.
+            epoch: Unix time of time 0 [s]; for 0 the frames get the current time.
         """
         now = time.time_ns()
         encode = encoder()
@@ -79,21 +79,22 @@ class FoxgloveServer:
         for record, stamp in zip(records, stamps, strict=True):
             self._scores.log(encode(record), log_time=stamp)
         newest = float(frames.time[-1])
-        if newest >= self._next:
-            self._next = newest + SCENE_PERIOD - 1e-6
+        if newest >= self._next_scene:
+            self._next_scene = newest + SCENE_PERIOD - 1e-6
             support = np.broadcast_to(frames.factors.support, len(frames.time))[-1]
-            shown = figure(frames.angles[-1], scores, len(stamps) - 1, sitting=support == SUPPORTS[3])
-            self._figures.log(self._scene(shown, records[-1], stamps[-1]), log_time=stamps[-1])
+            skeleton = skeleton_markers(frames.angles[-1], scores, len(stamps) - 1, sitting=support == SUPPORTS[3])
+            self._skeletons.log(self.scene(skeleton, records[-1], stamps[-1]), log_time=stamps[-1])
 
     def close(self) -> None:
         """Stop serving."""
         self._server.stop()
 
-    def _scene(self, shown: SkeletonMarkers, record: Mapping[str, Any], stamp: int) -> Any:
+    def scene(self, skeleton: SkeletonMarkers, record: Mapping[str, Any], stamp: int) -> Any:
+        """Return the `foxglove.SceneUpdate` of a skeleton with its REBA score; `stamp` [ns since 1970]."""
         make = self._messages
 
-        def colour(given: Colour) -> Any:
-            red, green, blue, alpha = given
+        def colour(rgba: Colour) -> Any:
+            red, green, blue, alpha = rgba
             return make.Color(r=red, g=green, b=blue, a=alpha)
 
         def pose(*at: float) -> Any:
@@ -102,7 +103,7 @@ class FoxgloveServer:
                 position=make.Vector3(x=x, y=y, z=z), orientation=make.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
             )
 
-        points = [make.Point3(x=x, y=y, z=z) for x, y, z in shown.lines.reshape(-1, 3).tolist()]
+        points = [make.Point3(x=x, y=y, z=z) for x, y, z in skeleton.lines.reshape(-1, 3).tolist()]
         size = STATURE * LENGTHS["head"]
         low, high = record["reba_low"], record["reba_high"]
         entity = make.SceneEntity(
@@ -113,21 +114,21 @@ class FoxgloveServer:
                 make.LinePrimitive(
                     type=make.LinePrimitiveLineType.LineList,
                     pose=pose(0.0, 0.0, 0.0),
-                    thickness=THICK,
+                    thickness=LIMB_WIDTH,
                     points=points,
-                    colors=[colour(given) for given in shown.colours for _ in range(2)],
+                    colors=[colour(rgba) for rgba in skeleton.colours for _ in range(2)],
                 )
             ],
             spheres=[
                 make.SpherePrimitive(
-                    pose=pose(*shown.head.tolist()),
+                    pose=pose(*skeleton.head.tolist()),
                     size=make.Vector3(x=size, y=size, z=size),
-                    color=colour(shown.head_colour),
+                    color=colour(skeleton.head_colour),
                 )
             ],
             texts=[
                 make.TextPrimitive(
-                    pose=pose(*(shown.head + np.array([0.0, 0.0, size])).tolist()),
+                    pose=pose(*(skeleton.head + np.array([0.0, 0.0, size])).tolist()),
                     billboard=True,
                     font_size=0.12,
                     color=colour((1.0, 1.0, 1.0, 1.0)),
@@ -162,21 +163,21 @@ def record_schema() -> dict[str, Any]:
 
 Colour = tuple[float, float, float, float]
 STATURE: Final = 1.75
-"""[m] The size of the figure."""
+"""[m] Of the drawn person."""
 GREY: Final[Colour] = (0.6, 0.6, 0.6, 0.6)
-"""Limbs whose part score is not determined."""
-SCALE: Final[tuple[Colour, ...]] = ((0.18, 0.63, 0.30, 1.0), (0.98, 0.75, 0.18, 1.0), (0.80, 0.14, 0.14, 1.0))
-"""From the lowest part score to the highest."""
-PLAIN: Final[tuple[tuple[str, str, str], ...]] = (
+"""Colour of limbs whose part score is undetermined."""
+COLOUR_SCALE: Final[tuple[Colour, ...]] = ((0.18, 0.63, 0.30, 1.0), (0.98, 0.75, 0.18, 1.0), (0.80, 0.14, 0.14, 1.0))
+"""Colours from the lowest to the highest part score: green, yellow, red."""
+CROSS_LINES: Final[tuple[tuple[str, str, str], ...]] = (
     ("shoulder_left", "shoulder_right", "trunk"),
     ("hip_left", "hip_right", "legs"),
 )
-"""Lines that are no limbs, and the part whose colour they take."""
+"""Lines across the shoulders and the hips: both ends, and the part whose colour they have."""
 
 
 @dataclass(frozen=True)
 class SkeletonMarkers:
-    """Points to draw.
+    """Lines and head of a coloured skeleton.
 
     Attributes:
         lines: (m, 2, 3) ends of m lines [m]: x forward, y to the left, z up; the feet stand on z = 0.
@@ -192,7 +193,7 @@ class SkeletonMarkers:
 
 
 def part_of(limb: str) -> str:
-    """Return the part score that colours a limb.
+    """Return the part whose score colours a limb.
 
     >>> part_of("shank_left"), part_of("wrist_right")
     ('legs', 'wrist_right')
@@ -201,32 +202,34 @@ def part_of(limb: str) -> str:
 
 
 def colour_of(part: str, score: int) -> Colour:
-    """Return the colour of a part score on the way from its lowest to its highest value."""
+    """Return the colour of a part score, interpolated in `COLOUR_SCALE` between its lowest and highest value."""
     if score == UNKNOWN:
         return GREY
-    highest = next(most for name, most in PART_MAXIMA.items() if part.startswith(name))
-    place = (score - 1) / (highest - 1) * (len(SCALE) - 1)
-    below = min(int(place), len(SCALE) - 2)
-    share = place - below
-    red, green, blue, alpha = ((1 - share) * a + share * b for a, b in zip(SCALE[below], SCALE[below + 1], strict=True))
+    highest = next(maximum for name, maximum in PART_MAXIMA.items() if part.startswith(name))
+    position = (score - 1) / (highest - 1) * (len(COLOUR_SCALE) - 1)
+    below = min(int(position), len(COLOUR_SCALE) - 2)
+    share = position - below
+    red, green, blue, alpha = (
+        (1 - share) * a + share * b for a, b in zip(COLOUR_SCALE[below], COLOUR_SCALE[below + 1], strict=True)
+    )
     return red, green, blue, alpha
 
 
-def figure(angles: Array, scores: ScoreArrays, frame: int, sitting: bool = False) -> SkeletonMarkers:
-    """Return the figure of one frame.
+def skeleton_markers(angles: Array, scores: ScoreArrays, frame: int, sitting: bool = False) -> SkeletonMarkers:
+    """Return the skeleton of one frame.
 
     Args:
-        angles: (22,) degrees, NaN = not measured, drawn neutral and grey where it leaves the part score open.
+        angles: (22,) [deg], NaN = not measured: drawn neutral, and grey if the part score is undetermined.
         scores: of n frames.
-        frame: which of them.
-        sitting: whether the person sits.
+        frame: index of the frame.
+        sitting: the person sits.
     """
-    place = joints(angles, sitting)
-    floor = min(float(point[1]) for point in place.values())
-    at = {name: STATURE * np.array([p[0], -p[2], p[1] - floor]) for name, p in place.items()}
+    positions = joints(angles, sitting)
+    floor = min(float(point[1]) for point in positions.values())
+    at = {name: STATURE * np.array([p[0], -p[2], p[1] - floor]) for name, p in positions.items()}
     drawn = [(a, b, part_of(limb)) for limb, (a, b, _) in LIMBS.items()]
     drawn += [(a, a.replace("ankle", "toe"), "legs") for a in at if a.startswith("ankle")]
-    drawn += PLAIN
+    drawn += CROSS_LINES
     colour = {part: colour_of(part, int(scores[part][frame])) for _, _, part in drawn}
     neck = GREY if np.isnan(angles[INDEX["neck_flexion"]]) else colour["neck"]
     return SkeletonMarkers(

@@ -1,4 +1,4 @@
-"""Scored input: postures of some frames that have come, with their factors."""
+"""Postures of new frames with their factors, and the options of reading them."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from reba.readers.quality_control import AROUND, parse_neutral
 
 @dataclass(frozen=True)
 class Frames:
-    """n frames, ready to be scored.
+    """n frames for scoring.
 
     Attributes:
-        time: (n,) [s], increasing, later than all frames before.
+        time: (n,) [s], increasing, later than all earlier frames.
         angles: (n, 22) [deg] in the order of `reba.COLUMNS`, NaN = not measured.
         factors: checked; scalars or (n,) arrays.
     """
@@ -26,10 +26,10 @@ class Frames:
     factors: Factors
 
 
-def later(time: Array, last: float) -> Flags:
-    """Return which of (n,) times are later than `last` and all before them.
+def is_later(time: Array, last: float) -> Flags:
+    """Return (n,) flags: true for times later than `last` and than all times before them.
 
-    >>> later(np.array([1.0, 3.0, 2.0, 3.0, 4.0]), 1.0).tolist()
+    >>> is_later(np.array([1.0, 3.0, 2.0, 3.0, 4.0]), 1.0).tolist()
     [False, True, False, False, True]
     """
     before = np.maximum.accumulate(np.concatenate([[last], np.nan_to_num(time, nan=-np.inf)]))[:-1]
@@ -37,32 +37,32 @@ def later(time: Array, last: float) -> Flags:
         return np.asarray(time > before)
 
 
-SETTLE = 2.0
-"""[s] Of a source that are looked at before the first frame is handed out."""
+SETTLE_SECONDS = 2.0
+"""[s] Data read before the first frame is yielded; a person usually moves every joint within that time."""
 
 
 @dataclass(frozen=True)
-class Reading:
-    """How a source is read; as in `reba.read`, with `settle` [s] to look at first."""
+class ReadingOptions:
+    """Options of reading a source as in `reba.read`; `settle`: data from which the reading is decided [s]."""
 
     profile: str = "auto"
     topic: str | None = None
     neutral: str = "none"
-    settle: float = SETTLE
+    settle: float = SETTLE_SECONDS
 
 
-class NotYet(Exception):
-    """The first segments do not suffice to decide."""
+class NotEnoughData(Exception):
+    """The first segments do not suffice for the decision."""
 
 
 def neutral_until(spec: str, start: float) -> float:
-    """Return the time [s] at which the neutral stretch is over, `start` being the first frame's; -inf for "none".
+    """Return the time [s] at which the neutral interval ends; -inf for "none". `start`: time of the first frame [s].
 
     >>> neutral_until("first:3s", 10.0), neutral_until("at:12.5", 10.0)
     (13.0, 13.0)
 
     Raises:
-        RebaError: the text is wrong.
+        RebaError: the text has another form.
     """
     if parse_neutral(spec) is None:
         return float("-inf")

@@ -1,4 +1,4 @@
-"""Joints or frames of a person as they come -> postures, by what the first seconds decided."""
+"""Joint angles or segment poses of a person as they arrive -> postures, as decided from the first seconds."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from reba.arrays import Array, Flags
 from reba.errors import ProfileError, ReadError
-from reba.live.frames import Frames, NotYet, Reading, later, neutral_until
-from reba.live.sources import GrowingStore, followed
+from reba.live.frames import Frames, NotEnoughData, ReadingOptions, is_later, neutral_until
+from reba.live.sources import GrowingStore, block_decoder
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import Factors
 from reba.readers.build_table import root_streams
@@ -34,20 +34,23 @@ from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import Block, Kind, ReadLog, Recording, Stream
 
 
-class Bodies:
-    """Turns segments into frames of posture.
+class BodyFollower:
+    """Converts segments of joint angles or segment poses to frames.
 
     Args:
-        recording: what the first segments hold.
-        match: the stream and what its names mean.
+        recording: the first segments.
+        match: the stream with its profile.
         profile: the profile of the match.
-        reading: what the caller chose.
+        reading: options of reading.
         factors: checked, one value each.
-        final: whether no more is going to come, so that nothing is worth waiting for.
-        tell: takes a warning.
+        final: no more segments will arrive.
+        on_warning: called with the text of a warning.
+
+    Attributes:
+        pelvis: pose of the pelvis over time, None without a root frame.
 
     Raises:
-        NotYet: the neutral posture is not over yet.
+        NotEnoughData: the interval of the neutral posture has not ended.
         ReadError, ProfileError, RebaError: as `reba.read`.
     """
 
@@ -56,144 +59,149 @@ class Bodies:
         recording: Recording,
         match: Match,
         profile: Profile,
-        reading: Reading,
+        reading: ReadingOptions,
         factors: Factors,
         final: bool,
-        tell: Callable[[str], None],
+        on_warning: Callable[[str], None],
     ) -> None:
         self.factors = factors
         self.log = ReadLog()
         self.late = 0
         self.profile = profile.name
-        self._tell = tell
+        self._on_warning = on_warning
         self._epoch = match.stream.epoch
         self._last = -np.inf
         self._waiting: list[Block] = []
-        self._root, pose = self._live_root(recording, match, profile)
+        self.pelvis, pose = self._pelvis_follower(recording, match, profile)
         mapper = mapper_for(profile, match.names or {}, match.stream, pose)
         samples = collect(match.stream, mapper)
         if not len(samples.table):
             first = f": {samples.log.first_skipped}" if samples.log.first_skipped else ""
             raise ReadError(recording.path, f"no sample can be used{first}", hint="see `reba info`")
         if not final and samples.time[-1] <= neutral_until(reading.neutral, float(samples.time[0])):
-            raise NotYet
+            raise NotEnoughData
         self._decide(samples, mapper, match, profile, reading, recording.path)
         mapper.begin()
         self._mapper = mapper
-        self._watch = DecisionMonitor(mapper, profile, match.stream.kind, reading.neutral, self._corrections, tell)
-        self._intake = followed(match.stream, mapper.wanted, self.log)
+        self._monitor = DecisionMonitor(
+            mapper, profile, match.stream.kind, reading.neutral, self._corrections, on_warning
+        )
+        self._decoder = block_decoder(match.stream, mapper.wanted, self.log)
 
     def _decide(
-        self, samples: Samples, mapper: Mapper, match: Match, profile: Profile, reading: Reading, path: str
+        self, samples: Samples, mapper: Mapper, match: Match, profile: Profile, reading: ReadingOptions, path: str
     ) -> None:
-        """Decide what `reba.readers.build_table` decides from a whole recording."""
+        """Decide from the first samples what `reba.readers.build_table` decides from a complete recording."""
         self._corrections = quality_control(samples, mapper, profile, match.stream.kind, reading.neutral)
         reasons = self._corrections.reasons
         self.unmeasured = [column for column in COLUMNS if column in reasons]
         if len(self.unmeasured) == len(COLUMNS):
             why = "; ".join(dict.fromkeys(reasons.values()))
-            raise ProfileError(f"{path}: {match.why}, but nothing was measured: {why}; record it again")
+            raise ProfileError(f"{path}: {match.why}, but no angle was measured: {why}; record it again")
         self._offsets: dict[int, float] = {}
         window = parse_neutral(reading.neutral)
         if window is not None:
-            # The text of what was done also refuses a stretch without a frame.
+            # Also raises the error for an interval without a frame.
             mapper.assumed.append(apply_neutral(samples.time, samples.angles.copy(), reading.neutral))
             self._offsets = neutral_offsets(samples.angles[window(samples.time)])
         self.assumed = list(dict.fromkeys(mapper.assumed))
         for text in [*samples.log.warnings, *mapper.warnings]:
-            self._tell(text)
+            self._on_warning(text)
 
     @staticmethod
-    def _live_root(recording: Recording, match: Match, profile: Profile) -> tuple[LiveRoot | None, RootPose | None]:
+    def _pelvis_follower(
+        recording: Recording, match: Match, profile: Profile
+    ) -> tuple[PelvisFollower | None, RootPose | None]:
         for stream, name in root_streams(recording, match, profile):
             pose = read_root(profile, [(stream, name)], AXES[profile.root_axes])
             if pose is not None:
-                return LiveRoot(pose, stream, name), pose
+                return PelvisFollower(pose, stream, name), pose
         return None, None
 
-    def take(self, source: GrowingStore, segment: ChunkRef) -> Iterator[Frames]:
+    def frames_of(self, source: GrowingStore, segment: ChunkRef) -> Iterator[Frames]:
         """Yield the frames that a segment completes."""
-        self._intake.take(source, segment)
-        if self._root is not None:
-            self._root.take(source, segment)
-        block = self._intake.flush_whole()
+        self._decoder.take(source, segment)
+        if self.pelvis is not None:
+            self.pelvis.add_segment(source, segment)
+        block = self._decoder.flush_whole()
         if block is not None:
             self._waiting.append(block)
         yield from self._release()
 
-    def end(self) -> Iterator[Frames]:
-        """Yield what still waits: nothing more comes."""
-        block = self._intake.flush(last=True)
+    def remaining_frames(self) -> Iterator[Frames]:
+        """Yield the waiting frames at the end of the source."""
+        block = self._decoder.flush(last=True)
         if block is not None:
             self._waiting.append(block)
         yield from self._release(last=True)
-        self._watch.look()
+        self._monitor.check()
 
     def _release(self, last: bool = False) -> Iterator[Frames]:
-        """Yield the waiting frames, those that wait for a pose of the pelvis only if it has come."""
+        """Yield the waiting frames, except those whose pose of the pelvis has not arrived."""
         until = np.inf
-        if self._root is not None and self._waiting and not last:
-            until = self._root.until(float(self._waiting[-1].time[-1]) + self._epoch)
-        kept: list[Block] = []
+        if self.pelvis is not None and self._waiting and not last:
+            until = self.pelvis.available_until(float(self._waiting[-1].time[-1]) + self._epoch)
+        incomplete: list[Block] = []
         for block in self._waiting:
             count = int(np.searchsorted(block.time + self._epoch, until, side="right"))
             if count:
                 yield from self._frames(_rows(block, slice(0, count)))
             if count < len(block.time):
-                kept.append(_rows(block, slice(count, None)))
-        self._waiting = kept
-        if self._root is not None and np.isfinite(self._last):
-            self._root.forget(self._last + self._epoch)
+                incomplete.append(_rows(block, slice(count, None)))
+        self._waiting = incomplete
+        if self.pelvis is not None and np.isfinite(self._last):
+            self.pelvis.forget(self._last + self._epoch)
 
     def _frames(self, block: Block) -> Iterator[Frames]:
-        if self._root is not None and isinstance(self._mapper, JointMapper):
-            self._mapper.root = self._root.pose
+        if self.pelvis is not None and isinstance(self._mapper, JointMapper):
+            self._mapper.root = self.pelvis.pose
         angles: Array = block_angles(self._mapper, block)
-        fresh = later(block.time, self._last)
-        if not fresh.all():
+        increasing = is_later(block.time, self._last)
+        if not increasing.all():
             if not self.late:
-                self._tell(f"time runs backwards or stands still at {block.time[~fresh][0]:.3f} s; such frames are "
-                           "left out and counted")  # fmt: skip
-            self.late += int(np.sum(~fresh))
-            block, angles = _rows(block, fresh), angles[fresh]
+                self._on_warning(
+                    f"time does not increase at {block.time[~increasing][0]:.3f} s; such frames are skipped and counted"
+                )
+            self.late += int(np.sum(~increasing))
+            block, angles = _rows(block, increasing), angles[increasing]
         if not len(block.time):
             return
         self._last = float(block.time[-1])
-        self._watch.add(block.time, angles)
+        self._monitor.add(block.time, angles)
         self._corrections.apply(angles)
         subtract(angles, self._offsets)
         yield Frames(block.time, angles, self.factors)
 
 
-def _rows(block: Block, which: slice | Flags) -> Block:
-    return replace(block, time=block.time[which], values=block.values[which])
+def _rows(block: Block, rows: slice | Flags) -> Block:
+    return replace(block, time=block.time[rows], values=block.values[rows])
 
 
-LONGEST = 60.0
-"""[s] Samples older than this behind the newest one are let go in any case."""
-KEPT = 2.0
-"""[s] Samples older than this behind the oldest waiting frame are let go."""
+MAX_AGE = 60.0
+"""[s] Poses of the pelvis that are this much older than the newest one are removed even if a frame waits for them."""
+MARGIN = 2.0
+"""[s] Poses of the pelvis that are this much older than the oldest waiting frame are removed."""
 
 
-class LiveRoot:
-    """Follows the frame of the pelvis.
+class PelvisFollower:
+    """Pose of the pelvis over time.
 
     Args:
-        pose: what the first samples gave: axes and vertical.
-        stream: where the frame is.
-        name: the frame.
+        pose: axes and vertical, decided from the first samples.
+        stream: stream of the frame.
+        name: of the frame.
     """
 
     def __init__(self, pose: RootPose, stream: Stream, name: str) -> None:
         self._poses = FramePoses(stream, (name,))
-        self._intake = followed(stream, self._poses.wanted, ReadLog())
+        self._decoder = block_decoder(stream, self._poses.wanted, ReadLog())
         self._stream, self._name = stream, name
         self.pose = replace(pose, time=np.empty(0), quaternions=np.empty((0, 4)))
 
-    def take(self, source: GrowingStore, segment: ChunkRef) -> None:
-        """Take up the samples of a segment."""
-        self._intake.take(source, segment)
-        block = self._intake.flush_whole()
+    def add_segment(self, source: GrowingStore, segment: ChunkRef) -> None:
+        """Add the samples of a segment."""
+        self._decoder.take(source, segment)
+        block = self._decoder.flush_whole()
         if block is None:
             return
         rows = root_samples(self._poses, self._stream, self._name, block)
@@ -205,37 +213,37 @@ class LiveRoot:
         quaternions[1:] *= flips[:, None]
         self.pose = replace(self.pose, time=time, quaternions=quaternions)
         if len(time):
-            self.forget(float(time[-1]) - LONGEST)
+            self.forget(float(time[-1]) - MAX_AGE)
 
-    def until(self, newest: float) -> float:
-        """Return the time up to which frames need not wait: a later sample is there, or none came for too long.
+    def available_until(self, newest: float) -> float:
+        """Return the time [s] up to which frames need not wait: that of the latest pose, or `HOLD` before `newest`.
 
         Args:
-            newest: time of the newest frame that waits.
+            newest: time of the newest waiting frame [s].
         """
         last = float(self.pose.time[-1]) if len(self.pose.time) else -np.inf
         return max(last, newest - HOLD)
 
     def forget(self, before: float) -> None:
-        """Let go of samples that no frame from time `before` on can need."""
-        kept = max(int(np.searchsorted(self.pose.time, before - KEPT)) - 1, 0)
-        self.pose = replace(self.pose, time=self.pose.time[kept:], quaternions=self.pose.quaternions[kept:])
+        """Remove samples that no frame from time `before` [s] on needs."""
+        first = max(int(np.searchsorted(self.pose.time, before - MARGIN)) - 1, 0)
+        self.pose = replace(self.pose, time=self.pose.time[first:], quaternions=self.pose.quaternions[first:])
 
 
-EVERY: Final = 10.0
-"""[s] Of the recording between two looks."""
-MOST: Final = 1024
-"""Frames kept for it: every second, fourth, ... of the recording."""
+CHECK_SECONDS: Final = 10.0
+"""[s] Of the recording between two checks."""
+MAX_FRAMES: Final = 1024
+"""Frames of the history: all at first, later every second, fourth, ... frame of the recording."""
 
 
 class DecisionMonitor:
-    """Keeps a thinned history of angles and says once where a decision would be another now.
+    """Repeats the decisions of the first seconds on a thinned history of angles, and warns once of a different one.
 
     Args:
-        mapper: what maps the recording; it keeps the ranges of its joints.
-        profile, kind, neutral: as `reba.readers.quality_control.quality_control`.
-        decided: what the first seconds gave.
-        tell: takes the warning.
+        mapper: from samples to angles; it stores the ranges of its joints.
+        profile, kind, neutral: as for `reba.readers.quality_control.quality_control`.
+        decided: corrections decided from the first seconds.
+        on_warning: called with the text of the warning.
     """
 
     def __init__(
@@ -245,65 +253,66 @@ class DecisionMonitor:
         kind: Kind,
         neutral: str,
         decided: Corrections,
-        tell: Callable[[str], None],
+        on_warning: Callable[[str], None],
     ) -> None:
         self._mapper, self._profile, self._kind, self._neutral = mapper, profile, kind, neutral
         self._decided = decided
-        self._tell = tell
-        self._table = np.empty((MOST, 1 + len(COLUMNS)))
-        self._kept = self._seen = 0
+        self._on_warning = on_warning
+        self._table = np.empty((MAX_FRAMES, 1 + len(COLUMNS)))
+        self._stored = self._added = 0
         self._step = 1
-        self._next: float | None = None
-        self.told = False
+        self._next_check: float | None = None
+        self.reported = False
 
     def add(self, time: Array, angles: Array) -> None:
-        """Take up (n,) times [s] and (n, 22) angles [deg] before any correction."""
-        if self.told:
+        """Add (n,) times [s] and (n, 22) uncorrected angles [deg]."""
+        if self.reported:
             return
-        first = -self._seen % self._step
+        first = -self._added % self._step
         for at in range(first, len(time), self._step):
-            if self._kept == MOST:
-                self._table[: MOST // 2] = self._table[::2]
-                self._kept, self._step = MOST // 2, self._step * 2
-            self._table[self._kept, 0] = time[at]
-            self._table[self._kept, 1:] = angles[at]
-            self._kept += 1
-        self._seen += len(time)
-        if self._next is None:
-            self._next = float(time[0]) + EVERY
-        if time[-1] >= self._next:
-            self._next = float(time[-1]) + EVERY
-            self.look()
+            if self._stored == MAX_FRAMES:
+                self._table[: MAX_FRAMES // 2] = self._table[::2]
+                self._stored, self._step = MAX_FRAMES // 2, self._step * 2
+            self._table[self._stored, 0] = time[at]
+            self._table[self._stored, 1:] = angles[at]
+            self._stored += 1
+        self._added += len(time)
+        if self._next_check is None:
+            self._next_check = float(time[0]) + CHECK_SECONDS
+        if time[-1] >= self._next_check:
+            self._next_check = float(time[-1]) + CHECK_SECONDS
+            self.check()
 
-    def look(self) -> None:
-        """Decide again, and say what would be otherwise, once."""
-        if self.told or not self._kept:
+    def check(self) -> None:
+        """Decide again from the history, and report a different decision once."""
+        if self.reported or not self._stored:
             return
-        mapper = self._copied()
+        mapper = self._mapper_copy()
         before = len(mapper.warnings)
-        settled = mapper.settled()
-        found = quality_control(
-            Samples(self._table[: self._kept].copy(), ReadLog()), mapper, self._profile, self._kind, self._neutral
+        consistent = mapper.is_consistent()
+        corrections = quality_control(
+            Samples(self._table[: self._stored].copy(), ReadLog()), mapper, self._profile, self._kind, self._neutral
         )
-        if not settled:
-            what = "; ".join(mapper.warnings[before:][:1]) or "the unit or the vertical is another"
-        elif shown := set(self._decided.hidden) - set(found.hidden):
+        if not consistent:
+            contradiction = "; ".join(mapper.warnings[before:][:1]) or "the unit or the vertical differs"
+        elif shown := set(self._decided.hidden) - set(corrections.hidden):
             name = COLUMNS[min(shown)]
-            what = f"{name} was taken as not measured ({self._decided.reasons[name]}), and moves"
-        elif hidden := set(found.hidden) - set(self._decided.hidden):
+            contradiction = f"{name} counted as not measured ({self._decided.reasons[name]}), but it moves"
+        elif hidden := set(corrections.hidden) - set(self._decided.hidden):
             name = COLUMNS[min(hidden)]
-            what = f"{name} was taken as measured, and counts as not measured ({found.reasons[name]})"
-        elif found.turned != self._decided.turned:
-            what = f"the sign of {', '.join(COLUMNS[at] for at in found.turned or self._decided.turned)} is the other"
+            contradiction = f"{name} counted as measured, but it is not ({corrections.reasons[name]})"
+        elif corrections.turned != self._decided.turned:
+            names = ", ".join(COLUMNS[at] for at in corrections.turned or self._decided.turned)
+            contradiction = f"the sign of {names} is the opposite"
         else:
             return
-        self.told = True
-        self._tell(
-            f"what came later contradicts the first seconds: {what}; `reba score` decides from the whole recording, "
-            "a longer --settle from more of it"
+        self.reported = True
+        self._on_warning(
+            f"later frames contradict the first seconds: {contradiction}; give a longer --settle, or use `reba score`, "
+            "which decides from the complete recording"
         )
 
-    def _copied(self) -> Mapper:
-        """Return a copy of the mapper to ask, which leaves the one at work as it is."""
+    def _mapper_copy(self) -> Mapper:
+        """Return a copy of the mapper: a decision changes its state. Profile, stream and root are shared."""
         shared = [getattr(self._mapper, name, None) for name in ("profile", "stream", "root")]
-        return copy.deepcopy(self._mapper, {id(thing): thing for thing in shared if thing is not None})
+        return copy.deepcopy(self._mapper, {id(value): value for value in shared if value is not None})

@@ -1,8 +1,8 @@
-"""JSON lines from a pipe as a store of messages: one line is one message of one channel.
+"""JSON lines from a pipe as a message store: one line is one message of one channel.
 
 A line is a row of the posture table, `{"time": 1.2, "trunk_flexion": 30}`, a joint state,
-`{"time": 1.2, "name": ["knee_left"], "position": [0.4]}` (`stamp` will do for `time`), or transforms as ROS writes
-them. Everything behind this is what reads JSON channels of MCAP files.
+`{"time": 1.2, "name": ["knee_left"], "position": [0.4]}` (`stamp` is accepted for `time`), or transforms in the form of
+ROS messages. The lines are decoded by the readers of JSON channels in MCAP files.
 """
 
 from __future__ import annotations
@@ -29,31 +29,32 @@ from reba.readers.recording.stream import clip
 
 NAME: Final = "standard input"
 CHANNEL: Final = 1
-LONGEST: Final = 1 << 20
-"""[bytes] A longer line is no frame."""
-_STEP: Final = 1 << 16
+MAX_LINE_BYTES: Final = 1 << 20
+"""[bytes] Longest line; a frame of a person has a few kilobytes."""
+READ_BYTES: Final = 1 << 16
+"""[bytes] Read at a time: the capacity of a pipe on Linux."""
 
 
 @dataclass
 class LoadedLines(Loaded):
-    """Lines at hand, and where they stood."""
+    """Lines in memory with their numbers in the input."""
 
     numbers: list[int]
 
     def where(self, payload: int) -> str:
-        """Say in words where a line stands."""
+        """Return the position of a line as text."""
         return f"line {self.numbers[int(np.searchsorted(self.scan.payloads, payload))]}"
 
 
-class Lines:
-    """Lines of a pipe as they come; what `reba.live.sources.GrowingStore` asks for.
+class LineStore:
+    """Lines of a pipe as a growing message store; satisfies `reba.live.sources.GrowingStore`.
 
     Args:
         descriptor: of the open pipe or file.
-        tell: takes a warning.
+        on_warning: called with the text of a warning.
     """
 
-    def __init__(self, descriptor: int, tell: Callable[[str], None]) -> None:
+    def __init__(self, descriptor: int, on_warning: Callable[[str], None]) -> None:
         self.path = Path(NAME)
         self.segments: list[ChunkRef] = []
         self.schemas: dict[int, Schema] = {}
@@ -64,36 +65,35 @@ class Lines:
         self.ready = False
         self.skipped = 0
         self._descriptor = descriptor
-        self._tell = tell
-        self._rest = b""
-        self._read = 0
-        self._good = False
+        self._on_warning = on_warning
+        self._incomplete = b""
+        self._line_number = 0
+        self._any_accepted = False
         self._loaded: dict[int, LoadedLines] = {}
 
     def grow(self) -> ChunkRef | None:
-        """Return what came since as one segment, None if no whole line did.
+        """Return the lines since the last call as one segment, None without a complete line.
 
         Raises:
-            ReadError: the first line is not of use.
+            ReadError: the first line cannot be used.
         """
-        lines = self._new_lines()
-        kept: list[tuple[int, bytes, int]] = []
-        for line in lines:
-            self._read += 1
+        usable: list[tuple[int, bytes, int]] = []
+        for line in self._new_lines():
+            self._line_number += 1
             if line.strip() and (stamp := self._stamp(line)) is not None:
-                kept.append((self._read, line, stamp))
-        if not kept:
+                usable.append((self._line_number, line, stamp))
+        if not usable:
             return None
-        lengths = np.array([len(line) for _, line, _ in kept], np.int64)
-        times = np.array([stamp for _, _, stamp in kept], np.int64)
+        lengths = np.array([len(line) for _, line, _ in usable], np.int64)
+        times = np.array([stamp for _, _, stamp in usable], np.int64)
         starts = np.cumsum(lengths) - lengths
-        scan = Scan(starts, lengths, np.full(len(kept), CHANNEL, np.uint16), times, (), int(lengths.sum()))
-        segment = ChunkRef(kept[0][0], scan.end, None, int(times.min()))
+        scan = Scan(starts, lengths, np.full(len(usable), CHANNEL, np.uint16), times, (), int(lengths.sum()))
+        segment = ChunkRef(usable[0][0], scan.end, None, int(times.min()))
         self._loaded[segment.offset] = LoadedLines(
-            segment, b"".join(line for _, line, _ in kept), scan, [number for number, _, _ in kept]
+            segment, b"".join(line for _, line, _ in usable), scan, [number for number, _, _ in usable]
         )
         self.segments.append(segment)
-        self.counts[CHANNEL] += len(kept)
+        self.counts[CHANNEL] += len(usable)
         first, last = int(times.min()), int(times.max())
         self.span = (first, last) if self.span is None else (min(first, self.span[0]), max(last, self.span[1]))
         return segment
@@ -103,52 +103,54 @@ class Lines:
         return self._loaded[segment.offset]
 
     def release(self) -> None:
-        """Keep everything at hand: lines cannot be read again."""
+        """Keep the lines in memory: a pipe cannot be read again."""
 
     def forget(self) -> None:
-        """Let go of the segments there are."""
+        """Remove all segments from memory."""
         self.segments.clear()
         self._loaded.clear()
 
     def wait(self, seconds: float) -> None:
-        """Wait until there is something to read."""
+        """Wait until the pipe has data, at most this long [s]."""
         select.select([self._descriptor], [], [], seconds)
 
     def _new_lines(self) -> list[bytes]:
         if not select.select([self._descriptor], [], [], 0)[0]:
             return []
-        data = os.read(self._descriptor, _STEP)
+        data = os.read(self._descriptor, READ_BYTES)
         self.finished = not data
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        if self.finished and self._rest:
-            lines, self._rest = [*lines, self._rest], b""
-        if len(self._rest) > LONGEST:
-            raise ReadError(NAME, f"a line is longer than {LONGEST} bytes", hint="write one JSON object a line")
+        *lines, self._incomplete = (self._incomplete + data).split(b"\n")
+        if self.finished and self._incomplete:
+            lines, self._incomplete = [*lines, self._incomplete], b""
+        if len(self._incomplete) > MAX_LINE_BYTES:
+            raise ReadError(
+                NAME, f"a line is longer than {MAX_LINE_BYTES} bytes", hint="write one JSON object per line"
+            )
         return lines
 
     def _stamp(self, line: bytes) -> int | None:
-        """Return the time of a line [ns], that of its arrival if it states none; None for a line of no use."""
+        """Return the time of a line [ns], its arrival if the line has no time; None for a line that cannot be used."""
         try:
             tree = load_json(line)
             if not isinstance(tree, dict):
-                raise Undecodable("it is no JSON object")
+                raise Undecodable("not a JSON object")
             kind = kind_of_json(tree)
             if kind is None:
                 raise Undecodable(_unknown(tree))
             stamp = stamp_of(tree)
             if stamp is None and any(key in tree and not isinstance(tree[key], dict) for key in ("time", "stamp")):
-                raise Undecodable("its time is no number of seconds")
+                raise Undecodable("time is not a number of seconds")
         except Undecodable as error:
-            if not self._good:
+            if not self._any_accepted:
                 raise ReadError(
                     NAME,
-                    f"line {self._read}: {error}",
-                    hint='write one JSON object a line, as {"time": 0.0, "trunk_flexion": 20.0} or a joint state '
+                    f"line {self._line_number}: {error}",
+                    hint='write one JSON object per line, as {"time": 0.0, "trunk_flexion": 20.0} or a joint state '
                     '{"time": 0.0, "name": [...], "position": [...]}',
                 ) from error
-            self.skip(f"line {self._read}: {error}")
+            self.skip(f"line {self._line_number}: {error}")
             return None
-        self._good = True
+        self._any_accepted = True
         self.ready |= kind[1] is pick_angles
         seconds, nanos = stamp if stamp is not None else (None, None)
         if not isinstance(seconds, int) or not isinstance(nanos, int):
@@ -156,13 +158,13 @@ class Lines:
         return seconds * 1_000_000_000 + nanos
 
     def skip(self, why: str) -> None:
-        """Count a line that is left out; the first one is told."""
+        """Count a skipped line; the first one is reported."""
         if not self.skipped:
-            self._tell(f"{NAME}: {why}; lines like this are left out and counted")
+            self._on_warning(f"{NAME}: {why}; such lines are skipped and counted")
         self.skipped += 1
 
 
 def _unknown(tree: dict[str, Any]) -> str:
     keys = [clip(str(key)) for key in tree if key not in ("time", "stamp")]
-    hint = next((near for key in keys if (near := did_you_mean(key, COLUMNS))), "")
+    hint = next((text for key in keys if (text := did_you_mean(key, COLUMNS))), "")
     return f"no posture column or joint state among {', '.join(keys[:4]) or 'its keys'}{hint}"

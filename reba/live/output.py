@@ -1,4 +1,4 @@
-"""Records as JSON lines, written as soon as they are there."""
+"""Records as JSON lines without delay, and percentiles of the latency."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from reba.files import as_json
 
 @cache
 def encoder() -> Callable[[Any], bytes]:
-    """Return what turns plain data into JSON text: orjson if installed, which is five times as fast."""
+    """Return the function that encodes plain data as JSON: orjson if installed, which is five times as fast."""
     try:
         import orjson
     except ImportError:
@@ -25,46 +25,47 @@ def encoder() -> Callable[[Any], bytes]:
 
 
 def write_lines(stream: IO[bytes], records: Iterable[Mapping[str, Any]]) -> None:
-    """Write one line for each record and hand them over at once."""
+    """Write one line per record and flush."""
     encode = encoder()
     lines = memoryview(b"".join(encode(record) + b"\n" for record in records))
-    with _Whole():
-        # Unbuffered output may take a part only when a signal comes.
+    with _DeferredInterrupt():
+        # A signal can interrupt an unbuffered write after a part of the bytes.
         while lines:
             lines = lines[stream.write(lines) :]
         stream.flush()
 
 
-class _Whole:
-    """Puts off an interrupt until lines are written whole; the second one is heeded at once."""
+class _DeferredInterrupt:
+    """Defers an interrupt until complete lines are written; a second interrupt is raised at once."""
 
     def __init__(self) -> None:
-        self._noted = False
-        self._before: Any = None
+        self._interrupted = False
+        self._previous_handler: Any = None
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self._noted:
+        if self._interrupted:
             raise KeyboardInterrupt
-        self._noted = True
+        self._interrupted = True
 
     def __enter__(self) -> None:
         if threading.current_thread() is threading.main_thread():
-            self._before = signal.signal(signal.SIGINT, self._note)
+            self._previous_handler = signal.signal(signal.SIGINT, self._note)
 
     def __exit__(self, *_: object) -> None:
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
-        if self._noted:
+        if self._previous_handler is not None:
+            signal.signal(signal.SIGINT, self._previous_handler)
+        if self._interrupted:
             raise KeyboardInterrupt
 
 
-GROWTH: Final = 1.02
-LEAST: Final = 1e-6
-"""[s] Shorter times count as this."""
+BUCKET_RATIO: Final = 1.02
+"""Ratio of the upper ends of neighbouring buckets: percentiles are accurate to 2 %."""
+SHORTEST: Final = 1e-6
+"""[s] Upper end of the first bucket."""
 
 
 class Latency:
-    """Percentiles of times [s], to 2 %.
+    """Percentiles of times [s], accurate to 2 %, in bounded memory.
 
     >>> times = Latency()
     >>> for value in range(1, 101):
@@ -78,20 +79,20 @@ class Latency:
         self._count = 0
 
     def add(self, seconds: float, times: int = 1) -> None:
-        """Take up a time, for several frames at once if they took it together."""
-        self._buckets[math.ceil(math.log(max(seconds, LEAST) / LEAST, GROWTH))] += times
+        """Count a time [s], `times` times if several frames share it."""
+        self._buckets[math.ceil(math.log(max(seconds, SHORTEST) / SHORTEST, BUCKET_RATIO))] += times
         self._count += times
 
     def percentile(self, share: float) -> float | None:
-        """Return the time that a share of the frames does not exceed, None without frames."""
-        left = share * self._count
+        """Return the time [s] that a share of the frames does not exceed, None without frames."""
+        remaining = share * self._count
         for bucket in sorted(self._buckets):
-            left -= self._buckets[bucket]
-            if left <= 1e-9:
-                return LEAST * GROWTH**bucket
+            remaining -= self._buckets[bucket]
+            if remaining <= 1e-9:
+                return SHORTEST * BUCKET_RATIO**bucket
         return None
 
     def to_dict(self) -> dict[str, float | None]:
         """Return median, 99th percentile and maximum [ms]."""
-        found = {"p50_ms": self.percentile(0.5), "p99_ms": self.percentile(0.99), "max_ms": self.percentile(1.0)}
-        return {name: None if value is None else round(1000 * value, 3) for name, value in found.items()}
+        values = {"p50_ms": self.percentile(0.5), "p99_ms": self.percentile(0.99), "max_ms": self.percentile(1.0)}
+        return {name: None if value is None else round(1000 * value, 3) for name, value in values.items()}

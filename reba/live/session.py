@@ -1,4 +1,4 @@
-"""Frames -> one record each: scores, the rolling window, exposure so far, the alert."""
+"""Live scores: frames -> one record each with scores, rolling window, exposure so far and alert."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 
 
 class LiveScorer:
-    """Scores frames and keeps count; its memory is bounded by the window.
+    """Scores frames and accumulates exposure; its memory is bounded by the window.
 
     Args:
         rules: preset, TOML file or record.
-        window: [s] length of the rolling window.
-        alert: when to alert.
+        window: length of the rolling window [s].
+        alert: state of the alert.
 
     Example:
-        >>> session = Session("measured", 60.0, Alert(8, 1.0))
-        >>> session.frames
+        >>> scorer = LiveScorer("measured", 60.0, Alert(8, 1.0))
+        >>> scorer.frames
         0
     """
 
@@ -39,9 +39,9 @@ class LiveScorer:
         self.max_low = self.max_high = 0
         self.first = self.last = float("nan")
         self._window = Window(window)
-        self._tally = ExposureTotals()
-        self._steps = FrameDurations()
-        self._open: TimedScore | None = None
+        self._totals = ExposureTotals()
+        self._durations = FrameDurations()
+        self._current: TimedScore | None = None
 
     def add(self, frames: Frames) -> tuple[list[dict[str, Any]], ScoreArrays]:
         """Return one record for each of n frames, and their scores."""
@@ -59,7 +59,7 @@ class LiveScorer:
         low, high = scores["reba_low"], scores["reba_high"]
         gap = self._count(time)
         above = low >= self.alert.score
-        self._open = TimedScore(time, 0, low, high, scores["action_level"], above)
+        self._current = TimedScore(time, 0, low, high, scores["action_level"], above)
         self.max_low, self.max_high = max(self.max_low, low), max(self.max_high, high)
         event = self.alert.update(time, low, gap)
         head = {"time": time, **{name: scores[name] for name in HEAD}}
@@ -73,32 +73,32 @@ class LiveScorer:
         }
 
     def _count(self, time: float) -> bool:
-        """Count the frame before, now that its end is known; return whether a gap follows it."""
-        if self._open is None:
+        """Count the previous frame, whose end is now known; return whether a gap follows it."""
+        if self._current is None:
             self.first = time
         self.frames += 1
         gap = False
-        if self._open is not None:
+        if self._current is not None:
             step = time - self.last
-            gap = self._steps.add(step)
-            self._close(self._steps.period() if gap else step, time)
+            gap = self._durations.add(step)
+            self._close(self._durations.period() if gap else step, time)
         self.last = time
         return gap
 
     def _close(self, seconds: float, now: float) -> None:
-        if self._open is not None:
-            stay = dataclasses.replace(self._open, span=round(seconds * 1e9))
-            self._tally.add(stay)
-            self._window.push(stay, now)
+        if self._current is not None:
+            timed = dataclasses.replace(self._current, span=round(seconds * 1e9))
+            self._totals.add(timed)
+            self._window.push(timed, now)
 
     def exposure(self) -> dict[str, Any]:
         """Return exposure up to the newest frame."""
-        return {"seconds": self._tally.total / 1e9, **self._tally.mean(), "action_levels": self._tally.seconds()}
+        return {"seconds": self._totals.total / 1e9, **self._totals.mean(), "action_levels": self._totals.seconds()}
 
     def summary(self) -> dict[str, Any]:
-        """Return the exposure of everything, the last frame counted for one usual period. The session is over."""
-        self._close(self._steps.period(), self.last)
-        self._open = None
+        """Return the exposure of all frames, the last one counted for the median period, and end the scoring."""
+        self._close(self._durations.period(), self.last)
+        self._current = None
         return {
             "frames": self.frames,
             "start": self.first if self.frames else None,
@@ -112,15 +112,15 @@ class LiveScorer:
 
 
 HEAD = ("reba", "reba_low", "reba_high", "action_level")
-"""Columns that stand first in a record."""
+"""Columns at the beginning of a record."""
 LEVELS: Final = len(ACTION_LEVELS)
-STEPS: Final = 501
-"""Sample periods of which the median is taken."""
+PERIODS: Final = 501
+"""Number of latest sample periods whose median is the usual period: some seconds at 100 Hz, and odd."""
 
 
 @dataclass(frozen=True)
 class TimedScore:
-    """A frame and how long it counts: `time` [s], `span` [ns], both ends of REBA, its level, whether it is high."""
+    """Score of one frame: `time` [s], duration `span` [ns], range of REBA, action level, alert score reached."""
 
     time: float
     span: int
@@ -131,75 +131,71 @@ class TimedScore:
 
 
 class ExposureTotals:
-    """Sums over frames, each as long as it counts."""
+    """Sums over frames, weighted by their durations."""
 
     def __init__(self) -> None:
         self.total = self.above = self._low = self._high = 0
         self._levels = [0] * (LEVELS + 1)
 
-    def add(self, stay: TimedScore, sign: int = 1) -> None:
-        """Add a frame, or take it away again with `sign` -1."""
-        span = sign * stay.span
+    def add(self, timed: TimedScore, sign: int = 1) -> None:
+        """Add a frame, or subtract it with `sign` -1."""
+        span = sign * timed.span
         self.total += span
-        self.above += span * stay.above
-        self._low += span * stay.low
-        self._high += span * stay.high
-        self._levels[LEVELS if stay.level is None else stay.level] += span
+        self.above += span * timed.above
+        self._low += span * timed.low
+        self._high += span * timed.high
+        self._levels[LEVELS if timed.level is None else timed.level] += span
 
     def mean(self) -> dict[str, float | None]:
-        """Return the mean of both ends of REBA, and of REBA where they agree."""
+        """Return the mean of both ends of REBA, and the mean of REBA if they are equal."""
         if not self.total:
             return {"mean": None, "mean_low": None, "mean_high": None}
         low, high = self._low / self.total, self._high / self.total
         return {"mean": low if self._low == self._high else None, "mean_low": low, "mean_high": high}
 
     def seconds(self) -> dict[str, float]:
-        """Return the seconds in each action level, and those in which it is not determined."""
+        """Return action level -> time [s], and the time in which the level is undetermined."""
         names = [*map(str, range(LEVELS)), "undetermined"]
         return {name: span / 1e9 for name, span in zip(names, self._levels, strict=True)}
 
 
 class Window(ExposureTotals):
-    """The same over the last seconds.
-
-    Args:
-        seconds: length.
-    """
+    """Sums over the frames of the last `seconds` [s]."""
 
     def __init__(self, seconds: float) -> None:
         super().__init__()
         self.length = seconds
-        self._stays: deque[TimedScore] = deque()
+        self._scores: deque[TimedScore] = deque()
 
-    def push(self, stay: TimedScore, now: float) -> None:
-        """Add a frame and let go of those before the window that ends at `now` [s]."""
-        self.add(stay)
-        self._stays.append(stay)
-        while self._stays and self._stays[0].time < now - self.length - 1e-9:
-            self.add(self._stays.popleft(), -1)
+    def push(self, timed: TimedScore, now: float) -> None:
+        """Add a frame and subtract those before the window that ends at `now` [s]."""
+        self.add(timed)
+        self._scores.append(timed)
+        while self._scores and self._scores[0].time < now - self.length - 1e-9:
+            self.add(self._scores.popleft(), -1)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what a line says of it."""
+        """Return the member `window` of a record."""
         share = self.above / self.total if self.total else None
         return {"seconds": self.total / 1e9, **self.mean(), "share_above": share}
 
 
 class FrameDurations:
-    """How long each frame counts: until the next one, across a gap one usual period; see `reba.analysis.exposure`."""
+    """Duration of each frame: until the next one, before a gap the median period; see `reba.analysis.exposure`."""
 
     def __init__(self) -> None:
-        self._steps: deque[float] = deque(maxlen=STEPS)
+        self._durations: deque[float] = deque(maxlen=PERIODS)
 
     def add(self, step: float) -> bool:
-        """Take up the step [s] to a frame; return whether it is a gap."""
-        gap = step > 0.2 and bool(self._steps) and step > 5 * self.period()
+        """Add the time from one frame to the next [s]; return whether it is a gap."""
+        gap = step > 0.2 and bool(self._durations) and step > 5 * self.period()
         if not gap:
-            self._steps.append(step)
+            self._durations.append(step)
         return gap
 
     def period(self) -> float:
-        """Return the usual period [s]; a single frame counts a second."""
-        return median(self._steps) if self._steps else 1.0
+        """Return the median period [s]; 1 s for a single frame."""
+        return median(self._durations) if self._durations else 1.0
 
 
 def score_of_level(risk: str) -> int:
@@ -214,14 +210,14 @@ def score_of_level(risk: str) -> int:
 
 @dataclass
 class Alert:
-    """Follows one score over time.
+    """Alert with hysteresis in time.
 
     Attributes:
-        score: from this on the score is high.
-        hold: [s] a score has to stay high to raise the alert, and below to clear it.
-        active: whether it is raised.
-        since: [s] when it was raised.
-        raised: how often it was.
+        score: REBA score from which on the alert is raised.
+        hold: time for which the score must persist to raise or to clear the alert [s].
+        active: whether the alert is raised.
+        since: time at which it was raised [s].
+        raised: number of alerts so far.
     """
 
     score: int
@@ -229,28 +225,28 @@ class Alert:
     active: bool = False
     since: float | None = None
     raised: int = 0
-    _turned: float | None = None
+    _changed_at: float | None = None
 
     def update(self, time: float, score: int, gap: bool) -> str | None:
-        """Take up a frame; return "raised" or "cleared" where that happens with it.
+        """Add a frame; return "raised" or "cleared" if the alert changes with it.
 
         Args:
-            time: [s].
-            score: what the frame has at least.
-            gap: whether the frame follows a gap, across which nothing is held.
+            time: of the frame [s].
+            score: lower end of its REBA range.
+            gap: the frame follows a gap, which restarts the hold time.
         """
         above = score >= self.score
         if above == self.active:
-            self._turned = None
+            self._changed_at = None
             return None
-        if self._turned is None or gap:
-            self._turned = time
-        if time - self._turned < self.hold - 1e-9:
+        if self._changed_at is None or gap:
+            self._changed_at = time
+        if time - self._changed_at < self.hold - 1e-9:
             return None
-        self.active, self.since, self._turned = above, time if above else None, None
+        self.active, self.since, self._changed_at = above, time if above else None, None
         self.raised += above
         return "raised" if above else "cleared"
 
     def to_dict(self, event: str | None) -> dict[str, Any]:
-        """Return what a line says of it."""
+        """Return the member `alert` of a record."""
         return {"active": self.active, "since": self.since, "event": event}

@@ -1,4 +1,4 @@
-"""What live frames are read from: a store of messages that grows."""
+"""Sources of live frames: the protocol of growing message stores, and growing MCAP files."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from reba.readers.mcap.records import HEAD, BadRecord
 from reba.readers.recording.stream import BlockDecoder, ReadLog, Stream
 
 
-def followed(stream: Stream, names: Sequence[str] | None, log: ReadLog) -> BlockDecoder:
-    """Return what turns segments of a stream into blocks.
+def block_decoder(stream: Stream, names: Sequence[str] | None, log: ReadLog) -> BlockDecoder:
+    """Return the decoder from segments of a stream to blocks.
 
     Raises:
-        ReadError: the stream does not come in segments.
+        ReadError: the stream has no segments.
     """
     if stream.follow is None:
         raise ReadError(stream.name, "this kind of stream cannot be followed", hint="give MCAP or JSON lines")
@@ -30,13 +30,13 @@ def followed(stream: Stream, names: Sequence[str] | None, log: ReadLog) -> Block
 
 
 class GrowingStore(Store, Protocol):
-    """A store whose segments come one by one.
+    """A message store whose segments arrive one by one.
 
     Attributes:
         span: first and last log time [ns], None before the first message.
-        finished: whether nothing can come any more.
-        ready: whether what it holds is clear from the first message on, so that no settling is needed.
-        skipped: messages that could not even be taken up.
+        finished: no more segments can arrive.
+        ready: the first message determines how all are read, so no data need to be collected first.
+        skipped: messages that could not be read.
     """
 
     span: tuple[int, int] | None
@@ -45,31 +45,31 @@ class GrowingStore(Store, Protocol):
     skipped: int
 
     def grow(self) -> ChunkRef | None:
-        """Return the next complete segment, None if there is none yet; it stays in `segments`.
+        """Return the next complete segment and append it to `segments`; None if there is none yet.
 
         Raises:
             ReadError: the source is damaged, or was replaced.
         """
 
     def forget(self) -> None:
-        """Let go of the segments there are."""
+        """Remove all segments from memory."""
 
     def wait(self, seconds: float) -> None:
-        """Wait for more, at most this long."""
+        """Wait at most this long for more data [s]."""
 
 
-WHILE = 0.05
-"""[s] Pause while a file has not even its first bytes."""
+EMPTY_FILE_SECONDS = 0.05
+"""[s] Between two checks of a file that has no bytes yet."""
 
 
-class Growing(Container):
-    """One MCAP file that grows; what `reba.live.sources.GrowingStore` asks for.
+class GrowingMcap(Container):
+    """One growing MCAP file; satisfies `GrowingStore`.
 
     Args:
-        path: the file, which holds at least the first magic bytes.
+        path: the file, which has at least the magic bytes.
 
     Raises:
-        ReadError: it is no MCAP file.
+        ReadError: it is not an MCAP file.
     """
 
     ready = False
@@ -82,7 +82,7 @@ class Growing(Container):
         self._inode = os.stat(path).st_ino
 
     def _index(self) -> None:
-        """Nothing is walked on opening: `grow` does it."""
+        """Index nothing on opening: `grow` reads the records."""
 
     def grow(self) -> ChunkRef | None:
         """Return the next complete chunk or run of messages, None if there is none yet.
@@ -90,7 +90,7 @@ class Growing(Container):
         Raises:
             ReadError: a record is damaged, or the file was replaced, removed or cut.
         """
-        self._look_again()
+        self._refresh()
         known = len(self.segments)
         self.ended_abnormally = None
         try:
@@ -109,23 +109,23 @@ class Growing(Container):
         return self.segments[-1]
 
     def forget(self) -> None:
-        """Let go of the segments there are."""
+        """Remove all segments from memory."""
         self.segments.clear()
         self.release()
 
     def wait(self, seconds: float) -> None:
-        """Sleep: files have no event that every system tells."""
+        """Sleep: there is no portable event for a file that grows."""
         time.sleep(seconds)
 
-    def _look_again(self) -> None:
-        """Take up the size of the file."""
+    def _refresh(self) -> None:
+        """Read the size of the file again."""
         try:
-            now = os.stat(self.path)
+            status = os.stat(self.path)
         except OSError as error:
             raise ReadError(
-                self.path, f"the file is gone ({error.strerror})", hint="start again with the new one"
+                self.path, f"the file was removed ({error.strerror})", hint="start again with the new file"
             ) from error
-        if now.st_ino != self._inode:
+        if status.st_ino != self._inode:
             raise ReadError(self.path, "the file was replaced by another", hint="start again to follow the new one")
         if self.source.refresh():
             self._ahead = (0, b"")
@@ -137,21 +137,21 @@ class Growing(Container):
             )
 
     def _check_tail(self) -> None:
-        """Refuse a record that never will be complete: it declares more than any record may hold."""
+        """Refuse a record that declares more bytes than a record may have, as it would never be complete."""
         head = self._window(self._at, HEAD)
         if len(head) == HEAD and head[0]:
             self._check_size(self._at, int.from_bytes(head[1:], "little"))
 
 
-def open_growing(path: Path, until_idle: float | None) -> Growing:
-    """Open a file that is being written, as soon as it has its first bytes.
+def open_growing(path: Path, until_idle: float | None) -> GrowingMcap:
+    """Open a file that is being written, as soon as it has its magic bytes.
 
     Args:
         path: the file.
-        until_idle: [s] how long to wait for them, None for ever.
+        until_idle: longest wait for these bytes [s], None for no limit.
 
     Raises:
-        ReadError: there is no such file, it is no plain MCAP file, or nothing was written to it.
+        ReadError: there is no such file, it is not a plain MCAP file, or it stays empty.
     """
     if not path.exists():
         raise ReadError(path, "no such file", hint="start the recorder first, or give - to read lines from a pipe")
@@ -160,17 +160,15 @@ def open_growing(path: Path, until_idle: float | None) -> Growing:
     start = time.monotonic()
     while len(head := _first_bytes(path)) < len(MAGIC):
         if until_idle is not None and time.monotonic() - start > until_idle:
-            raise ReadError(path, "nothing was written to it", hint="start the recorder, or wait longer")
-        time.sleep(WHILE)
+            raise ReadError(path, "the file is empty", hint="start the recorder, or give a longer --until-idle")
+        time.sleep(EMPTY_FILE_SECONDS)
     if head.startswith(ZSTD_MAGIC):
-        raise ReadError(
-            path, "is compressed as a whole, which only happens after recording", hint="score it with `reba score`"
-        )
+        raise ReadError(path, "is a compressed file, so its recording has ended", hint="score it with `reba score`")
     if head != MAGIC:
         raise ReadError(
             path, "does not start with the MCAP magic bytes", hint="follow an .mcap file, or pipe JSON lines to -"
         )
-    return Growing(path)
+    return GrowingMcap(path)
 
 
 def _first_bytes(path: Path) -> bytes:

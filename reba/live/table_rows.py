@@ -1,4 +1,4 @@
-"""Rows of a posture table as they come -> postures and factors."""
+"""Rows of a posture table as they arrive -> postures and factors."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pandas as pd
 
 from reba.arrays import Array
 from reba.errors import PostureError
-from reba.live.frames import Frames, NotYet, Reading, neutral_until
-from reba.live.sources import GrowingStore, followed
+from reba.live.frames import Frames, NotEnoughData, ReadingOptions, neutral_until
+from reba.live.sources import GrowingStore, block_decoder
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import BOTH_SIDES, FACTORS, Factors, checked, expand_sides
 from reba.posture.table import RAISED, angles_of, refuse_infinite, table_of
@@ -22,26 +22,26 @@ from reba.readers.recording.stream import ReadLog
 
 Row = dict[str, Any]
 KNOWN = frozenset((*COLUMNS, *RAISED, *FACTORS, *BOTH_SIDES))
-"""Columns that count."""
+"""Columns that are read."""
 KNOWN_PLAIN = KNOWN - set(RAISED) | {"time"}
-"""Of these, those that need no reading of words."""
+"""Columns that are numbers, without those of true and false in words."""
 _PLAIN = (float, int, type(None))
 
 
 class TableFollower:
-    """Turns segments into frames of posture.
+    """Converts segments of table rows to frames.
 
     Args:
-        source: its first segments.
+        source: with the first segments.
         match: the stream of the table.
-        reading: what the caller chose.
-        factors: by name, as the caller gave them; they replace columns.
-        activity: each kind, for where no column tells it.
-        final: whether no more is going to come.
-        tell: takes a warning.
+        reading: options of reading.
+        factors: by name; they replace columns.
+        activity: value of each kind of activity without a column.
+        final: no more segments will arrive.
+        on_warning: called with the text of a warning.
 
     Raises:
-        NotYet: the neutral posture is not over yet.
+        NotEnoughData: the interval of the neutral posture has not ended.
         PostureError: the first row cannot be used.
     """
 
@@ -51,35 +51,35 @@ class TableFollower:
         self,
         source: GrowingStore,
         match: Match,
-        reading: Reading,
+        reading: ReadingOptions,
         factors: Mapping[str, Any],
         activity: Mapping[str, bool],
         final: bool,
-        tell: Callable[[str], None],
+        on_warning: Callable[[str], None],
     ) -> None:
         self.log = ReadLog()
         self.late = 0
-        self._intake = followed(match.stream, None, self.log)
-        self._given, self._activity = factors, activity
-        self._tell = tell
+        self._decoder = block_decoder(match.stream, None, self.log)
+        self._fixed_factors, self._activity = factors, activity
+        self._on_warning = on_warning
         self._constant = self._factors({}, 1)
         self._last = -np.inf
         self._offsets: dict[int, float] = {}
-        first = [row for segment in source.segments for row in self._intake.rows(source, segment)]
-        found = dict.fromkeys(name for row in first[:1] for name in row if name in KNOWN)
-        self._columns = ["time", *found]
+        first = [row for segment in source.segments for row in self._decoder.rows(source, segment)]
+        present = dict.fromkeys(name for row in first[:1] for name in row if name in KNOWN)
+        self._columns = ["time", *present]
         self._ignored: set[str] = set()
         if first:
             for warning in table_of(pd.DataFrame(first[:1])).quality.warnings:
-                tell(warning)
+                on_warning(warning)
             self._convert(first[:1])
-        self._settle(first, reading, final)
+        self._set_neutral(first, reading, final)
         self._last = -np.inf
-        self.unmeasured = [column for column in COLUMNS if column not in found]
+        self.unmeasured = [column for column in COLUMNS if column not in present]
         self.late = self.log.skipped = 0
 
-    def _settle(self, first: list[Row], reading: Reading, final: bool) -> None:
-        """Find the neutral posture."""
+    def _set_neutral(self, first: list[Row], reading: ReadingOptions, final: bool) -> None:
+        """Set the offsets of the neutral posture from the first rows."""
         self.assumed: list[str] = []
         window = parse_neutral(reading.neutral)
         parts = list(self._frames(first))
@@ -87,24 +87,24 @@ class TableFollower:
             return
         time = np.concatenate([part.time for part in parts]) if parts else np.zeros(0)
         if not final and (not len(time) or time[-1] <= neutral_until(reading.neutral, float(time[0]))):
-            raise NotYet
+            raise NotEnoughData
         angles = np.concatenate([part.angles for part in parts]) if parts else np.zeros((0, len(COLUMNS)))
         self.assumed.append(apply_neutral(time, angles.copy(), reading.neutral))
         self._offsets = neutral_offsets(angles[window(time)])
 
-    def take(self, source: GrowingStore, segment: ChunkRef) -> Iterator[Frames]:
+    def frames_of(self, source: GrowingStore, segment: ChunkRef) -> Iterator[Frames]:
         """Yield the frames of a segment."""
-        rows = self._intake.rows(source, segment)
+        rows = self._decoder.rows(source, segment)
         self.log.messages += len(rows)
         yield from self._frames(rows)
 
-    def end(self) -> Iterator[Frames]:
-        """Yield nothing: no row waits."""
+    def remaining_frames(self) -> Iterator[Frames]:
+        """Return no frames: rows are converted at once."""
         return iter(())
 
     def _frames(self, rows: list[Row]) -> Iterator[Frames]:
-        """Yield frames of rows, those that cannot be used left out and counted."""
-        fresh: list[Row] = []
+        """Yield frames of rows; rows that cannot be used are counted."""
+        usable: list[Row] = []
         for row in rows:
             self._add_columns(row)
             time = row.get("time")
@@ -112,17 +112,19 @@ class TableFollower:
                 self.log.skip(1, f"time is {str(time)[:40]!r}, expected seconds")
             elif time <= self._last:
                 if not self.late:
-                    self._tell(f"time runs backwards or stands still at {time:.3f} s; such frames are left out "
-                               "and counted")  # fmt: skip
+                    self._on_warning(
+                        f"time does not increase at {time:.3f} s (last {self._last:.3f} s); such frames are skipped "
+                        "and counted"
+                    )
                 self.late += 1
             else:
                 self._last = float(time)
-                fresh.append(row)
-        if fresh:
-            yield from self._converted(fresh)
+                usable.append(row)
+        if usable:
+            yield from self._converted(usable)
 
     def _converted(self, rows: list[Row]) -> Iterator[Frames]:
-        """Yield the frames of rows at once, or one by one where one of them is wrong."""
+        """Yield the frames of rows together, or one by one if one of them is invalid."""
         try:
             yield self._convert(rows)
         except PostureError as error:
@@ -136,25 +138,25 @@ class TableFollower:
         """Return the frames of rows.
 
         Raises:
-            PostureError: one of them cannot be used.
+            PostureError: a row is invalid.
         """
-        angles = self._numbers(rows)
+        angles = self._plain_angles(rows)
         if angles is None:
             return self._convert_any(rows)
         refuse_infinite(angles)
         names = [name for name in self._columns if name not in COLUMNS and name != "time"]
-        used = self._constant
+        factors = self._constant
         if names:
             columns = {name: np.array([row.get(name) for row in rows]) for name in names}
-            used = self._factors(columns, len(rows))
+            factors = self._factors(columns, len(rows))
         subtract(angles, self._offsets)
-        return Frames(np.array([row["time"] for row in rows], np.float64), angles, used)
+        return Frames(np.array([row["time"] for row in rows], np.float64), angles, factors)
 
-    def _numbers(self, rows: list[Row]) -> Array | None:
-        """Return the (n, 22) angles of rows that hold plain numbers only, which needs no table; else None.
+    def _plain_angles(self, rows: list[Row]) -> Array | None:
+        """Return the angles (n, 22) [deg] of rows that contain only numbers, without a data frame; else None.
 
         Raises:
-            PostureError: a number is beyond all bounds.
+            PostureError: a number is too large for a float.
         """
         names = [name for name in self._columns if name in INDEX]
         values = [[row.get(name) for name in names] for row in rows]
@@ -170,24 +172,24 @@ class TableFollower:
         return angles
 
     def _factors(self, columns: Mapping[str, Any], count: int) -> Factors:
-        return checked(Factors.of({**self._activity, **expand_sides(columns), **self._given}), count)
+        return checked(Factors.of({**self._activity, **expand_sides(columns), **self._fixed_factors}), count)
 
     def _convert_any(self, rows: list[Row]) -> Frames:
-        """Do the same by way of a table, as for a file."""
+        """Return the frames of rows with words or booleans, by way of a data frame as for a file."""
         data = table_of(pd.DataFrame(rows, columns=self._columns)).data
         angles = angles_of(data)
         refuse_infinite(angles)
         columns = {name: data[name].to_numpy() for name in (*FACTORS, *BOTH_SIDES) if name in data}
-        used = self._factors(columns, len(data))
+        factors = self._factors(columns, len(data))
         angles = angles.copy()
         subtract(angles, self._offsets)
-        return Frames(data["time"].to_numpy(np.float64), angles, used)
+        return Frames(data["time"].to_numpy(np.float64), angles, factors)
 
     def _add_columns(self, row: Row) -> None:
-        """Take up angles that come later; a factor has to be there from the first row on."""
+        """Add angle columns that appear later; a factor must be in every row from the first one on."""
         new = [name for name in row if name in KNOWN and name not in self._columns]
         self._columns += [name for name in new if name in COLUMNS]
         for name in new:
             if name not in COLUMNS and name not in self._ignored:
                 self._ignored.add(name)
-                self._tell(f"{name} comes after the first row and is not used; give it in every row")
+                self._on_warning(f"{name} is not in the first row and is not used; give it in every row")

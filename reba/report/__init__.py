@@ -1,11 +1,13 @@
-"""The report: one HTML file about scored recordings that needs no network and prints on A4.
+"""The report: one self-contained HTML file about scored recordings that needs no network and prints on A4.
 
-Scores -> recording.py (what all sections share) -> verdict, parts, worst, angles, assumptions, grade
-       -> figures.py and static_plot.py (plots) -> page.py -> template.html
+Scores -> `summary` (figures shared by all sections) -> `findings`, `sections`, `series` (content of the sections)
+       -> `plots` -> `page` -> template.html
 """
 
 from __future__ import annotations
 
+import os
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,36 +16,49 @@ from reba.files import write_atomic, write_text
 from reba.report.page import page
 from reba.scores import Scores
 
+Recordings = Scores | Sequence[Scores]
+"""Scores of one recording or of several."""
 
-def render(scores: Sequence[Scores], *, command: str = "") -> str:
-    """Return the report as HTML.
+
+def render(scores: Recordings, *, command: str = "") -> str:
+    """Return the report as HTML text.
 
     Args:
-        scores: one or more scored recordings.
-        command: command line to show, so that the report can be made again.
+        scores: scores of one recording or of several.
+        command: command line to show, with which the report can be reproduced.
 
     Raises:
         RebaError: no recording was given.
     """
-    if not scores:
+    recordings = [scores] if isinstance(scores, Scores) else list(scores)
+    if not recordings:
         raise RebaError("a report needs at least one scored recording; none was given")
+    return page(recordings, command)
 
-    return page(scores, command)
 
-
-def write_report(path: str | Path, scores: Sequence[Scores], *, command: str = "") -> None:
-    """Write the report as one HTML file; the file appears only when it is complete.
+def write_report(scores: Recordings, path: str | Path, *, command: str = "") -> None:
+    """Write the report as one HTML file, which appears only when it is complete.
 
     Args:
-        path: file to write; its folder is made where it does not exist.
-        scores: one or more scored recordings.
-        command: command line to show.
+        scores: scores of one recording or of several.
+        path: file to write; its folder is created if missing.
+        command: command line to show, with which the report can be reproduced.
 
     Raises:
         RebaError: no recording was given, or the file cannot be written.
 
     Example:
-        >>> write_report("report.html", [reba.score(reba.read("lift.mcap"))])  # doctest: +SKIP
+        >>> import tempfile, pandas, reba
+        >>> frames = pandas.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})
+        >>> file = Path(tempfile.mkdtemp(), "report.html")
+        >>> reba.write_report(reba.score(frames), file)
+        >>> file.read_text(encoding="utf-8")[:15]
+        '<!DOCTYPE html>'
     """
+    if isinstance(scores, str | os.PathLike):
+        warnings.warn(
+            "write_report(path, scores) is deprecated; use write_report(scores, path)", DeprecationWarning, stacklevel=2
+        )
+        scores, path = path, scores  # type: ignore[assignment]
     html = render(scores, command=command)
     write_atomic(Path(path), lambda part: write_text(part, html))

@@ -1,4 +1,4 @@
-"""The verdict: the few numbers that stand first, in plain words."""
+"""Headline and worst intervals: the figures that a reader of the report sees first."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from reba.report.sections import PartContribution
 from reba.report.summary import RecordingSummary
 
 NOTABLE: Final = 0.1
-"""Effect of a part on the mean REBA from which the verdict names it."""
+"""Contribution of a part to the mean REBA [score] from which the headline names it; less is not visible in a mean."""
 WHY_P90: Final = (
-    "The headline is the 90th percentile of time (p90): REBA is at or below it for nine tenths of the recording. "
-    "Unlike the maximum it is not moved by single flickering frames, and unlike the mean it does not hide the peaks."
+    "The headline is the time-weighted 90th percentile (p90): REBA is at or below it for 90 % of the recording. "
+    "Single noisy frames change the maximum but not the 90th percentile, and the mean hides peaks that it shows."
 )
 
 
@@ -36,15 +36,15 @@ class Tile:
 
 @dataclass(frozen=True)
 class Headline:
-    """What stands first.
+    """The headline of a recording.
 
     Attributes:
-        p90: the headline score or range; "" without frames.
-        levels: lowest and highest action level of the headline.
-        risk, action: their words.
-        because: why there is a range, "" where there is none.
-        sentences: the findings in plain words.
-        tiles: the other numbers.
+        p90: 90th percentile, a score or a range; "" without frames.
+        levels: lowest and highest action level of the 90th percentile.
+        risk, action: names of the risk and of the action.
+        because: reason of the range, "" for a single score.
+        sentences: findings as text.
+        tiles: further figures.
     """
 
     p90: str
@@ -56,48 +56,41 @@ class Headline:
     tiles: tuple[Tile, ...]
 
 
-def verdict(record: RecordingSummary, effects: Sequence[PartContribution]) -> Headline:
-    """Return the verdict on a recording.
-
-    Args:
-        record: the recording.
-        effects: what each part adds, largest first.
-    """
+def headline(record: RecordingSummary, contributions: Sequence[PartContribution]) -> Headline:
+    """Return the headline of a recording; `contributions` of the parts, largest first."""
     if not record.frames:
-        nothing = ("The recording holds no frames, so there is nothing to score.",)
-        return Headline("", (0, 0), "not known", "", "", nothing, (_quality(record),))
+        sentences = ("The recording contains no frames, so there is no score.",)
+        return Headline("", (0, 0), "not known", "", "", sentences, (_quality_tile(record),))
     ends = record.summary["range"]
     low, high = ends["p90_low"], ends["p90_high"]
     levels = int(LEVEL_OF[low]), int(LEVEL_OF[high])
     actions = list(dict.fromkeys(action(level) for level in levels))
-    worst = record.sustained
-    demanding = demanding_time(record)
+    highest = record.sustained
+    peak = f"single frames reach {span(ends['max_low'], ends['max_high'])}"
     tiles = (
         Tile(
-            f"Worst score held for {HELD_SECONDS:g} s",
-            span(*worst),
-            f"{risk(*worst)}; single frames reach {span(ends['max_low'], ends['max_high'])}"
-            if worst[0] is not None
-            else f"nothing is held that long; single frames reach {span(ends['max_low'], ends['max_high'])}",
+            f"Highest score sustained for {HELD_SECONDS:g} s",
+            span(*highest),
+            f"{risk(*highest) if highest[0] is not None else 'no score is sustained that long'}; {peak}",
         ),
         Tile("Mean over time", span(ends["mean_low"], ends["mean_high"], 1), _median(record)),
-        Tile("High or very high", _share(*demanding), "share of time at REBA 8 or above"),
+        Tile("High or very high", _share(*high_risk_share(record)), "share of time at REBA 8 or above"),
         Tile("Worse side", *worse_side(record)),
         Tile("Scored", seconds(record.seconds), f"{record.frames:,} frames at {record.rate:.4g} Hz"),
-        _quality(record),
+        _quality_tile(record),
     )
     return Headline(
         span(low, high),
         levels,
         risk(low, high),
         " or ".join(actions),
-        reason(record),
-        _sentences(record, effects),
+        range_reason(record),
+        _sentences(record, contributions),
         tiles,
     )
 
 
-def demanding_time(record: RecordingSummary) -> tuple[float, float]:
+def high_risk_share(record: RecordingSummary) -> tuple[float, float]:
     """Return the share of time at high or very high risk, at both ends of the range."""
     total = record.curves["reba"]
     first, second = (
@@ -107,9 +100,9 @@ def demanding_time(record: RecordingSummary) -> tuple[float, float]:
     return first, second
 
 
-def reason(record: RecordingSummary) -> str:
-    """Return why the totals are a range, as a clause; "" where they are none."""
-    if record.measured:
+def range_reason(record: RecordingSummary) -> str:
+    """Return the reason why the totals are a range as a clause, "" if they are single scores."""
+    if record.fully_measured:
         return ""
     unmeasured = body_parts(record.scores.unmeasured)
     if not unmeasured:
@@ -119,16 +112,16 @@ def reason(record: RecordingSummary) -> str:
 
 
 def worse_side(record: RecordingSummary) -> tuple[str, str]:
-    """Return which arm gives the higher total more often, and how often."""
+    """Return the arm that has the higher total for a longer time, and a note with the shares of time."""
     left, right = (record.curves[f"reba_{side}"].low for side in SIDES)
     higher = {
         "left": float(record.weights[left > right].sum() / record.seconds),
         "right": float(record.weights[right > left].sum() / record.seconds),
     }
     note = f"left higher {percent(higher['left'])} of the time, right {percent(higher['right'])}, else equal"
-    note += "" if record.measured else "; unmeasured angles neutral"
+    note += "" if record.fully_measured else "; unmeasured angles neutral"
     if abs(higher["left"] - higher["right"]) < 0.005:
-        return "both alike", note
+        return "both equal", note
     return ("left" if higher["left"] > higher["right"] else "right"), note
 
 
@@ -142,43 +135,45 @@ def _median(record: RecordingSummary) -> str:
     return f"time-weighted; median {span(ends['median_low'], ends['median_high'])}"
 
 
-def _quality(record: RecordingSummary) -> Tile:
-    return Tile("Data quality", record.grade.letter, record.grade.text)
+def _quality_tile(record: RecordingSummary) -> Tile:
+    return Tile("Data quality", record.quality_grade.letter, record.quality_grade.text)
 
 
-def _sentences(record: RecordingSummary, effects: Sequence[PartContribution]) -> tuple[str, ...]:
+def _sentences(record: RecordingSummary, contributions: Sequence[PartContribution]) -> tuple[str, ...]:
     ends = record.summary["range"]
     low, high = ends["p90_low"], ends["p90_high"]
-    clause = reason(record)
-    where = f"between {low} and {high}" if low != high else f"{low}"
-    found = [
-        f"For nine tenths of the time REBA is {'at most a score ' if low != high else ''}{where}"
+    clause = range_reason(record)
+    limit = f"between {low} and {high}" if low != high else f"{low}"
+    sentences = [
+        f"For 90 % of the time REBA is {'at most a score ' if low != high else ''}{limit}"
         f"{'' if low != high else ' or lower'} ({risk(low, high)} risk)"
-        + (f": the range is there because {clause}." if clause and low != high else ".")
+        + (f": it is a range because {clause}." if clause and low != high else ".")
     ]
     longest = max(range(5), key=lambda level: record.summary["action_levels"][str(level)])
     share = record.summary["action_levels"][str(longest)]
     if share > 0:
-        found.append(
+        sentences.append(
             f"{percent(share)} of the time is at {ACTION_LEVELS[longest][0]} risk, more than at any other level."
         )
     open_share = record.summary["action_level_undetermined"]
     if open_share > 0:
-        found.append(f"For {percent(open_share)} of the time the action level is not determined.")
-    if record.scores.missing != "range" and not record.measured:
-        taken = "neutral" if record.scores.missing == "neutral" else "at their worst"
+        sentences.append(f"For {percent(open_share)} of the time the action level is not determined.")
+    if record.scores.missing != "range" and not record.fully_measured:
+        fill = "neutral" if record.scores.missing == "neutral" else "worst"
         p90 = record.summary["reba"]["p90"]
-        found.append(f"With unmeasured angles taken as {taken}, as asked for, p90 is {p90}; the ranges hold without.")
-    if effects and effects[0].drop >= NOTABLE:
-        first = effects[0]
-        found.append(
-            f"Largest driver: {first.title.lower()}. At the lowest score throughout, the mean would fall from "
+        sentences.append(
+            f"With unmeasured angles set to their {fill} values, as requested, p90 is {p90}; ranges are without that."
+        )
+    if contributions and contributions[0].drop >= NOTABLE:
+        first = contributions[0]
+        sentences.append(
+            f"Largest contribution: {first.title.lower()}. If it always had its lowest score, the mean would fall from "
             f"{first.mean + first.drop:.1f} to {first.mean:.1f}"
-            + ("." if record.measured else " (unmeasured angles neutral).")
+            + ("." if record.fully_measured else " (unmeasured angles neutral).")
         )
     if not np.isfinite(record.rate):
-        found.append("There is only one frame: durations and percentiles stand for that frame alone.")
-    return tuple(found)
+        sentences.append("There is only one frame: durations and percentiles describe that frame alone.")
+    return tuple(sentences)
 
 
 GOALS: Final[dict[str, str]] = {
@@ -186,24 +181,24 @@ GOALS: Final[dict[str, str]] = {
     "load only": "Load alone",
     "coupling only": "Grip alone",
 }
-"""Goals of `reba.analysis.improve` that are shown, with their titles."""
+"""Goals of `reba.analysis.improve` that the report shows -> their titles."""
 
 
 @dataclass(frozen=True)
-class Worst:
+class WorstInterval:
     """One of the worst intervals.
 
     Attributes:
         number: from 1, as marked in the plot over time.
-        start, end, time: [s] of the interval and of the frame that stands for it.
-        length: in words.
-        held: score that is held or exceeded.
+        start, end, time: of the interval and of its representative frame [s].
+        length: duration as text.
+        sustained: score that every frame of the interval reaches.
         reba: score or range of the frame.
-        levels: action levels of the frame's range.
-        risk: in words.
-        why: what gives the most points.
-        changes: (goal, change in words).
-        svg: the posture.
+        levels: action levels at both ends of that range.
+        risk: name of the risk.
+        why: angles and factors with the most points.
+        changes: (goal, change as text).
+        svg: drawing of the posture.
     """
 
     number: int
@@ -211,7 +206,7 @@ class Worst:
     end: float
     time: float
     length: str
-    held: int
+    sustained: int
     reba: str
     levels: tuple[int, int]
     risk: str
@@ -220,13 +215,13 @@ class Worst:
     svg: str
 
 
-def worst(record: RecordingSummary) -> list[Worst]:
+def worst_intervals(record: RecordingSummary) -> list[WorstInterval]:
     """Return the worst intervals, highest score first."""
-    return [_one(record, number, interval) for number, interval in enumerate(record.summary["worst"], 1)]
+    return [_worst_interval(record, number, interval) for number, interval in enumerate(record.summary["worst"], 1)]
 
 
 def worst_minute(record: RecordingSummary) -> tuple[float, float, tuple[tuple[str, str], ...]] | None:
-    """Return start and end [s] of the worst minute and the changes that lower it in every one of its frames."""
+    """Return start and end [s] of the worst minute and the changes that lower the action level of all its frames."""
     if not record.frames:
         return None
     frames = worst_interval(record.scores)
@@ -236,7 +231,7 @@ def worst_minute(record: RecordingSummary) -> tuple[float, float, tuple[tuple[st
     return float(time[first]), float(time[last] + record.weights[last]), changes
 
 
-def _one(record: RecordingSummary, number: int, interval: dict[str, Any]) -> Worst:
+def _worst_interval(record: RecordingSummary, number: int, interval: dict[str, Any]) -> WorstInterval:
     scores, time = record.scores, interval["time"]
     frame = scores.frame_at(time)
     low, high = interval["reba_low"], interval["reba_high"]
@@ -244,13 +239,13 @@ def _one(record: RecordingSummary, number: int, interval: dict[str, Any]) -> Wor
     label = f"Stick figure at {time:.1f} s, REBA {span(low, high)}. " + "; ".join(why)
     support = np.atleast_1d(np.asarray(scores.factors.support))
     sitting = str(support[0] if len(support) == 1 else support[frame]).strip().lower() == "sitting"
-    return Worst(
+    return WorstInterval(
         number=number,
         start=interval["start"],
         end=interval["end"],
         time=time,
         length=seconds(interval["end"] - interval["start"]),
-        held=interval["held"],
+        sustained=interval["held"],
         reba=span(low, high),
         levels=(int(LEVEL_OF[low]), int(LEVEL_OF[high])),
         risk=risk(low, high),
@@ -261,16 +256,16 @@ def _one(record: RecordingSummary, number: int, interval: dict[str, Any]) -> Wor
 
 
 def _marks(record: RecordingSummary, frame: int) -> dict[str, Mark]:
-    """Return the part scores above their lowest, as far as they are known, for the joints of the figure."""
+    """Return part -> mark for the joints of the drawing: the known part scores above the lowest one."""
     marks = {}
     for name in PARTS:
         if name not in SPOTS:
             continue
         low, high = int(record.ends.low[name][frame]), int(record.ends.high[name][frame])
         side = next((side for side in SIDES if name.endswith(side)), "")
-        most = PART_MAXIMA[name.removesuffix(f"_{side}")]
+        highest = PART_MAXIMA[name.removesuffix(f"_{side}")]
         if low > 1:
-            marks[name] = Mark(f"{low}" if low == high else f"{low}+", (low - 1) / (most - 1))
+            marks[name] = Mark(f"{low}" if low == high else f"{low}+", (low - 1) / (highest - 1))
     return marks
 
 

@@ -1,4 +1,4 @@
-"""Names, colours and explanations that the report uses: data, no logic."""
+"""Labels, colours and explanations of the report, and the formatting of its numbers."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 from reba.posture.columns import ANGLES, SIDES
 
 LEVEL_COLOURS: Final[tuple[str, ...]] = ("#5aa5d6", "#bfe0ef", "#ffe8a3", "#f9a35c", "#b92d2b")
-"""Action levels 0 to 4: blue to red by way of yellow after ColorBrewer RdYlBu, which colour-blind people can tell
-apart; a level never stands by its colour alone."""
+"""Action levels 0 to 4: blue over yellow to red after ColorBrewer RdYlBu, which colour-blind people can distinguish;
+the name of a level is always printed with its colour."""
 PART_COLOURS: Final[tuple[str, ...]] = ("#eef0f6", "#e3e1f1", "#c3bfe2", "#9e95ce", "#7a68b5", "#5c3c99", "#3f1273")
 """Part scores 0 to 6: one hue, light to dark."""
 TEXT_ON: Final[dict[str, str]] = dict.fromkeys((LEVEL_COLOURS[4], *PART_COLOURS[4:]), "#ffffff")
@@ -39,7 +39,7 @@ BODY: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     ("lower_arm", "the elbows", ("lower_arm_flexion",)),
     ("wrist", "the wrists", ("wrist_flexion", "wrist_deviation", "wrist_twist")),
 )
-"""Part score, its words, and the angles (without sides) that it is made of."""
+"""Part score, its name in a sentence, and the angles (without sides) that determine it."""
 RULES: Final[dict[str, str]] = {
     "name": "name of the rules",
     "trunk_upright": "trunk counts as upright up to this flexion or extension [deg]",
@@ -58,17 +58,17 @@ RULES: Final[dict[str, str]] = {
     "two_sides": "arm that gives the total",
     "seated_knees": "bent knees count while sitting",
     "walking_legs": "leg score while walking",
-    "coupling_without_load": "coupling counts while nothing is held",
-    "static_seconds": "a part is static when held for longer than [s]",
+    "coupling_without_load": "coupling counts without a load",
+    "static_seconds": "a part is static if held for longer than [s]",
     "static_range": "... with all its angles within a band of [deg]",
-    "repeated_per_minute": "an action is repeated above this many movements a minute",
-    "repeated_min": "... smallest swing that counts [deg]",
-    "repeated_max": "... largest swing that counts [deg]",
-    "gait_per_minute": "strides a minute from which a stretch is walking",
+    "repeated_per_minute": "an action is repeated above this number of movements per minute",
+    "repeated_min": "... smallest amplitude that counts [deg]",
+    "repeated_max": "... largest amplitude that counts [deg]",
+    "gait_per_minute": "strides per minute from which an interval counts as walking",
     "rapid_range": "a change of posture is rapid and large above [deg]",
     "rapid_seconds": "... within [s]",
 }
-"""What each field of `reba.Rules` decides, in a few words."""
+"""Field of `reba.Rules` -> its meaning."""
 FACTORS: Final[dict[str, str]] = {
     "load": "Load [kg]",
     "shock": "Shock or rapid force",
@@ -81,7 +81,7 @@ FACTORS: Final[dict[str, str]] = {
     "repeated": "Activity: repeated",
     "unstable": "Activity: rapid or unstable",
 }
-"""Factors with their titles."""
+"""Factor -> its title."""
 SOURCES: Final[tuple[str, ...]] = (
     "Hignett S, McAtamney L (2000). Rapid Entire Body Assessment (REBA). Applied Ergonomics 31:201-205.",
     "Hignett S, McAtamney L (2005). Rapid Entire Body Assessment. In: Handbook of Human Factors and Ergonomics "
@@ -92,13 +92,13 @@ SOURCES: Final[tuple[str, ...]] = (
 LIMITS: Final[tuple[str, ...]] = (
     "REBA was made for selected postures that a trained observer rates. Scoring every frame of a recording is a "
     "screening: it shows where to look, and does not replace the judgement of an ergonomist at the workplace.",
-    "The score weighs posture, load, grip and activity of single moments. It holds no duration of the working day, no "
-    "recovery, no vibration, temperature or mental load.",
-    "Nothing here is a medical statement about a person, and a score is no measure of injury.",
-    "Angles carry the errors of the sensor or the body model; a posture close to a class edge can fall on either side. "
-    "The edges used are listed under Assumptions.",
+    "The score rates posture, load, grip and activity of single moments. It does not include the duration of the "
+    "working day, recovery, vibration, temperature or mental load.",
+    "The report makes no medical statement about a person, and a score does not measure injury.",
+    "Angles contain the errors of the sensor or the body model; a posture close to a class edge can be scored on "
+    "either side of it. The edges used are listed under Assumptions.",
 )
-"""What a reader must know before using the numbers."""
+"""Limits of the method that a reader must know before using the figures."""
 
 
 def seconds(value: float) -> str:
@@ -126,7 +126,7 @@ def percent(share: float) -> str:
 
 
 def span(low: float | None, high: float | None, digits: int = 0) -> str:
-    """Return "4 to 8", or one number where both ends are equal; "not known" for None.
+    """Return a range as text, "4 to 8", or one number if both ends are equal; "not known" for None.
 
     >>> span(4, 8), span(5.04, 5.02, 1)
     ('4 to 8', '5.0')
@@ -138,7 +138,7 @@ def span(low: float | None, high: float | None, digits: int = 0) -> str:
 
 
 def risk(low: int | None, high: int | None) -> str:
-    """Return the risk of a score or a range of scores: "high", "medium to very high"."""
+    """Return the risk of a score or a range of scores as text: "high", "medium to very high"."""
     if low is None or high is None:
         return "not known"
     first, second = ACTION_LEVELS[LEVEL_OF[low]][0], ACTION_LEVELS[LEVEL_OF[high]][0]
@@ -146,18 +146,18 @@ def risk(low: int | None, high: int | None) -> str:
 
 
 def action(level: int) -> str:
-    """Return what an action level asks for: "no action necessary", "action necessary soon"."""
-    asked = ACTION_LEVELS[level][1]
-    return f"no action {asked.removeprefix('none ')}" if asked.startswith("none ") else f"action {asked}"
+    """Return the action of an action level as text: "no action necessary", "action necessary soon"."""
+    urgency = ACTION_LEVELS[level][1]
+    return f"no action {urgency.removeprefix('none ')}" if urgency.startswith("none ") else f"action {urgency}"
 
 
 def join_names(items: Sequence[str]) -> str:
-    """Return "a", "a and b" or "a, b and c"."""
+    """Return names as text: "a", "a and b" or "a, b and c"."""
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
 
 
 def angle_name(column: str) -> str:
-    """Return a column for people.
+    """Return the name of an angle column in a sentence.
 
     >>> angle_name("wrist_flexion_left")
     'left wrist flexion'
@@ -169,21 +169,20 @@ def angle_name(column: str) -> str:
 
 
 def body_parts(columns: Sequence[str]) -> list[str]:
-    """Return columns for people, a whole part or both sides as one: "the wrists", "neck twist".
+    """Return the names of angle columns in a sentence; a complete part or both sides are one name.
 
     >>> body_parts(["neck_twist", "knee_flexion_left", "knee_flexion_right"])
     ['neck twist', 'the knees']
     """
     of_angle = {angle.name: angle.columns for angle in ANGLES}
-    found = []
-    for _, words, angles in BODY:
-        every = [column for name in angles for column in of_angle[name]]
-        if all(column in columns for column in every):
-            found.append(words)
+    names = []
+    for _, part, angles in BODY:
+        if all(column in columns for angle in angles for column in of_angle[angle]):
+            names.append(part)
             continue
-        for name in angles:
-            if all(column in columns for column in of_angle[name]):
-                found.append(name.replace("_", " "))
+        for angle in angles:
+            if all(column in columns for column in of_angle[angle]):
+                names.append(angle.replace("_", " "))
             else:
-                found += [angle_name(column) for column in of_angle[name] if column in columns]
-    return found
+                names += [angle_name(column) for column in of_angle[angle] if column in columns]
+    return names

@@ -1,14 +1,14 @@
 "use strict";
-// Draws the plots over the still pictures that stand in the page, and answers the two choices beside them.
+// Replaces the static plots of the page by interactive ones, and handles the choice of total and of angle.
 (() => {
   const config = {
     responsive: true,
     displaylogo: false,
-    // Named one by one: the usual set holds a button that sends the plot away.
+    // Listed explicitly: the default set contains a button that uploads the plot.
     modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
   };
-  const views = (drawing, wanted) =>
-    drawing.data.map((trace) => trace.meta === "activity" || trace.meta === wanted);
+  const views = (drawing, total) =>
+    drawing.data.map((trace) => trace.meta === "activity" || trace.meta === total);
 
   const edges = (drawing, number) =>
     drawing.data[number].meta.edges.map((edge) => ({
@@ -25,7 +25,7 @@
     figure.querySelectorAll(".still").forEach((still) => still.classList.add("replaced"));
     const narrow = window.innerWidth < 600;
     if (narrow) {
-      // A finger must be able to scroll past the plot.
+      // Touch must scroll the page, not the plot.
       layout.dragmode = false;
       layout.margin.t = 26;
       layout.margin.r = 8;
@@ -54,7 +54,7 @@
       }),
     );
   }
-  // Paper has no folds.
+  // On paper, collapsed details cannot be opened.
   window.addEventListener("beforeprint", () => {
     for (const details of document.querySelectorAll("details")) details.open = true;
   });

@@ -1,4 +1,4 @@
-"""The page: what each section shows, and the template that sets it."""
+"""The page: template variables of each section, and the environment of the templates."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING, Any, Final
 
 from reba._version import __version__
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
-from reba.report import labels as phrases
-from reba.report.findings import WHY_P90, demanding_time, verdict, worse_side, worst, worst_minute
+from reba.report import labels
+from reba.report.findings import WHY_P90, headline, high_risk_share, worse_side, worst_intervals, worst_minute
 from reba.report.labels import LEVEL_COLOURS, LIMITS, PART_COLOURS, SOURCES, TEXT_ON
 from reba.report.plots import angle_figure, time_figure, time_label, time_svg
 from reba.report.sections import (
     activity_rows,
     angle_rows,
-    effects,
     factor_rows,
+    part_contributions,
     part_shares,
     rule_rows,
     unmeasured_rows,
 )
 from reba.report.series import BUCKETS, DRAW_ALL, VIEWS
-from reba.report.summary import RULE, RecordingSummary, recording, shares_of_levels
+from reba.report.summary import GRADE_RULE, RecordingSummary, seconds_of_levels, summarise
 from reba.scores import Scores
 
 if TYPE_CHECKING:
@@ -32,33 +32,28 @@ LEVEL_SCORES: Final = tuple(
     f"{low}" if low + 1 == after else f"{low} to {after - 1}"
     for low, after in zip(ACTION_LEVEL_FROM, (*ACTION_LEVEL_FROM[1:], 16), strict=True)
 )
-"""Scores of each action level, in words."""
-SAME_AXIS: Final = 0.2
-"""Recordings share the length of their time axes unless the shortest is below this share of the longest."""
+"""Scores of each action level as text."""
+MIN_LENGTH_RATIO: Final = 0.2
+"""Shortest recording as a share of the longest up to which all time axes have equal length; below, the short plot
+would be too narrow to read."""
 
 
 def page(scores: Sequence[Scores], command: str) -> str:
-    """Return the whole page.
-
-    Args:
-        scores: one or more scored recordings.
-        command: command line to show, "" for none.
-    """
+    """Return the report as HTML text; `command` is the command line to show, "" for none."""
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
-    records = [recording(one) for one in scores]
+    records = [summarise(one) for one in scores]
     lengths = [_length(record) for record in records]
-    same_axis = min(lengths) >= SAME_AXIS * max(lengths)
+    same_axis = min(lengths) >= MIN_LENGTH_RATIO * max(lengths)
     spans = [max(lengths) if same_axis else length for length in lengths]
     filters: dict[str, Callable[..., str]] = {
-        "seconds": phrases.seconds,
-        "percent": phrases.percent,
-        "listed": phrases.join_names,
+        "seconds": labels.seconds,
+        "percent": labels.percent,
     }
     return template("reba.report", "template.html", filters, scripted=True).render(
         levels=[
-            {"number": number, "name": name, "action": phrases.action(number), "scores": LEVEL_SCORES[number]}
+            {"number": number, "name": name, "action": labels.action(number), "scores": LEVEL_SCORES[number]}
             for number, (name, _) in enumerate(ACTION_LEVELS)
         ],
         sections=[_section(i + 1, record, span) for i, (record, span) in enumerate(zip(records, spans, strict=True))],
@@ -66,7 +61,7 @@ def page(scores: Sequence[Scores], command: str) -> str:
         command=command,
         buckets=BUCKETS,
         all_drawn=DRAW_ALL * BUCKETS,
-        grade_rule=RULE,
+        grade_rule=GRADE_RULE,
         why_p90=WHY_P90,
         limits=LIMITS,
         sources=SOURCES,
@@ -81,11 +76,11 @@ def _length(record: RecordingSummary) -> float:
 
 
 def _section(number: int, record: RecordingSummary, span: float) -> dict[str, Any]:
-    """Return everything that the template shows of one recording."""
+    """Return the template variables of one recording; `span` [s] is the length of its time axis."""
     from markupsafe import Markup
 
-    intervals = worst(record)
-    driven = effects(record)
+    intervals = worst_intervals(record)
+    contributions = part_contributions(record)
     postures = record.scores.postures
     angle_plot = angle_figure(record, span) if record.frames else None
     section: dict[str, Any] = {
@@ -93,16 +88,16 @@ def _section(number: int, record: RecordingSummary, span: float) -> dict[str, An
         "name": record.name,
         "record": record,
         "empty": not record.frames,
-        "verdict": verdict(record, driven),
-        "held": phrases.span(*record.sustained),
-        "demanding": _demanding(record),
+        "headline": headline(record, contributions),
+        "sustained": labels.span(*record.sustained),
+        "high_risk": _high_risk(record),
         "side": worse_side(record)[0] if record.frames else "",
         "views": VIEWS,
         "level_rows": _level_rows(record),
         "intervals": [(one, Markup(one.svg)) for one in intervals],
         "minute": worst_minute(record),
         "parts": part_shares(record),
-        "effects": driven,
+        "contributions": contributions,
         "angles": angle_rows(record),
         "unmeasured": unmeasured_rows(record),
         "factors": factor_rows(record),
@@ -110,7 +105,7 @@ def _section(number: int, record: RecordingSummary, span: float) -> dict[str, An
         "rules": rule_rows(record),
         "postures": postures,
         "quality": postures.quality,
-        "grade": record.grade,
+        "grade": record.quality_grade,
         "gaps": record.gaps,
         "time_svg": "",
         "time_label": "",
@@ -127,37 +122,39 @@ def _section(number: int, record: RecordingSummary, span: float) -> dict[str, An
     return section
 
 
-def _demanding(record: RecordingSummary) -> str:
-    low, high = (phrases.percent(share) for share in demanding_time(record))
+def _high_risk(record: RecordingSummary) -> str:
+    low, high = (labels.percent(share) for share in high_risk_share(record))
     return low if low == high else f"{low} to {high}"
 
 
 def _level_rows(record: RecordingSummary) -> list[dict[str, Any]]:
-    """Return seconds and share of each action level, highest first, for each total; undetermined time last."""
-    of_view = {name: shares_of_levels(record, name) for name in VIEWS}
+    """Return seconds and share of time of each action level for each total: highest level first, undetermined last."""
+    of_view = {name: seconds_of_levels(record, name) for name in VIEWS}
     rows = []
     for level in (4, 3, 2, 1, 0, None):
-        cells = [{"seconds": found[level], "share": found[level] / (record.seconds or 1.0)} for found in
-                 of_view.values()]  # fmt: skip
+        cells = [
+            {"seconds": seconds[level], "share": seconds[level] / (record.seconds or 1.0)}
+            for seconds in of_view.values()
+        ]
         if level is not None or any(cell["seconds"] > 0 for cell in cells):
             rows.append({"level": level, "cells": cells})
     return rows
 
 
 BASE = "base.html"
-"""What pages extend: head, shared style, and the blocks `title`, `style` and `body`."""
+"""Template that pages extend: head, shared style, and the blocks `title`, `style` and `body`."""
 
 
 def template(
     package: str, name: str, filters: Mapping[str, Callable[..., Any]] | None = None, scripted: bool = False
 ) -> Template:
-    """Return a template of a package; every name that it uses must be given to `render`.
+    """Return a template of a package; `render` must get every variable that the template uses.
 
     Args:
-        package: where it is, `lgp.study`; its first part is named as the program that made the page.
+        package: package of the template, such as `lgp.study`; its first part is named as the generator of the page.
         name: file name in the package.
         filters: name -> function.
-        scripted: whether the page runs scripts of its own; others forbid all.
+        scripted: the page runs its own scripts; the content security policy of other pages forbids all scripts.
 
     Example:
         >>> print(template("reba.report", "base.html").render()[:15])
@@ -167,7 +164,7 @@ def template(
     from markupsafe import Markup
 
     environment = Environment(
-        loader=FunctionLoader(lambda wanted: read("reba.report" if wanted == BASE else package, wanted)),
+        loader=FunctionLoader(lambda file: read("reba.report" if file == BASE else package, file)),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -189,10 +186,12 @@ def read(package: str, name: str) -> str:
 
 
 def _colours() -> str:
-    """Return the classes l0 to l4 and p0 to p6 as CSS: a colour and a text colour that stands out from it."""
-    named = {f"l{i}": colour for i, colour in enumerate(LEVEL_COLOURS)}
-    named |= {f"p{i}": colour for i, colour in enumerate(PART_COLOURS)}
-    fills = [f".{name} {{ background: {colour}; color: {TEXT_ON.get(colour, '#1b2430')}; }}\n" for name, colour in
-             named.items()]  # fmt: skip
+    """Return the CSS classes l0 to l4 and p0 to p6: background and a text colour of sufficient contrast."""
+    colours = {f"l{i}": colour for i, colour in enumerate(LEVEL_COLOURS)}
+    colours |= {f"p{i}": colour for i, colour in enumerate(PART_COLOURS)}
+    fills = [
+        f".{name} {{ background: {colour}; color: {TEXT_ON.get(colour, '#1b2430')}; }}\n"
+        for name, colour in colours.items()
+    ]
     edges = [f".l{i}-edge {{ border-left-color: {colour} !important; }}\n" for i, colour in enumerate(LEVEL_COLOURS)]
     return "".join((*fills, *edges))

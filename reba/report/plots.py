@@ -1,4 +1,4 @@
-"""The interactive plots, as plotly JSON: REBA over time and angles over time."""
+"""Plots of REBA and of the angles over time: interactive as plotly JSON, static as SVG for print."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from reba.method.classes import angle_classes
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import ACTIVITIES, flag
-from reba.report.findings import Worst
+from reba.report.findings import WorstInterval
 from reba.report.labels import LEVEL_COLOURS, angle_name, span
-from reba.report.series import VIEWS, Curve, StepCurve, band, line, runs, steps
+from reba.report.series import VIEWS, Curve, StepCurve, band, flag_intervals, line, steps
 from reba.report.summary import RecordingSummary
 
 INK: Final = "#1b2430"
@@ -21,20 +21,22 @@ RANGE_FILL: Final = "rgba(72, 52, 170, 0.42)"
 RANGE_LINE: Final = "#403a82"
 GAP_FILL: Final = "rgba(110, 118, 130, 0.28)"
 TOP: Final = 15.6
+"""Upper end of the score axis: the highest score with a margin."""
 ANGLE_BUCKETS: Final = 300
-MOST_GAPS: Final = 200
-"""Gaps drawn as grey stretches; the longest ones where there are more. Lines break at every gap."""
+"""Parts of the time axis for angles, fewer than for scores: 22 curves share the size of the file."""
+MAX_GAPS: Final = 200
+"""Gaps drawn as grey areas, the longest ones; lines are interrupted at every gap."""
 
 
 def level_bands() -> list[tuple[float, float, str, str]]:
-    """Return (from, to, colour, name) of each action level on the score axis; edges lie between whole scores."""
+    """Return (from, to, colour, name) of each action level on the score axis; edges lie half way between scores."""
     edges = [start - 0.5 for start in ACTION_LEVEL_FROM] + [TOP]
     return [(edges[i], edges[i + 1], LEVEL_COLOURS[i], ACTION_LEVELS[i][0]) for i in range(len(LEVEL_COLOURS))]
 
 
 def drawn_gaps(record: RecordingSummary) -> list[tuple[float, float]]:
     """Return the gaps that are drawn, in time order."""
-    longest = sorted(record.gaps, key=lambda gap: gap[0] - gap[1])[:MOST_GAPS]
+    longest = sorted(record.gaps, key=lambda gap: gap[0] - gap[1])[:MAX_GAPS]
     return sorted(longest)
 
 
@@ -45,13 +47,13 @@ def time_range(record: RecordingSummary, span: float) -> list[float]:
     return [start - margin, start + span + margin]
 
 
-def time_figure(record: RecordingSummary, intervals: list[Worst], span: float) -> str:
+def time_figure(record: RecordingSummary, intervals: list[WorstInterval], span: float) -> str:
     """Return the plot of REBA over time as JSON: totals with their ranges, levels, gaps, worst intervals, activity.
 
     Args:
         record: with at least one frame.
         intervals: the worst intervals, marked by their numbers.
-        span: [s] length of the time axis, the same for all recordings of a page.
+        span: length of the time axis [s].
     """
     import plotly.graph_objects as go
 
@@ -82,22 +84,22 @@ def _curve_traces(record: RecordingSummary, curve: Curve, *, shown: bool) -> lis
     points = steps(record.scores, curve, record.gaps)
     low, high, value = (part[points.frame] for part in (curve.low, curve.high, curve.value))
     open_, known = low < high, ~np.isnan(value)
-    look = {"mode": "lines", "visible": shown, "showlegend": False}
+    style = {"mode": "lines", "visible": shown, "showlegend": False}
     traces: list[dict[str, Any]] = []
     if open_.any():
         x, y = band(points, low, high, open_)
-        traces.append({**look, "x": _short(x), "y": y.astype(np.float32), "fill": "toself", "fillcolor": RANGE_FILL,
+        traces.append({**style, "x": _short(x), "y": y.astype(np.float32), "fill": "toself", "fillcolor": RANGE_FILL,
                        "line": {"width": 0}, "hoverinfo": "skip"})  # fmt: skip
         edge = {"width": 1, "color": RANGE_LINE, "shape": "hv"}
         x, y = line(points, low, open_)
-        traces.append({**look, "x": _short(x), "y": y.astype(np.float32), "line": edge, "hoverinfo": "skip"})
+        traces.append({**style, "x": _short(x), "y": y.astype(np.float32), "line": edge, "hoverinfo": "skip"})
         _, top = line(points, high, open_)
-        said = "%{x:.2f} s: REBA %{customdata} to %{y}<extra></extra>"
-        traces.append({**look, "x": _short(x), "y": top.astype(np.float32), "line": edge, "customdata": y.tolist(),
-                       "hovertemplate": said})  # fmt: skip
+        hover = "%{x:.2f} s: REBA %{customdata} to %{y}<extra></extra>"
+        traces.append({**style, "x": _short(x), "y": top.astype(np.float32), "line": edge, "customdata": y.tolist(),
+                       "hovertemplate": hover})  # fmt: skip
     if known.any():
         x, y = line(points, value, known)
-        traces.append({**look, "x": _short(x), "y": y.astype(np.float32), "hovertemplate": "%{x:.2f} s: REBA %{y}"
+        traces.append({**style, "x": _short(x), "y": y.astype(np.float32), "hovertemplate": "%{x:.2f} s: REBA %{y}"
                        "<extra></extra>", "line": {"width": 1.6, "color": INK, "shape": "hv"}})  # fmt: skip
     return traces
 
@@ -110,13 +112,13 @@ def _activity_traces(record: RecordingSummary) -> list[dict[str, Any]]:
     if n:
         last[np.searchsorted(time, [start for start, _ in record.gaps], side="right") - 1] = True
         last[-1] = True
-    every = StepCurve(time, time + record.weights, last, frames)
+    points = StepCurve(time, time + record.weights, last, frames)
     traces = []
     for row, kind in enumerate(reversed(ACTIVITIES)):
         flags = np.broadcast_to(flag(kind, getattr(record.scores.factors, kind), n), (n,))
-        found = runs(every, flags, joined=record.seconds / 2000)
-        x = [value for start, end in found for value in (start, end, None)]
-        y = [value for _ in found for value in (row, row, None)]
+        intervals = flag_intervals(points, flags, max_pause=record.seconds / 2000)
+        x = [value for start, end in intervals for value in (start, end, None)]
+        y = [value for _ in intervals for value in (row, row, None)]
         traces.append({
             "x": x, "y": y, "yaxis": "y2", "mode": "lines", "showlegend": False,
             "line": {"width": 7, "color": "#5c3c99"}, "hovertemplate": f"%{{x:.1f}} s: {kind}<extra></extra>",
@@ -148,7 +150,7 @@ def _gap_shapes(record: RecordingSummary) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _worst_shapes(intervals: list[Worst]) -> list[dict[str, Any]]:
+def _worst_shapes(intervals: list[WorstInterval]) -> list[dict[str, Any]]:
     return [
         {"type": "rect", "xref": "x", "x0": one.start, "x1": one.end, "yref": "y", "y0": 0.5, "y1": TOP,
          "fillcolor": "rgba(27, 36, 48, 0.07)", "line": {"width": 1, "color": "rgba(27, 36, 48, 0.55)", "dash": "dot"}}
@@ -156,7 +158,7 @@ def _worst_shapes(intervals: list[Worst]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _worst_numbers(intervals: list[Worst]) -> list[dict[str, Any]]:
+def _worst_numbers(intervals: list[WorstInterval]) -> list[dict[str, Any]]:
     return [
         {"x": one.time, "y": TOP, "yref": "y", "yanchor": "bottom", "text": f"<b>{one.number}</b>", "showarrow": False,
          "font": {"size": 12, "color": "#ffffff"}, "bgcolor": INK, "borderpad": 2}
@@ -165,7 +167,7 @@ def _worst_numbers(intervals: list[Worst]) -> list[dict[str, Any]]:
 
 
 def angle_figure(record: RecordingSummary, span: float) -> tuple[str, list[str]] | None:
-    """Return the plot of one angle at a time as JSON and the names to choose from, or None if nothing was measured."""
+    """Return the plot of one selectable angle as JSON and the names of the angles, or None if none was measured."""
     import plotly.graph_objects as go
 
     angles = record.scores.angles
@@ -216,18 +218,21 @@ def _short(seconds: Array) -> Array:
 
 
 def _json(figure: Any) -> str:
-    """Return a figure as JSON that can stand inside a script element."""
+    """Return a figure as JSON without characters that could end a script element."""
     text: str = figure.to_json(validate=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
 _LEFT, _RIGHT, _UP, _DOWN = 30.0, 832.0, 22.0, 272.0
+"""Edges of the plot area in the SVG [px of its view box]."""
 _BUCKETS: Final = 800
+"""Parts of the time axis in print: one per pixel of the plot area."""
 _BOTTOM: Final = 0.5
+"""Lower end of the score axis: the lowest score with a margin."""
 
 
-def time_svg(record: RecordingSummary, intervals: list[Worst], length: float) -> str:
-    """Return the SVG; `length` [s] is that of the time axis."""
+def time_svg(record: RecordingSummary, intervals: list[WorstInterval], length: float) -> str:
+    """Return the static plot of REBA over time as SVG; `length` of the time axis [s]."""
     start, end = time_range(record, length)
 
     def x(seconds: Array) -> Array:
@@ -272,7 +277,7 @@ def time_svg(record: RecordingSummary, intervals: list[Worst], length: float) ->
 
 
 def time_label(record: RecordingSummary) -> str:
-    """Return what the plot over time shows, for people who cannot see it."""
+    """Return the text alternative of the plot over time."""
     ends = record.summary["range"]
     return (
         f"REBA over time from {record.scores.time[0]:.1f} to {record.scores.time[-1]:.1f} s: "
@@ -281,24 +286,24 @@ def time_label(record: RecordingSummary) -> str:
     )
 
 
-def _rect(x: float, y: float, width: float, height: float, look: str) -> str:
-    return f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" {look}/>'
+def _rect(x: float, y: float, width: float, height: float, style: str) -> str:
+    return f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" {style}/>'
 
 
 def _path(x: Array, y: Array, *, closed: bool) -> str:
-    """Return path commands; NaN starts a new piece, a piece that is not closed holds each value to the next point."""
-    drawn: list[str] = []
-    fresh = True
+    """Return SVG path commands: polygons if closed, else step lines; NaN separates pieces."""
+    commands: list[str] = []
+    new_piece = True
     for a, b in zip(x.tolist(), y.tolist(), strict=True):
         if a != a or b != b:
-            drawn += ["Z"] if closed else []
-            fresh = True
-        elif fresh:
-            drawn.append(f"M{a:.1f} {b:.1f}")
-            fresh = False
+            commands += ["Z"] if closed else []
+            new_piece = True
+        elif new_piece:
+            commands.append(f"M{a:.1f} {b:.1f}")
+            new_piece = False
         else:
-            drawn.append(f"L{a:.1f} {b:.1f}" if closed else f"H{a:.1f}V{b:.1f}")
-    return "".join(drawn) + ("Z" if closed and drawn else "")
+            commands.append(f"L{a:.1f} {b:.1f}" if closed else f"H{a:.1f}V{b:.1f}")
+    return "".join(commands) + ("Z" if closed and commands else "")
 
 
 def _ticks(start: float, end: float) -> list[float]:

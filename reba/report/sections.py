@@ -1,4 +1,4 @@
-"""Angle percentiles and the share of time in each class of every angle."""
+"""Content of the sections: angles, assumptions, rules, activity, and the contributions of the parts."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from reba.posture.angles import against_gravity
 from reba.posture.columns import ANGLES, INDEX, SIDES
 from reba.posture.factors import ACTIVITIES, ASSUMED, COUPLINGS, FACTORS, flag, load_kg
 from reba.report.labels import BODY, PARTS, RULES, angle_name, percent, span
-from reba.report.labels import FACTORS as FACTOR_WORDS
+from reba.report.labels import FACTORS as FACTOR_TITLES
 from reba.report.summary import RecordingSummary
 
 QUANTILES: Final = (0.05, 0.50, 0.95)
+"""Time-weighted quantiles of the table of angles: 5th, 50th and 95th percentile."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +32,10 @@ class AngleRow:
     """One measured angle.
 
     Attributes:
-        name: for people.
-        lowest, p5, p50, p95, highest: time-weighted percentiles and extremes [deg].
+        name: of the angle in a sentence.
+        lowest, p5, p50, p95, highest: extremes and time-weighted percentiles [deg].
         measured: share of time with a value.
-        beyond: (class in words, share of the measured time) of every class but the lowest that occurs.
+        beyond: (class as text, share of the measured time) of every occurring class above the lowest one.
     """
 
     name: str
@@ -48,13 +49,13 @@ class AngleRow:
 
 
 def angle_rows(record: RecordingSummary) -> list[AngleRow]:
-    """Return the measured angles as they are scored, in worksheet order."""
+    """Return the rows of the measured angles in worksheet order; upper arms against the reference of the rules."""
     if not record.frames:
         return []
     angles = np.array(record.scores.angles.T, np.float64, order="C")
     if record.scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)
-    found = []
+    rows = []
     for quantity in angle_classes(record.scores.rules):
         for name in quantity.columns:
             values = angles[INDEX[name]]
@@ -63,16 +64,16 @@ def angle_rows(record: RecordingSummary) -> list[AngleRow]:
                 continue
             weights = record.weights[known]
             values = values[known]
-            left = np.ones(len(values), bool)
+            unassigned = np.ones(len(values), bool)
             beyond = []
             for index, one in enumerate(quantity.classes):
-                inside = left & (values >= one.low) & (values <= one.high)
-                left &= ~inside
+                inside = unassigned & (values >= one.low) & (values <= one.high)
+                unassigned &= ~inside
                 share = float(weights[inside].sum() / weights.sum())
                 if index and share > 0:
                     beyond.append((one.text, share))
             p5, p50, p95 = _quantiles(values, weights)
-            found.append(
+            rows.append(
                 AngleRow(
                     name=angle_name(name),
                     lowest=float(values.min()),
@@ -84,20 +85,20 @@ def angle_rows(record: RecordingSummary) -> list[AngleRow]:
                     beyond=tuple(beyond),
                 )
             )
-    return found
+    return rows
 
 
 def _quantiles(values: Array, weights: Array) -> list[float]:
-    """Return weighted quantiles that are values that occurred."""
+    """Return the weighted `QUANTILES`; each is a value that occurred."""
     order = np.argsort(values)
-    reached = np.cumsum(weights[order])
-    at = np.searchsorted(reached, np.array(QUANTILES) * reached[-1] - 1e-9)
+    cumulative = np.cumsum(weights[order])
+    at = np.searchsorted(cumulative, np.array(QUANTILES) * cumulative[-1] - 1e-9)
     return [float(value) for value in values[order][np.minimum(at, len(values) - 1)]]
 
 
 @dataclass(frozen=True)
-class Unmeasured:
-    """Angles of one part that were not measured, why, and the mean part score they leave."""
+class UnmeasuredPart:
+    """Unmeasured angles of one part, the reasons, and the range of the mean part score that they leave."""
 
     part: str
     angles: tuple[str, ...]
@@ -106,24 +107,24 @@ class Unmeasured:
 
 
 def factor_rows(record: RecordingSummary) -> list[tuple[str, str, str]]:
-    """Return (factor, value, where it comes from) of every factor."""
+    """Return (factor, value, origin) of every factor."""
     used = record.scores.factors
     return [
-        (FACTOR_WORDS.get(name, name), _value(record, name, getattr(used, name)), _origin(record, name))
+        (FACTOR_TITLES.get(name, name), _value(record, name, getattr(used, name)), _origin(record, name))
         for name in FACTORS
     ]
 
 
 def _origin(record: RecordingSummary, name: str) -> str:
     if name in record.scores.activity_causes:
-        return "found in the movement"
+        return "derived from the movement"
     if name in ACTIVITIES and record.frames < 2 and isinstance(getattr(record.scores.factors, name), np.ndarray):
         return "too short to tell"
     return "assumed" if ASSUMED.get(name) in record.scores.assumed else "given"
 
 
 def _value(record: RecordingSummary, name: str, value: Any) -> str:
-    """Return a factor in words: one value, its range, or the share of time of each value."""
+    """Return a factor as text: one value, its range, or the share of time of each value."""
     n = record.frames
     if not n:
         return "no frames"
@@ -131,22 +132,22 @@ def _value(record: RecordingSummary, name: str, value: Any) -> str:
         kilograms = load_kg(value, n)
         return span(float(kilograms.min()), float(kilograms.max()), 0 if (kilograms % 1 == 0).all() else 1)
     if name.startswith("coupling"):
-        words: tuple[str, ...] = COUPLINGS
-        which = record.scores.data[name].to_numpy(np.int64)
+        names: tuple[str, ...] = COUPLINGS
+        codes = record.scores.data[name].to_numpy(np.int64)
     elif name == "support":
-        which, kinds = pd.factorize(np.atleast_1d(np.asarray(value, object)))
-        words = tuple(str(kind).strip().lower() for kind in kinds)
+        codes, kinds = pd.factorize(np.atleast_1d(np.asarray(value, object)))
+        names = tuple(str(kind).strip().lower() for kind in kinds)
     else:
-        words, which = ("no", "yes"), flag(name, value, n).astype(np.int64)
-    seconds = np.bincount(np.broadcast_to(which, (n,)), record.weights)
-    shares = {words[kind]: float(share) for kind, share in enumerate(seconds / record.seconds) if share > 0}
+        names, codes = ("no", "yes"), flag(name, value, n).astype(np.int64)
+    seconds = np.bincount(np.broadcast_to(codes, (n,)), record.weights)
+    shares = {names[code]: float(share) for code, share in enumerate(seconds / record.seconds) if share > 0}
     if len(shares) == 1:
         return next(iter(shares))
-    return ", ".join(f"{word} {percent(share)}" for word, share in shares.items())
+    return ", ".join(f"{text} {percent(share)}" for text, share in shares.items())
 
 
-def unmeasured_rows(record: RecordingSummary) -> list[Unmeasured]:
-    """Return what was not measured, part by part."""
+def unmeasured_rows(record: RecordingSummary) -> list[UnmeasuredPart]:
+    """Return the parts with unmeasured angles in worksheet order."""
     of_angle = {angle.name: angle.columns for angle in ANGLES}
     why = record.scores.postures.why_unmeasured
     rows = []
@@ -163,7 +164,7 @@ def unmeasured_rows(record: RecordingSummary) -> list[Unmeasured]:
         leaves = span(min(means[0]), max(means[1]), 1) if means[0] else "not known"
         reasons = tuple(dict.fromkeys(why.get(column, "not in the recording") for column in columns))
         title = " and ".join(PARTS[one].lower() for one in sided).capitalize()
-        rows.append(Unmeasured(title, tuple(angle_name(column) for column in columns), reasons, leaves))
+        rows.append(UnmeasuredPart(title, tuple(angle_name(column) for column in columns), reasons, leaves))
     return rows
 
 
@@ -183,7 +184,7 @@ def _number(value: object) -> bool:
 
 
 def activity_rows(record: RecordingSummary) -> list[tuple[str, str]]:
-    """Return (kind of activity, the parts that caused it and for how long)."""
+    """Return (kind of activity, its causing parts with their shares of time)."""
     rows = []
     for kind, causes in record.scores.activity_causes.items():
         parts = sorted(((share, PARTS.get(part, part)) for part, share in causes.items() if share > 0), reverse=True)
@@ -202,7 +203,7 @@ GROUPS: Final[dict[str, str]] = {
     "coupling": "Coupling",
     "activity": "Activity",
 }
-"""Parts whose effect on the total is worked out, both sides together."""
+"""Parts whose contribution to the total is computed, both sides together -> their titles."""
 
 
 @dataclass(frozen=True)
@@ -210,11 +211,11 @@ class PartShare:
     """Time in each score of one part.
 
     Attributes:
-        title: name of the part.
-        shares: (score, share of time), lowest first; scores that never occur are left out.
-        undetermined: share of time in which it is not known.
+        title: of the part.
+        shares: (score, share of time) of the occurring scores, lowest first.
+        undetermined: share of time without a single score.
         mean_low, mean_high: time-weighted mean at both ends of the range.
-        highest: highest score that the part can have.
+        highest: maximum score of the part.
     """
 
     title: str
@@ -227,7 +228,7 @@ class PartShare:
 
 @dataclass(frozen=True)
 class PartContribution:
-    """How far the mean REBA would fall if one part always had its lowest score."""
+    """Contribution of one part: mean REBA if it always had its lowest score, and the difference to the actual mean."""
 
     title: str
     mean: float
@@ -235,10 +236,10 @@ class PartContribution:
 
 
 def part_shares(record: RecordingSummary) -> list[PartShare]:
-    """Return the time in each part score, in worksheet order."""
+    """Return the share of time in each part score, in worksheet order."""
     if not record.frames:
         return []
-    found = []
+    rows = []
     weights, total = record.weights, record.seconds
     for name, title in PARTS.items():
         values = column(record.scores, name)
@@ -247,37 +248,37 @@ def part_shares(record: RecordingSummary) -> list[PartShare]:
         shares = tuple((score, float(s / total)) for score, s in enumerate(seconds.tolist()) if s > 0)
         low, high = (float(np.average(end[name], weights=weights)) for end in (record.ends.low, record.ends.high))
         part = next(part for part in PART_MAXIMA if name.startswith(part))
-        found.append(PartShare(title, shares, float(weights[~known].sum() / total), low, high, PART_MAXIMA[part]))
-    return found
+        rows.append(PartShare(title, shares, float(weights[~known].sum() / total), low, high, PART_MAXIMA[part]))
+    return rows
 
 
-def effects(record: RecordingSummary) -> list[PartContribution]:
-    """Return the effect of each part on the mean REBA (unmeasured angles neutral), largest first.
+def part_contributions(record: RecordingSummary) -> list[PartContribution]:
+    """Return the contribution of each part to the mean REBA (unmeasured angles neutral), largest first.
 
-    The few combinations of part scores that occur are scored again with one part at its lowest.
+    Every occurring combination of part scores is scored again with one part at its lowest score.
     """
     if not record.frames:
         return []
     combinations, weights = _combinations(record.ends.low, record.weights)
     sides = record.scores.rules.two_sides
     before = float(np.average(_totals(combinations, sides), weights=weights))
-    found = []
+    contributions = []
     for group, title in GROUPS.items():
         lowest = 0 if group in ("load_force", "coupling", "activity") else 1
-        eased = {name: np.full_like(v, lowest) if name.startswith(group) else v for name, v in combinations.items()}
-        after = float(np.average(_totals(eased, sides), weights=weights))
-        found.append(PartContribution(title, after, before - after))
-    return sorted(found, key=lambda effect: -effect.drop)
+        lowered = {name: np.full_like(v, lowest) if name.startswith(group) else v for name, v in combinations.items()}
+        after = float(np.average(_totals(lowered, sides), weights=weights))
+        contributions.append(PartContribution(title, after, before - after))
+    return sorted(contributions, key=lambda part: -part.drop)
 
 
 def _combinations(scores: ScoreArrays, weights: Array) -> tuple[dict[str, NDArray[np.int64]], Array]:
-    """Return each combination of part scores that occurs, and its seconds."""
+    """Return the occurring combinations of part scores and the time of each [s]."""
     key = np.zeros(len(weights), np.int64)
     for name in PARTS:
         key = key * 8 + scores[name]
-    _, first, which = np.unique(key, return_index=True, return_inverse=True)
+    _, first, combination = np.unique(key, return_index=True, return_inverse=True)
     occurring = {name: scores[name][first].astype(np.int64) for name in PARTS}
-    return occurring, np.bincount(which, weights).astype(np.float64)
+    return occurring, np.bincount(combination, weights).astype(np.float64)
 
 
 def _totals(parts: dict[str, NDArray[np.int64]], sides: str) -> NDArray[np.int64]:

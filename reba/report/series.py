@@ -1,7 +1,7 @@
-"""Score curves for plots: ranges per side, gaps, and as few points as a screen can show.
+"""Score curves for plots: ranges per side, gaps, and min-max decimation.
 
-An hour at 100 Hz has 360,000 frames. A plot keeps, for every column of a screen, the frames with the lowest and the
-highest score in it, so nothing that was reached is lost and every point shown is a frame that was recorded.
+One hour at 100 Hz has 360,000 frames. Of each of `BUCKETS` equal parts of the time axis a plot keeps the frames with
+the lowest and the highest score, so every extreme is shown and every point is a recorded frame.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from reba.method.scoring import ScoreArrays, score_array
 from reba.scores import Scores
 
 BUCKETS: Final = 2000
-"""Columns that a time axis is divided into."""
+"""Parts of a time axis for decimation; about the pixels of a wide screen."""
 DRAW_ALL: Final = 3
-"""Frames per column up to which all of them are drawn."""
+"""Frames per part up to which all frames are drawn: decimation keeps up to six points per part."""
 VIEWS: Final[dict[str, str]] = {"reba": "Total", "reba_left": "Left arm", "reba_right": "Right arm"}
-"""Totals of the score table that are shown, with their titles."""
+"""Totals of the score table that are shown -> their titles."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class ScoreRange:
 
 @dataclass(frozen=True)
 class Curve:
-    """One total over n frames: (n,) floats; `value` is NaN where undetermined, `low` and `high` hold its range."""
+    """One total over n frames: (n,) scores; `value` is NaN where undetermined, `low` and `high` are its range."""
 
     low: Array
     high: Array
@@ -44,13 +44,13 @@ class Curve:
 
 @dataclass(frozen=True)
 class StepCurve:
-    """Points of a curve that holds each value until the next point; k points.
+    """k points of a piecewise constant curve.
 
     Attributes:
-        x: (k,) [s] times of recorded frames.
-        until: (k,) [s] how long the value holds; the end of the stretch for its last point.
-        last: (k,) whether the point is the last one before a gap or the end.
-        frame: (k,) row of the score table.
+        x: (k,) times of recorded frames [s].
+        until: (k,) times at which the values end [s]; before a gap the end of the last frame.
+        last: (k,) true for the last point before a gap or the end.
+        frame: (k,) rows of the score table.
     """
 
     x: Array
@@ -59,7 +59,7 @@ class StepCurve:
     frame: NDArray[np.int64]
 
 
-def bounds(scores: Scores) -> ScoreRange:
+def score_range(scores: Scores) -> ScoreRange:
     """Return both ends of the range of every score."""
     angles = scores.angles
     low = score_array(angles, scores.factors, scores.rules, "neutral")
@@ -67,21 +67,21 @@ def bounds(scores: Scores) -> ScoreRange:
     return ScoreRange(low, low if complete else score_array(angles, scores.factors, scores.rules, "worst"))
 
 
-def curve(scores: Scores, ends: ScoreRange, name: str) -> Curve:
+def score_curve(scores: Scores, ends: ScoreRange, name: str) -> Curve:
     """Return one column of the score table with its range."""
     low, high = ends.low[name].astype(np.float64), ends.high[name].astype(np.float64)
     return Curve(low, high, column(scores, name))
 
 
-def gaps(scores: Scores) -> list[tuple[float, float]]:
-    """Return stretches without samples, (start, end) [s]: those the reader names and those the time column shows."""
+def gaps_of(scores: Scores) -> list[tuple[float, float]]:
+    """Return intervals without samples, (start, end) [s]: those of the reader and those in the time column, merged."""
     time = scores.time
-    found = [gap for gap in scores.postures.quality.gaps if gap[1] > gap[0]]
+    gaps = [gap for gap in scores.postures.quality.gaps if gap[1] > gap[0]]
     if len(time) > 1:
-        broken = np.flatnonzero(np.diff(time) > durations(time)[:-1] + 1e-9)
-        found += [(float(time[i]), float(time[i + 1])) for i in broken.tolist()]
+        before = np.flatnonzero(np.diff(time) > durations(time)[:-1] + 1e-9)
+        gaps += [(float(time[i]), float(time[i + 1])) for i in before.tolist()]
     merged: list[tuple[float, float]] = []
-    for start, end in sorted(found):
+    for start, end in sorted(gaps):
         if merged and start <= merged[-1][1]:
             merged[-1] = (merged[-1][0], max(end, merged[-1][1]))
         else:
@@ -89,33 +89,33 @@ def gaps(scores: Scores) -> list[tuple[float, float]]:
     return merged
 
 
-def steps(scores: Scores, curve: Curve, without: list[tuple[float, float]], buckets: int = BUCKETS) -> StepCurve:
-    """Return the points of a curve: all frames, or the extremes of each bucket where there are more.
+def steps(scores: Scores, curve: Curve, gaps: list[tuple[float, float]], buckets: int = BUCKETS) -> StepCurve:
+    """Return the points of a curve: all frames, or of long recordings the extremes of each bucket.
 
     Args:
         scores: of n frames.
         curve: the total to draw.
-        without: gaps as from `gaps`; a stretch ends where one begins.
-        buckets: columns of the time axis; at most six points are kept in each.
+        gaps: as from `gaps_of`; the curve is interrupted there.
+        buckets: parts of the time axis; at most six points are kept in each.
     """
     time, weights = scores.time, durations(scores.time)
     n = len(time)
     if not n:
         return StepCurve(time, time, np.zeros(0, bool), np.zeros(0, np.int64))
-    starts = np.array([start for start, _ in without])
-    # A frame whose successor lies behind the same gap start belongs to the stretch that ends there.
-    stretch = np.searchsorted(starts, time, side="left")
+    starts = np.array([start for start, _ in gaps])
+    # A frame at the start of a gap is the last one of the piece before the gap.
+    piece = np.searchsorted(starts, time, side="left")
     frames = np.arange(n)
     if n > DRAW_ALL * buckets:
         span = (time[-1] - time[0]) or 1.0
         bucket = np.minimum((time - time[0]) / span * buckets, buckets - 1).astype(np.int64)
-        first = np.flatnonzero(np.append(True, (np.diff(bucket) != 0) | (np.diff(stretch) != 0)))
+        first = np.flatnonzero(np.append(True, (np.diff(bucket) != 0) | (np.diff(piece) != 0)))
         ends = np.append(first[1:], n) - 1
-        kept = [first, ends]
+        extremes = [first, ends]
         for values in (curve.low, curve.high):
-            kept += [_lowest(values, first, n), _lowest(-values, first, n)]
-        frames = np.unique(np.concatenate(kept))
-    last = np.append(np.diff(stretch[frames]) != 0, True)
+            extremes += [_lowest(values, first, n), _lowest(-values, first, n)]
+        frames = np.unique(np.concatenate(extremes))
+    last = np.append(np.diff(piece[frames]) != 0, True)
     until = np.where(last, time[frames] + weights[frames], np.append(time[frames][1:], 0.0))
     return StepCurve(time[frames], until, last, frames)
 
@@ -128,46 +128,48 @@ def _lowest(values: Array, first: NDArray[np.int64], n: int) -> NDArray[np.int64
 
 
 def line(points: StepCurve, values: Array, shown: Flags) -> tuple[Array, Array]:
-    """Return x and y of the shown stretches of a step line, NaN between them; each ends where its last value ends.
+    """Return x [s] and y of a step line through the shown points, with NaN between its pieces.
+
+    A piece ends at the end of its last value.
 
     Args:
         points: k points.
         values: (k,) values at the points.
-        shown: (k,) which points belong to the line.
+        shown: (k,) true for points of the line.
     """
     xs: list[Any] = []
     ys: list[Any] = []
-    for a, b in _stretches(shown, points.last):
+    for a, b in _pieces(shown, points.last):
         xs += [points.x[a : b + 1], [points.until[b], np.nan]]
         ys += [values[a : b + 1], [values[b], np.nan]]
     return _joined(xs), _joined(ys)
 
 
 def band(points: StepCurve, low: Array, high: Array, shown: Flags) -> tuple[Array, Array]:
-    """Return closed polygons, NaN between them, around the area from `low` to `high` of each shown stretch."""
+    """Return x [s] and y of closed polygons from `low` to `high` of the shown points, with NaN between polygons."""
     xs: list[Any] = []
     ys: list[Any] = []
-    for a, b in _stretches(shown, points.last):
+    for a, b in _pieces(shown, points.last):
         forth = np.column_stack([points.x[a : b + 1], points.until[a : b + 1]]).ravel()
         xs += [forth, forth[::-1], [np.nan]]
         ys += [np.repeat(high[a : b + 1], 2), np.repeat(low[a : b + 1], 2)[::-1], [np.nan]]
     return _joined(xs), _joined(ys)
 
 
-def runs(points: StepCurve, flags: Flags, joined: float = 0.0) -> list[tuple[float, float]]:
-    """Return (start, end) [s] of the stretches where a flag (k,) holds; those closer than `joined` [s] become one."""
-    found: list[tuple[float, float]] = []
-    for a, b in _stretches(flags, points.last):
+def flag_intervals(points: StepCurve, flags: Flags, max_pause: float = 0.0) -> list[tuple[float, float]]:
+    """Return (start, end) [s] of the intervals in which a flag (k,) is true, bridging pauses up to `max_pause` [s]."""
+    intervals: list[tuple[float, float]] = []
+    for a, b in _pieces(flags, points.last):
         start, end = float(points.x[a]), float(points.until[b])
-        if found and start - found[-1][1] <= joined:
-            found[-1] = (found[-1][0], end)
+        if intervals and start - intervals[-1][1] <= max_pause:
+            intervals[-1] = (intervals[-1][0], end)
         else:
-            found.append((start, end))
-    return found
+            intervals.append((start, end))
+    return intervals
 
 
-def _stretches(shown: Flags, last: Flags) -> list[tuple[int, int]]:
-    """Return first and last index of each stretch of shown points; a point before a gap ends one."""
+def _pieces(shown: Flags, last: Flags) -> list[tuple[int, int]]:
+    """Return first and last index of each run of shown points; a point before a gap ends a run."""
     before = np.append(True, last[:-1] | ~shown[:-1]) if len(shown) else shown
     after = last | np.append(~shown[1:], True) if len(shown) else shown
     starts, stops = np.flatnonzero(shown & before), np.flatnonzero(shown & after)

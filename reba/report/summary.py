@@ -1,4 +1,4 @@
-"""Everything about one recording that the report's sections share, worked out once."""
+"""Figures of one recording that the sections of the report share, and the data quality grade."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from reba.arrays import Array
 from reba.method.tables import LEVEL_OF
 from reba.posture.columns import COLUMNS
 from reba.posture.table import Quality
-from reba.report.series import VIEWS, Curve, ScoreRange, bounds, curve, gaps
+from reba.report.series import VIEWS, Curve, ScoreRange, gaps_of, score_curve, score_range
 from reba.scores import Scores
 
 
 @dataclass(frozen=True)
 class RecordingSummary:
-    """One scored recording with what is derived from it.
+    """One scored recording with derived figures.
 
     Attributes:
-        name: file name, without folders.
-        scores: as scored, the angles in one block.
+        name: file name without folders.
+        scores: scores whose angles are one contiguous array.
         summary: `scores.summary()`.
-        held: highest score held for a second, at both ends of the range.
+        sustained: highest score sustained for a second, at both ends of the range.
         ends: every score with unmeasured angles at their best and worst.
         curves: total -> its curve, see `reba.report.series.VIEWS`.
-        weights: (n,) [s] that each frame stands for.
-        gaps: (start, end) [s] of stretches without samples.
-        grade: data quality.
+        weights: (n,) duration of each frame [s].
+        gaps: (start, end) of intervals without samples [s].
+        quality_grade: data quality grade.
     """
 
     name: str
@@ -42,7 +42,7 @@ class RecordingSummary:
     curves: dict[str, Curve]
     weights: Array
     gaps: list[tuple[float, float]]
-    grade: Grade
+    quality_grade: QualityGrade
 
     @property
     def frames(self) -> int:
@@ -51,7 +51,7 @@ class RecordingSummary:
 
     @property
     def seconds(self) -> float:
-        """Duration that is scored, gaps left out [s]."""
+        """Scored duration without gaps [s]."""
         return float(self.weights.sum())
 
     @property
@@ -60,38 +60,38 @@ class RecordingSummary:
         return sampling_rate(self.scores)
 
     @property
-    def measured(self) -> bool:
-        """Whether the totals are known in every frame."""
+    def fully_measured(self) -> bool:
+        """Whether the totals are single scores in every frame."""
         total = self.curves["reba"]
         return bool((total.low == total.high).all())
 
 
-def recording(scores: Scores) -> RecordingSummary:
-    """Work out what the sections share."""
-    scores = _in_one_block(scores)
+def summarise(scores: Scores) -> RecordingSummary:
+    """Return the figures of one recording that the sections share."""
+    scores = _contiguous(scores)
     weights = durations(scores.time)
-    ends = bounds(scores)
-    curves = {name: curve(scores, ends, name) for name in VIEWS}
-    without = gaps(scores)
+    ends = score_range(scores)
+    curves = {name: score_curve(scores, ends, name) for name in VIEWS}
+    gaps = gaps_of(scores)
     width = curves["reba"].high - curves["reba"].low
-    silent = sum(end - start for start, end in without)
-    quality = grade(
+    gap_seconds = sum(end - start for start, end in gaps)
+    grade = quality_grade(
         scores.postures.quality,
         frames=len(weights),
-        seconds=float(weights.sum()) + silent,
-        missing=silent,
+        seconds=float(weights.sum()) + gap_seconds,
+        gap_seconds=gap_seconds,
         width=float(np.average(width, weights=weights)) if len(weights) else 0.0,
         rate=sampling_rate(scores),
     )
     name = PurePath(scores.postures.source.replace("\\", "/")).name or "recording"
     summary = scores.summary()
-    longest = summary["held"]["reba"]
-    at_worst = longest if not width.any() else sustained(_at_worst(scores))
-    return RecordingSummary(name, scores, summary, (longest, at_worst), ends, curves, weights, without, quality)
+    low = summary["held"]["reba"]
+    high = low if not width.any() else sustained(_at_worst(scores))
+    return RecordingSummary(name, scores, summary, (low, high), ends, curves, weights, gaps, grade)
 
 
-def _in_one_block(scores: Scores) -> Scores:
-    """Return the scores with angles that every section can look at without copying 22 columns."""
+def _contiguous(scores: Scores) -> Scores:
+    """Return the scores with the angles in one contiguous array, which every section reads without copying."""
     import pandas as pd
 
     block = np.column_stack([scores.time, scores.angles])
@@ -112,107 +112,109 @@ def sampling_rate(scores: Scores) -> float:
     return rate
 
 
-def shares_of_levels(record: RecordingSummary, name: str) -> dict[int | None, float]:
-    """Return seconds in each action level of a total; None: the range spans more than one."""
-    shown = record.curves[name]
-    low, high = (np.where(np.isnan(shown.value), end, shown.value).astype(int) for end in (shown.low, shown.high))
+def seconds_of_levels(record: RecordingSummary, name: str) -> dict[int | None, float]:
+    """Return action level -> time [s] of a total; None: the range spans more than one level."""
+    curve = record.curves[name]
+    low, high = (np.where(np.isnan(curve.value), end, curve.value).astype(int) for end in (curve.low, curve.high))
     levels, same = LEVEL_OF[low], LEVEL_OF[low] == LEVEL_OF[high]
-    found: dict[int | None, float] = {
+    seconds: dict[int | None, float] = {
         level: float(record.weights[same & (levels == level)].sum()) for level in range(5)
     }
-    found[None] = float(record.weights[~same].sum())
-    return found
+    seconds[None] = float(record.weights[~same].sum())
+    return seconds
 
 
-Result = Literal["passed", "weak", "failed"]
+Outcome = Literal["passed", "weak", "failed"]
 GAPS: Final = (0.01, 0.10)
 """Share of the duration without samples: weak above the first, failed above the second."""
 SKIPPED: Final = (0.001, 0.05)
-"""Share of messages that could not be used."""
+"""Share of messages that could not be used: weak above the first, failed above the second."""
 RATES: Final = (10.0, 2.0)
-"""[Hz] Weak below the first, failed below the second: postures change within a few tenths of a second."""
-RANGE: Final = (0.0, 3.0)
-"""Mean width of the REBA range that unmeasured angles leave."""
-RULE: Final = (
+"""Sampling rate [Hz]: weak below the first, failed below the second; postures change within tenths of a second."""
+WIDTHS: Final = (0.0, 3.0)
+"""Mean width of the REBA range [score]: weak above the first, failed above the second, the width of an action level."""
+GRADE_RULE: Final = (
     "A: all checks passed. B: some are weak, none failed. C: one check failed. D: two or more failed, or no frames."
 )
 
 
 @dataclass(frozen=True)
 class QualityCheck:
-    """One check: what was looked at, how it ended, what was found and the rule that was applied."""
+    """One check of the data quality: the observed value, its result and the rule."""
 
-    what: str
-    result: Result
-    found: str
+    name: str
+    result: Outcome
+    observed: str
     rule: str
 
 
 @dataclass(frozen=True)
-class Grade:
-    """A letter and the checks behind it."""
+class QualityGrade:
+    """Data quality grade, A to D, with the checks from which it follows."""
 
     letter: str
     checks: tuple[QualityCheck, ...]
 
     @property
     def text(self) -> str:
-        """What keeps the grade from being A, in a few words."""
-        found = []
+        """Failed and weak checks as text."""
+        parts = []
         for result in ("failed", "weak"):
-            names = [check.what.lower() for check in self.checks if check.result == result]
-            found += [f"{result}: {', '.join(names)}"] if names else []
-        return "; ".join(found) or "all checks passed"
+            names = [check.name.lower() for check in self.checks if check.result == result]
+            parts += [f"{result}: {', '.join(names)}"] if names else []
+        return "; ".join(parts) or "all checks passed"
 
 
-def grade(quality: Quality, frames: int, seconds: float, missing: float, width: float, rate: float) -> Grade:
-    """Grade a recording.
+def quality_grade(
+    quality: Quality, frames: int, seconds: float, gap_seconds: float, width: float, rate: float
+) -> QualityGrade:
+    """Return the data quality grade of a recording.
 
     Args:
-        quality: what the reader found.
-        frames: frames scored.
-        seconds: from the first to the last frame.
-        missing: [s] of it without samples.
-        width: mean of REBA high minus low.
-        rate: [Hz], NaN if unknown.
+        quality: record of the reader.
+        frames: number of scored frames.
+        seconds: duration from the first to the last frame [s].
+        gap_seconds: part of the duration without samples [s].
+        width: time-weighted mean width of the REBA range [score].
+        rate: sampling rate [Hz], NaN if unknown.
 
     Example:
-        >>> grade(Quality(messages=100), 100, 10.0, 0.0, 0.0, 25.0).letter
+        >>> quality_grade(Quality(messages=100), 100, 10.0, 0.0, 0.0, 25.0).letter
         'A'
     """
-    gaps = missing / seconds if seconds > 0 else 0.0
+    gaps = gap_seconds / seconds if seconds > 0 else 0.0
     skipped = quality.skipped / quality.messages if quality.messages else 0.0
     end = quality.ended_abnormally
-    slow: Result = "weak" if np.isnan(rate) else _result(-rate, (-RATES[0], -RATES[1]))
-    pace = "unknown" if np.isnan(rate) else f"{rate:.4g} Hz"
+    rate_result: Outcome = "weak" if np.isnan(rate) else _result(-rate, (-RATES[0], -RATES[1]))
+    rate_text = "unknown" if np.isnan(rate) else f"{rate:.4g} Hz"
     open_range = f"leave a mean REBA range of {width:.1f} points" if width > 0 else "leave no range"
     unusable = f"{quality.skipped} of {quality.messages}" if quality.messages else "none reported"
-    silent = f"{missing:.1f} s ({100 * gaps:.2g} %) without samples" if missing else "none"
-    warned = f"{len(quality.warnings)}" if quality.warnings else "none"
+    without_samples = f"{gap_seconds:.1f} s ({100 * gaps:.2g} %) without samples" if gap_seconds else "none"
+    warnings = f"{len(quality.warnings)}" if quality.warnings else "none"
     checks = (
-        QualityCheck(
-            "End of the recording", "failed" if end else "passed", end or "complete", "failed if it breaks off"
-        ),
+        QualityCheck("End of the recording", "failed" if end else "passed", end or "complete", "failed if truncated"),
         QualityCheck("Unusable messages", _result(skipped, SKIPPED), unusable, _limits("share", SKIPPED)),
-        QualityCheck("Gaps", _result(gaps, GAPS), silent, _limits("share of the duration", GAPS)),
-        QualityCheck("Sampling rate", slow, pace, f"weak below {RATES[0]:g} Hz, failed below {RATES[1]:g} Hz"),
+        QualityCheck("Gaps", _result(gaps, GAPS), without_samples, _limits("share of the duration", GAPS)),
+        QualityCheck(
+            "Sampling rate", rate_result, rate_text, f"weak below {RATES[0]:g} Hz, failed below {RATES[1]:g} Hz"
+        ),
         QualityCheck(
             "Angles not measured",
-            _result(width, RANGE),
+            _result(width, WIDTHS),
             open_range,
-            f"weak if they leave any range, failed above {RANGE[1]:g} points on average",
+            f"weak if they leave any range, failed above {WIDTHS[1]:g} points on average",
         ),
         QualityCheck(
-            "Warnings of the reader", "weak" if quality.warnings else "passed", warned, "weak if there are any"
+            "Warnings of the reader", "weak" if quality.warnings else "passed", warnings, "weak if there are any"
         ),
     )
     results = [check.result for check in checks]
     failed = results.count("failed")
     letter = "D" if failed > 1 or not frames else "C" if failed else "B" if "weak" in results else "A"
-    return Grade(letter, checks)
+    return QualityGrade(letter, checks)
 
 
-def _result(value: float, limits: tuple[float, float]) -> Result:
+def _result(value: float, limits: tuple[float, float]) -> Outcome:
     return "failed" if value > limits[1] else "weak" if value > limits[0] else "passed"
 
 

@@ -1,8 +1,8 @@
 """Write score tables and posture tables: Parquet, CSV and MCAP.
 
-The rules with every threshold, what was assumed and what was not measured go with the numbers: as Parquet metadata
-(key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`. Every file is written beside its
-target and renamed once it is whole.
+The rules with every threshold, the assumed factors and the unmeasured angles are written with the numbers: as Parquet
+metadata (key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`. Every file is written under a
+temporary name in the target folder and renamed when it is complete.
 """
 
 from __future__ import annotations
@@ -23,41 +23,46 @@ from reba.posture.table import PostureTable
 from reba.scores import Scores
 from reba.writers.mcap import write_mcap
 
-ROWS: Final = 16_384
-"""Rows converted at a time, so that writing an hour does not need a second copy of the table."""
+BLOCK_ROWS: Final = 16_384
+"""Rows converted at a time, so that writing one hour (360,000 rows at 100 Hz) needs no second copy of the table."""
 SUFFIXES: Final = (".parquet", ".csv", ".mcap")
 
 
 def write_scores(scores: Scores, path: str | Path) -> None:
-    """Write the score table; the suffix of `path` chooses .parquet, .csv or .mcap.
+    """Write the score table; the ending of `path` chooses .parquet, .csv or .mcap.
 
-    An .mcap holds the original topics as well if the scored recording was MCAP.
+    An .mcap also contains the original topics if the scored recording was MCAP.
+
+    Args:
+        scores: scores of one recording.
+        path: file to write; its folder is created if missing.
 
     Raises:
-        RebaError: unknown suffix, or the file cannot be written.
+        RebaError: unknown ending, or the file cannot be written.
     """
-    _write(scores.data, _about_scores(scores), Path(path), scores.postures, "scores")
+    _write(scores.data, _score_metadata(scores), Path(path), scores.postures, "scores")
 
 
 def write_postures(
     postures: PostureTable, path: str | Path, *, records: Mapping[str, Mapping[str, str]] | None = None
 ) -> None:
-    """Write a posture table; the suffix of `path` chooses .parquet, .csv or .mcap.
+    """Write a posture table; the ending of `path` chooses .parquet, .csv or .mcap.
 
     Args:
+        postures: postures of one recording.
+        path: file to write; its folder is created if missing.
         records: further metadata records of an .mcap: name -> text by key.
 
     Raises:
-        RebaError: unknown suffix, records for another one than .mcap, or the file cannot be written.
+        RebaError: unknown ending, records for a format other than .mcap, or the file cannot be written.
     """
     if records and Path(path).suffix.lower() != ".mcap":
-        raise RebaError(f"{path}: only an .mcap carries metadata records; choose that ending")
-    _write(postures.data, about_postures(postures), Path(path), postures, "postures", records)
+        raise RebaError(f"{path}: metadata records need an .mcap file; choose the ending .mcap")
+    _write(postures.data, posture_metadata(postures), Path(path), postures, "postures", records)
 
 
-def about_postures(postures: PostureTable) -> dict[str, Any]:
-    """Return what belongs to a posture table beside its numbers, as plain data."""
-
+def posture_metadata(postures: PostureTable) -> dict[str, Any]:
+    """Return the metadata of a posture table as plain data: source, profile, assumptions, quality."""
     return {
         "reba_version": __version__,
         "source": Path(postures.source).name,
@@ -72,26 +77,26 @@ def about_postures(postures: PostureTable) -> dict[str, Any]:
     }
 
 
-def _about_scores(scores: Scores) -> dict[str, Any]:
+def _score_metadata(scores: Scores) -> dict[str, Any]:
     return {
-        **about_postures(scores.postures),
+        **posture_metadata(scores.postures),
         "rules": dataclasses.asdict(scores.rules),
         "missing": scores.missing,
         "assumed": list(scores.assumed),
-        "factors": {name: _factor(getattr(scores.factors, name)) for name in FACTORS},
+        "factors": {name: _factor_value(getattr(scores.factors, name)) for name in FACTORS},
         "activity": scores.activity_causes,
     }
 
 
-def _factor(values: Any) -> Any:
-    """Return a factor that is the same in every frame, or "per frame"; its points stand in the score table."""
-    given = np.unique(np.asarray(values))
-    return given[0].item() if len(given) == 1 else "per frame"
+def _factor_value(values: Any) -> Any:
+    """Return the value of a constant factor, else "per frame"; the score table contains the points of each frame."""
+    distinct = np.unique(np.asarray(values))
+    return distinct[0].item() if len(distinct) == 1 else "per frame"
 
 
 def _write(
     data: pd.DataFrame,
-    about: dict[str, Any],
+    metadata: dict[str, Any],
     path: Path,
     postures: PostureTable,
     kind: str,
@@ -99,25 +104,24 @@ def _write(
 ) -> None:
     suffix = path.suffix.lower()
     if suffix == ".parquet":
-        write_atomic(path, lambda part: _parquet(data, about, part))
+        write_atomic(path, lambda part: _write_parquet(data, metadata, part))
     elif suffix == ".csv":
-        write_atomic(path, lambda part: data.to_csv(part, index=False, chunksize=ROWS))
-        text = as_json(about, indent=1) + "\n"
+        write_atomic(path, lambda part: data.to_csv(part, index=False, chunksize=BLOCK_ROWS))
+        text = as_json(metadata, indent=1) + "\n"
         write_atomic(path.with_name(path.name + ".meta.json"), lambda part: write_text(part, text))
     elif suffix == ".mcap":
-        write_atomic(path, lambda part: write_mcap(data, about, part, postures, kind, records))
+        write_atomic(path, lambda part: write_mcap(data, metadata, part, postures, kind, records))
     else:
         raise RebaError(f"{path}: ending {suffix!r} is unknown; choose one of {', '.join(SUFFIXES)}")
 
 
-def _parquet(data: pd.DataFrame, about: dict[str, Any], path: Path) -> None:
+def _write_parquet(data: pd.DataFrame, metadata: dict[str, Any], path: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     schema = pa.Schema.from_pandas(data.iloc[:0], preserve_index=False)
-    note = as_json(about)
-    schema = schema.with_metadata({**(schema.metadata or {}), b"reba": note.encode()})
+    schema = schema.with_metadata({**(schema.metadata or {}), b"reba": as_json(metadata).encode()})
     with pq.ParquetWriter(path, schema, compression="zstd") as writer:
-        for start in range(0, max(len(data), 1), ROWS):
-            rows = pa.Table.from_pandas(data.iloc[start : start + ROWS], schema=schema, preserve_index=False)
+        for start in range(0, max(len(data), 1), BLOCK_ROWS):
+            rows = pa.Table.from_pandas(data.iloc[start : start + BLOCK_ROWS], schema=schema, preserve_index=False)
             writer.write_table(rows)

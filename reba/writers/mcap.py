@@ -1,8 +1,8 @@
 """Scores and postures as MCAP channels that Foxglove, Lichtblick and Rerun plot.
 
-One JSON message a frame on `/ergonomics/reba` (or `/ergonomics/posture`) with a JSON schema, at the time stamps of the
-recording, the rules as a metadata record named `reba`; beside scores the topics of the original recording if that was
-MCAP.
+One JSON message per frame on `/ergonomics/reba` (or `/ergonomics/posture`) with a JSON schema, at the time stamps of
+the recording; the rules as a metadata record named `reba`. A file of scores also contains the topics of the original
+recording if that was MCAP.
 """
 
 from __future__ import annotations
@@ -26,38 +26,38 @@ if TYPE_CHECKING:
 
 TOPICS: Final = {"scores": "/ergonomics/reba", "postures": "/ergonomics/posture"}
 SCHEMAS: Final = {"scores": "reba.Scores", "postures": "reba.Posture"}
-ROWS: Final = 16_384
-"""Frames turned into text at a time."""
-LIMIT: Final = 1 << 30
-"""[bytes] Largest chunk of a source that is unpacked."""
-_HEAD: Final = struct.Struct("<IQQ")
-"""Sequence, log time and publish time, which stand right before the payload of a message."""
+BLOCK_ROWS: Final = 16_384
+"""Frames converted to JSON text at a time; bounds the memory for text."""
+MAX_CHUNK_BYTES: Final = 1 << 30
+"""[bytes] Largest decompressed chunk of a source; protects against decompression bombs."""
+_MESSAGE_HEADER: Final = struct.Struct("<IQQ")
+"""Sequence, log time and publish time: the fields directly before the payload of a message (MCAP specification)."""
 
 
 def write_mcap(
     data: pd.DataFrame,
-    about: dict[str, Any],
+    metadata: dict[str, Any],
     path: Path,
     postures: PostureTable,
     kind: str,
     records: Mapping[str, Mapping[str, str]] | None = None,
 ) -> None:
-    """Write a table as one JSON channel, with the original topics beside it, and further metadata `records`."""
+    """Write a table as one JSON channel, together with the original topics and further metadata `records`."""
     from mcap.writer import CompressionType, Writer
 
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.ZSTD)
         writer.start(profile="", library="dreba")
-        notes = {key: value if isinstance(value, str) else as_json(value) for key, value in about.items()}
-        writer.add_metadata("reba", notes)
+        texts = {key: value if isinstance(value, str) else as_json(value) for key, value in metadata.items()}
+        writer.add_metadata("reba", texts)
         for name, record in (records or {}).items():
             writer.add_metadata(name, dict(record))
         schema = writer.register_schema(SCHEMAS[kind], "jsonschema", json.dumps(_schema(data, kind)).encode())
         channel = writer.register_channel(TOPICS[kind], "json", schema)
-        messages = _messages(data, postures.epoch)
+        messages = _json_messages(data, postures.epoch)
         source = Path(postures.source)
         if kind == "scores" and source.is_file() and _is_mcap(source):
-            _copy_beside(writer, source, channel, messages)
+            _merge_with_source(writer, source, channel, messages)
         else:
             for stamp, text in messages:
                 writer.add_message(channel, stamp, text, stamp)
@@ -65,7 +65,7 @@ def write_mcap(
 
 
 def _schema(data: pd.DataFrame, kind: str) -> dict[str, Any]:
-    def kind_of(name: str) -> dict[str, Any]:
+    def schema_of(name: str) -> dict[str, Any]:
         if name == "time":
             return {"type": "number", "description": "seconds since the start of the recording"}
         if name in COLUMNS:
@@ -75,14 +75,14 @@ def _schema(data: pd.DataFrame, kind: str) -> dict[str, Any]:
         return {"description": "factor"}
 
     names = [str(name) for name in data.columns]
-    return {"title": SCHEMAS[kind], "type": "object", "properties": {name: kind_of(name) for name in names}}
+    return {"title": SCHEMAS[kind], "type": "object", "properties": {name: schema_of(name) for name in names}}
 
 
-def _messages(data: pd.DataFrame, epoch: float) -> Iterator[tuple[int, bytes]]:
+def _json_messages(data: pd.DataFrame, epoch: float) -> Iterator[tuple[int, bytes]]:
     """Yield (time stamp [ns], JSON text) of every frame."""
     start = round(epoch * 1e9)
-    for first in range(0, len(data), ROWS):
-        rows = data.iloc[first : first + ROWS]
+    for first in range(0, len(data), BLOCK_ROWS):
+        rows = data.iloc[first : first + BLOCK_ROWS]
         stamps = start + np.rint(rows["time"].to_numpy(np.float64) * 1e9).astype(np.int64)
         lines = rows.to_json(orient="records", lines=True, double_precision=9).splitlines()
         for stamp, line in zip(stamps.tolist(), lines, strict=True):
@@ -94,13 +94,12 @@ def _is_mcap(path: Path) -> bool:
         return stream.read(5) == b"\x89MCAP"
 
 
-def _copy_beside(writer: Writer, source: Path, channel: int, ours: Iterator[tuple[int, bytes]]) -> None:
-    """Copy every message of the source and put ours between them by time, chunk by chunk.
+def _merge_with_source(writer: Writer, source: Path, channel: int, scores: Iterator[tuple[int, bytes]]) -> None:
+    """Copy every message of the source chunk by chunk and insert the score messages by time stamp.
 
-    A recording that breaks off is copied up to the break, as it was scored up to the break.
+    Of a truncated recording every complete message is copied, which is also the part that was scored.
     """
-
-    container = Container(source, check_crc=True, limit_bytes=LIMIT)
+    container = Container(source, check_crc=True, limit_bytes=MAX_CHUNK_BYTES)
     schemas: dict[int, int] = {0: 0}
     channels: dict[int, int] = {}
 
@@ -114,19 +113,19 @@ def _copy_beside(writer: Writer, source: Path, channel: int, ours: Iterator[tupl
             channels[number] = writer.register_channel(original.topic, original.encoding, schema_id, original.metadata)
         return channels[number]
 
-    waiting = next(ours, None)
+    pending = next(scores, None)
     for segment in container.segments:
         loaded = container.load(segment)
         for payload, length, number in zip(
             loaded.scan.payloads.tolist(), loaded.scan.lengths.tolist(), loaded.scan.channels.tolist(), strict=True
         ):
-            sequence, log_time, publish_time = _HEAD.unpack_from(loaded.data, payload - _HEAD.size)
-            while waiting is not None and waiting[0] <= log_time:
-                writer.add_message(channel, waiting[0], waiting[1], waiting[0])
-                waiting = next(ours, None)
+            sequence, log_time, publish_time = _MESSAGE_HEADER.unpack_from(loaded.data, payload - _MESSAGE_HEADER.size)
+            while pending is not None and pending[0] <= log_time:
+                writer.add_message(channel, pending[0], pending[1], pending[0])
+                pending = next(scores, None)
             if number in container.channels:
                 data = loaded.data[payload : payload + length]
                 writer.add_message(channel_of(number), log_time, data, publish_time, sequence)
-    while waiting is not None:
-        writer.add_message(channel, waiting[0], waiting[1], waiting[0])
-        waiting = next(ours, None)
+    while pending is not None:
+        writer.add_message(channel, pending[0], pending[1], pending[0])
+        pending = next(scores, None)

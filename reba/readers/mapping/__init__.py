@@ -41,7 +41,7 @@ class Mapper(Protocol):
     def body(self, block: Block) -> SegmentFrames:
         """Return the body of a block of n samples."""
 
-    def settled(self) -> bool:
+    def is_consistent(self) -> bool:
         """Return whether its choices fit the whole recording; if not, it chose anew and needs another pass."""
 
     def dead(self, seconds: float) -> dict[str, str]:
@@ -130,7 +130,7 @@ def collect(stream: Stream, mapper: Mapper) -> Samples:
     """
     table, log = _pass(stream, mapper)
     for _ in range(PASSES - 1):
-        if mapper.settled():
+        if mapper.is_consistent():
             break
         del table
         table, log = _pass(stream, mapper)

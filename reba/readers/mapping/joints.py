@@ -83,7 +83,7 @@ class JointMapper:
         body.columns = self._columns(values, n)
         return body
 
-    def settled(self) -> bool:
+    def is_consistent(self) -> bool:
         """Return whether the unit fits all values; otherwise take the other one, and the recording is read again."""
         far = self.ranges.far()
         if self.unit == "rad" and far >= 2:

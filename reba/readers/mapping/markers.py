@@ -79,9 +79,9 @@ class PointMapper:
             self._leaning()
         return body
 
-    def settled(self) -> bool:
+    def is_consistent(self) -> bool:
         """Return whether vertical and sides fit all frames; otherwise choose anew, and the recording is read again."""
-        settled = self.orientation.settled()
+        settled = self.orientation.is_consistent()
         self.warnings += [text for text in self.orientation.warnings if text not in self.warnings]
         self.assumed += [text for text in self.orientation.assumed if text not in self.assumed]
         return settled

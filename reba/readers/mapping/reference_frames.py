@@ -153,7 +153,7 @@ def read_root(profile: Profile, streams: list[tuple[Stream, str]], axes: Array) 
         quaternions[1:] *= flips[:, None]
         orientation = Orientation(stream.up, "z")
         orientation.watch(np.matmul(matrices(quaternions), axes)[:, :, 1], None, None, None)
-        orientation.settled()
+        orientation.is_consistent()
         up = orientation.up
         if up is None:
             continue
@@ -231,7 +231,7 @@ class Orientation:
         if shoulders is not None:
             self._lines += float(np.nansum(np.sum(unit(right) * unit(shoulders), axis=1)))
 
-    def settled(self) -> bool:
+    def is_consistent(self) -> bool:
         """Return whether what was chosen fits all frames; otherwise choose anew, and the recording is read again."""
         before = (self.name, self.swapped)
         length = float(np.linalg.norm(self._upward))

@@ -76,9 +76,9 @@ class FrameMapper:
                 frames["pelvis"] = frame_across(frames["pelvis"][:, :, 1], hips[1])
         return SegmentFrames(frames, up=self.orientation.up)
 
-    def settled(self) -> bool:
+    def is_consistent(self) -> bool:
         """Return whether the vertical fits all frames; otherwise choose anew, and the recording is read again."""
-        settled = self.orientation.settled()
+        settled = self.orientation.is_consistent()
         if self.orientation.swapped:
             # Frames carry their own axes: exchanged names are reported, the frames are not touched.
             self.orientation.swapped = False

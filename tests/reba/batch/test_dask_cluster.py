@@ -1,4 +1,4 @@
-"""The same work on a real Dask scheduler and workers on loopback: equal to the local one, whoever dies."""
+"""Tasks on a real Dask scheduler and workers on loopback: results equal to local ones, even if a worker dies."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ from reba.batch.dataset import Dataset
 from reba.batch.dataset_run import score_into
 from reba.batch.manifest import MANIFEST
 from reba.batch.parallel import run_parallel
-from reba.batch.run import ScoringOptions, score_many, sees
+from reba.batch.run import ScoringOptions, access_problem, score_many
 from reba.batch.worker_pool import WorkerDied
 from reba.errors import RebaError
 from tests.support.lgp_worlds import needs_robots
+from tests.support.says import says
 from tests.support.scale_work import cluster, die_at, write_recordings
 
 pytestmark = pytest.mark.slow
@@ -46,13 +47,13 @@ def _levels() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with cluster(tmp_path_factory.mktemp("cluster")) as found:
-        yield found
+    with cluster(tmp_path_factory.mktemp("cluster")) as scheduler:
+        yield scheduler
 
 
 @pytest.fixture
 def address(started: str) -> str:
-    """Give the cluster with both workers: a test before may have killed one, which takes seconds to come back."""
+    """Give the cluster with both workers: an earlier test may have killed one, which restarts within seconds."""
     with distributed.Client(started, set_as_default=False) as client:
         client.wait_for_workers(2, timeout=60)
     return started
@@ -82,11 +83,11 @@ def kill_a_worker(address: str) -> None:
     os.kill(victim, signal.SIGKILL)
 
 
-def timeless(found: Any) -> Any:
-    """Return what a command printed without how long things took, which no two runs share."""
-    if isinstance(found, dict):
-        return {name: timeless(value) for name, value in found.items() if not name.startswith("seconds")}
-    return [timeless(value) for value in found] if isinstance(found, list) else found
+def timeless(result: Any) -> Any:
+    """Return the JSON of a command without durations, which differ between runs."""
+    if isinstance(result, dict):
+        return {name: timeless(value) for name, value in result.items() if not name.startswith("seconds")}
+    return [timeless(value) for value in result] if isinstance(result, list) else result
 
 
 def test_the_command_gives_the_same_as_here(
@@ -97,9 +98,9 @@ def test_the_command_gives_the_same_as_here(
     monkeypatch.chdir(tmp_path)  # workers are elsewhere
     results = []
     for out, words in (("here", []), ("there", ["--scheduler", address])):
-        code, said = run("reba", "score", "in", "-o", out, "--json", *words)
+        code, output = run("reba", "score", "in", "-o", out, "--json", *words)
         assert code == 1
-        results.append(json.loads(said.replace(str(tmp_path / out), "OUT")))
+        results.append(json.loads(output.replace(str(tmp_path / out), "OUT")))
     here, there = results
     assert here["recordings"] == there["recordings"]
     assert [failure["input"] for failure in there["failed"]] == ["in/bad.csv"]
@@ -119,8 +120,8 @@ def test_a_worker_killed_in_the_middle_changes_nothing(address: str, tmp_path: P
             kill_a_worker(address)
 
     with Dataset(tmp_path / "there") as dataset:
-        found = score_into(dataset, inputs, ScoringOptions(), scheduler=address, done=kill_one)
-    assert (dict(found.scored), found.failed) == ({"new": 24}, 0)
+        result = score_into(dataset, inputs, ScoringOptions(), scheduler=address, on_done=kill_one)
+    assert (dict(result.scored), result.failed) == ({"new": 24}, 0)
     assert sorted(done) == inputs
     assert len((tmp_path / "there" / MANIFEST).read_text().splitlines()) == 24
     pd.testing.assert_frame_equal(table(tmp_path / "here"), table(tmp_path / "there"))
@@ -162,43 +163,44 @@ def test_an_experiment_is_the_same_as_here(
 ) -> None:
     pytest.importorskip("statsmodels")
     words = ("experiment", "screwdriver", "--runs", RUNS, "-o", tmp_path, "--json", "--scheduler", address)
-    code, said = run("lgp", *words)
+    code, output = run("lgp", *words)
     assert code == 0
-    assert json.loads(said)["starts"]["rest"]["runs"] == RUNS
+    assert json.loads(output)["starts"]["rest"]["runs"] == RUNS
     same_runs(local_runs, [pd.read_parquet(tmp_path / f"{name}.parquet") for name in ("runs", "paths")])
 
 
 @needs_robots
 def test_an_experiment_is_the_same_with_a_worker_killed(address: str, local_runs: list[pd.DataFrame]) -> None:
-    found = []
-    for made in screwdriver.plan_runs(range(RUNS), scheduler=address):
-        if not found:
-            kill_a_worker(address)  # two runs are under way, so both workers are at work
-        found.append(made)
-    same_runs(local_runs, screwdriver_tables(found))
+    tables = []
+    for pair in screwdriver.plan_runs(range(RUNS), scheduler=address):
+        if not tables:
+            kill_a_worker(address)  # two unfinished runs, so both workers are busy
+        tables.append(pair)
+    same_runs(local_runs, screwdriver_tables(tables))
 
 
 def test_a_task_that_kills_workers_is_lost_and_stops_no_other(address: str) -> None:
-    found = dict(run_parallel(partial(die_at, poison=2), range(6), scheduler=address))
-    lost = found.pop(2)
+    results = dict(run_parallel(partial(die_at, poison=2), range(6), scheduler=address))
+    lost = results.pop(2)
     assert isinstance(lost, WorkerDied)
     assert "workers died with it" in lost.reason
-    assert found == {number: number * number for number in (0, 1, 3, 4, 5)}
+    assert results == {number: number * number for number in (0, 1, 3, 4, 5)}
 
 
-def test_what_workers_lack_is_said_before_the_work(address: str, tmp_path: Path) -> None:
-    with pytest.raises(RebaError, match=r"worker tcp://.* \(and 1 more workers\)"):
-        list(run_parallel(abs, [1], scheduler=address, probe=partial(sees, str(tmp_path / "nothing.mcap"))))
-    (inside,) = write_recordings(tmp_path, 1)
-    (outcome,) = score_many([inside], tmp_path / "one.csv", ScoringOptions(), scheduler=address)
-    assert outcome.error is None
+def test_what_workers_lack_is_reported_before_the_first_task(address: str, tmp_path: Path) -> None:
+    with pytest.raises(RebaError) as error:
+        list(run_parallel(abs, [1], scheduler=address, probe=partial(access_problem, str(tmp_path / "absent.mcap"))))
+    says(error, "worker tcp://", "cannot read", "absent.mcap", "1 more")
+    (recording,) = write_recordings(tmp_path, 1)
+    (result,) = score_many([recording], tmp_path / "one.csv", ScoringOptions(), scheduler=address)
+    assert result.error is None
     assert (tmp_path / "one.csv").is_file()
 
 
 def test_a_worker_without_the_package_is_one_line(tmp_path: Path) -> None:
     with (
         cluster(tmp_path, workers=1, prelude="sys.modules['reba'] = None;") as address,
-        pytest.raises(RebaError, match="cannot load dreba") as error,
+        pytest.raises(RebaError) as error,
     ):
         list(run_parallel(abs, [1], scheduler=address))
-    assert "\n" not in str(error.value)
+    says(error, "worker tcp://", "cannot load dreba", "install")

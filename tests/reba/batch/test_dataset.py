@@ -1,4 +1,4 @@
-"""A dataset of scores: complete, scored once, and whole after every kind of interruption."""
+"""A dataset of scores: every recording scored once, and complete after every kind of interruption."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ import pyarrow.dataset as ds
 import pytest
 
 import reba
-from reba.batch.dataset import Dataset, settings
+from reba.batch.dataset import Dataset, scoring_settings
 from reba.batch.dataset_run import DatasetRun, score_into
-from reba.batch.manifest import MANIFEST, content_hash, stamp
+from reba.batch.manifest import MANIFEST, content_hash, size_and_mtime
 from reba.batch.run import ScoringOptions
 from reba.errors import RebaError
 from tests.support.paths import ROOT
+from tests.support.says import says
 from tests.support.scale_work import write_recordings
 
 pytestmark = pytest.mark.slow
@@ -34,12 +35,12 @@ KILLED = 12
 DRIVER = """
 import os, random, signal, sys, time
 from pathlib import Path
-from reba.batch.run import Options, find_inputs
+from reba.batch.run import ScoringOptions, find_inputs
 from reba.batch.dataset import Dataset
 from reba.batch.dataset_run import score_into
 folder, output, seed = sys.argv[1:]
 inputs = find_inputs([folder])
-Options().read_and_score(inputs[0]).summary()  # loads everything
+ScoringOptions().read_and_score(inputs[0]).summary()  # imports everything before the first fork
 rng = random.Random(int(seed))
 manifest = Path(output, "_manifest.jsonl")
 def lines():
@@ -49,7 +50,7 @@ for _ in range({killed}):
     child = os.fork()
     if child == 0:
         with Dataset(output) as dataset:
-            score_into(dataset, inputs, Options())
+            score_into(dataset, inputs, ScoringOptions())
         os._exit(0)
     while lines() < min(goal, len(inputs)):
         time.sleep(0.001)
@@ -97,7 +98,7 @@ def test_the_manifest_says_what_became_of_each(inputs: list[str], tmp_path: Path
     run(tmp_path / "out", [*inputs, str(bad)])
     first, *_, last = lines(tmp_path / "out")
     assert first["input"] == str(Path(inputs[0]).resolve())
-    assert (first["size"], first["modified"]) == stamp(inputs[0])
+    assert (first["size"], first["modified"]) == size_and_mtime(inputs[0])
     assert first["hash"] == content_hash(inputs[0])
     assert (first["version"], first["rules"], first["outcome"]) == (reba.__version__, "measured", "scored")
     assert first["options"]["missing"] == "range"
@@ -120,7 +121,7 @@ def test_nothing_is_scored_twice(inputs: list[str], tmp_path: Path) -> None:
     assert len(lines(out)) == 4
 
 
-def test_what_changed_is_scored_again_and_said(inputs: list[str], tmp_path: Path) -> None:
+def test_what_changed_is_scored_again_with_the_reason(inputs: list[str], tmp_path: Path) -> None:
     out = tmp_path / "out"
     run(out, inputs)
     pd.read_parquet(inputs[0]).iloc[:100].to_parquet(inputs[0])
@@ -138,9 +139,9 @@ def test_what_changed_is_scored_again_and_said(inputs: list[str], tmp_path: Path
 def test_a_rules_file_counts_by_what_is_in_it(inputs: list[str], tmp_path: Path) -> None:
     file = tmp_path / "ours.toml"
     file.write_text('name = "ours"\nabduction = 45.0\n')
-    before = settings(ScoringOptions(rules=str(file)))
+    before = scoring_settings(ScoringOptions(rules=str(file)))
     file.write_text('name = "ours"\nabduction = 50.0\n')
-    assert settings(ScoringOptions(rules=str(file)))["rules_hash"] != before["rules_hash"]
+    assert scoring_settings(ScoringOptions(rules=str(file)))["rules_hash"] != before["rules_hash"]
 
 
 def test_failures_leave_no_scores_and_are_tried_again(inputs: list[str], tmp_path: Path) -> None:
@@ -158,19 +159,19 @@ def test_failures_leave_no_scores_and_are_tried_again(inputs: list[str], tmp_pat
     assert len(pd.read_parquet(out)) == 800
 
 
-def test_files_of_one_name_stay_apart(tmp_path: Path) -> None:
+def test_files_of_one_name_get_different_partitions(tmp_path: Path) -> None:
     names = [*write_recordings(tmp_path / "line 1", 1), *write_recordings(tmp_path / "line 2", 1)]
     odd = tmp_path / "line 1" / "a=b, c%20#ü.parquet"
     Path(names[0]).rename(odd)
     out = tmp_path / "out"
     run(out, [*names[1:], *write_recordings(tmp_path / "line 3", 1), str(odd)])
-    found = set(pd.read_parquet(out)["recording"].unique())
-    assert {"shift000.parquet", odd.name} < found
-    assert len(found) == 3
+    partitions = set(pd.read_parquet(out)["recording"].unique())
+    assert {"shift000.parquet", odd.name} < partitions
+    assert len(partitions) == 3
     assert run(out, [str(odd)]).unchanged == 1
 
 
-def test_a_broken_end_of_the_manifest_is_cut_and_damage_is_told(inputs: list[str], tmp_path: Path) -> None:
+def test_an_incomplete_last_line_is_removed_and_damage_is_an_error(inputs: list[str], tmp_path: Path) -> None:
     out = tmp_path / "out"
     run(out, inputs)
     manifest = out / MANIFEST
@@ -179,24 +180,27 @@ def test_a_broken_end_of_the_manifest_is_cut_and_damage_is_told(inputs: list[str
     again = run(out, inputs)
     assert (dict(again.scored), again.unchanged) == ({"new": 1}, 3)
     manifest.write_bytes(b"{}\n" + whole)
-    with pytest.raises(RebaError, match="line 1 is damaged"):
+    with pytest.raises(RebaError) as error:
         run(out, inputs)
+    says(error, MANIFEST, "line 1", "delete the line")
 
 
 def test_one_command_at_a_time(inputs: list[str], tmp_path: Path) -> None:
-    with Dataset(tmp_path / "out"), pytest.raises(RebaError, match="another command is writing"):
+    with Dataset(tmp_path / "out"), pytest.raises(RebaError) as error:
         Dataset(tmp_path / "out")
+    says(error, tmp_path / "out", "another command", "wait")
     (tmp_path / "file").write_text("")
-    with pytest.raises(RebaError, match="cannot be written to"):
+    with pytest.raises(RebaError) as error:
         Dataset(tmp_path / "file")
+    says(error, tmp_path / "file", "cannot be written", "choose another folder")
 
 
-def whole_and_once(folder: Path, inputs: list[str]) -> None:
-    """Check that every recording was scored, written down once, and is right."""
-    found = lines(folder)
-    assert sorted(line["input"] for line in found) == sorted(str(Path(name).resolve()) for name in inputs)
-    assert {line["outcome"] for line in found} == {"scored"}
-    assert sorted(parts(folder)) == sorted(line["output"] for line in found)
+def complete_and_once(folder: Path, inputs: list[str]) -> None:
+    """Check that every recording has one manifest line and correct scores."""
+    recorded = lines(folder)
+    assert sorted(line["input"] for line in recorded) == sorted(str(Path(name).resolve()) for name in inputs)
+    assert {line["outcome"] for line in recorded} == {"scored"}
+    assert sorted(parts(folder)) == sorted(line["output"] for line in recorded)
     assert not list(folder.rglob("*.part"))
     for name in inputs:
         scores = pd.read_parquet(part(folder, name), partitioning=None)
@@ -216,12 +220,12 @@ def test_killed_at_any_point_it_goes_on_and_scores_nothing_twice(tmp_path: Path)
     out = tmp_path / "out"
     code = DRIVER.format(killed=KILLED)
     subprocess.run([sys.executable, "-c", code, str(tmp_path / "in"), str(out), "1"], check=True, timeout=120)
-    # What was written down before the end is not touched any more.
+    # Recorded scores are not written again.
     before = {line["output"]: (out / line["output"]).stat().st_mtime_ns for line in lines(out)}
     assert before
     run(out, inputs)
     assert before.items() <= parts(out).items()
-    whole_and_once(out, inputs)
+    complete_and_once(out, inputs)
 
 
 def test_the_command_and_its_processes_killed_together_or_alone(tmp_path: Path) -> None:
@@ -242,4 +246,4 @@ def test_the_command_and_its_processes_killed_together_or_alone(tmp_path: Path) 
     assert [recording["input"] for recording in result["recordings"]] == inputs
     assert result["dataset"]["unchanged"] >= 3
     assert result["dataset"]["unchanged"] + result["dataset"]["scored"]["new"] == 16
-    whole_and_once(out, inputs)
+    complete_and_once(out, inputs)

@@ -1,4 +1,4 @@
-"""Scores and the figure over the WebSocket that Foxglove and Lichtblick connect to."""
+"""Scores and the skeleton over the WebSocket that Foxglove and Lichtblick connect to."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ import pytest
 from reba.errors import RebaError
 from reba.live.session import Alert, LiveScorer
 from tests.reba.live.test_session import frames
+from tests.support.says import says
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
 websocket = pytest.importorskip("websocket", reason="websocket-client is not installed")
 
 from foxglove import messages  # noqa: E402
 
-from reba.live.foxglove import TOPICS, FoxgloveServer  # noqa: E402
+from reba.live.foxglove import TOPICS, FoxgloveServer, skeleton_markers  # noqa: E402
 
 pytestmark = pytest.mark.slow
 
@@ -28,14 +29,14 @@ PROTOCOLS = ["foxglove.sdk.v1", "foxglove.websocket.v1"]
 
 
 @pytest.fixture
-def view() -> Iterator[FoxgloveServer]:
+def server() -> Iterator[FoxgloveServer]:
     served = FoxgloveServer(port=0)
     yield served
     served.close()
 
 
-def test_a_client_gets_scores_and_a_figure(view: FoxgloveServer) -> None:
-    client = websocket.create_connection(view.address, subprotocols=PROTOCOLS, timeout=20)
+def test_a_client_gets_scores_and_a_skeleton(server: FoxgloveServer) -> None:
+    client = websocket.create_connection(server.address, subprotocols=PROTOCOLS, timeout=20)
     try:
         channels = _channels(client)
         assert set(channels) == set(TOPICS.values())
@@ -43,15 +44,15 @@ def test_a_client_gets_scores_and_a_figure(view: FoxgloveServer) -> None:
         assert (scores["encoding"], scores["schemaEncoding"]) == ("json", "jsonschema")
         assert "reba_low" in json.loads(scores["schema"])["properties"]
         assert figure["schemaName"] == "foxglove.SceneUpdate"
-        wanted = [{"id": number, "channelId": channel["id"]} for number, channel in enumerate((scores, figure))]
-        client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-        session = LiveScorer("measured", 1.0, Alert(8, 1.0))
+        subscriptions = [{"id": number, "channelId": channel["id"]} for number, channel in enumerate((scores, figure))]
+        client.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+        scorer = LiveScorer("measured", 1.0, Alert(8, 1.0))
         got: dict[int, bytes] = {}
         at = 0
         while len(got) < 2:
             # A subscription takes effect some time after it was sent.
-            given = frames([1, 9], start=at / 10)
-            view.publish(given, *session.add(given), epoch=1_700_000_000.0)
+            block = frames([1, 9], start=at / 10)
+            server.publish(block, *scorer.add(block), epoch=1_700_000_000.0)
             at += 1
             client.settimeout(0.2)
             got |= _messages(client)
@@ -65,41 +66,40 @@ def test_a_client_gets_scores_and_a_figure(view: FoxgloveServer) -> None:
 
 
 def _channels(client: Any) -> dict[str, dict[str, Any]]:
-    found: dict[str, dict[str, Any]] = {}
-    while len(found) < len(TOPICS):
+    messages_by_id: dict[str, dict[str, Any]] = {}
+    while len(messages_by_id) < len(TOPICS):
         message = json.loads(client.recv())
         if message["op"] == "advertise":
-            found |= {channel["topic"]: channel for channel in message["channels"]}
-    return found
+            messages_by_id |= {channel["topic"]: channel for channel in message["channels"]}
+    return messages_by_id
 
 
 def _messages(client: Any) -> dict[int, bytes]:
     """Return the newest message of each subscription."""
-    found: dict[int, bytes] = {}
+    messages_by_id: dict[int, bytes] = {}
     try:
         while True:
             data = client.recv()
             if isinstance(data, bytes) and data[:1] == b"\x01":
-                found[struct.unpack_from("<I", data, 1)[0]] = data[13:]
+                messages_by_id[struct.unpack_from("<I", data, 1)[0]] = data[13:]
     except websocket.WebSocketTimeoutException:
-        return found
+        return messages_by_id
 
 
-def test_the_figure_is_what_the_sdk_makes_of_it(view: FoxgloveServer) -> None:
-    session = LiveScorer("measured", 1.0, Alert(8, 1.0))
-    given = frames([9])
-    records, scores = session.add(given)
-    from reba.live.foxglove import figure
-
-    update = view._scene(figure(given.angles[0], scores, 0), records[0], 10**9)
+def test_the_sdk_encodes_the_skeleton(server: FoxgloveServer) -> None:
+    scorer = LiveScorer("measured", 1.0, Alert(8, 1.0))
+    block = frames([9])
+    records, scores = scorer.add(block)
+    update = server.scene(skeleton_markers(block.angles[0], scores, 0), records[0], 10**9)
     assert isinstance(update, messages.SceneUpdate)
     assert len(update.encode()) > 500
 
 
-def test_a_port_that_is_taken_is_one_line(view: FoxgloveServer) -> None:
-    port = int(view.address.rpartition(":")[2])
-    with pytest.raises(RebaError, match=f"port {port} cannot be used"):
+def test_a_port_that_is_taken_is_one_line(server: FoxgloveServer) -> None:
+    port = int(server.address.rpartition(":")[2])
+    with pytest.raises(RebaError) as error:
         FoxgloveServer(port=port)
+    says(error, port, "--foxglove PORT")
 
 
 def test_without_the_sdk_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,5 +111,6 @@ def test_without_the_sdk_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> 
         return original(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(RebaError, match=r"dreba\[live\]"):
+    with pytest.raises(RebaError) as error:
         FoxgloveServer(port=0)
+    says(error, "foxglove-sdk", "pip install", "dreba[live]")

@@ -19,11 +19,12 @@ from mcap_ros2.decoder import DecoderFactory
 import reba
 from reba.cli import cli
 from reba.live.follow import Follower
-from reba.live.frames import Reading
-from reba.live.json_lines import Lines
+from reba.live.frames import ReadingOptions
+from reba.live.json_lines import LineStore
 from reba.live.session import Alert, LiveScorer
 from tests.support.live_sources import assert_same, batch, json_lines, rewritten, run_live
 from tests.support.paths import DATASETS
+from tests.support.says import says
 
 pytestmark = pytest.mark.slow
 
@@ -55,8 +56,8 @@ def table_of_postures(count: int = 300) -> pd.DataFrame:
 
 def test_rows_give_the_scores_of_the_table() -> None:
     table = table_of_postures()
-    code, lines, said = run_live("-", "--rules", "paper", "--activity", "static", stdin=json_lines(rows(table)))
-    assert code == 0, said
+    code, lines, messages = run_live("-", "--rules", "paper", "--activity", "static", stdin=json_lines(rows(table)))
+    assert code == 0, messages
     expected = reba.score(table, rules="paper", activity="static").data
     assert_same(lines[:-1], expected)
 
@@ -64,8 +65,8 @@ def test_rows_give_the_scores_of_the_table() -> None:
 def test_rows_of_a_data_set_give_its_scores_with_a_neutral_posture() -> None:
     table = pd.read_csv(ASSEMBLY).iloc[:400]
     text = json_lines(rows(table))
-    code, lines, said = run_live("-", "--neutral", "first:3s", "--load", "6", stdin=text)
-    assert code == 0, said
+    code, lines, messages = run_live("-", "--neutral", "first:3s", "--load", "6", stdin=text)
+    assert code == 0, messages
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
@@ -87,8 +88,8 @@ def test_joint_states_give_the_scores_of_the_recording(stamp: str, tmp_path: Pat
                 states.append({"time": at.sec % 1000 + at.nanosec / 1e9, **body})
             else:
                 states.append({"header": {"stamp": {"sec": at.sec, "nanosec": at.nanosec}}, **body})
-    code, lines, said = run_live("-", stdin=json_lines(states))
-    assert code == 0, said
+    code, lines, messages = run_live("-", stdin=json_lines(states))
+    assert code == 0, messages
     # Without /tf the pelvis counts as upright.
     postures = reba.read(path, profile="human_description")
     assert len(lines) - 1 == len(states) == len(postures.data)
@@ -116,7 +117,7 @@ def _without_tf(source: Path, path: Path) -> None:
         writer.finish()
 
 
-def test_bad_lines_are_left_out_counted_and_told_once() -> None:
+def test_bad_lines_are_skipped_counted_and_reported_once() -> None:
     good = [{"time": at / 10, "trunk_flexion": 5.0 * at, "load": 3} for at in range(10)]
     texts = [json.dumps(row) for row in good]
     texts.insert(2, "not json")
@@ -126,14 +127,14 @@ def test_bad_lines_are_left_out_counted_and_told_once() -> None:
     texts.insert(7, '{"time": NaN, "trunk_flexion": 3, "load": 3}')
     texts.insert(8, '{"time": 0.27, "trunk_flexion": Infinity, "load": 3}')
     texts.insert(9, "{}")
-    code, lines, said = run_live("-", stdin="\n".join(texts))
-    assert code == 0, said
+    code, lines, messages = run_live("-", stdin="\n".join(texts))
+    assert code == 0, messages
     assert_same(lines[:-1], scored(pd.DataFrame(good)))
     summary = lines[-1]["summary"]
     assert (summary["skipped"], summary["out_of_order"]) == (6, 1)
-    assert said.count("lines like this") == 1
-    assert said.count("left out: ") == 1
-    assert said.count("runs backwards") == 1
+    assert messages.count("such lines are skipped") == 1
+    assert messages.count("reba: skipped: ") == 1
+    assert messages.count("does not increase") == 1
 
 
 def test_nan_and_null_are_not_measured() -> None:
@@ -145,22 +146,21 @@ def test_nan_and_null_are_not_measured() -> None:
 
 BAD_FIRST = {
     "not json": "no JSON",
-    "[1, 2]": "no JSON object",
+    "[1, 2]": "JSON object",
     '{"time": 0, "trunk_flexoin": 3}': "did you mean 'trunk_flexion'",
-    '{"time": "noon", "trunk_flexion": 3}': "no number of seconds",
-    '{"time": 0, "trunk_flexion": "x"}': "no number",
+    '{"time": "noon", "trunk_flexion": 3}': "number of seconds",
+    '{"time": 0, "trunk_flexion": "x"}': "trunk_flexion",
     '{"time": 0, "trunk_flexion": 3, "load": -1}': "load is -1",
-    '{"time": 0, "name": ["nose"], "position": [1.0]}': "no profile fits",
-    "": "nothing came",
+    '{"time": 0, "name": ["nose"], "position": [1.0]}': "profile",
+    "": "being written",
 }
 
 
 @pytest.mark.parametrize("line", BAD_FIRST)
-def test_a_first_line_of_no_use_is_an_error(line: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    code, lines, said = _in_process(line, monkeypatch, tmp_path)
+def test_an_unusable_first_line_is_an_error(line: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    code, lines, messages = _in_process(line, monkeypatch, tmp_path)
     assert (code, lines) == (2, "")
-    assert BAD_FIRST[line] in said
-    assert said.count("\n") == 0
+    says(messages, BAD_FIRST[line])
 
 
 def _in_process(text: str, monkeypatch: pytest.MonkeyPatch, folder: Path) -> tuple[int, str, str]:
@@ -199,37 +199,37 @@ def test_no_line_brings_it_down(lines: list[bytes], opened: bool) -> None:
     reading, writing = os.pipe()
     os.write(writing, b"\n".join([*first, *lines]))
     os.close(writing)
-    told: list[str] = []
-    follower = Follower(Lines(reading, told.append), Reading(), {}, {}, told.append)
-    session = LiveScorer("measured", 1.0, Alert(8, 1.0))
-    said = ""
+    warnings: list[str] = []
+    follower = Follower(LineStore(reading, warnings.append), ReadingOptions(), {}, {}, warnings.append)
+    scorer = LiveScorer("measured", 1.0, Alert(8, 1.0))
+    message = ""
     try:
         for frames in follower.frames():
-            session.add(frames)
+            scorer.add(frames)
     except reba.RebaError as error:
-        said = str(error)
+        message = str(error)
     finally:
         os.close(reading)
-    assert not (opened and said)
-    assert "\n" not in said
-    assert len(told) == len(set(told))
-    assert session.frames >= opened
+    assert not (opened and message)
+    assert "\n" not in message
+    assert len(warnings) == len(set(warnings))
+    assert scorer.frames >= opened
 
 
 @pytest.mark.parametrize(
-    ("options", "word"),
+    ("options", "facts"),
     [
-        (["--activity", "auto"], "depends on what follows"),
-        (["--activity", "lazy"], "unknown"),
-        (["--alert", "8", "--alert-level", "high"], "give one of them"),
-        (["--hold", "soon"], "expected seconds"),
-        (["--window", "0"], "more than 0"),
-        (["--neutral", "later"], "expected none"),
-        (["--load", "-2"], "expected kilograms"),
+        (["--activity", "auto"], ("auto", "static,repeated,unstable")),
+        (["--activity", "lazy"], ("lazy",)),
+        (["--alert", "8", "--alert-level", "high"], ("--alert", "--alert-level", "one of them")),
+        (["--hold", "soon"], ("--hold", "soon", "seconds")),
+        (["--window", "0"], ("window", "0 s", "more than 0")),
+        (["--neutral", "later"], ("later", "first:")),
+        (["--load", "-2"], ("load", "-2", "kilograms")),
     ],
 )
-def test_options_that_make_no_sense_are_refused(options: list[str], word: str) -> None:
+def test_unusable_options_are_refused(options: list[str], facts: tuple[str, ...]) -> None:
     result = CliRunner().invoke(cli, ["live", "-", *options])
     assert isinstance(result.exception, reba.RebaError)
-    assert word in str(result.exception)
+    says(str(result.exception), *facts)
     assert result.stdout == ""

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import reba
-from reba.live.command import seconds
-from reba.live.foxglove import GREY, SCALE, colour_of, figure
-from reba.live.frames import Frames, later
+from reba.live.command import parse_seconds
+from reba.live.foxglove import COLOUR_SCALE, GREY, colour_of, skeleton_markers
+from reba.live.frames import Frames, is_later
 from reba.live.output import Latency
 from reba.live.session import Alert, LiveScorer, score_of_level
 from reba.method.scoring import UNKNOWN
@@ -35,8 +35,8 @@ def frames(scores: list[int], start: float = 0.0) -> Frames:
 
 def test_an_alert_is_raised_and_cleared_after_the_hold() -> None:
     high = [1] * 20 + [9] * 10 + [1] * 5 + [9] * 60 + [1] * 10 + [9] * 5 + [1] * 60
-    session = LiveScorer("measured", 2.0, Alert(7, 1.0))
-    records, _ = session.add(frames(high))
+    scorer = LiveScorer("measured", 2.0, Alert(7, 1.0))
+    records, _ = scorer.add(frames(high))
     levels = {record["reba"] for record in records}
     assert min(levels) == 1
     assert max(levels) >= 7
@@ -44,7 +44,7 @@ def test_an_alert_is_raised_and_cleared_after_the_hold() -> None:
     # 10 frames are half a second: too short; 60 are enough, and the dip of half a second behind them clears nothing.
     first, last = 35 / RATE, (35 + 60 + 15) / RATE
     assert events == [(first + 1.0, "raised"), (last + 1.0, "cleared")]
-    assert session.summary()["alerts"]["raised"] == 1
+    assert scorer.summary()["alerts"]["raised"] == 1
 
 
 def test_the_window_is_the_mean_of_its_frames() -> None:
@@ -62,23 +62,23 @@ def test_the_window_is_the_mean_of_its_frames() -> None:
 @given(st.lists(st.sampled_from([1, 9]), min_size=1, max_size=60), st.integers(1, 7))
 def test_blocks_do_not_matter(pattern: list[int], size: int) -> None:
     whole, _ = LiveScorer("measured", 1.0, Alert(8, 0.2)).add(frames(pattern))
-    session, parts = LiveScorer("measured", 1.0, Alert(8, 0.2)), []
+    scorer, parts = LiveScorer("measured", 1.0, Alert(8, 0.2)), []
     given_frames = frames(pattern)
     for at in range(0, len(pattern), size):
         part = slice(at, at + size)
         load = Factors(load=given_frames.factors.load[part])
-        parts += session.add(Frames(given_frames.time[part], given_frames.angles[part], load))[0]
+        parts += scorer.add(Frames(given_frames.time[part], given_frames.angles[part], load))[0]
     assert parts == whole
 
 
 def test_memory_does_not_grow_with_the_length() -> None:
-    session = LiveScorer("measured", 2.0, Alert(8, 1.0))
+    scorer = LiveScorer("measured", 2.0, Alert(8, 1.0))
     block = frames([1, 9] * 25)
     length = len(block.time) / RATE
 
     def go_on(count: int, start: int) -> None:
         for number in range(start, start + count):
-            session.add(Frames(block.time + number * length, block.angles, block.factors))
+            scorer.add(Frames(block.time + number * length, block.angles, block.factors))
 
     go_on(12, 0)
     tracemalloc.start()
@@ -97,14 +97,14 @@ def test_a_level_begins_at_a_score() -> None:
 
 @pytest.mark.parametrize(("text", "expected"), [("2s", 2.0), ("0.5", 0.5), ("1min", 60.0), (".5 s", 0.5)])
 def test_lengths_of_time(text: str, expected: float) -> None:
-    assert seconds("hold", text) == expected
+    assert parse_seconds("hold", text) == expected
 
 
 @given(st.lists(st.floats(0, 100), min_size=1), st.floats(-1, 50))
 def test_later_times_increase(times: list[float], last: float) -> None:
-    kept = np.array(times)[later(np.array(times), last)]
-    assert (np.diff(np.concatenate([[last], kept])) > 0).all()
-    assert kept.max(initial=last) == max([last, *times])
+    selected = np.array(times)[is_later(np.array(times), last)]
+    assert (np.diff(np.concatenate([[last], selected])) > 0).all()
+    assert selected.max(initial=last) == max([last, *times])
 
 
 def test_percentiles_are_right_to_two_percent() -> None:
@@ -113,21 +113,21 @@ def test_percentiles_are_right_to_two_percent() -> None:
     for value in values.tolist():
         times.add(value)
     for share in (0.5, 0.99):
-        found = times.percentile(share)
-        assert found == pytest.approx(np.quantile(values, share), rel=0.03)
+        percentile = times.percentile(share)
+        assert percentile == pytest.approx(np.quantile(values, share), rel=0.03)
 
 
-def test_the_figure_stands_and_is_coloured_by_part() -> None:
+def test_the_skeleton_stands_and_is_coloured_by_part() -> None:
     given_frames = frames([1, 9])
     _, scores = LiveScorer("measured", 1.0, Alert(8, 1.0)).add(given_frames)
-    upright, bent = (figure(given_frames.angles[at], scores, at) for at in (0, 1))
+    upright, bent = (skeleton_markers(given_frames.angles[at], scores, at) for at in (0, 1))
     for shown in (upright, bent):
         assert shown.lines.shape == (len(shown.colours), 2, 3)
         assert shown.lines[..., 2].min() == pytest.approx(0.0)
     assert upright.head[2] > bent.head[2]
     assert bent.head[0] > upright.head[0] + 0.3
     # The trunk is drawn first: green upright, redder bent.
-    assert upright.colours[0] == SCALE[0]
+    assert upright.colours[0] == COLOUR_SCALE[0]
     assert bent.colours[0][0] > 0.8
     assert colour_of("trunk", UNKNOWN) == GREY
-    assert colour_of("wrist_left", 3) == SCALE[-1]
+    assert colour_of("wrist_left", 3) == COLOUR_SCALE[-1]

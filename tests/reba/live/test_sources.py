@@ -1,4 +1,4 @@
-"""`reba live` on a file that is being written: the numbers of `reba score`, and what can go wrong on the way."""
+"""`reba live` on a file that is being written: the scores of `reba score`, and unusable files."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ import pytest
 
 import reba
 from reba.live.follow import Follower
-from reba.live.frames import Reading
+from reba.live.frames import ReadingOptions
+from reba.live.joint_frames import BodyFollower
 from reba.live.session import FrameDurations
-from reba.live.sources import Growing, open_growing
+from reba.live.sources import GrowingMcap, open_growing
 from reba.readers.mcap import open_mcap
 from tests.support import mcap_builder as make
 from tests.support.encode_motion import write_xsens_tf
 from tests.support.live_sources import COMMAND, GrowingFile, assert_same, batch, moving_body, rewritten, run_live
+from tests.support.says import says
 
 pytestmark = pytest.mark.slow
 
@@ -41,9 +43,9 @@ def test_a_growing_file_gives_the_scores_of_the_whole_one(kind: str, tmp_path: P
     growing.touch()
     writer = GrowingFile(growing, whole.read_bytes())
     writer.start()
-    code, lines, said = run_live(str(growing), "--load", "7", "--until-idle", "60")
+    code, lines, messages = run_live(str(growing), "--load", "7", "--until-idle", "60")
     writer.join()
-    assert code == 0, said
+    assert code == 0, messages
     assert_same(lines[:-1], batch(whole, load=7.0))
     summary = lines[-1]["summary"]
     assert summary["frames"] == len(lines) - 1 > 200
@@ -55,31 +57,31 @@ def test_a_growing_file_gives_the_scores_of_the_whole_one(kind: str, tmp_path: P
         assert exposure["action_levels"][level] == pytest.approx(share * scores["seconds"], abs=1e-6)
 
 
-def followed(path: Path, reading: Reading | None = None) -> tuple[list[float], list[str], Follower]:
-    """Return the times of all frames of a file, what was told, and what followed."""
-    told: list[str] = []
-    follower = Follower(Growing(path), reading or Reading(), {}, {}, told.append)
+def read_live(path: Path, reading: ReadingOptions | None = None) -> tuple[list[float], list[str], Follower]:
+    """Return the times of all frames of a file, the warnings, and the follower."""
+    warnings: list[str] = []
+    follower = Follower(GrowingMcap(path), reading or ReadingOptions(), {}, {}, warnings.append)
     times = [time for frames in follower.frames(0.0) for time in frames.time.tolist()]
-    return times, told, follower
+    return times, warnings, follower
 
 
 def test_a_neutral_posture_is_that_of_the_batch(tmp_path: Path) -> None:
     whole = recording("unchunked", tmp_path)
     for neutral in ("first:3s", "at:2.5"):
-        code, lines, said = run_live(str(whole), "--neutral", neutral, "--settle", "1s")
-        assert code == 0, said
+        code, lines, messages = run_live(str(whole), "--neutral", neutral, "--settle", "1s")
+        assert code == 0, messages
         assert_same(lines[:-1], batch(whole, neutral=neutral))
-        assert "subtracted" in said
+        assert "subtracted" in messages
 
 
-def test_nothing_is_kept_of_what_was_scored(tmp_path: Path) -> None:
-    times, _, follower = followed(recording("unchunked", tmp_path))
+def test_scored_data_are_removed_from_memory(tmp_path: Path) -> None:
+    times, _, follower = read_live(recording("unchunked", tmp_path))
     source = follower.source
     assert len(times) == 300
     assert source.segments == []
-    stage = follower.stage
-    assert stage is not None
-    assert len(stage._root.pose.time) < 200  # type: ignore[union-attr]
+    assert isinstance(follower.converter, BodyFollower)
+    assert follower.converter.pelvis is not None
+    assert len(follower.converter.pelvis.pose.time) < 200
 
 
 def test_a_file_without_end_stops_when_it_is_silent(tmp_path: Path) -> None:
@@ -120,23 +122,25 @@ def test_another_file_under_the_name_is_an_error(change: str, tmp_path: Path) ->
         path.write_bytes(data[:1000])
     else:
         path.unlink()
-    word = {"replaced": "replaced by another", "cut": "became shorter", "removed": "gone"}[change]
-    with pytest.raises(reba.ReadError, match=word):
+    fact = {"replaced": "replaced", "cut": "shorter", "removed": "removed"}[change]
+    with pytest.raises(reba.ReadError) as error:
         source.grow()
+    says(error, path, fact, "start again")
 
 
 def test_a_record_that_never_can_be_complete_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "damaged.mcap"
     path.write_bytes(make.MAGIC + make.record(5, b"abc", length=1 << 62))
-    with pytest.raises(reba.ReadError, match="exceeds the limit"):
+    with pytest.raises(reba.ReadError) as error:
         open_growing(path, 0.0).grow()
+    says(error, path, "limit")
 
 
 def test_records_come_complete_whatever_is_written_so_far(tmp_path: Path) -> None:
     data = make.build(make.whole())
     path = tmp_path / "growing.mcap"
     path.write_bytes(data[:8])
-    source, seen, at = Growing(path), 0, 8
+    source, seen, at = GrowingMcap(path), 0, 8
     for stop in range(8, len(data) + 7919, 7919):
         with path.open("ab") as file:
             file.write(data[at:stop])
@@ -148,7 +152,7 @@ def test_records_come_complete_whatever_is_written_so_far(tmp_path: Path) -> Non
     assert source.finished
 
 
-def test_later_frames_that_contradict_the_first_are_told_once(tmp_path: Path) -> None:
+def test_later_frames_that_contradict_the_first_seconds_are_reported_once(tmp_path: Path) -> None:
     path = tmp_path / "late.mcap"
     names, rows = [*make.NAMES], make.positions() * 0.1
     profile = tmp_path / "six.toml"
@@ -157,13 +161,13 @@ def test_later_frames_that_contradict_the_first_are_told_once(tmp_path: Path) ->
     stamps = [make.EPOCH_NS + at * make.STEP_NS for at in range(len(rows))]
     messages = [make.joint_state(stamp, names, row) for stamp, row in zip(stamps, rows, strict=True)]
     path.write_bytes(make.build(make.whole(messages)))
-    times, told, follower = followed(path, Reading(profile=str(profile)))
+    times, warnings, follower = read_live(path, ReadingOptions(profile=str(profile)))
     assert len(times) == make.COUNT
-    contradictions = [text for text in told if "contradicts" in text]
+    contradictions = [text for text in warnings if "contradict" in text]
     assert len(contradictions) == 1
     assert "lower_arm_flexion_left" in contradictions[0]
-    assert follower.stage is not None
-    assert "lower_arm_flexion_left" in follower.stage.unmeasured
+    assert follower.converter is not None
+    assert "lower_arm_flexion_left" in follower.converter.unmeasured
 
 
 PROFILE = """
@@ -197,9 +201,10 @@ def test_a_gap_counts_one_period() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "word"), [("none.mcap", "no such file"), ("", "not a file"), ("text.mcap", "magic bytes")]
+    ("name", "fact"), [("none.mcap", "no such file"), ("", "not a file"), ("text.mcap", "magic bytes")]
 )
-def test_what_is_no_growing_recording_is_refused(name: str, word: str, tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_growing_recording_is_refused(name: str, fact: str, tmp_path: Path) -> None:
     (tmp_path / "text.mcap").write_text("time,trunk_flexion\n")
-    with pytest.raises(reba.ReadError, match=word):
+    with pytest.raises(reba.ReadError) as error:
         open_growing(tmp_path / name, 0.0)
+    says(error, tmp_path / name, fact)

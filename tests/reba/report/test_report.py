@@ -1,4 +1,4 @@
-"""The HTML report: what it says, that it is safe and self-contained, and that gaps and ranges stay what they are."""
+"""The HTML report: its content, safe and self-contained pages, gaps and ranges in plots."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ from reba.posture.table import Quality, table_of
 from reba.report import render, write_report
 from reba.report.labels import BODY, FACTORS, LEVEL_COLOURS, PARTS, RULES
 from reba.report.series import Curve, StepCurve, band, line, steps
-from reba.report.summary import grade, recording, shares_of_levels
+from reba.report.summary import quality_grade, seconds_of_levels, summarise
 from reba.scores import Scores
+from tests.support.says import says
 
 HOSTILE = '<script>alert("x")</script>&\'"'
 
@@ -104,15 +105,15 @@ def numbers(encoded: Any) -> np.ndarray[Any, Any]:
 
 def test_every_section_is_there(page: _Page) -> None:
     for words in (
-        "Verdict", "REBA over time", "Time per action level", "What drives the score", "Worst intervals", "Angles",
-        "Assumptions", "Data quality", "Method and limits", "Sources", "How to make this report again",
+        "Headline", "REBA over time", "Time per action level", "Contributions of the parts", "Worst intervals",
+        "Angles", "Assumptions", "Data quality", "Method and limits", "Sources", "How to reproduce this report",
     ):  # fmt: skip
         assert words in page.text
     for words in ("ab" * 32, "byte 676: too short", "reba score work.csv --load 6", reba.__version__, "screening"):
         assert words in page.text
 
 
-def test_verdict_names_the_range_and_its_reason(page: _Page) -> None:
+def test_headline_names_the_range_and_its_reason(page: _Page) -> None:
     one = scored(frames())
     ends = one.summary()["range"]
     assert ends["p90_low"] < ends["p90_high"]
@@ -135,7 +136,7 @@ def test_assumed_and_given_factors_differ(page: _Page) -> None:
     assert "Load [kg] 6 given" in page.text
     assert "Leg support bilateral assumed" in page.text
     assert "Activity: repeated" in page.text
-    assert "found in the movement" in page.text
+    assert "derived from the movement" in page.text
 
 
 def test_nothing_is_loaded(page: _Page) -> None:
@@ -183,16 +184,16 @@ def test_folders_stay_out() -> None:
     assert "jane" not in html
 
 
-def test_abnormal_end_stands_before_the_verdict() -> None:
-    text = _Page(render([scored(frames(20), ended_abnormally="cut at byte 81920")])).text
-    assert text.index("The recording breaks off") < text.index("Verdict")
+def test_abnormal_end_stands_before_the_headline() -> None:
+    text = _Page(render(scored(frames(20), ended_abnormally="cut at byte 81920"))).text
+    assert text.index("The recording is truncated") < text.index("Headline")
     assert "cut at byte 81920" in text
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_tiny_recordings(count: int) -> None:
     text = _Page(render([scored(frames(count))])).text
-    assert ("holds no frames" in text) == (count == 0)
+    assert ("contains no frames" in text) == (count == 0)
     assert ("only one frame" in text) == (count == 1)
 
 
@@ -207,7 +208,7 @@ def test_nothing_measured() -> None:
 @pytest.mark.parametrize("missing", ["neutral", "worst"])
 def test_fills_are_named_and_the_range_stays(missing: Any) -> None:
     text = _Page(render([reba.score(frames(60), missing=missing)])).text
-    assert "as asked for" in text
+    assert "as requested" in text
     assert "between" in text
 
 
@@ -242,12 +243,12 @@ def test_no_line_crosses_a_gap() -> None:
         assert not ((x[:-1] < 10.2) & (x[1:] > 14.8)).any()
     shaded = [shape for shape in figure["layout"]["shapes"] if shape["yref"] == "paper"]
     assert [(shape["x0"], shape["x1"]) for shape in shaded] == [(10.0, 15.0)]
-    assert "grey stretches are gaps" in page.text
+    assert "grey areas are gaps" in page.text
 
 
 def test_gaps_that_only_the_reader_knows_break_the_line() -> None:
     one = scored(frames(100, without="^$"), gaps=((4.95, 5.05),))
-    record = recording(one)
+    record = summarise(one)
     points = steps(one, record.curves["reba"], record.gaps)
     assert points.last.sum() == 2
     assert points.x[points.last][0] == pytest.approx(4.9)
@@ -281,29 +282,29 @@ def test_lines_and_bands_end_where_their_last_value_ends() -> None:
 
 def test_an_hour_stays_small(tmp_path: Path) -> None:
     small, hour = tmp_path / "small.html", tmp_path / "hour.html"
-    write_report(small, [scored(frames(20))])
-    write_report(hour, [scored(frames(180_000, 50.0))])
+    write_report(scored(frames(20)), small)
+    write_report([scored(frames(180_000, 50.0))], hour)
     assert hour.stat().st_size - small.stat().st_size < 2_500_000
 
 
 def test_shares_of_levels_add_up() -> None:
     one = scored(frames(), "a.csv")
-    record = recording(one)
+    record = summarise(one)
     for name in ("reba", "reba_left", "reba_right"):
-        assert sum(shares_of_levels(record, name).values()) == pytest.approx(record.seconds)
+        assert sum(seconds_of_levels(record, name).values()) == pytest.approx(record.seconds)
     shares = one.summary()["action_levels"]
-    for level, seconds in shares_of_levels(record, "reba").items():
+    for level, seconds in seconds_of_levels(record, "reba").items():
         if level is not None:
             assert seconds / record.seconds == pytest.approx(shares[str(level)])
 
 
 def test_grade_follows_its_rules() -> None:
     good = Quality(messages=1000)
-    assert grade(good, 1000, 40.0, 0.0, 0.0, 25.0).letter == "A"
-    assert grade(dataclasses.replace(good, warnings=("x",)), 1000, 40.0, 0.0, 0.0, 25.0).letter == "B"
-    assert grade(dataclasses.replace(good, ended_abnormally="cut"), 1000, 40.0, 0.0, 0.0, 25.0).letter == "C"
-    assert grade(dataclasses.replace(good, skipped=100), 900, 40.0, 10.0, 0.0, 25.0).letter == "D"
-    assert grade(good, 0, 0.0, 0.0, 0.0, float("nan")).letter == "D"
+    assert quality_grade(good, 1000, 40.0, 0.0, 0.0, 25.0).letter == "A"
+    assert quality_grade(dataclasses.replace(good, warnings=("x",)), 1000, 40.0, 0.0, 0.0, 25.0).letter == "B"
+    assert quality_grade(dataclasses.replace(good, ended_abnormally="cut"), 1000, 40.0, 0.0, 0.0, 25.0).letter == "C"
+    assert quality_grade(dataclasses.replace(good, skipped=100), 900, 40.0, 10.0, 0.0, 25.0).letter == "D"
+    assert quality_grade(good, 0, 0.0, 0.0, 0.0, float("nan")).letter == "D"
 
 
 @pytest.mark.parametrize(
@@ -358,15 +359,25 @@ def test_dark_text_stands_out_from_every_colour() -> None:
     assert 1.05 / (luminance(LEVEL_COLOURS[4]) + 0.05) > 4.5
 
 
-def test_the_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_the_file_is_complete_or_absent(tmp_path: Path) -> None:
     target = tmp_path / "report.html"
-    write_report(target, [scored(frames(20))])
+    reba.write_report([scored(frames(20))], target)
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
     assert target.read_text(encoding="utf-8").rstrip().endswith("</html>")
-    with pytest.raises(RebaError, match="cannot be written"):
-        write_report(target / "inside.html", [scored(frames(20))])
-    with pytest.raises(RebaError, match="at least one"):
-        write_report(target, [])
+    with pytest.raises(RebaError) as error:
+        write_report(scored(frames(20)), target / "inside.html")
+    says(error, target / "inside.html", "cannot be written", "choose another")
+    with pytest.raises(RebaError) as error:
+        write_report([], target)
+    says(error, "at least one", "none was given")
+
+
+def test_the_former_argument_order_is_deprecated(tmp_path: Path) -> None:
+    one = scored(frames(20))
+    with pytest.warns(DeprecationWarning, match=r"scores, path"):
+        write_report(str(tmp_path / "old.html"), [one])  # type: ignore[arg-type]
+    write_report([one], tmp_path / "new.html")
+    assert (tmp_path / "old.html").read_bytes() == (tmp_path / "new.html").read_bytes()
 
 
 def test_the_same_scores_give_the_same_bytes() -> None:

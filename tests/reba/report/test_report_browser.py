@@ -1,4 +1,4 @@
-"""The report in a real browser: opened as a file, without a network, on a phone and on a desk."""
+"""The report in a real browser: opened as a file, without a network, in narrow and wide windows."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def scored(n: int, seed: int) -> Scores:
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(path, [scored(1500, 1), scored(500, 2)], command="reba score a.csv b.csv --load 7")
+    write_report([scored(1500, 1), scored(500, 2)], path, command="reba score a.csv b.csv --load 7")
     return path
 
 
