@@ -146,7 +146,7 @@ def _show_evaluation(
     if report is not None:
         from dreba.report import write_report
 
-        write_report(report, model, poses, name=Path(name).name, command=command_line("dreba"), temperature=temperature)
+        write_report(model, poses, report, name=Path(name).name, command=command_line("dreba"), temperature=temperature)
     if as_json:
         print_json(result.to_dict())
         return
@@ -242,11 +242,11 @@ def export(
     model: str, target: str, temperature: float | None, first: bool, name: str, output: str | None, as_json: bool
 ) -> None:
     """Write a model as a C99 function without dependencies, or as a CasADi function."""
-    from dreba.export import export as export_model
+    from dreba.export import export_model
     from dreba.surrogates.library import load
 
     refuse_same_files({"-o": output}, model)
-    written = export_model(load(model), target, output or name, temperature=temperature, first=first, name=name)
+    written = export_model(load(model), output or name, to=target, temperature=temperature, first=first, name=name)
     if as_json:
         print_json({"model": model, "to": target, "output": str(written)})
     else:

@@ -28,9 +28,9 @@ WORST: Final = 6
 
 
 def write_report(
-    path: str | Path,
     model: Surrogate,
     poses: Poses,
+    path: str | Path,
     *,
     name: str = "",
     command: str = "",
@@ -39,9 +39,9 @@ def write_report(
     """Write the report of a model on poses with their true scores.
 
     Args:
-        path: file to write.
         model: fitted.
-        poses: that the model has not seen.
+        poses: evaluation poses, held out from the fit.
+        path: HTML file to write.
         name: of the model, for the title.
         command: command line to show, so that the report can be made again.
         temperature: [deg] for kinds that have one.

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 import dreba
-from dreba.export import export
 from dreba.export.casadi import casadi_function
 from dreba.surrogates.soft import SoftModel
 from reba.posture.columns import COLUMNS, INDEX
@@ -93,7 +92,7 @@ CASES = [
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
 @pytest.mark.parametrize(("name", "temperature"), CASES)
 def test_c_function_agrees(name: str, temperature: float | None, tmp_path: Path) -> None:
-    source = export(model(name), "c", tmp_path / "cost", temperature=temperature)
+    source = dreba.export_model(model(name), tmp_path / "cost", to="c", temperature=temperature)
     assert source.suffix == ".c"
     check(compiled(source), name, temperature)
 
@@ -108,7 +107,7 @@ def test_casadi_function_agrees(name: str, temperature: float | None) -> None:
 def test_casadi_file_reads_back(tmp_path: Path) -> None:
     import casadi
 
-    written = export(model("soft"), "casadi", tmp_path / "cost.casadi", name="posture_cost")
+    written = dreba.export_model(model("soft"), tmp_path / "cost.casadi", to="casadi", name="posture_cost")
     function = casadi.Function.deserialize(written.read_text())
     assert function.name() == "posture_cost"
     pose = np.full(22, 12.0)
@@ -121,18 +120,21 @@ def test_casadi_file_reads_back(tmp_path: Path) -> None:
 )
 def test_wrong_requests_are_refused(target: str, name: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(dreba.ModelError, match=words):
-        export(model("quadratic"), target, tmp_path / "cost", name=name)
+        dreba.export_model(model("quadratic"), tmp_path / "cost", to=target, name=name)
 
 
 def test_every_stage_of_a_graduated_model_can_be_written(tmp_path: Path) -> None:
     written = {
-        export(model("graduated"), "c", tmp_path / "first", first=True).read_text(),
-        *(export(model("graduated"), "c", tmp_path / "soft", temperature=t).read_text() for t in (8.0, None)),
+        dreba.export_model(model("graduated"), tmp_path / "first", to="c", first=True).read_text(),
+        *(
+            dreba.export_model(model("graduated"), tmp_path / "soft", to="c", temperature=t).read_text()
+            for t in (8.0, None)
+        ),
     }
     assert sum("rounded hinges" in text for text in written) == 1
     assert len(written) == 2
     with pytest.raises(dreba.ModelError, match="no first stage"):
-        export(model("soft"), "c", tmp_path / "first", first=True)
+        dreba.export_model(model("soft"), tmp_path / "first", to="c", first=True)
 
 
 def test_kinds_without_an_export_and_bad_paths_are_refused(tmp_path: Path) -> None:
@@ -141,11 +143,11 @@ def test_kinds_without_an_export_and_bad_paths_are_refused(tmp_path: Path) -> No
     part = SoftModel(learn=False, joints=ONE_ARM).fit(poses.angles[:, :5], poses.reba)
     for target in ("c", "casadi"):
         with pytest.raises(dreba.ModelError, match="cannot be exported"):
-            export(net, target, tmp_path / "cost")
+            dreba.export_model(net, tmp_path / "cost", to=target)
         with pytest.raises(dreba.ModelError, match="fit on all 22"):
-            export(part, target, tmp_path / "cost")
+            dreba.export_model(part, tmp_path / "cost", to=target)
     with pytest.raises(dreba.ModelError, match="no temperature"):
-        export(model("quadratic"), "c", tmp_path / "cost", temperature=2.0)
+        dreba.export_model(model("quadratic"), tmp_path / "cost", to="c", temperature=2.0)
     (tmp_path / "file").touch()
     with pytest.raises(dreba.ModelError, match="cannot be written"):
-        export(model("quadratic"), "c", tmp_path / "file" / "cost.c")
+        dreba.export_model(model("quadratic"), tmp_path / "file" / "cost.c", to="c")
