@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dreba.domain import Bins, Domain, domain_of
-from dreba.evaluation.evaluate import angles_for
+from dreba.evaluation.evaluate import values_on
 from dreba.sampling.classes import true_scores
 from dreba.sampling.poses import Poses
 from dreba.surrogates.base import Surrogate
@@ -65,14 +65,7 @@ def render(
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
-    given = poses.given
-    values = model.value(
-        angles_for(model, poses),
-        load=given.load,
-        coupling=given.coupling,
-        activity=given.activity,
-        temperature=temperature,
-    )
+    values = values_on(model, poses, temperature)
     found = evaluation_of(model.kind, values, poses.reba)
     domain = _domain(model)
     plots = {

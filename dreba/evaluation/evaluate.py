@@ -35,16 +35,17 @@ def evaluate(model: Surrogate, poses: Poses, temperature: float | None = None) -
     Warns:
         RadiansWarning: all angles are so small that they look like radians.
     """
-    given = poses.given
     check_temperature(model, temperature)
-    values = model.value(
-        angles_for(model, poses),
-        load=given.load,
-        coupling=given.coupling,
-        activity=given.activity,
-        temperature=temperature,
+    return evaluation_of(model.kind, values_on(model, poses, temperature), poses.reba)
+
+
+def values_on(model: Surrogate, poses: Poses, temperature: float | None) -> Array:
+    """Return the values (n,) of a model on poses with their load, coupling and activity."""
+    load, coupling, activity, _ = poses.task_factors
+    values: Array = model.value(
+        angles_for(model, poses), load=load, coupling=coupling, activity=activity, temperature=temperature
     )
-    return evaluation_of(model.kind, values, poses.reba)
+    return values
 
 
 def check_temperature(model: Surrogate, temperature: float | None) -> None:

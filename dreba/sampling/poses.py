@@ -16,7 +16,7 @@ import reba
 from dreba.domain import BEST, COLUMNS_OF, Domain
 from dreba.errors import SampleError
 from dreba.sampling.classes import true_scores
-from dreba.surrogates.task_factors import TaskFactors, given_of
+from dreba.surrogates.task_factors import TaskFactors, task_factors_of
 from dreba.surrogates.validation import LARGEST
 from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
@@ -48,9 +48,9 @@ class Poses:
         return len(self.reba)
 
     @property
-    def given(self) -> TaskFactors:
-        """Load, coupling and activity as a surrogate takes them."""
-        return given_of(self.factors, len(self))
+    def task_factors(self) -> TaskFactors:
+        """Load, coupling and activity in the units that surrogates take."""
+        return task_factors_of(self.factors, len(self))
 
     @property
     def counts(self) -> dict[int, int]:

@@ -8,7 +8,7 @@ batches, factors, files. Every registered kind runs through one contract test.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +20,7 @@ from dreba.errors import ModelError
 from dreba.surrogates.metrics import evaluation_of
 from dreba.surrogates.registry import ModelInfo
 from dreba.surrogates.serialization import save
-from dreba.surrogates.task_factors import NOTHING, TaskFactors, given_of
+from dreba.surrogates.task_factors import DEFAULT_FACTORS, TaskFactorArguments, TaskFactors, task_factors_of
 from dreba.surrogates.validation import (
     Allowed,
     check_parameters,
@@ -100,7 +100,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
         self.joints_ = self._joints(poses.shape[1])
         check_size(poses, self.joints_)
         warn_if_radians(poses, self.joints_)
-        self._fit(poses, scores, weights, given_of(factors, len(scores)))
+        self._fit(poses, scores, weights, task_factors_of(factors, len(scores)))
         self.about_ = ModelInfo(provenance={"poses": len(scores), "version": __version__})
         self._note_error(poses, scores, factors)
         return self
@@ -119,97 +119,56 @@ class Surrogate(RegressorMixin, BaseEstimator):
             raise ModelError(" ".join(str(error).split())) from error
         check_size(poses, self.joints_)
         warn_if_radians(poses, self.joints_)
-        return self._value(poses, NOTHING)
+        return self._value(poses, DEFAULT_FACTORS)
 
-    def value(
-        self,
-        angles: ArrayLike,
-        *,
-        load: Any = 0.0,
-        coupling: tuple[Any, Any] = (0, 0),
-        activity: Any = 0,
-        temperature: float | None = None,
-    ) -> Any:
+    def value(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Any:
         """Return the score: (n,) for angles (n, d), a float for (d,).
 
         Args:
             angles: (n, d) or (d,) degrees.
-            load: [kg], one or (n,).
-            coupling: left and right points 0-3, each one or (n,).
-            activity: points 0-3, one or (n,).
-            temperature: [deg] of the smoothing, for kinds that have one.
+            **factors: keywords of `TaskFactorArguments`, each one value for all poses or (n,):
+                `load` [kg], default 0;
+                `coupling`, left and right points from 0 (good) to 3, default (0, 0);
+                `activity`, points from 0 to 3, default 0;
+                `temperature` [deg] of the smoothing, one value, default that of the model; ignored by kinds without.
 
         Raises:
-            ModelError: wrong shapes, NaN, an angle that no body has, or factors out of range.
+            ModelError: wrong shapes, NaN, an angle beyond 360 deg, factors out of range, or an unknown keyword.
 
         Warns:
             RadiansWarning: all angles of ten poses or more are so small that they look like radians.
         """
         poses, single = self._poses(angles)
         warn_if_radians(poses, self.joints_)
-        found = self._value(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))
+        found = self._value(poses, TaskFactors.checked(factors, len(poses)))
         return float(found[0]) if single else found
 
-    def gradient(
-        self,
-        angles: ArrayLike,
-        *,
-        load: Any = 0.0,
-        coupling: tuple[Any, Any] = (0, 0),
-        activity: Any = 0,
-        temperature: float | None = None,
-    ) -> Array:
+    def gradient(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Array:
         """Return the gradient [1/deg]: (n, d), or (d,) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        found = self._value_gradient(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))[1]
+        found = self._value_gradient(poses, TaskFactors.checked(factors, len(poses)))[1]
         return found[0] if single else found
 
-    def value_and_gradient(
-        self,
-        angles: ArrayLike,
-        *,
-        load: Any = 0.0,
-        coupling: tuple[Any, Any] = (0, 0),
-        activity: Any = 0,
-        temperature: float | None = None,
-    ) -> tuple[Any, Array]:
+    def value_and_gradient(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> tuple[Any, Array]:
         """Return value and gradient in one pass, for optimisers. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        value, gradient = self._value_gradient(
-            poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses))
-        )
+        value, gradient = self._value_gradient(poses, TaskFactors.checked(factors, len(poses)))
         return (float(value[0]), gradient[0]) if single else (value, gradient)
 
-    def hessian(
-        self,
-        angles: ArrayLike,
-        *,
-        load: Any = 0.0,
-        coupling: tuple[Any, Any] = (0, 0),
-        activity: Any = 0,
-        temperature: float | None = None,
-    ) -> Array:
+    def hessian(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Array:
         """Return the Hessian [1/deg^2]: (n, d, d), or (d, d) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        found = self._hessian(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))
+        found = self._hessian(poses, TaskFactors.checked(factors, len(poses)))
         return found[0] if single else found
 
-    def gauss_newton(
-        self,
-        angles: ArrayLike,
-        *,
-        load: Any = 0.0,
-        coupling: tuple[Any, Any] = (0, 0),
-        activity: Any = 0,
-        temperature: float | None = None,
-    ) -> Array:
+    def gauss_newton(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Array:
         """Return the factor J with Hessian ~ J^T J: (n, k, d), or (k, d) for one pose. Arguments as in `value`.
 
         Raises:
             ModelError: the kind has no such factor.
         """
         poses, single = self._poses(angles)
-        found = self._gauss_newton(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))
+        found = self._gauss_newton(poses, TaskFactors.checked(factors, len(poses)))
         return found[0] if single else found
 
     def save(self, path: str | Path) -> None:
@@ -219,23 +178,23 @@ class Surrogate(RegressorMixin, BaseEstimator):
 
     # What a kind implements.
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
         """Learn from checked poses (n, d), scores (n,), weights (n,) and factors."""
         raise ModelError(f"kind {self.kind!r} cannot be fitted")
 
-    def _value(self, poses: Array, given: TaskFactors) -> Array:
+    def _value(self, poses: Array, factors: TaskFactors) -> Array:
         """Return (n,) values; kinds override it where the value alone is cheaper."""
-        return self._value_gradient(poses, given)[0]
+        return self._value_gradient(poses, factors)[0]
 
-    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
         """Return (n,) values and (n, d) gradients."""
         raise ModelError(f"kind {self.kind!r} has no value")
 
-    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
+    def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
         """Return (n, d, d) second derivatives."""
         raise ModelError(f"kind {self.kind!r} has no Hessian")
 
-    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
+    def _gauss_newton(self, poses: Array, factors: TaskFactors) -> Array:
         """Return (n, k, d) factors."""
         raise ModelError(f"kind {self.kind!r} has no Gauss-Newton factor; use hessian()")
 
@@ -272,7 +231,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
         known = all(joint in reba.COLUMNS for joint in self.joints_)
         if not (known and (scores == np.rint(scores)).all() and scores.min() >= 1 and scores.max() <= 15):
             return
-        found = evaluation_of(self.kind, self._value(poses, given_of(factors, len(scores))), scores)
+        found = evaluation_of(self.kind, self._value(poses, task_factors_of(factors, len(scores))), scores)
         rmse = {str(score): round(error.rmse, 4) for score, error in found.classes.items()}
         self.about_ = ModelInfo({}, rmse, {**self.about_.provenance, "rmse_on": "the poses of the fit"})
 

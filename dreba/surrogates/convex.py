@@ -77,14 +77,14 @@ class ConvexModel(Surrogate):
         """Always."""
         return True
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
         from scipy.optimize import nnls
 
         if len(scores) < 2:
             raise ModelError(f"{len(scores)} sample is too few poses to fit anything; give 1000 or more")
         profile = _profiles(self.joints_)
         self.knots_ = self._places(poses, profile)
-        gram, right = self._normal_equations(poses, scores, weights / weights.sum(), given, profile)
+        gram, right = self._normal_equations(poses, scores, weights / weights.sum(), factors, profile)
         # The last two columns are the constant and its opposite, so that it may have either sign.
         lower = np.linalg.cholesky(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)))
         found = nnls(lower.T, np.linalg.solve(lower, right))[0]
@@ -94,13 +94,13 @@ class ConvexModel(Surrogate):
         self._fold()
 
     def _normal_equations(
-        self, poses: Array, scores: Array, weights: Array, given: TaskFactors, profile: Indices
+        self, poses: Array, scores: Array, weights: Array, factors: TaskFactors, profile: Indices
     ) -> tuple[Array, Array]:
         """Return the Gram matrix and right side over: hinges of each profile, load, coupling, 1, -1."""
         count = int(profile.max()) + 1
         spread = (np.arange(count)[:, None] == profile).astype(float)
         n = len(poses)
-        load, coupling, activity = np.broadcast_arrays(*_points(given, n), given.activity, np.zeros(n))[:3]
+        load, coupling, activity = np.broadcast_arrays(*_points(factors, n), factors.activity, np.zeros(n))[:3]
         size = count * self.knots + 4
         gram, right = np.zeros((size, size)), np.zeros(size)
         for start in range(0, n, CHUNK):
@@ -137,7 +137,7 @@ class ConvexModel(Surrogate):
             raise ModelError("weights_ holds a negative weight; the file is damaged")
         self._fold()
 
-    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
         value = np.full(len(poses), self.constant_)
         gradient = np.empty(poses.shape)
         for start in range(0, len(poses), CHUNK):
@@ -149,18 +149,18 @@ class ConvexModel(Surrogate):
             inside *= -0.5 * inside
             inside += past * np.minimum(past, 1.0)
             value[rows] += self._weight @ inside
-        load, coupling = _points(given, len(poses))
-        value += self.points_[0] * load + self.points_[1] * coupling + given.activity
+        load, coupling = _points(factors, len(poses))
+        value += self.points_[0] * load + self.points_[1] * coupling + factors.activity
         return value, gradient
 
-    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
+    def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
         out = np.zeros((len(poses), len(self.joints_), len(self.joints_)))
         diagonal = np.arange(len(self.joints_))
         out[:, diagonal, diagonal] = self._bends(poses)
         return out
 
-    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
-        return np.sqrt(self._hessian(poses, given))
+    def _gauss_newton(self, poses: Array, factors: TaskFactors) -> Array:
+        return np.sqrt(self._hessian(poses, factors))
 
     def _bends(self, poses: Array) -> Array:
         past = self._past(poses)

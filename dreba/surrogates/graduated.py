@@ -31,8 +31,8 @@ class Stage(NamedTuple):
     model: Surrogate
     temperature: float | None
 
-    def objective(self, **given: Any) -> Callable[[Array], tuple[float, Array]]:
-        """Return a function of one pose (d,) -> value and gradient; `given` are load, coupling, activity.
+    def objective(self, **factors: Any) -> Callable[[Array], tuple[float, Array]]:
+        """Return the objective of one pose (d,) [deg] -> value and gradient (d,), with load, coupling and activity.
 
         Example:
             >>> import dreba
@@ -44,7 +44,7 @@ class Stage(NamedTuple):
         """
 
         def evaluate(angles: Array) -> tuple[float, Array]:
-            value, gradient = self.model.value_and_gradient(angles, temperature=self.temperature, **given)
+            value, gradient = self.model.value_and_gradient(angles, temperature=self.temperature, **factors)
             return float(value), gradient
 
         return evaluate
@@ -111,7 +111,7 @@ class GraduatedModel(Surrogate):
         model.about_ = soft.about_
         return model
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
         parts = (
             FIRST[self.first](joints=self.joints_),
             SoftModel(self.ladder, self.temperature, updates=self.updates, seed=self.seed, joints=self.joints_),
@@ -119,7 +119,7 @@ class GraduatedModel(Surrogate):
         for part in parts:
             part.joints_ = self.joints_
             part.n_features_in_ = len(self.joints_)
-            part._fit(poses, scores, weights, given)
+            part._fit(poses, scores, weights, factors)
             part.about_ = ModelInfo()
         self._hold(*parts)
 
@@ -146,14 +146,14 @@ class GraduatedModel(Surrogate):
             raise ModelError("the stages do not agree with the model that holds them; the file is damaged")
         self._hold(first, soft)
 
-    def _value(self, poses: Array, given: TaskFactors) -> Array:
-        return self.soft_._value(poses, given)
+    def _value(self, poses: Array, factors: TaskFactors) -> Array:
+        return self.soft_._value(poses, factors)
 
-    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
-        return self.soft_._value_gradient(poses, given)
+    def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
+        return self.soft_._value_gradient(poses, factors)
 
-    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
-        return self.soft_._hessian(poses, given)
+    def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
+        return self.soft_._hessian(poses, factors)
 
-    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
-        return self.soft_._gauss_newton(poses, given)
+    def _gauss_newton(self, poses: Array, factors: TaskFactors) -> Array:
+        return self.soft_._gauss_newton(poses, factors)

@@ -101,14 +101,14 @@ class QuadraticModel(Surrogate):
             return bool((self.twice_curvature_ >= 0).all())
         return self.curvature == "nonnegative"
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
         self._check_columns()
         groups = _groups(self.joints_)
-        targets = scores - delta_payload(given.load, self.payload, self.omega_load) - given.activity
+        targets = scores - delta_payload(factors.load, self.payload, self.omega_load) - factors.activity
         if self.class_power:
             weights = weights * np.maximum(scores, 1.0) ** -self.class_power
         features, bounded = self._free_features(poses, groups) if self.free else self._features(poses, groups)
-        worse = np.broadcast_to(np.maximum(*given.coupling), len(scores)).astype(float)
+        worse = np.broadcast_to(np.maximum(*factors.coupling), len(scores)).astype(float)
         columns = np.column_stack([features, worse, np.full(len(scores), float(self.intercept))])
         unbounded = np.append(~bounded, [False, True])
         if len(scores) < 2:
@@ -169,12 +169,12 @@ class QuadraticModel(Surrogate):
             raise ModelError("weights_ holds a negative weight; the file is damaged")
         self._fold()
 
-    def _extra(self, given: TaskFactors) -> Any:
+    def _extra(self, factors: TaskFactors) -> Any:
         """Return what load, coupling and activity add, a float or (n,)."""
-        extra = delta_payload(given.load, self.payload, self.omega_load) + np.asarray(given.activity, np.float64)
-        return extra + self.coupling_weight_ * np.maximum(*(np.asarray(side, np.float64) for side in given.coupling))
+        extra = delta_payload(factors.load, self.payload, self.omega_load) + np.asarray(factors.activity, np.float64)
+        return extra + self.coupling_weight_ * np.maximum(*(np.asarray(side, np.float64) for side in factors.coupling))
 
-    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
         # The value is constant + sum_i q_i (slope_i + linear_i) / 2, so one product serves both (equation 2).
         gradient = poses * self.twice_curvature_
         gradient += self.linear_
@@ -182,14 +182,14 @@ class QuadraticModel(Surrogate):
         value += poses @ self.linear_
         value *= 0.5
         value += self.constant_
-        if not given.nothing:
-            value += self._extra(given)
+        if not factors.is_default:
+            value += self._extra(factors)
         return value, gradient
 
-    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
+    def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
         return np.broadcast_to(np.diag(self.twice_curvature_), (len(poses), *(2 * (len(self.joints_),)))).copy()
 
-    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
+    def _gauss_newton(self, poses: Array, factors: TaskFactors) -> Array:
         factor = np.diag(np.sqrt(np.maximum(self.twice_curvature_, 0.0)))
         return np.broadcast_to(factor, (len(poses), *factor.shape)).copy()
 

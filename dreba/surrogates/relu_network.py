@@ -56,13 +56,13 @@ class NetModel(Surrogate):
         self.seed = seed
         self.joints = joints
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.neural_network import MLPRegressor
 
         if len(scores) < 2:
             raise ModelError(f"{len(scores)} sample is too few poses to fit anything; give 1000 or more")
-        inputs = np.column_stack([poses, *_points(given, len(poses))])
+        inputs = np.column_stack([poses, *_points(factors, len(poses))])
         self.middle_ = inputs.mean(axis=0)
         spread = inputs.std(axis=0)
         self.spread_ = np.where(spread > 1e-9, spread, 1.0)
@@ -71,7 +71,7 @@ class NetModel(Surrogate):
         )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)  # it stops after `epochs` on purpose
-            net.fit((inputs - self.middle_) / self.spread_, scores - given.activity, weights)
+            net.fit((inputs - self.middle_) / self.spread_, scores - factors.activity, weights)
         self.layers_, self.biases_ = list(net.coefs_), list(net.intercepts_)
 
     def _restore(self, state: dict[str, Any]) -> None:
@@ -94,9 +94,9 @@ class NetModel(Surrogate):
             raise ModelError("the net holds NaN; the file is damaged")
         self.layers_, self.biases_, self.middle_, self.spread_ = layers, biases, middle, spread
 
-    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
         n = len(poses)
-        points = [np.broadcast_to(part, n) for part in _points(given, n)]
+        points = [np.broadcast_to(part, n) for part in _points(factors, n)]
         signal = (np.column_stack([poses, *points]) - self.middle_) / self.spread_
         on = []
         for layer, bias in zip(self.layers_[:-1], self.biases_[:-1], strict=True):
@@ -107,9 +107,9 @@ class NetModel(Surrogate):
         back = np.broadcast_to(self.layers_[-1][:, 0], (n, len(self.layers_[-1])))
         for layer, active in zip(reversed(self.layers_[:-1]), reversed(on), strict=True):
             back = (back * active) @ layer.T
-        return value + given.activity, (back / self.spread_)[:, : len(self.joints_)]
+        return value + factors.activity, (back / self.spread_)[:, : len(self.joints_)]
 
-    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
+    def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
         return np.zeros((len(poses), len(self.joints_), len(self.joints_)))
 
     def _payload(self) -> dict[str, Any]:

@@ -108,9 +108,9 @@ class SoftModel(Surrogate):
             self._tables[wanted] = SoftTables.of(self._rules(), wanted)
         return self._tables[wanted]
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
         self._check_parameters()
-        angles, (added, activity) = self._whole(poses), self._added(given, len(poses))
+        angles, (added, activity) = self._whole(poses), self._added(factors, len(poses))
         added = np.zeros((3, 1)) if added is None else added
         rng = np.random.default_rng(self.seed)
         found: dict[float, SoftTables] = {}
@@ -170,7 +170,7 @@ class SoftModel(Surrogate):
 
     def _added(self, given: TaskFactors, n: int) -> tuple[Array | None, Any]:
         """Return (3, 1) or (3, n) points on Score A and both Scores B, None for none, and those on the total."""
-        if given.nothing:
+        if given.is_default:
             return None, given.activity
         load = load_kg(given.load, n)
         points = (load >= LOAD_EDGES[0]).astype(float) + (load > LOAD_EDGES[1])
@@ -183,20 +183,20 @@ class SoftModel(Surrogate):
             raise ModelError(f"coupling is {given.coupling!r}; expected left and right, one value or one for each pose")
         return added, given.activity
 
-    def _value(self, poses: Array, given: TaskFactors) -> Array:
-        return self.tables(given.temperature).value(self._whole(poses), *self._added(given, len(poses)))
+    def _value(self, poses: Array, factors: TaskFactors) -> Array:
+        return self.tables(factors.temperature).value(self._whole(poses), *self._added(factors, len(poses)))
 
-    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
-        tables = self.tables(given.temperature)
-        value, gradient = tables.value_gradient(self._whole(poses), *self._added(given, len(poses)))
+    def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
+        tables = self.tables(factors.temperature)
+        value, gradient = tables.value_gradient(self._whole(poses), *self._added(factors, len(poses)))
         return value, gradient if self.joints_ == COLUMNS else gradient[:, self._places()]
 
-    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
-        added = self._added(given, len(poses))[0]
-        out = soft_curvature.hessian(self.tables(given.temperature), self._whole(poses), added)
+    def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
+        added = self._added(factors, len(poses))[0]
+        out = soft_curvature.hessian(self.tables(factors.temperature), self._whole(poses), added)
         return out if self.joints_ == COLUMNS else out[:, self._places()][:, :, self._places()]
 
-    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
-        added = self._added(given, len(poses))[0]
-        out = soft_curvature.gauss_newton(self.tables(given.temperature), self._whole(poses), added)
+    def _gauss_newton(self, poses: Array, factors: TaskFactors) -> Array:
+        added = self._added(factors, len(poses))[0]
+        out = soft_curvature.gauss_newton(self.tables(factors.temperature), self._whole(poses), added)
         return out if self.joints_ == COLUMNS else out[:, :, self._places()]

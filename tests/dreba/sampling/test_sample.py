@@ -177,7 +177,7 @@ def test_parquet_round_trip_and_posture_table(tmp_path: Path) -> None:
     assert np.array_equal(again.reba, poses.reba)
     assert again.provenance == poses.provenance
     assert again.provenance["seed"] == 6
-    assert np.array_equal(again.given.load, poses.given.load)
+    assert np.array_equal(again.task_factors.load, poses.task_factors.load)
     table = reba.read(tmp_path / "poses.parquet")
     assert np.array_equal(reba.score(table, activity="none").angles, poses.angles)
     (tmp_path / "other.parquet").write_bytes(b"PAR1 nothing")

@@ -18,6 +18,7 @@ import dreba
 import reba
 from dreba.surrogates.serialization import from_dict, to_dict
 from reba.posture.columns import COLUMNS, INDEX
+from tests.support.says import says
 
 KINDS = sorted(dreba.KINDS)
 CHECKED = {"quadratic": dreba.QuadraticModel(free=True)}
@@ -93,7 +94,7 @@ def test_single_poses_batches_and_predict_agree(kind: str) -> None:
 def test_factors_may_differ_between_poses(kind: str) -> None:
     model = fitted(kind)
     drawn = dreba.sample(15, range(1, 16), factors=["load", "coupling", "activity"], rng=3)
-    given = drawn.given
+    given = drawn.task_factors
     together = model.value(drawn.angles, load=given.load, coupling=given.coupling, activity=given.activity)
     for row in range(15):
         own = given.rows(row)
@@ -230,6 +231,13 @@ def test_wrong_factors_are_refused_by_every_kind(kind: str, given: dict[str, obj
     for ask in (fitted(kind).value, fitted(kind).gradient, fitted(kind).hessian):
         with pytest.raises(dreba.ModelError, match=said):
             ask(some(2), **given)
+
+
+@pytest.mark.parametrize("method", ["value", "gradient", "value_and_gradient", "hessian", "gauss_newton"])
+def test_unknown_factors_are_refused_by_name(method: str) -> None:
+    with pytest.raises(dreba.ModelError) as error:
+        getattr(fitted("convex"), method)(some(2), laod=3.0)
+    says(error, "'laod'", "did you mean 'load'", "load, coupling, activity, temperature")
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -55,7 +55,7 @@ def test_exact_score_as_temperature_goes_to_zero(rules: str) -> None:
     clear = away_from_thresholds(angles, record, 0.01)
     assert clear.mean() > 0.95
     exact = reba.score_array(angles, drawn.factors, record).reba
-    g = drawn.given
+    g = drawn.task_factors
     soft = unfitted(rules).value(angles, load=g.load, coupling=g.coupling, activity=g.activity, temperature=COLD)
     assert np.abs(soft - exact)[clear].max() < 0.01
 
