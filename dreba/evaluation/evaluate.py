@@ -122,7 +122,7 @@ Result = TypeVar("Result")
 STARTS: Final[tuple[Starts, ...]] = ("random", "neutral")
 """Initial postures of the optimiser: anywhere within the limits, or near standing upright."""
 STARTS_PER_TASK: Final = 3
-"""Initial postures of each kind for each reach task: enough to separate chance from cost, in seconds per model."""
+"""Initial postures of each kind for each reach task."""
 
 
 def compare(
@@ -228,7 +228,7 @@ def _in_parallel(
 TIMED_ROUNDS: Final = 5
 """The shortest of these is reported: other processes only add time."""
 BATCH: Final = 100_000
-"""Poses of the batch: far above the chunks of the models, so that the cost of a call does not count."""
+"""Poses of the batch, so many that the cost of a call is negligible."""
 SINGLE_POSES: Final = 200
 """Poses evaluated one by one."""
 

@@ -18,11 +18,11 @@ Objective = Callable[[Array], tuple[float, Array]]
 Constraint = Callable[[Array], tuple[Array, Array]]
 """Angles (d,) [deg] -> residuals (m,), 0 where it is satisfied, and their Jacobian (m, d)."""
 SCALE: Final = 30.0
-"""[deg] Unit of the scaled variables, about the width of an angle class, so that gradients are near 1."""
+"""[deg] Unit of the scaled variables, about the width of an angle class, so that derivatives are of order 1."""
 PROJECTION_STEPS: Final = 50
 """Maximum number of least-squares evaluations of a projection onto the constraint."""
 TOLERANCE: Final = 1e-3
-"""Largest residual of a satisfied constraint: 1 mm for hand positions, far below the error of any body model."""
+"""Largest residual of a satisfied constraint: 1 mm for hand positions in metres."""
 
 
 @dataclass(frozen=True)
