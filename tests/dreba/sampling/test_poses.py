@@ -137,3 +137,45 @@ def test_whole_recordings_need_no_option() -> None:
     poses = dreba.read_poses(path)
     assert "held" not in poses.provenance
     assert len(poses.counts) == 9
+
+
+def test_parquet_round_trip_and_posture_table(tmp_path: Path) -> None:
+    poses = dreba.sample(150, range(1, 16), rng=6, factors=["load", "coupling", "activity"])
+    poses.save(tmp_path / "poses.parquet")
+    again = dreba.Poses.load(tmp_path / "poses.parquet")
+    assert np.array_equal(again.angles, poses.angles)
+    assert np.array_equal(again.reba, poses.reba)
+    assert again.provenance == poses.provenance
+    assert again.provenance["seed"] == 6
+    assert np.array_equal(again.task_factors.load, poses.task_factors.load)
+    table = reba.read(tmp_path / "poses.parquet")
+    assert np.array_equal(reba.score(table, activity="none").angles, poses.angles)
+    (tmp_path / "other.parquet").write_bytes(b"PAR1 nothing")
+    with pytest.raises(dreba.SampleError, match="cannot be read"):
+        dreba.Poses.load(tmp_path / "other.parquet")
+
+
+def test_split_keeps_classes_and_weights_balance() -> None:
+    poses = dreba.sample(1000, rng=1)
+    train, held = poses.split(0.2, np.random.default_rng(0))
+    assert set(held.counts.values()) == {20}
+    assert set(train.counts.values()) == {80}
+    uneven = poses.rows(np.flatnonzero((poses.reba != 3) | (np.arange(1000) % 2 == 0)))
+    weights = uneven.balancing_weights()
+    totals = [weights[uneven.reba == score].sum() for score in uneven.counts]
+    assert totals == pytest.approx([len(uneven) / 10] * 10)
+
+
+def test_recordings_become_poses(tmp_path: Path) -> None:
+    angles = dreba.sample(30, rng=1).angles
+    data = pd.DataFrame(angles, columns=list(COLUMNS))
+    data.insert(0, "time", np.arange(30) * 0.1)
+    data.loc[4, "neck_twist"] = np.nan
+    data.to_csv(tmp_path / "shift.csv", index=False)
+    poses = dreba.read_poses(tmp_path / "shift.csv")
+    assert len(poses) == 29
+    assert poses.provenance["left_out"] == 1
+    assert np.array_equal(poses.reba, np.delete(reba.score_array(angles).reba, 4))
+    data.drop(columns="wrist_twist_left").to_csv(tmp_path / "part.csv", index=False)
+    with pytest.raises(dreba.SampleError, match="wrist_twist_left"):
+        dreba.read_poses(tmp_path / "part.csv")
