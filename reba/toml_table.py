@@ -48,7 +48,8 @@ class TomlTable:
         value = self._value(key, None)
         if not isinstance(value, (list, tuple)):
             raise self.error(f"{self.where}: {key} is {value!r}, expected a list of numbers")
-        return self.vector(key, len(value))  # type: ignore[no-any-return]
+        numbers: tuple[float, ...] = self.vector(key, len(value))
+        return numbers
 
     def unit(self, key: str, default: tuple[float, float, float] | None = None) -> Any:
         """Return three numbers that are not all 0, scaled to length 1, as a tuple."""

@@ -195,7 +195,8 @@ def _run(method: Method, reach_tasks: Sequence[ReachTask], initial: Array) -> Re
             scores[row, column] = true_score(minimum.x) if minimum.residual <= TOLERANCE else INFEASIBLE
             counts.append((minimum.residual > TOLERANCE, minimum.evaluations, minimum.constraint_evaluations))
     seconds = (perf_counter() - start_time) / len(counts)
-    return ReachResult(scores, *(float(mean) for mean in np.mean(counts, axis=0)), seconds)
+    infeasible, evaluations, constraint_evaluations = (float(mean) for mean in np.mean(counts, axis=0))
+    return ReachResult(scores, infeasible, evaluations, constraint_evaluations, seconds)
 
 
 def best_known(results: Sequence[ReachResult]) -> NDArray[np.int64]:

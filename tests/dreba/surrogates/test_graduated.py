@@ -10,6 +10,7 @@ import pytest
 import dreba
 from dreba.surrogates.graduated import GraduatedModel
 from dreba.surrogates.soft import SoftModel
+from tests.support.says import says
 
 pytestmark = pytest.mark.slow
 
@@ -29,7 +30,9 @@ def test_stages_of_the_graduated_model() -> None:
         value, slope = stage.objective(load=6.0)(pose)
         assert value == pytest.approx(stage.model.value(pose, load=6.0, temperature=stage.temperature))
         assert slope.shape == (22,)
-    with pytest.raises(dreba.ModelError, match="quadratic or convex"):
+    with pytest.raises(dreba.ModelError) as error:
         GraduatedModel.of(model.soft_, model.soft_)
-    with pytest.raises(dreba.ModelError, match="first is"):
+    says(error, "'soft'", "quadratic or convex")
+    with pytest.raises(dreba.ModelError) as error:
         GraduatedModel(first="net").fit(np.full((5, 22), 30.0), np.ones(5))  # type: ignore[arg-type]
+    says(error, "first is", "'net'", "convex")

@@ -8,6 +8,7 @@ import pytest
 
 import dreba
 from tests.support.paths import ROOT
+from tests.support.says import says
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "3", '{"format": NaN}', "[" * 100_000, "\x00\xff"])
@@ -19,10 +20,12 @@ def test_damaged_files_are_refused(tmp_path: Path, content: str) -> None:
 
 
 def test_unfitted_models_and_missing_files() -> None:
-    with pytest.raises(dreba.ModelError, match="not fitted"):
+    with pytest.raises(dreba.ModelError) as error:
         dreba.QuadraticModel().save("never.json")
-    with pytest.raises(dreba.ModelError, match="cannot be read as a model"):
+    says(error, "not fitted", "fit")
+    with pytest.raises(dreba.ModelError) as error:
         dreba.load("no such file.json")
+    says(error, "cannot be read", "quadratic")
 
 
 @pytest.mark.parametrize("name", dreba.models())

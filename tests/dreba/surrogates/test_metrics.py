@@ -10,6 +10,7 @@ from scipy.stats import spearmanr
 
 import dreba
 from dreba.surrogates.metrics import PUBLISHED, distance_to_published, evaluation_of
+from tests.support.says import says
 
 
 def test_figures_are_what_their_names_say() -> None:
@@ -36,12 +37,15 @@ def test_distance_to_the_published_row() -> None:
     scores = np.repeat(list(PUBLISHED), 2)
     errors = np.repeat(list(PUBLISHED.values()), 2) * np.tile([1, -1], 10)
     assert distance_to_published(evaluation_of("any", scores + errors, scores)) == pytest.approx(0.0)
-    with pytest.raises(dreba.ModelError, match="REBA 1"):
+    with pytest.raises(dreba.ModelError) as error:
         distance_to_published(evaluation_of("any", np.ones(2), np.array([2, 3])))
+    says(error, "REBA 1", "classes 1 to 10")
 
 
 def test_nothing_to_evaluate_is_refused() -> None:
-    with pytest.raises(dreba.ModelError, match="at least one"):
+    with pytest.raises(dreba.ModelError) as error:
         evaluation_of("any", np.zeros(0), np.zeros(0))
-    with pytest.raises(dreba.ModelError, match="not finite"):
+    says(error, "at least one")
+    with pytest.raises(dreba.ModelError) as error:
         evaluation_of("any", np.array([np.inf]), np.ones(1))
+    says(error, "not finite", "angles")
