@@ -23,7 +23,6 @@ import numpy as np
 from machine import machine, stamp
 
 import dreba
-from dreba.export import export
 
 BATCH = 10_000
 REPEATS = 7
@@ -73,7 +72,7 @@ def native(model: dreba.Surrogate, poses: np.ndarray, flags: str) -> float | Non
     if compiler is None:
         return None
     with tempfile.TemporaryDirectory() as folder:
-        source = export(model, "c", Path(folder) / "cost.c")
+        source = dreba.export_model(model, Path(folder) / "cost.c", to="c")
         loop = Path(folder) / "loop.c"
         loop.write_text("#define _POSIX_C_SOURCE 199309L\n" + LOOP % {"poses": len(poses)})
         program = Path(folder) / "loop"

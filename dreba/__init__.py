@@ -1,6 +1,6 @@
 """dREBA: differentiable surrogates of the REBA posture score (Busch, Toussaint & Lopes 2018, section II).
 
-Poses evenly filled over the REBA classes, models that are fitted to them in seconds, and their error per class.
+Poses drawn evenly over the REBA classes, models fitted to them in seconds, and their error per class.
 
 >>> import dreba
 >>> poses = dreba.sample(10_000, classes=range(1, 11), rng=1)
@@ -20,7 +20,9 @@ from dreba.domain import Bins, Domain, domain_of
 from dreba.errors import DomainError, ModelError, RadiansWarning, SampleError
 
 if TYPE_CHECKING:
-    from dreba.evaluation.evaluate import evaluate, fit_to
+    from dreba.evaluation.evaluate import compare, evaluate, fit_to
+    from dreba.export import export_model
+    from dreba.report import write_report
     from dreba.sampling.poses import Poses, read_poses
     from dreba.sampling.sample import sample
     from dreba.surrogates.base import Surrogate
@@ -52,17 +54,22 @@ __all__ = [
     "SampleError",
     "SoftModel",
     "Surrogate",
+    "compare",
     "delta_payload",
     "domain_of",
     "evaluate",
+    "export_model",
     "fit_to",
     "load",
     "models",
     "read_poses",
     "sample",
+    "write_report",
 ]
-_LATE = {
-    "dreba.evaluation.evaluate": ("evaluate", "fit_to"),
+_LAZY = {
+    "dreba.evaluation.evaluate": ("compare", "evaluate", "fit_to"),
+    "dreba.export": ("export_model",),
+    "dreba.report": ("write_report",),
     "dreba.surrogates.library": (
         "KINDS",
         "ModelInfo",
@@ -80,11 +87,11 @@ _LATE = {
     "dreba.sampling.poses": ("Poses", "read_poses"),
     "dreba.sampling.sample": ("sample",),
 }
-"""Loaded on first use: the base classes of models load scikit-learn and with it SciPy, for over a second."""
+"""Imported on first use: the base classes of models load scikit-learn and SciPy, which takes over a second."""
 
 
 def __getattr__(name: str) -> Any:
-    for module, names in _LATE.items():
+    for module, names in _LAZY.items():
         if name in names:
             return getattr(importlib.import_module(module), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

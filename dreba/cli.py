@@ -1,4 +1,4 @@
-"""The `dreba` command."""
+"""The `dreba` command: sample, fit, evaluate, compare, export."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 HELD_OUT: Final = 1
 EVALUATION: Final = 2
-"""Second numbers of the seeds of held-out poses and of poses for evaluation: no fit ever sees them."""
-FEWEST: Final = 200
-"""Poses that a fit from a file needs; below, errors per class mean nothing."""
-HELD_SHARE: Final = 0.2
-"""Share of the poses of a file that a fit does not see."""
+"""Second words of the seeds of held-out and evaluation poses, which keep them independent of the training poses."""
+MIN_POSES: Final = 200
+"""Least number of poses of a file to fit: the 20 % held out of 200 are about four for each class."""
+HELD_OUT_SHARE: Final = 0.2
+"""Share of the poses of a file held out from the fit, the usual 80:20 split."""
 
 
 @click.group(context_settings=GROUP)
@@ -49,30 +49,36 @@ def cli() -> None:
     Start with:  dreba fit -o model.json      poses drawn, model fitted, error per REBA class
     Then:        dreba compare model.json     beside the published model
     """
-    warnings.simplefilter("once", RadiansWarning)  # training and held-out poses need not be warned about each
+    warnings.simplefilter("once", RadiansWarning)  # training and held-out poses would each warn
 
 
 @cli.command(epilog="Example: dreba sample -n 100000 --classes 1:10 --seed 1 -o poses.parquet")
 @drawing_options
 @click.option("-o", "--output", required=True, metavar="POSES.parquet", help="File to write.")
 @json_option
-def sample(output: str, as_json: bool, **given: Any) -> None:
-    """Draw poses evenly over REBA classes."""
-    refuse_same_files({"-o": output}, given["domain"])
+def sample(output: str, as_json: bool, **drawing: Any) -> None:
+    """Draw random poses evenly over REBA classes."""
+    refuse_same_files({"-o": output}, drawing["domain"])
     if Path(output).suffix.lower() != ".parquet":
         raise SampleError(f"{output}: poses are written as Parquet; choose a name ending in .parquet")
-    poses = draw_poses(given, given["seed"])
+    poses = draw_poses(drawing, drawing["seed"])
     poses.save(output)
     if as_json:
         counts = {str(score): count for score, count in poses.counts.items()}
         print_json({"output": output, "n": len(poses), "classes": counts, "provenance": poses.provenance})
     else:
-        click.echo(f"{output}: {len(poses):,} poses, {len(poses.counts)} classes, seed {given['seed']}")
+        click.echo(f"{output}: {len(poses):,} poses, {len(poses.counts)} classes, seed {drawing['seed']}")
 
 
 @cli.command(epilog="Example: dreba fit --kind quadratic -n 20000 --seed 1 -o model.json --report model.html")
-@click.option("--kind", default="quadratic", show_default=True, metavar="KIND", help="Kind of model.")
-@click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="A parameter of the kind, repeatable.")
+@click.option(
+    "--kind",
+    default="quadratic",
+    show_default=True,
+    metavar="KIND",
+    help="Kind of model, such as quadratic, convex, soft or graduated.",
+)
+@click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="Parameter of the kind, repeatable.")
 @poses_options
 @joints_option
 @drawing_options
@@ -81,33 +87,33 @@ def sample(output: str, as_json: bool, **given: Any) -> None:
 @json_option
 def fit(
     kind: str, options: tuple[str, ...], poses_file: str | None, hold: str | None, joints: str | None, output: str,
-    report: str | None, as_json: bool, **given: Any,
+    report: str | None, as_json: bool, **drawing: Any,
 ) -> None:  # fmt: skip
-    """Fit a model to drawn poses, or to your own with every REBA class weighing the same.
+    """Fit a model to drawn poses, or to a recording with equal weight for every REBA class.
 
-    A recording that lacks angles needs --joints measured (the model then works on those it has) or --hold neutral.
+    A recording without some angles needs --joints measured (a model of the measured angles) or --hold neutral.
     """
     from dreba.evaluation.evaluate import fit_to
 
-    refuse_same_files({"-o": output, "--report": report}, poses_file, given["domain"])
+    refuse_same_files({"-o": output, "--report": report}, poses_file, drawing["domain"])
     refuse_drawing(poses_file, "domain")
-    chosen, held = joints_of(joints), hold_of(hold)
+    chosen, held_angles = joints_of(joints), hold_of(hold)
     weights = None
     if poses_file is None:
-        own = drawn_domain(given["domain"], chosen, held)
+        own = drawn_domain(drawing["domain"], chosen, held_angles)
         model = unfitted(kind, options, own, chosen)
-        given = {**given, "domain": own}
-        train, held_out = draw_poses(given, given["seed"]), draw_poses(given, (given["seed"], HELD_OUT))
+        drawing = {**drawing, "domain": own}
+        train, held_out = draw_poses(drawing, drawing["seed"]), draw_poses(drawing, (drawing["seed"], HELD_OUT))
     else:
         import numpy as np
 
-        domain = None if given["domain"] is None else domain_of(given["domain"])
-        unfitted(kind, options, domain, None)  # wrong options are told before a long file is read
-        poses = _enough(read_poses(poses_file, joints=chosen, hold=held), poses_file)
+        domain = None if drawing["domain"] is None else domain_of(drawing["domain"])
+        unfitted(kind, options, domain, None)  # wrong options are refused before a long file is read
+        poses = _check_enough(read_poses(poses_file, joints=chosen, hold=held_angles), poses_file)
         drawn_from = Domain.from_dict(poses.provenance["domain"]) if "recording" not in poses.provenance else None
         columns = None if joints is None else tuple(poses.provenance.get("joints", COLUMNS))
         model = unfitted(kind, options, domain or drawn_from, columns)
-        train, held_out = poses.split(HELD_SHARE, np.random.default_rng(given["seed"]))
+        train, held_out = poses.split(HELD_OUT_SHARE, np.random.default_rng(drawing["seed"]))
         weights = train.balancing_weights()
     fit_to(model, train, held_out, weights, command=command_line("dreba"))
     model.save(output)
@@ -119,22 +125,24 @@ def fit(
 @click.argument("model", metavar="MODEL")
 @poses_options
 @drawing_options
-@click.option("--temperature", type=float, default=None, metavar="DEG", help="For kinds that have one.")
+@click.option(
+    "--temperature", type=float, default=None, metavar="DEG", help="Smoothing temperature of soft and graduated models."
+)
 @click.option("--report", metavar="FILE.html", help="Write a self-contained HTML report.")
 @json_option
 def evaluate(
     model: str, poses_file: str | None, hold: str | None, temperature: float | None, report: str | None, as_json: bool,
-    **given: Any,
+    **drawing: Any,
 ) -> None:  # fmt: skip
-    """RMSE, bias and count per REBA class, on poses no fit has seen. MODEL is a file or a shipped model's name."""
+    """RMSE, bias and count per REBA class on poses held out from the fit. MODEL is a file or a shipped model."""
     from dreba.evaluation.evaluate import check_temperature
     from dreba.surrogates.library import load
 
-    refuse_same_files({"--report": report}, model, poses_file, given["domain"])
-    found = load(model)
-    check_temperature(found, temperature)
-    poses = _unseen({model: found}, poses_file, hold, given)
-    _show_evaluation(found, model, poses, report, as_json, temperature)
+    refuse_same_files({"--report": report}, model, poses_file, drawing["domain"])
+    surrogate = load(model)
+    check_temperature(surrogate, temperature)
+    poses = _evaluation_poses({model: surrogate}, poses_file, hold, drawing)
+    _show_evaluation(surrogate, model, poses, report, as_json, temperature)
 
 
 def _show_evaluation(
@@ -146,7 +154,7 @@ def _show_evaluation(
     if report is not None:
         from dreba.report import write_report
 
-        write_report(report, model, poses, name=Path(name).name, command=command_line("dreba"), temperature=temperature)
+        write_report(model, poses, report, name=Path(name).name, command=command_line("dreba"), temperature=temperature)
     if as_json:
         print_json(result.to_dict())
         return
@@ -155,31 +163,33 @@ def _show_evaluation(
     show_evaluation(console(), name, result)
 
 
-def _unseen(models_: dict[str, Surrogate], poses_file: str | None, hold: str | None, given: dict[str, Any]) -> Poses:
-    """Return the poses of a file, or poses drawn with a seed of their own from the domain that all models share."""
+def _evaluation_poses(
+    models_: dict[str, Surrogate], poses_file: str | None, hold: str | None, drawing: dict[str, Any]
+) -> Poses:
+    """Return the poses of a file, or poses drawn from the common domain of the models with the seed of evaluations."""
     refuse_drawing(poses_file)
-    held = hold_of(hold)
+    held_angles = hold_of(hold)
     if poses_file is not None:
         joints = {model.joints_ for model in models_.values()}
-        # What a model on some columns never sees is held where it was held in its fit.
-        some = next(iter(joints)) if len(joints) == 1 and joints != {COLUMNS} else None
-        if some is not None and not isinstance(held, str):
+        # Columns that a model does not have are held at the angles of its fit.
+        own = next(iter(joints)) if len(joints) == 1 and joints != {COLUMNS} else None
+        if own is not None and not isinstance(held_angles, str):
             train = next(iter(models_.values())).about_.provenance.get("train", {})
-            held = {**train.get("held", {}), **(held or {})}
-        return read_poses(poses_file, joints=some, hold=held)
+            held_angles = {**train.get("held", {}), **(held_angles or {})}
+        return read_poses(poses_file, joints=own, hold=held_angles)
     if hold is not None:
-        raise SampleError("--hold is about poses from a file; give --poses")
+        raise SampleError("--hold applies to poses of a file; add --poses, or leave it out")
     domains = [model.about_.domain for model in models_.values()]
-    if given["domain"] is None and domains and domains[0] and all(own == domains[0] for own in domains):
+    if drawing["domain"] is None and domains and domains[0] and all(own == domains[0] for own in domains):
         scores = sorted({int(score) for model in models_.values() for score in model.about_.rmse})
         classes = ",".join(map(str, scores)) or CLASSES
-        return draw_poses(given, (given["seed"], EVALUATION), Domain.from_dict(domains[0]), classes)
-    return draw_poses(given, (given["seed"], EVALUATION))
+        return draw_poses(drawing, (drawing["seed"], EVALUATION), Domain.from_dict(domains[0]), classes)
+    return draw_poses(drawing, (drawing["seed"], EVALUATION))
 
 
-def _enough(poses: Poses, path: str) -> Poses:
-    if len(poses) < FEWEST:
-        raise SampleError(f"{path}: {len(poses)} poses are too few to fit a model; give {FEWEST} or more")
+def _check_enough(poses: Poses, path: str) -> Poses:
+    if len(poses) < MIN_POSES:
+        raise SampleError(f"{path}: {len(poses)} poses are too few to fit a model; expected {MIN_POSES} or more")
     return poses
 
 
@@ -188,17 +198,17 @@ def _enough(poses: Poses, path: str) -> Poses:
 @poses_options
 @drawing_options
 @click.option(
-    "--tasks", default=10, type=click.IntRange(min=0), show_default=True, help="Reach tasks to optimise; 0 for none."
+    "--tasks", default=10, type=click.IntRange(min=0), show_default=True, help="Number of reach tasks; 0 for none."
 )
 @where_options
 @json_option
 def compare(
     names: tuple[str, ...], poses_file: str | None, hold: str | None, tasks: int, jobs: int, scheduler: str | None,
-    as_json: bool, **given: Any,
+    as_json: bool, **drawing: Any,
 ) -> None:  # fmt: skip
-    """Models beside the published Table I: error, time, and the true REBA that optimising them leads to.
+    """Models beside the published Table I: error, time, and the true REBA reached by minimising them.
 
-    All are given the same poses, which no fit has seen, and the same reach tasks. Without MODEL, all shipped models.
+    All models share the same held-out poses and the same reach tasks. Without MODEL: all shipped models.
     """
     from dreba.evaluation.evaluate import compare as compare_models
     from dreba.evaluation.evaluate import enable
@@ -206,47 +216,47 @@ def compare(
     from dreba.surrogates.metrics import PUBLISHED
 
     loaded = {name: load(name) for name in names or models()}
-    poses = _unseen(loaded, poses_file, hold, given)
-    judged = str(poses.provenance.get("domain", {}).get("name", "unknown"))
+    poses = _evaluation_poses(loaded, poses_file, hold, drawing)
+    domain = str(poses.provenance.get("domain", {}).get("name", "unknown"))
     rows = compare_models(loaded, poses, jobs=jobs, scheduler=scheduler)
-    strangers = [f"{row['model']} ({row['domain']})" for row in rows if row["domain"] not in ("", judged)]
-    if strangers:
+    other_domains = [f"{row['model']} ({row['domain']})" for row in rows if row["domain"] not in ("", domain)]
+    if other_domains:
         click.echo(
-            f"dreba: note: all are judged on domain {judged}, but fitted on another: {', '.join(strangers)}; "
-            "judge them there with --domain, or one by one with dreba evaluate",
+            f"dreba: note: all models are evaluated in domain {domain}; fitted in another: {', '.join(other_domains)}; "
+            "for errors there use --domain, or dreba evaluate for each model",
             err=True,
         )
-    reached = enable(loaded, tasks, seed=given["seed"], jobs=jobs, scheduler=scheduler) if tasks else []
+    enabler = enable(loaded, tasks, seed=drawing["seed"], jobs=jobs, scheduler=scheduler) if tasks else []
     if as_json:
         published = {str(score): rmse for score, rmse in PUBLISHED.items()}
-        print_json({"published": published, "domain": judged, "models": rows, "enabler": reached})
+        print_json({"published": published, "domain": domain, "models": rows, "enabler": enabler})
         return
     from dreba.console import show_comparison, show_enabler
 
-    show_comparison(console(), rows, judged)
-    if reached:
-        show_enabler(console(), reached)
+    show_comparison(console(), rows, domain)
+    if enabler:
+        show_enabler(console(), enabler)
 
 
 @cli.command(epilog="Example: dreba export soft --to c --temperature 2 -o reba_soft.c")
 @click.argument("model", metavar="MODEL")
-@click.option("--to", "target", required=True, metavar="TARGET", help="c, casadi.")
-@click.option("--temperature", type=float, default=None, metavar="DEG", help="For kinds that have one.")
-@click.option("--first", is_flag=True, help="Of a graduated model, the first stage instead of the soft tables.")
-@click.option("--name", default="dreba", show_default=True, help="Name of the function.")
+@click.option("--to", "target", required=True, metavar="TARGET", help="Target: c or casadi.")
 @click.option(
-    "-o", "--output", default=None, metavar="FILE", help="File to write; the name of the function if left out."
+    "--temperature", type=float, default=None, metavar="DEG", help="Smoothing temperature of soft and graduated models."
 )
+@click.option("--first", is_flag=True, help="First stage of a graduated model instead of its soft tables.")
+@click.option("--name", default="dreba", show_default=True, help="Name of the exported function.")
+@click.option("-o", "--output", default=None, metavar="FILE", help="File to write; default: the name of the function.")
 @json_option
 def export(
     model: str, target: str, temperature: float | None, first: bool, name: str, output: str | None, as_json: bool
 ) -> None:
     """Write a model as a C99 function without dependencies, or as a CasADi function."""
-    from dreba.export import export as export_model
+    from dreba.export import export_model
     from dreba.surrogates.library import load
 
     refuse_same_files({"-o": output}, model)
-    written = export_model(load(model), target, output or name, temperature=temperature, first=first, name=name)
+    written = export_model(load(model), output or name, to=target, temperature=temperature, first=first, name=name)
     if as_json:
         print_json({"model": model, "to": target, "output": str(written)})
     else:
@@ -254,5 +264,5 @@ def export(
 
 
 def main() -> None:
-    """Run the command; errors are one line on standard error."""
+    """Run the command; an error is one line on standard error."""
     run(cli, "dreba")

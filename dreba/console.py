@@ -1,4 +1,4 @@
-"""What the `dreba` commands print for people: tables in the terminal, nothing computed here."""
+"""Terminal tables of the `dreba` commands: evaluation, comparison and reach tasks."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from rich.text import Text
 from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation
 
 
-def show_evaluation(console: Console, name: str, found: Evaluation) -> None:
-    """Print error per REBA class beside the published one."""
-    table = Table(title=f"{name} ({found.kind})", title_justify="left", header_style="bold")
+def show_evaluation(console: Console, name: str, evaluation: Evaluation) -> None:
+    """Print the error per REBA class beside that of Table I."""
+    table = Table(title=f"{name} ({evaluation.kind})", title_justify="left", header_style="bold")
     for heading in ("REBA", "poses", "RMSE", "bias", "RMSE of Table I"):
         table.add_column(heading, justify="right")
-    for score, error in found.classes.items():
+    for score, error in evaluation.classes.items():
         table.add_row(str(score), f"{error.n:,}", f"{error.rmse:.2f}", f"{error.bias:+.2f}", _published(score))
-    table.add_row("all", f"{found.n:,}", f"{found.rmse:.2f}", "", f"{PUBLISHED_OVERALL:.2f}", style="bold")
+    table.add_row("all", f"{evaluation.n:,}", f"{evaluation.rmse:.2f}", "", f"{PUBLISHED_OVERALL:.2f}", style="bold")
     console.print(table)
     console.print(
-        f"mean over classes {found.balanced_rmse:.2f}; rank correlation {found.spearman:.3f}; "
-        f"rounded value right in {found.rounded_accuracy:.1%}"
+        f"mean over classes {evaluation.balanced_rmse:.2f}; rank correlation {evaluation.spearman:.3f}; "
+        f"rounded value correct in {evaluation.rounded_accuracy:.1%}"
     )
 
 
 def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]], domain: str) -> None:
-    """Print RMSE per class of several models, then how long they take.
+    """Print RMSE per class, rank correlation and time per pose of models, one column each.
 
     Args:
-        rows: of `dreba compare --json`, each with "model", "classes", "overall", "seconds_per_pose".
+        rows: rows of `dreba.compare`, with "model", "classes", "overall" and "seconds_per_pose".
         domain: name of the domain of the poses.
     """
     scores = sorted({int(score) for row in rows for score in row["classes"]} | set(PUBLISHED))
-    # One column a model: classes as columns would not fit a terminal of 80 characters.
+    # Classes as columns would not fit a terminal of 80 characters.
     title = f"RMSE per REBA class, domain {domain}, beside the published Table I"
     table = Table(title=title, title_justify="left", header_style="bold", box=SIMPLE_HEAD)
     table.add_column("REBA", no_wrap=True)
@@ -44,8 +44,8 @@ def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]], domain:
         table.add_column(Text(heading), justify="right", overflow="fold")
     for score in scores:
         errors = [row["classes"].get(str(score)) for row in rows]
-        found = ("-" if error is None else f"{error['rmse']:.2f}" for error in errors)
-        table.add_row(str(score), _published(score), *found)
+        cells = ["-" if error is None else f"{error['rmse']:.2f}" for error in errors]
+        table.add_row(str(score), _published(score), *cells)
     figures = {
         "all": [f"{row['overall']['rmse']:.2f}" for row in rows],
         "rank": ["-" if row["overall"]["spearman"] is None else f"{row['overall']['spearman']:.3f}" for row in rows],
@@ -59,11 +59,7 @@ def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]], domain:
 
 
 def show_enabler(console: Console, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print what optimising each model leads to.
-
-    Args:
-        rows: of `dreba.evaluation.evaluate.enable`.
-    """
+    """Print the true REBA reached on reach tasks by minimising each model, rows of `evaluate.enable`."""
     title = "true REBA reached when the model is minimised on reach tasks (infeasible counts 12)"
     table = Table(title=title, title_justify="left", header_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("model", overflow="fold")

@@ -1,7 +1,7 @@
-"""Domains: the angles that poses are drawn from, and how those poses are scored.
+"""Domains: limits [deg] of the angles that poses are drawn from, and the rules that score these poses.
 
-A domain names columns of the posture table with limits in degrees; columns it does not name are held at the angle of
-their lowest score. Most domains are scored by exact REBA under their rules; a domain may bring its own bins instead.
+Columns of the posture table without limits are held at the angle of their lowest score. Poses are scored by exact REBA
+under the rules of the domain, or by bins that the domain defines itself.
 """
 
 from __future__ import annotations
@@ -22,19 +22,20 @@ from reba.errors import RebaError, did_you_mean
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
 from reba.posture.columns import ANGLES, COLUMNS
+from reba.toml_table import TomlTable
 
 DOMAINS: Final = ("human", "human_description", "paper")
-"""Domains that come with the package."""
+"""Names of the shipped domains."""
 LOAD: Final = (0.0, 20.0)
-"""[kg] Loads that are drawn where a domain says nothing else."""
+"""[kg] Range of drawn loads by default: all three load classes of REBA, and up to twice the last edge of 10 kg."""
 COLUMNS_OF: Final = {angle.name: angle.columns for angle in ANGLES}
-"""Columns of a name without a side."""
+"""Columns of each angle by its name without a side."""
 BEST: Final = {column: angle.best for angle in ANGLES for column in angle.columns}
-"""[deg] The angle of the lowest score of each column."""
+"""[deg] Angle of the lowest score (neutral) of each column."""
 
 
 class Bins(NamedTuple):
-    """Intervals of one angle and the points of each: k + 1 rising `edges` [deg], k `points`."""
+    """Classes of one angle: k + 1 rising `edges` [deg] and the `points` of the k intervals between them."""
 
     edges: tuple[float, ...]
     points: tuple[int, ...]
@@ -42,18 +43,18 @@ class Bins(NamedTuple):
 
 @dataclass(frozen=True)
 class Domain:
-    """Angles that poses are drawn from.
+    """Limits of the angles that poses are drawn from, and the rules of their scores.
 
     Attributes:
-        name: shown in files and reports.
-        limits: column -> (low, high) [deg]; equal limits hold a column.
-        rules: of the exact score of its poses.
-        source: where the limits come from.
-        title: for people.
-        bins: column -> its own bins, which then give the true score; empty for exact REBA.
-        sides: "each": arms are scored whole and the worse one counts, as REBA says; "worst part": the worse upper arm,
-            lower arm and wrist count, whichever side they are on (only with own bins).
-        load: [kg] lowest and highest load that is drawn, if loads are.
+        name: identifier in files and reports.
+        limits: column -> (low, high) [deg]; equal limits hold the column at an angle.
+        rules: rules of the exact score of its poses.
+        source: reference for the limits.
+        title: heading in reports.
+        bins: column -> `Bins` that give the true score instead of the rules; empty for exact REBA.
+        sides: "each": each arm has a Score B and the worse one counts, as in REBA; "worst part": the worse upper arm,
+            lower arm and wrist of the two sides are combined (only with bins).
+        load: (low, high) [kg] of drawn loads.
 
     Example:
         >>> domain_of("human").limits["trunk_flexion"]
@@ -81,25 +82,29 @@ class Domain:
             raise DomainError(f"domain {self.name!r}: load is {self.load}; expected rising kilograms, 0 or more")
         for column, own in self.bins.items():
             rising = all(a < b for a, b in zip(own.edges, own.edges[1:], strict=False))
-            whole = all(isinstance(points, int) and 0 <= points <= 4 for points in own.points)
-            if column not in self.limits or len(own.edges) != len(own.points) + 1 or not rising or not whole:
-                raise DomainError(f"domain {self.name!r}: bins of {column} need k + 1 rising edges and k points 0-4")
+            valid = all(isinstance(points, int) and 0 <= points <= 4 for points in own.points)
+            if column not in self.limits or len(own.edges) != len(own.points) + 1 or not rising or not valid:
+                raise DomainError(
+                    f"domain {self.name!r}: bins of {column} are {own}; expected k + 1 rising edges and k points 0-4"
+                )
         if self.sides not in ("each", "worst part") or (self.sides == "worst part" and not self.bins):
-            raise DomainError(f"domain {self.name!r}: sides is {self.sides!r}; expected 'each', or bins of its own")
+            raise DomainError(
+                f"domain {self.name!r}: sides is {self.sides!r}; expected 'each', or 'worst part' with bins"
+            )
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The columns that vary, in the order of `reba.COLUMNS`."""
+        """Columns that vary, in the order of `reba.COLUMNS`."""
         return tuple(c for c in COLUMNS if c in self.limits and self.limits[c][0] < self.limits[c][1])
 
     @property
     def low(self) -> Array:
-        """(22,) lower limits [deg] in the order of `reba.COLUMNS`."""
+        """Lower limits (22,) [deg] in the order of `reba.COLUMNS`."""
         return np.array([self.limits.get(c, (BEST[c], BEST[c]))[0] for c in COLUMNS])
 
     @property
     def high(self) -> Array:
-        """(22,) upper limits [deg] in the order of `reba.COLUMNS`."""
+        """Upper limits (22,) [deg] in the order of `reba.COLUMNS`."""
         return np.array([self.limits.get(c, (BEST[c], BEST[c]))[1] for c in COLUMNS])
 
     def hold(self, **angles: float) -> Self:
@@ -112,27 +117,27 @@ class Domain:
         return dataclasses.replace(self, limits=limits)
 
     def only(self, joints: Iterable[str]) -> Self:
-        """Return the domain with every column but the named ones held at the angle of its lowest score."""
+        """Return the domain in which only the named columns vary; the others are held at their neutral angle."""
         moving = set(joints)
         return self.hold(**{column: best for column, best in BEST.items() if column not in moving})
 
     def bins_of(self, column: str) -> Bins:
-        """Return the bins of a column within its limits: its own, or those of the rules' classes."""
+        """Return the bins of a column within its limits: those of the domain, or the angle classes of the rules."""
         low, high = self.limits.get(column, (BEST[column], BEST[column]))
         if column in self.bins:
             own = self.bins[column]
             inside = [edge for edge in own.edges[1:-1] if low < edge < high]
             edges = (low, *inside, high)
-            points = [own.points[int(np.searchsorted(own.edges[1:-1], _middle(edges, i)))] for i in _each(edges)]
+            points = [own.points[int(np.searchsorted(own.edges[1:-1], _midpoint(edges, i)))] for i in _intervals(edges)]
             return Bins(edges, tuple(points))
-        quantity = next(q for q in angle_classes(self.rules) if column in q.columns)
+        classes = next(known for known in angle_classes(self.rules) if column in known.columns)
         # "Under 30" ends just below 30; poses are drawn up to the printed edge, which they meet with probability 0.
-        ends = {round(end, 3) for c in quantity.classes for end in (c.low, c.high)}
+        ends = {round(end, 3) for c in classes.classes for end in (c.low, c.high)}
         edges = (low, *sorted(end for end in ends if low < end < high), high)
-        return Bins(edges, tuple(quantity.class_of(_middle(edges, i)).points for i in _each(edges)))
+        return Bins(edges, tuple(classes.class_of(_midpoint(edges, i)).points for i in _intervals(edges)))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the domain as plain data, as it is kept in pose and model files."""
+        """Return the domain as plain data, the form of pose and model files."""
         return {
             "name": self.name,
             "limits": {column: list(ends) for column, ends in self.limits.items()},
@@ -149,10 +154,10 @@ class Domain:
 
     @staticmethod
     def from_dict(data: dict[str, Any]) -> Domain:
-        """Return the domain of what `to_dict` gave.
+        """Return the domain from the plain data of `to_dict`.
 
         Raises:
-            DomainError: it is damaged.
+            DomainError: a key is missing or a value wrong.
 
         Example:
             >>> held = domain_of("paper").hold(knee_flexion_left=0.0)
@@ -161,10 +166,13 @@ class Domain:
         """
         name = data.get("name")
         try:
-            if data["scored_by"] == "own bins" and "bins" not in data and name in DOMAINS:  # named only
-                own = domain_of(name).bins
+            if data["scored_by"] == "own bins" and "bins" not in data and name in DOMAINS:
+                bins = domain_of(name).bins  # a file may name a shipped domain without its bins
             else:
-                own = _bins(data.get("bins", {}))
+                bins = {
+                    column: Bins(tuple(float(edge) for edge in own["edges"]), tuple(own["points"]))
+                    for column, own in data.get("bins", {}).items()
+                }
             low, high = data.get("load", LOAD)
             return Domain(
                 name=str(name),
@@ -172,12 +180,12 @@ class Domain:
                 rules=Rules().replace(**data["rules"]),
                 source=str(data["source"]),
                 title=str(data.get("title", "")),
-                bins=own,
+                bins=bins,
                 sides=data["sides"],
                 load=(float(low), float(high)),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise DomainError(f"domain {name!r} is not whole ({error}); give --domain or --poses") from error
+            raise DomainError(f"domain {name!r} is incomplete or damaged ({error}); use --domain or --poses") from error
 
     @staticmethod
     def load_file(path: str | Path) -> Domain:
@@ -214,54 +222,51 @@ def domain_of(which: str | Path | Domain) -> Domain:
 
 
 def _parse(text: str, where: str) -> Domain:
+    """Return the domain of a TOML text; `where` is its file or name, for messages."""
     try:
-        given = tomllib.loads(text)
+        table = TomlTable(where, tomllib.loads(text), DomainError)
     except (ValueError, RecursionError) as error:
         raise DomainError(f"{where}: not TOML ({error})") from error
-    known = {"name", "title", "source", "rules", "load", "limits", "bins", "sides"}
-    for key in given:
-        if key not in known:
-            raise DomainError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}; known: {', '.join(known)}")
+    bins = _both_sides({name: _bins(own) for name, own in table.tables("bins").items()})
+    limits = {column: (own.edges[0], own.edges[-1]) for column, own in bins.items() if own.edges}
+    ranges = table.table("limits")
+    limits |= _both_sides({name: ranges.vector(name, 2) for name in ranges.values})
+    preset = isinstance(table.values.get("rules", ""), str)
+    rules = table.text("rules", "measured") if preset else table.table("rules").values
+    name, title, source = table.text("name", Path(where).stem), table.text("title", ""), table.text("source", "")
+    sides, load = table.text("sides", "each"), table.vector("load", 2, LOAD)
+    table.done()
     try:
-        rules = given.get("rules", "measured")
-        chosen = rules_of(rules) if isinstance(rules, str) else Rules().replace(**rules)
-        bins = _bins(_both_sides(given.get("bins", {})))
-        limits = {column: (own.edges[0], own.edges[-1]) for column, own in bins.items()}
-        for column, (low, high) in _both_sides(given.get("limits", {})).items():
-            limits[column] = (float(low), float(high))
-        low, high = given.get("load", LOAD)
         return Domain(
-            name=str(given.get("name", Path(where).stem)),
+            name=name,
             limits=limits,
-            rules=chosen,
-            source=str(given.get("source", "")),
-            title=str(given.get("title", "")),
+            rules=rules_of(rules) if isinstance(rules, str) else Rules().replace(**rules),
+            source=source,
+            title=title,
             bins=bins,
-            sides=given.get("sides", "each"),
-            load=(float(low), float(high)),
+            sides=sides,  # type: ignore[arg-type]
+            load=load,
         )
     except RebaError as error:
         raise DomainError(f"{where}: {error}") from error
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise DomainError(
-            f"{where}: a limit, bin or load is not as expected ({error}); write COLUMN = [low, high] in degrees"
-        ) from error
 
 
-def _bins(given: dict[str, Any]) -> dict[str, Bins]:
-    return {
-        column: Bins(tuple(float(edge) for edge in own["edges"]), tuple(own["points"])) for column, own in given.items()
-    }
+def _bins(table: TomlTable) -> Bins:
+    edges, points = table.series("edges"), table.series("points")
+    table.done()
+    if not all(number.is_integer() for number in points):
+        raise DomainError(f"{table.where}: points are {points}; expected whole numbers from 0 to 4")
+    return Bins(edges, tuple(int(number) for number in points))
 
 
-def _both_sides(given: dict[str, Any]) -> dict[str, Any]:
-    """Return names without a side written out for both columns."""
-    return {column: value for name, value in given.items() for column in COLUMNS_OF.get(name, (name,))}
+def _both_sides(values: dict[str, Any]) -> dict[str, Any]:
+    """Return values by column; a name without a side stands for both columns."""
+    return {column: value for name, value in values.items() for column in COLUMNS_OF.get(name, (name,))}
 
 
-def _each(edges: tuple[float, ...]) -> range:
+def _intervals(edges: tuple[float, ...]) -> range:
     return range(len(edges) - 1)
 
 
-def _middle(edges: tuple[float, ...], i: int) -> float:
+def _midpoint(edges: tuple[float, ...], i: int) -> float:
     return (edges[i] + edges[i + 1]) / 2

@@ -1,4 +1,4 @@
-"""Errors of `dreba`: the same one-line family as `reba`, so `except ValueError` and `except RebaError` both work."""
+"""Errors of `dreba`: one line each, and subclasses of `reba.RebaError`, which is a ValueError."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from reba.errors import RebaError
 
 
 class ModelError(RebaError):
-    """A model cannot be fitted, evaluated, saved or loaded as asked."""
+    """A model cannot be fitted, evaluated, saved, loaded or exported with these arguments."""
 
 
 class DomainError(RebaError):
-    """A domain of poses is unknown, or its limits or bins are wrong."""
+    """A domain is unknown, or its limits, rules or bins are wrong."""
 
 
 class SampleError(RebaError):
-    """Poses cannot be drawn, saved or loaded as asked."""
+    """Poses cannot be drawn, saved or loaded with these arguments."""
 
 
 class RadiansWarning(UserWarning):

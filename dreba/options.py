@@ -1,4 +1,4 @@
-"""What the commands of `dreba` take in common: which poses are meant, and how a model is made from text."""
+"""Options common to the `dreba` commands: drawn poses, poses of a file, and models with their parameters."""
 
 from __future__ import annotations
 
@@ -21,24 +21,35 @@ from reba.errors import did_you_mean
 if TYPE_CHECKING:
     from dreba.surrogates.base import Surrogate
 
-HIGHEST: Final = 99
-"""End of a range of classes: enough to name the first one that is no REBA score."""
+MAX_CLASS: Final = 99
+"""Largest class of a range FIRST:LAST: above 15, so that an error names the first class that is not a REBA score."""
 CLASSES: Final = "1:10"
-"""Classes that are drawn where nobody says anything else."""
+"""Default classes, those of the published Table I."""
 Command = Callable[..., Any]
 
 
 def drawing_options(command: Command) -> Command:
-    """Add the options that say which poses are drawn."""
+    """Add the options of drawn poses to a command."""
     for option in (
-        click.option("--adjustments/--no-adjustments", default=True, help="Twists, side bends, abduction and so on."),
-        click.option("--arms", default="both", type=click.Choice(["both", "left", "right"]), help="Arms that move."),
-        click.option("--factors", default="", metavar="LIST", help=f"Drawn as well: {','.join(FACTOR_NAMES)}."),
-        click.option("--stratified", is_flag=True, help="Fill part scores evenly to within one pose."),
-        click.option("--weights", default="bins", type=click.Choice(WEIGHTS), help="Likeliness inside a class."),
+        click.option(
+            "--adjustments/--no-adjustments", default=True, help="Draw twists, side bends, abduction and so on."
+        ),
+        click.option(
+            "--arms",
+            default="both",
+            type=click.Choice(["both", "left", "right"]),
+            help="Arms drawn; the other is at rest.",
+        ),
+        click.option("--factors", default="", metavar="LIST", help=f"Factors drawn too: {','.join(FACTOR_NAMES)}."),
+        click.option("--stratified", is_flag=True, help="Keep part scores within one pose of their expectation."),
+        click.option(
+            "--weights", default="bins", type=click.Choice(WEIGHTS), help="Probability of poses inside a class."
+        ),
         click.option("--domain", default=None, metavar="NAME|FILE.toml", help=f"Joint limits: {', '.join(DOMAINS)}."),
-        click.option("--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of the draws."),
-        click.option("--classes", default=None, metavar="A:B|LIST", help=f"REBA scores to fill, else {CLASSES}."),
+        click.option(
+            "--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of the random poses."
+        ),
+        click.option("--classes", default=None, metavar="A:B|LIST", help=f"REBA scores to draw, default {CLASSES}."),
         click.option("-n", "--number", "n", default=10_000, type=int, show_default=True, help="Number of poses."),
     ):
         command = option(command)
@@ -46,14 +57,14 @@ def drawing_options(command: Command) -> Command:
 
 
 joints_option = click.option(
-    "--joints", default=None, metavar="LIST", help=f"Columns the model works on, or {MEASURED}: those of the recording."
+    "--joints", default=None, metavar="LIST", help=f"Columns of the model, or {MEASURED}: those of the recording."
 )
-_POSES_HELP = "Poses of `dreba sample`, or any recording, instead of drawing."
-_HOLD_HELP = f"Angles that are held: {NEUTRAL} (those not measured, at rest), or COLUMN=DEGREES, by commas."
+_POSES_HELP = "File of `dreba sample`, or any recording, instead of drawn poses."
+_HOLD_HELP = f"Angles held fixed: {NEUTRAL} (unmeasured ones, at rest), or COLUMN=DEGREES, by commas."
 
 
 def poses_options(command: Command) -> Command:
-    """Add the options of poses from a file."""
+    """Add the options of poses of a file to a command."""
     for option in (
         click.option("--hold", default=None, metavar="LIST", help=_HOLD_HELP),
         click.option("--poses", "poses_file", default=None, metavar="FILE", help=_POSES_HELP),
@@ -62,34 +73,36 @@ def poses_options(command: Command) -> Command:
     return command
 
 
-def refuse_drawing(poses_file: str | None, *fine: str) -> None:
-    """Refuse options that say how poses are drawn where a file gives them, but for `fine` ones.
+def refuse_drawing(poses_file: str | None, *allowed: str) -> None:
+    """Refuse options of drawn poses together with --poses, except the `allowed` ones.
 
     Raises:
-        SampleError: one of them was given.
+        SampleError: one of them is on the command line.
     """
     if poses_file is None:
         return
     context = click.get_current_context()
     for name in ("n", "classes", "domain", "weights", "stratified", "factors", "arms", "adjustments"):
-        if name not in fine and context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+        if name not in allowed and context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             option = "-n" if name == "n" else f"--{name}"
-            raise SampleError(f"{option} says how poses are drawn, but {poses_file} gives them; leave it out")
+            raise SampleError(
+                f"{option} is an option of drawn poses, but the poses are those of {poses_file}; leave it out"
+            )
 
 
-def draw_poses(given: dict[str, Any], rng: Any, domain: str | Domain = "human", classes: str = CLASSES) -> Poses:
-    """Return the poses that `drawing_options` ask for; `domain` and `classes` where they ask for none."""
-    names = [name.strip() for name in given["factors"].split(",") if name.strip()]
+def draw_poses(drawing: dict[str, Any], rng: Any, domain: str | Domain = "human", classes: str = CLASSES) -> Poses:
+    """Return poses drawn by `drawing_options`; `domain` and `classes` are the defaults of these options."""
+    names = [name.strip() for name in drawing["factors"].split(",") if name.strip()]
     return draw(
-        given["n"],
-        classes_of(classes if given["classes"] is None else given["classes"]),
-        domain=given["domain"] or domain,
+        drawing["n"],
+        classes_of(classes if drawing["classes"] is None else drawing["classes"]),
+        domain=drawing["domain"] or domain,
         rng=rng,
-        weights=given["weights"],
-        stratified=given["stratified"],
+        weights=drawing["weights"],
+        stratified=drawing["stratified"],
         factors=names or None,
-        adjustments=given["adjustments"],
-        arms=given["arms"],
+        adjustments=drawing["adjustments"],
+        arms=drawing["arms"],
     )
 
 
@@ -97,29 +110,29 @@ def classes_of(text: str) -> list[int]:
     """Return the scores of "1:10" or "1,2,5".
 
     Raises:
-        SampleError: it is neither.
+        SampleError: the text is neither.
     """
     try:
         low, colon, high = text.partition(":")
         return (
-            list(range(int(low), min(int(high), HIGHEST) + 1)) if colon else [int(score) for score in text.split(",")]
+            list(range(int(low), min(int(high), MAX_CLASS) + 1)) if colon else [int(score) for score in text.split(",")]
         )
     except ValueError as error:
         raise SampleError(f"classes are {text!r}; expected FIRST:LAST or a list such as 1,2,5") from error
 
 
 def joints_of(text: str | None) -> str | tuple[str, ...] | None:
-    """Return what `--joints` says: "measured", columns, or None."""
+    """Return the value of `--joints`: "measured", columns, or None."""
     if text is None or text == MEASURED:
         return text
     return columns_named(name.strip() for name in text.split(",") if name.strip())
 
 
 def hold_of(text: str | None) -> str | dict[str, float] | None:
-    """Return what `--hold` says: "neutral", columns with their angles [deg], or None.
+    """Return the value of `--hold`: "neutral", angles [deg] by column, or None.
 
     Raises:
-        SampleError: it is neither.
+        SampleError: an item is not COLUMN=DEGREES.
     """
     if text is None or text == NEUTRAL:
         return text
@@ -137,13 +150,13 @@ def hold_of(text: str | None) -> str | dict[str, float] | None:
 
 
 def drawn_domain(domain: str | None, joints: Any, hold: Any) -> Domain:
-    """Return the domain to draw from: other columns than `joints` at rest, and those of `hold` at their angle.
+    """Return the domain of drawn poses: only `joints` vary, and columns of `hold` have their angle.
 
     Raises:
-        SampleError: `joints` is "measured", which only a recording can answer.
+        SampleError: `joints` is "measured", which needs a recording.
     """
     if joints == MEASURED:
-        raise SampleError(f"--joints {MEASURED} is about recordings; give --poses, or a list of columns")
+        raise SampleError(f"--joints {MEASURED} needs a recording; add --poses, or name columns")
     chosen = domain_of(domain or "human")
     if joints is not None:
         chosen = chosen.only(joints)
@@ -151,7 +164,7 @@ def drawn_domain(domain: str | None, joints: Any, hold: Any) -> Domain:
 
 
 def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, joints: Any) -> Surrogate:
-    """Return a model with its parameters set.
+    """Return an unfitted model with parameters from texts NAME=VALUE.
 
     Raises:
         ModelError: an unknown kind or option.
@@ -160,7 +173,9 @@ def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, j
     from dreba.surrogates.library import KINDS
 
     if kind not in KINDS:
-        raise ModelError(f"kind {kind!r} is unknown{did_you_mean(kind, KINDS)}; known: {', '.join(sorted(KINDS))}")
+        raise ModelError(
+            f"kind {kind!r} is unknown{did_you_mean(kind, KINDS)}; expected one of {', '.join(sorted(KINDS))}"
+        )
     known = KINDS[kind]().get_params(deep=False)
     parameters: dict[str, Any] = {"joints": joints}
     if domain is not None and "domain" in known:
@@ -169,9 +184,11 @@ def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, j
         name, equals, value = text.partition("=")
         if not equals or name not in known:
             near = did_you_mean(name, known)
-            raise ModelError(f"option {text!r} is not NAME=VALUE of kind {kind!r}{near}; known: {', '.join(known)}")
+            raise ModelError(
+                f"option {text!r} is not NAME=VALUE of kind {kind!r}{near}; expected one of {', '.join(known)}"
+            )
         if name == "joints":
-            raise ModelError("joints are named by --joints; leave the option out")
+            raise ModelError("--option joints is not allowed; use --joints")
         try:
             parameters[name] = json.loads(value)
         except json.JSONDecodeError:
@@ -180,15 +197,15 @@ def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, j
 
 
 def refuse_same_files(outputs: dict[str, str | None], *inputs: str | None) -> None:
-    """Refuse an output that is one of the inputs or another output, before anything is computed.
+    """Refuse an output that is also an input or another output, before any computation.
 
     Raises:
         ModelError: two of them are the same file.
     """
-    taken = {Path(path).resolve() for path in inputs if path is not None}
+    used = {Path(path).resolve() for path in inputs if path is not None}
     for option, path in outputs.items():
         if path is None:
             continue
-        if Path(path).resolve() in taken:
-            raise ModelError(f"{option} {path} is a file of this command already; choose another name")
-        taken.add(Path(path).resolve())
+        if Path(path).resolve() in used:
+            raise ModelError(f"{option} {path} is already an input or output of this command; choose another name")
+        used.add(Path(path).resolve())

@@ -1,4 +1,4 @@
-"""The report of a model: one HTML file that needs no network."""
+"""Model report: error per class, values, weights, sweeps and worst poses in one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dreba.domain import Bins, Domain, domain_of
-from dreba.evaluation.evaluate import angles_for
+from dreba.evaluation.evaluate import values_on
 from dreba.sampling.classes import true_scores
 from dreba.sampling.poses import Poses
 from dreba.surrogates.base import Surrogate
@@ -23,31 +23,41 @@ from reba.posture.skeleton import stick_figure
 from reba.report.labels import angle_name
 from reba.report.page import template
 
-WORST: Final = 6
-"""Poses shown with the largest errors."""
+WORST_POSES: Final = 6
+"""Number of poses shown, those with the largest absolute errors."""
 
 
 def write_report(
-    path: str | Path,
     model: Surrogate,
     poses: Poses,
+    path: str | Path,
     *,
     name: str = "",
     command: str = "",
     temperature: float | None = None,
 ) -> None:
-    """Write the report of a model on poses with their true scores.
+    """Write the report of a model on poses with their true scores as a self-contained HTML file.
 
     Args:
-        path: file to write.
         model: fitted.
-        poses: that the model has not seen.
-        name: of the model, for the title.
-        command: command line to show, so that the report can be made again.
-        temperature: [deg] for kinds that have one.
+        poses: evaluation poses, held out from the fit.
+        path: HTML file to write.
+        name: title; the kind of the model by default.
+        command: command line that reproduces the report.
+        temperature: [deg] of models with temperatures; None for their default.
 
     Raises:
+        ModelError: the model and the poses do not fit each other.
         reba.RebaError: the file cannot be written.
+
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> import dreba
+        >>> with TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "quadratic.html"
+        ...     write_report(dreba.load("quadratic"), dreba.sample(200, rng=1), path)
+        ...     "Error per REBA class" in path.read_text(encoding="utf-8")
+        True
     """
 
     html = render(model, poses, name=name, command=command, temperature=temperature)
@@ -65,18 +75,11 @@ def render(
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
-    given = poses.given
-    values = model.value(
-        angles_for(model, poses),
-        load=given.load,
-        coupling=given.coupling,
-        activity=given.activity,
-        temperature=temperature,
-    )
-    found = evaluation_of(model.kind, values, poses.reba)
+    values = values_on(model, poses, temperature)
+    evaluation = evaluation_of(model.kind, values, poses.reba)
     domain = _domain(model)
     plots = {
-        "errors": [error_figure(found)],
+        "errors": [error_figure(evaluation)],
         "values": [value_figure(values, poses.reba)],
         "sweeps": sweep_figures(model, domain, temperature),
     }
@@ -87,15 +90,18 @@ def render(
     return template("dreba", "report.html", scripted=True).render(
         name=name or model.kind,
         model=model,
-        found=found,
+        evaluation=evaluation,
         published=PUBLISHED,
         published_overall=PUBLISHED_OVERALL,
-        distance=distance_to_published(found) if set(PUBLISHED) <= set(found.classes) else None,
+        distance=distance_to_published(evaluation) if set(PUBLISHED) <= set(evaluation.classes) else None,
         domain=domain,
         options=[(key, str(value)) for key, value in model.get_params(deep=False).items()],
         provenance=[(key, v if isinstance(v, str) else json.dumps(v)) for key, v in model.about_.provenance.items()],
         worst=_worst(values, poses),
-        plots={key: [Markup(_script_safe(one.to_json(validate=False))) for one in some] for key, some in plots.items()},
+        plots={
+            key: [Markup(_script_safe(figure.to_json(validate=False))) for figure in figures]
+            for key, figures in plots.items()
+        },
         command=command,
         temperature=temperature,
         plotly=Markup(get_plotlyjs()),
@@ -103,20 +109,20 @@ def render(
 
 
 def _domain(model: Surrogate) -> Domain:
-    """Return the domain a model was fitted in, "human" where it is not known."""
+    """Return the domain a model was fitted in, "human" if the model does not name one."""
     return Domain.from_dict(model.about_.domain) if model.about_.domain else domain_of("human")
 
 
 def _worst(values: np.ndarray, poses: Poses) -> list[dict[str, Any]]:
-    """Return the poses with the largest errors, each with its figure and the angles that are not at rest."""
+    """Return the poses with the largest absolute errors, each with a stick figure and its eight largest angles."""
     from markupsafe import Markup
 
     error = values - poses.reba
-    found = []
-    for row in np.argsort(-np.abs(error))[:WORST]:
+    worst = []
+    for row in np.argsort(-np.abs(error))[:WORST_POSES]:
         angles = poses.angles[row]
         largest = np.argsort(-np.abs(angles))[:8]
-        found.append(
+        worst.append(
             {
                 "true": int(poses.reba[row]),
                 "value": float(values[row]),
@@ -125,11 +131,11 @@ def _worst(values: np.ndarray, poses: Poses) -> list[dict[str, Any]]:
                 "figure": Markup(stick_figure(angles, {}, f"pose with true REBA {poses.reba[row]}")),
             }
         )
-    return found
+    return worst
 
 
 def _script_safe(text: str) -> str:
-    """Return JSON that can stand inside a script element."""
+    """Return JSON escaped for a script element."""
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
@@ -137,27 +143,27 @@ MODEL: Final = "#403a82"
 TRUE: Final = "#1b2430"
 PAPER: Final = "#c98a1b"
 POINTS: Final = 181
-"""Points of a curve over the range of an angle."""
-TICKS: Final = (5, 10, 20, 30, 60, 90)
-"""[deg] Between the ticks of a small plot, which has room for three or four."""
+"""Points of a curve over the range of an angle: steps of at most 2 deg over 360 deg."""
+TICK_STEPS: Final = (5, 10, 20, 30, 60, 90)
+"""[deg] Distances of ticks; a small plot, 160 px wide, has room for three or four ticks."""
 
 
-def error_figure(found: Evaluation) -> Any:
-    """Return RMSE per REBA class beside the published one, and the bias."""
+def error_figure(evaluation: Evaluation) -> Any:
+    """Return bars of RMSE per REBA class beside those of Table I, and a line of the bias."""
     import plotly.graph_objects as go
 
-    scores = list(found.classes)
+    scores = list(evaluation.classes)
     figure = go.Figure()
-    figure.add_bar(x=scores, y=[e.rmse for e in found.classes.values()], name="RMSE", marker_color=MODEL)
+    figure.add_bar(x=scores, y=[error.rmse for error in evaluation.classes.values()], name="RMSE", marker_color=MODEL)
     figure.add_bar(x=list(PUBLISHED), y=list(PUBLISHED.values()), name="RMSE, Table I", marker_color=PAPER)
-    bias = [e.bias for e in found.classes.values()]
+    bias = [error.bias for error in evaluation.classes.values()]
     figure.add_scatter(x=scores, y=bias, name="bias", mode="lines+markers", line={"color": TRUE, "width": 1.5})
     figure.update_layout(**_layout(340), xaxis={"title": "true REBA", "dtick": 1}, yaxis_title="error")
     return figure
 
 
 def value_figure(values: Array, scores: NDArray[np.integer]) -> Any:
-    """Return the distribution of model values (n,) for every true score: box plots of quantiles, diagonal line."""
+    """Return box plots of model values (n,) for every true score (5, 25, 50, 75, 95 % quantiles), with the diagonal."""
     import plotly.graph_objects as go
 
     figure = go.Figure()
@@ -174,7 +180,7 @@ def value_figure(values: Array, scores: NDArray[np.integer]) -> Any:
 
 
 def polynomial_figures(model: QuadraticModel, domain: Domain) -> list[Any]:
-    """Return each polynomial Q_i over the step table it was fitted to, the idea of the paper's Fig. 2."""
+    """Return each polynomial Q_i over the step table it was fitted to, as in Fig. 2 of Busch et al. (2018)."""
     curves = []
     for name, column in _angles(domain):
         if column not in model.joints_:
@@ -182,13 +188,12 @@ def polynomial_figures(model: QuadraticModel, domain: Domain) -> list[Any]:
         bins = domain.bins_of(column)
         angle = np.linspace(bins.edges[0], bins.edges[-1], POINTS)
         c0, c1, c2 = model.polynomials_[model.joints_.index(column)]
-        lowest = min(bins.points)
-        curves.append((name, angle, c0 + angle * (c1 + c2 * angle), _steps(bins, lowest)))
+        curves.append((name, angle, c0 + angle * (c1 + c2 * angle), _steps(bins)))
     return _small_plots(curves, "points")
 
 
 def sweep_figures(model: Surrogate, domain: Domain, temperature: float | None) -> list[Any]:
-    """Return the model's value and the true score as one angle moves alone, all others at rest; one figure an angle."""
+    """Return a figure for each angle: the model's value and the true score over its limits, all others at rest."""
     curves = []
     rest = np.array([angle.best for angle in ANGLES for _ in angle.columns])
     for name, column in _angles(domain):
@@ -202,52 +207,53 @@ def sweep_figures(model: Surrogate, domain: Domain, temperature: float | None) -
 
 
 def weight_figure(model: QuadraticModel, domain: Domain) -> Any:
-    """Return what each angle can add at most: the weight times the range of its polynomial over the limits."""
+    """Return bars of the largest contribution of each angle: weight times range of its polynomial over the limits."""
     import plotly.graph_objects as go
 
-    names, reach = [], []
+    names, contributions = [], []
     for name, column in _angles(domain):
         if column in model.joints_:
             index = model.joints_.index(column)
             angle = np.linspace(*domain.limits[column], POINTS)
             values = model.weights_[index] * np.polyval(model.polynomials_[index][::-1], angle)
             names.append(name)
-            reach.append(float(np.ptp(values)))
-    figure = go.Figure(go.Bar(x=reach, y=names, orientation="h", marker_color=MODEL))
+            contributions.append(float(np.ptp(values)))
+    figure = go.Figure(go.Bar(x=contributions, y=names, orientation="h", marker_color=MODEL))
     figure.update_layout(**_layout(360), xaxis_title="largest difference")
     figure.update_yaxes(autorange="reversed", automargin=True)
     return figure
 
 
 def _angles(domain: Domain) -> list[tuple[str, str]]:
-    """Return name and column (the left one of two) of each angle that varies."""
+    """Return name and column (left of two sides) of each angle that varies."""
     return [(a.name.replace("_", " "), a.columns[0]) for a in ANGLES if a.columns[0] in domain.columns]
 
 
-def _steps(bins: Bins, lowest: int) -> tuple[Array, Array]:
-    edges = np.repeat(bins.edges, 2)[1:-1]
-    return edges, np.repeat(np.array(bins.points, float) - lowest, 2)
+def _steps(bins: Bins) -> tuple[Array, Array]:
+    """Return angles [deg] and points above the lowest of the step function of bins, as a polyline."""
+    points = np.array(bins.points, float)
+    return np.repeat(bins.edges, 2)[1:-1], np.repeat(points - points.min(), 2)
 
 
 def _small_plots(curves: list[tuple[str, Array, Array, tuple[Array, Array]]], unit: str) -> list[Any]:
-    """Return a figure for each curve, so that a page can lay them out in as many columns as it is wide."""
+    """Return one figure for each curve, so that the page can choose the number of columns by its width."""
     import plotly.graph_objects as go
 
-    found = []
+    figures = []
     for title, angle, values, steps in curves:
         figure = go.Figure()
         figure.add_scatter(x=steps[0], y=steps[1], mode="lines", line={"color": TRUE, "width": 1.5}, name="table")
         figure.add_scatter(x=angle, y=values, mode="lines", line={"color": MODEL, "width": 2}, name="model")
         figure.update_layout(**_layout(190), showlegend=False, title={"text": title, "font": {"size": 13}, "x": 0.5})
         figure.update_layout(margin={"l": 44, "r": 12, "t": 30, "b": 34}, yaxis_title=unit)
-        apart = next((step for step in TICKS if 3 * step >= np.ptp(angle)), TICKS[-1])
-        # Less than a point is no difference to look at.
+        tick_step = next((step for step in TICK_STEPS if 3 * step >= np.ptp(angle)), TICK_STEPS[-1])
+        # Differences under one point are not magnified: half the axis is at least 0.6 points.
         low, high = (float(end(np.concatenate([values, steps[1]]))) for end in (np.min, np.max))
-        reach = max((high - low) * 0.54, 0.6)
-        figure.update_yaxes(range=[(low + high) / 2 - reach, (low + high) / 2 + reach], nticks=5)
-        figure.update_xaxes(ticksuffix="°", dtick=apart, tick0=0, tickangle=0)
-        found.append(figure)
-    return found
+        half = max((high - low) * 0.54, 0.6)
+        figure.update_yaxes(range=[(low + high) / 2 - half, (low + high) / 2 + half], nticks=5)
+        figure.update_xaxes(ticksuffix="°", dtick=tick_step, tick0=0, tickangle=0)
+        figures.append(figure)
+    return figures
 
 
 def _layout(height: int) -> dict[str, Any]:

@@ -43,6 +43,14 @@ class TomlTable:
             raise self.error(f"{self.where}: {key} is {value!r}, expected {n} numbers")
         return tuple(self._number(key, part, low, math.inf) for part in value)
 
+    def series(self, key: str) -> tuple[float, ...]:
+        """Return a list of numbers, of any length, as a tuple."""
+        value = self._value(key, None)
+        if not isinstance(value, (list, tuple)):
+            raise self.error(f"{self.where}: {key} is {value!r}, expected a list of numbers")
+        numbers: tuple[float, ...] = self.vector(key, len(value))
+        return numbers
+
     def unit(self, key: str, default: tuple[float, float, float] | None = None) -> Any:
         """Return three numbers that are not all 0, scaled to length 1, as a tuple."""
         value = self.vector(key, 3, default)

@@ -1,0 +1,1 @@
+"""Evaluation of surrogates: errors, times, and the true REBA reached by minimising them on reach tasks."""

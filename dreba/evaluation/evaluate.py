@@ -1,4 +1,4 @@
-"""How far a model is from the true score: per REBA class, overall, in rank, rounded."""
+"""Evaluation of models: error on poses, fits with provenance, comparison of errors, times and reach tasks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Final, TypeVar
 
 from dreba.errors import ModelError
 from dreba.evaluation import reach_tasks as reach
-from dreba.evaluation.reach_tasks import Starts
+from dreba.evaluation.reach_tasks import ReachResult, Starts
 from dreba.sampling.poses import Poses
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.metrics import Evaluation, evaluation_of
@@ -25,136 +25,171 @@ def evaluate(model: Surrogate, poses: Poses, temperature: float | None = None) -
 
     Args:
         model: fitted.
-        poses: with factors, if they have any, which the model is given.
-        temperature: [deg] for kinds that have one; None for their default.
+        poses: evaluation poses; their factors, if any, are arguments of the model.
+        temperature: [deg] of models with temperatures; None for their default.
 
     Raises:
-        ModelError: there is no pose, the model works on a column that is not in the posture table, or a temperature
-            is given for a kind that has none.
+        ModelError: there are no poses, the model has a column that is not in the posture table, or a temperature is
+            given for a kind without.
 
     Warns:
         RadiansWarning: all angles are so small that they look like radians.
+
+    Example:
+        >>> import dreba
+        >>> error = evaluate(dreba.load("quadratic"), dreba.sample(500, rng=1))
+        >>> error.n, sorted(error.classes) == list(range(1, 11))
+        (500, True)
     """
-    given = poses.given
     check_temperature(model, temperature)
-    values = model.value(
-        angles_for(model, poses),
-        load=given.load,
-        coupling=given.coupling,
-        activity=given.activity,
-        temperature=temperature,
+    return evaluation_of(model.kind, values_on(model, poses, temperature), poses.reba)
+
+
+def values_on(model: Surrogate, poses: Poses, temperature: float | None) -> Array:
+    """Return the values (n,) of a model on poses with their load, coupling and activity."""
+    load, coupling, activity, _ = poses.task_factors
+    values: Array = model.value(
+        angles_for(model, poses), load=load, coupling=coupling, activity=activity, temperature=temperature
     )
-    return evaluation_of(model.kind, values, poses.reba)
+    return values
 
 
 def check_temperature(model: Surrogate, temperature: float | None) -> None:
-    """Check that a model has temperatures if one is asked for.
+    """Refuse a temperature for a model without temperatures.
 
     Raises:
-        ModelError: it has none.
+        ModelError: the model has none.
     """
     if temperature is not None and not model.temperatures_:
-        raise ModelError(f"kind {model.kind!r} has no temperature; leave it out (soft and graduated models have some)")
+        raise ModelError(
+            f"kind {model.kind!r} has no temperature; leave it out (soft and graduated models have temperatures)"
+        )
 
 
 def angles_for(model: Surrogate, poses: Poses) -> Array:
-    """Return the angles (n, d) of poses in the order of a model's joints.
+    """Return the angles (n, d) [deg] of poses in the order of a model's joints.
 
     Raises:
-        ModelError: a joint of the model is no column of the posture table.
+        ModelError: a joint of the model is not a column of the posture table.
     """
     unknown = [joint for joint in model.joints_ if joint not in INDEX]
     if unknown:
-        raise ModelError(f"the model works on {unknown[0]!r}, which posture tables do not hold; evaluate it in Python")
+        raise ModelError(
+            f"the model has the column {unknown[0]!r}; expected columns of reba.COLUMNS, so evaluate it by predict()"
+        )
     return poses.angles[:, [INDEX[joint] for joint in model.joints_]]
 
 
 def fit_to(model: Surrogate, train: Poses, held_out: Poses, sample_weight: Array | None = None, **notes: Any) -> None:
-    """Fit a model to poses and note in `about_` where it comes from and its error on held-out poses.
+    """Fit a model to poses and record its provenance and its error on held-out poses in `about_`.
 
     Args:
-        model: any kind, fitted in place; on the columns of its parameter `joints`, if it names some.
-        train: what it learns from.
-        held_out: what its error per class is measured on.
+        model: any kind, fitted in place on the columns of its parameter `joints`, all 22 by default.
+        train: training poses.
+        held_out: poses of the error per class.
         sample_weight: (n,) weights of the training poses.
-        notes: further provenance (a command line, say).
+        notes: further entries of the provenance, such as command="dreba fit".
+
+    Raises:
+        ModelError: the model cannot be fitted to these poses.
+
+    Example:
+        >>> import dreba
+        >>> model = dreba.QuadraticModel()
+        >>> fit_to(model, dreba.sample(1000, rng=1), dreba.sample(500, rng=2))
+        >>> model.about_.domain["name"], model.about_.provenance["rmse_on"]
+        ('human', 'held-out poses')
     """
 
-    chosen = model.get_params(deep=False).get("joints")
-    angles = train.angles if chosen is None else train.angles[:, [INDEX[joint] for joint in chosen]]
+    joints = model.get_params(deep=False).get("joints")
+    angles = train.angles if joints is None else train.angles[:, [INDEX[joint] for joint in joints]]
     model.fit(angles, train.reba, sample_weight=sample_weight, factors=train.factors)
-    found = evaluate(model, held_out)
-    provenance = {**model.about_.provenance, "train": _brief(train), "held_out": _brief(held_out)}
+    evaluation = evaluate(model, held_out)
+    provenance = {**model.about_.provenance, "train": _origin(train), "held_out": _origin(held_out)}
     provenance = {**provenance, "rmse_on": "held-out poses", **notes}
-    rmse = {str(score): round(error.rmse, 4) for score, error in found.classes.items()}
+    rmse = {str(score): round(error.rmse, 4) for score, error in evaluation.classes.items()}
     model.about_ = ModelInfo(train.provenance.get("domain", {}), rmse, provenance)
 
 
-def _brief(poses: Poses) -> dict[str, Any]:
+def _origin(poses: Poses) -> dict[str, Any]:
+    """Return the number and the provenance of poses without their domain, which `about_` holds once."""
     return {"poses": len(poses), **{key: value for key, value in poses.provenance.items() if key != "domain"}}
 
 
 Name = TypeVar("Name", bound=Hashable)
-Given = TypeVar("Given")
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 STARTS: Final[tuple[Starts, ...]] = ("random", "neutral")
-"""Where an optimiser starts: anywhere in the limits, or near standing upright."""
+"""Initial postures of the optimiser: anywhere within the limits, or near standing upright."""
+STARTS_PER_TASK: Final = 3
+"""Initial postures of each kind for each reach task."""
 
 
 def compare(
     models: Mapping[str, Surrogate], poses: Poses, *, jobs: int = 1, scheduler: str | None = None
 ) -> list[dict[str, Any]]:
-    """Return one row a model: `domain` of its fit, errors as `Evaluation.to_dict`, `seconds_per_pose` single, batch.
+    """Return the errors and times of models on the same poses, one row for each.
 
     Args:
-        models: by name.
-        poses: the same for all.
-        jobs, scheduler: where models are evaluated, see `reba.batch.parallel.run_parallel`; times are those of that
-            place, with whatever else runs there.
+        models: fitted models by name.
+        poses: evaluation poses.
+        jobs: number of processes.
+        scheduler: address of a Dask scheduler instead of local processes; times are those of its workers.
+
+    Returns:
+        Rows of "model", "domain" (of its fit), the keys of `Evaluation.to_dict` and "seconds_per_pose" (value and
+        gradient; "single" pose and "batch").
+
+    Raises:
+        ModelError: a model cannot be evaluated, or its process died.
+
+    Example:
+        >>> import dreba
+        >>> rows = compare({name: dreba.load(name) for name in ("quadratic", "convex")}, dreba.sample(300, rng=1))
+        >>> [(row["model"], row["overall"]["n"]) for row in rows]
+        [('quadratic', 300), ('convex', 300)]
     """
-    return list(_each(partial(_row, poses=poses), models, jobs, scheduler).values())
+    return list(_in_parallel(partial(_row, poses=poses), models, jobs, scheduler).values())
 
 
 def enable(
     models: Mapping[str, Surrogate],
     tasks: int,
-    repeats: int = 3,
     seed: int = 0,
     *,
     jobs: int = 1,
     scheduler: str | None = None,
 ) -> list[dict[str, Any]]:
-    """Return what each model leads to when it is minimised under reach constraints, one row a model and kind of start.
+    """Return the true REBA reached by minimising each model on reach tasks, a row for each model and kind of start.
 
     Args:
-        models: by name; those on other columns than the 22 of the posture table are left out.
-        tasks: number of reach tasks, the same for all.
-        repeats: starts per task.
-        seed: of tasks and starts.
-        jobs, scheduler: where, see `reba.batch.parallel.run_parallel`.
+        models: fitted models by name; those without all 22 columns of the posture table are left out.
+        tasks: number of reach tasks.
+        seed: seed of tasks and starts.
+        jobs: number of processes.
+        scheduler: address of a Dask scheduler instead of local processes.
 
     Returns:
-        Rows of "model", "start", "mean_reba" (infeasible runs count 12), "share_best" of runs that reach the best
-        score that any of the models reached on their task, "share_best_of_starts", "infeasible", "evaluations".
+        Rows of "model", "start", "mean_reba" (infeasible runs count 12), "share_best" (runs with the best score that
+        any model reached on the task), "share_best_of_starts", "infeasible", "evaluations" and "seconds" per run.
     """
 
     usable = {name: model for name, model in models.items() if model.joints_ == COLUMNS}
-    given = {(start, name): (start, model) for start in STARTS for name, model in usable.items()}
-    work = partial(_reached, tasks=tasks, repeats=repeats, seed=seed)
-    outcomes = _each(work, given, jobs, scheduler)
-    best = {start: reach.best_known([outcomes[start, name] for name in usable]) for start in STARTS if usable}
+    cases = {(start, name): (start, model) for start in STARTS for name, model in usable.items()}
+    results = _in_parallel(partial(_reach, tasks=tasks, seed=seed), cases, jobs, scheduler)
+    best = {start: reach.best_known([results[start, name] for name in usable]) for start in STARTS if usable}
     return [
         {
             "model": name,
             "start": start,
-            "mean_reba": outcome.mean,
-            "share_best": outcome.share_best(best[start]),
-            "share_best_of_starts": outcome.share_best_of_starts(best[start]),
-            "infeasible": outcome.infeasible,
-            "evaluations": outcome.evaluations,
-            "seconds": outcome.seconds,
+            "mean_reba": result.mean,
+            "share_best": result.share_best(best[start]),
+            "share_best_of_starts": result.share_best_of_starts(best[start]),
+            "infeasible": result.infeasible,
+            "evaluations": result.evaluations,
+            "seconds": result.seconds,
         }
-        for (start, name), outcome in outcomes.items()
+        for (start, name), result in results.items()
     ]
 
 
@@ -168,55 +203,58 @@ def _row(task: tuple[str, Surrogate], poses: Poses) -> dict[str, Any]:
     }
 
 
-def _reached(task: tuple[Any, tuple[Starts, Surrogate]], tasks: int, repeats: int, seed: int) -> Any:
+def _reach(case: tuple[Any, tuple[Starts, Surrogate]], tasks: int, seed: int) -> ReachResult:
+    _, (start, model) = case
+    starts = reach.starts(start, tasks * STARTS_PER_TASK, seed).reshape(tasks, STARTS_PER_TASK, -1)
+    return reach.run(reach.method_of(model), reach.tasks(tasks, seed), starts)
 
-    _, (start, model) = task
-    beginnings = reach.starts(start, tasks * repeats, seed).reshape(tasks, repeats, -1)
-    return reach.run(reach.method_of(model), reach.tasks(tasks, seed), beginnings)
 
-
-def _each(
-    work: Callable[[tuple[Name, Given]], Result], given: Mapping[Name, Given], jobs: int, scheduler: str | None
+def _in_parallel(
+    work: Callable[[tuple[Name, Item]], Result], items: Mapping[Name, Item], jobs: int, scheduler: str | None
 ) -> dict[Name, Result]:
-    """Return what `work` makes of every item, in their order.
+    """Return the results of `work` for every item, in their order.
 
     Raises:
-        ModelError: the process of one of them died.
+        ModelError: the process of an item died.
     """
-    found: dict[Name, Result] = {}
-    for (name, _), result in run_parallel(work, given.items(), jobs=min(jobs, len(given) or 1), scheduler=scheduler):
+    results: dict[Name, Result] = {}
+    for (name, _), result in run_parallel(work, items.items(), jobs=min(jobs, len(items) or 1), scheduler=scheduler):
         if isinstance(result, WorkerDied):
             raise ModelError(f"{name}: {result.reason}; compare it by itself")
-        found[name] = result
-    return {name: found[name] for name in given}
+        results[name] = result
+    return {name: results[name] for name in items}
 
 
-ROUNDS: Final = 5
-"""Best of this many: other work on the machine only ever adds time."""
+TIMED_ROUNDS: Final = 5
+"""The shortest of these is reported: other processes only add time."""
 BATCH: Final = 100_000
+"""Poses of the batch, so many that the cost of a call is negligible."""
+SINGLE_POSES: Final = 200
+"""Poses evaluated one by one."""
 
 
 def time_per_pose(model: Surrogate, poses: Poses) -> dict[str, float]:
-    """Return seconds per pose for value and gradient together: `single` (one call per pose) and `batch`."""
+    """Return the time of value and gradient per pose [s]: `single` (one call for each pose) and `batch`."""
     angles = angles_for(model, poses)
     repeats = -(-BATCH // len(angles))
     batch = angles.repeat(repeats, axis=0)[:BATCH] if repeats > 1 else angles[:BATCH]
-    some = list(angles[:200])
+    singles = list(angles[:SINGLE_POSES])
 
     def one_by_one() -> None:
-        for pose in some:
+        for pose in singles:
             model.value_and_gradient(pose)
 
     return {
-        "single": _best(one_by_one) / len(some),
-        "batch": _best(lambda: model.value_and_gradient(batch)) / len(batch),
+        "single": _shortest(one_by_one) / len(singles),
+        "batch": _shortest(lambda: model.value_and_gradient(batch)) / len(batch),
     }
 
 
-def _best(work: Callable[[], object]) -> float:
-    best = float("inf")
-    for _ in range(ROUNDS):
+def _shortest(work: Callable[[], object]) -> float:
+    """Return the shortest time [s] of `TIMED_ROUNDS` runs."""
+    shortest = float("inf")
+    for _ in range(TIMED_ROUNDS):
         start = time.perf_counter()
         work()
-        best = min(best, time.perf_counter() - start)
-    return best
+        shortest = min(shortest, time.perf_counter() - start)
+    return shortest

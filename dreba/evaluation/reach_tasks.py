@@ -1,7 +1,7 @@
-"""Reach tasks: what a surrogate is for. It is minimised while the hands stay on their points; the exact score judges.
+"""Reach tasks: the exact REBA reached by minimising a surrogate while the hands stay on their target points.
 
-Tasks alternate between one hand at a random point and two hands on the sides of a box 0.34 m wide. They are generated
-from a seed, apart from any poses that a model was fitted to.
+Tasks alternate between one hand at a random point and two hands on the sides of a box 0.34 m wide. A seed generates
+them, independently of the training poses of any model.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 import reba
 from dreba.domain import domain_of
-from dreba.evaluation.staged_minimiser import Effort, Objective, minimise
+from dreba.evaluation.staged_minimiser import TOLERANCE, Effort, Objective, minimise
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.graduated import GraduatedModel
 from reba.arrays import Array
@@ -25,28 +25,26 @@ from reba.posture.columns import COLUMNS, INDEX, SIDES
 
 Starts = Literal["random", "neutral"]
 BOX: Final = 0.34
-"""[m] Distance of the hands on a box."""
-MET: Final = 1e-3
-"""[m] Largest distance of a hand from its point in a solution."""
+"""[m] Distance of the hands on a box, a common box width."""
 INFEASIBLE: Final = 12
-"""Counted as the score of a solution that does not reach."""
+"""Score of a run that does not reach its targets: the worst score of Table C."""
 Space = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 SPACES: Final[dict[str, tuple[Space, Space]]] = {
     "bench": (((0.20, 0.65), (-0.20, 0.50), (0.40, 1.60)), ((0.25, 0.60), (-0.20, 0.20), (0.40, 1.50))),
     "wide": (((0.00, 0.80), (-0.30, 0.70), (0.10, 1.90)), ((0.20, 0.75), (-0.35, 0.35), (0.10, 1.80))),
 }
-"""[m] Where points and middles of boxes lie: forward, to the side of the hand (of a box: left), up. "wide" holds
-points near the floor, overhead and far ahead."""
+"""[m] Ranges of target points and of box centres: forward, towards the side of the hand (of a box: left), up. "wide"
+has points near the floor, overhead and far ahead."""
 
 
 @dataclass(frozen=True)
 class ReachTask:
-    """Points [m] that hands have to reach: side -> (x, y, z) in the axes of `dreba.evaluation.reach_tasks`."""
+    """Target points of the hands: side -> (x, y, z) [m], forward, left and up from the floor under the pelvis."""
 
     targets: Mapping[str, tuple[float, float, float]]
 
     def constraint(self, dofs: Array) -> tuple[Array, Array]:
-        """Return the distances (m,) [m] of the hands from their points and their Jacobian (m, 22) [m/deg]."""
+        """Return the position errors (m,) [m] of the hands, three for each, and their Jacobian (m, 22) [m/deg]."""
         residuals, jacobians = [], []
         for side, target in self.targets.items():
             position, jacobian = hand(dofs, side)
@@ -56,7 +54,7 @@ class ReachTask:
 
 
 def tasks(n: int, seed: int = 0, space: Literal["bench", "wide"] = "bench") -> tuple[ReachTask, ...]:
-    """Return n tasks in one of `SPACES`: one hand (sides in turn) and two hands alternate.
+    """Return n tasks in one of `SPACES`; one hand (left and right in turn) and two hands alternate.
 
     Example:
         >>> [sorted(task.targets) for task in tasks(4)]
@@ -64,20 +62,20 @@ def tasks(n: int, seed: int = 0, space: Literal["bench", "wide"] = "bench") -> t
     """
     rng = np.random.default_rng(seed)
     of_hand, of_box = SPACES[space]
-    found = []
+    generated = []
     for number in range(n):
         if number % 2 == 0:
             side = SIDES[number // 2 % 2]
             x, y, z = (float(rng.uniform(*ends)) for ends in of_hand)
-            found.append(ReachTask({side: (x, y if side == "left" else -y, z)}))
+            generated.append(ReachTask({side: (x, y if side == "left" else -y, z)}))
         else:
             x, y, z = (float(rng.uniform(*ends)) for ends in of_box)
-            found.append(ReachTask({"left": (x, y + BOX / 2, z), "right": (x, y - BOX / 2, z)}))
-    return tuple(found)
+            generated.append(ReachTask({"left": (x, y + BOX / 2, z), "right": (x, y - BOX / 2, z)}))
+    return tuple(generated)
 
 
 def starts(kind: Starts, n: int, seed: int = 0) -> Array:
-    """Return (n, 22) degrees to start from: uniform in the limits, or within 5 deg of standing upright."""
+    """Return initial postures (n, 22) [deg]: uniform within the limits, or within 5 deg of standing upright."""
     rng = np.random.default_rng([seed, 1])
     low, high = limits()
     if kind == "random":
@@ -86,12 +84,12 @@ def starts(kind: Starts, n: int, seed: int = 0) -> Array:
 
 
 def true_score(dofs: Array) -> int:
-    """Return the exact REBA score of degrees of freedom (22,)."""
+    """Return the exact REBA score of degrees of freedom (22,) [deg]."""
     return int(reba.score_array(posture(dofs)[None]).reba[0])
 
 
 def on_figure(objective: Objective) -> Objective:
-    """Return an objective of the angles as one of the figure's degrees of freedom."""
+    """Return an objective of the posture angles as one of the degrees of freedom of the figure."""
 
     def evaluate(dofs: Array) -> tuple[float, Array]:
         value, gradient = objective(posture(dofs))
@@ -100,27 +98,27 @@ def on_figure(objective: Objective) -> Objective:
     return evaluate
 
 
-ALONE: Final = Effort(iterations=100, tolerance=1e-4)
-"""How hard a single stage is tried."""
+SINGLE_STAGE: Final = Effort(iterations=100, tolerance=1e-4)
+"""Limits of a method of one stage: more and finer than those of a stage that others follow."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """A way to solve a task: objectives of the angles in stages, and how.
+    """Solution method of a reach task: the stages and the options of `staged_minimiser.minimise`.
 
     Attributes:
-        name: shown in tables.
-        objectives: of the 22 angles.
-        free_start: whether the first objective is minimised without the task first, see `staged.minimise`.
-        effort: of the stages.
-        judged: whether the exact score picks the best of the stage ends.
+        name: row of tables.
+        objectives: objectives of the 22 angles, one for each stage.
+        free_start: see `staged_minimiser.minimise`.
+        effort: limits of the stages.
+        select_by_score: whether the result is the stage end of the lowest exact score.
     """
 
     name: str
     objectives: Sequence[Objective]
     free_start: bool = False
-    effort: Effort = ALONE
-    judged: bool = False
+    effort: Effort = SINGLE_STAGE
+    select_by_score: bool = False
 
 
 def method_of(model: Surrogate, temperature: float | None = None, name: str = "", free_start: bool = True) -> Method:
@@ -128,13 +126,13 @@ def method_of(model: Surrogate, temperature: float | None = None, name: str = ""
 
     Args:
         model: fitted on all 22 columns.
-        temperature: [deg] for a model with temperatures; None for its own (and for all stages of a graduated one).
-        name: shown in tables, "" for the kind.
+        temperature: [deg] of a model with temperatures; None for its default, or for all stages of a graduated one.
+        name: row of tables, the kind by default.
         free_start: of a graduated model.
     """
     if isinstance(model, GraduatedModel) and temperature is None:
         objectives = [stage.objective() for stage in model.stages_]
-        return Method(name or model.kind, objectives, free_start=free_start, effort=Effort(), judged=True)
+        return Method(name or model.kind, objectives, free_start=free_start, effort=Effort(), select_by_score=True)
 
     def objective(angles: Array) -> tuple[float, Array]:
         value, gradient = model.value_and_gradient(angles, temperature=temperature)
@@ -145,14 +143,14 @@ def method_of(model: Surrogate, temperature: float | None = None, name: str = ""
 
 @dataclass(frozen=True)
 class ReachResult:
-    """What a method reached on tasks x starts.
+    """Results of a method on tasks x starts.
 
     Attributes:
-        scores: (tasks, starts) exact scores, `INFEASIBLE` where the task was not reached.
-        infeasible: share of runs that did not reach.
+        scores: (tasks, starts) exact scores, `INFEASIBLE` where the targets were not reached.
+        infeasible: share of runs that did not reach their targets.
         evaluations: mean number of objective evaluations per run.
-        constraint_evaluations: mean number of evaluations of the figure per run.
-        seconds: mean wall time per run.
+        constraint_evaluations: mean number of evaluations of the hand positions per run.
+        seconds: mean wall time per run [s].
     """
 
     scores: NDArray[np.int64]
@@ -175,76 +173,71 @@ class ReachResult:
         return float((self.scores.min(axis=1) == best).mean())
 
 
-def run(method: Method, given: Sequence[ReachTask], beginnings: Array) -> ReachResult:
-    """Solve every task from every start.
-
-    Args:
-        method: how.
-        given: the tasks.
-        beginnings: (tasks, starts, 22) degrees.
-    """
-    # The solver's matrices are tiny: threads of the linear algebra only wait for each other.
+def run(method: Method, reach_tasks: Sequence[ReachTask], initial: Array) -> ReachResult:
+    """Return the results of every task from every initial posture, `initial` (tasks, starts, 22) [deg]."""
+    # The matrices are tiny: synchronising threads of the linear algebra takes longer than the arithmetic.
     with threadpool_limits(1):
-        return _run(method, given, beginnings)
+        return _run(method, reach_tasks, initial)
 
 
-def _run(method: Method, given: Sequence[ReachTask], beginnings: Array) -> ReachResult:
+def _run(method: Method, reach_tasks: Sequence[ReachTask], initial: Array) -> ReachResult:
     low, high = limits()
     objectives = [on_figure(objective) for objective in method.objectives]
-    scores = np.empty(beginnings.shape[:2], np.int64)
-    effort = []
-    began = perf_counter()
-    for row, task in enumerate(given):
-        for column, start in enumerate(beginnings[row]):
-            found = minimise(
+    scores = np.empty(initial.shape[:2], np.int64)
+    counts = []
+    start_time = perf_counter()
+    for row, task in enumerate(reach_tasks):
+        for column, start in enumerate(initial[row]):
+            minimum = minimise(
                 objectives, start, low, high, task.constraint, free_start=method.free_start, effort=method.effort,
-                score=true_score if method.judged else None, tolerance=MET,
+                score=true_score if method.select_by_score else None,
             )  # fmt: skip
-            scores[row, column] = true_score(found.x) if found.residual <= MET else INFEASIBLE
-            effort.append((found.evaluations, found.constraint_evaluations, found.residual > MET))
-    means = np.mean(effort, axis=0)
-    return ReachResult(
-        scores, float(means[2]), float(means[0]), float(means[1]), (perf_counter() - began) / len(effort)
-    )
+            scores[row, column] = true_score(minimum.x) if minimum.residual <= TOLERANCE else INFEASIBLE
+            counts.append((minimum.residual > TOLERANCE, minimum.evaluations, minimum.constraint_evaluations))
+    seconds = (perf_counter() - start_time) / len(counts)
+    infeasible, evaluations, constraint_evaluations = (float(mean) for mean in np.mean(counts, axis=0))
+    return ReachResult(scores, infeasible, evaluations, constraint_evaluations, seconds)
 
 
-def best_known(outcomes: Sequence[ReachResult]) -> NDArray[np.int64]:
-    """Return (tasks,) the best score that any method reached from any start."""
-    return np.min([outcome.scores.min(axis=1) for outcome in outcomes], axis=0)
+def best_known(results: Sequence[ReachResult]) -> NDArray[np.int64]:
+    """Return the lowest score (tasks,) that any method reached from any start."""
+    return np.min([result.scores.min(axis=1) for result in results], axis=0)
 
 
 HEIGHT: Final = 1.75
-"""[m] Body height of the figure."""
+"""[m] Stature of the figure."""
 _SHARES: Final = {
     "ankle": 0.039, "shank": 0.246, "thigh": 0.245, "trunk": 0.288, "half shoulders": 0.129,
     "upper arm": 0.186, "forearm": 0.146, "grip": 0.055,
 }  # fmt: skip
+"""Segment lengths as shares of stature (Drillis & Contini 1966, in Winter 2009, Fig. 4.1); grip is half the hand."""
 ROTATIONS: Final = tuple(f"upper_arm_rotation_{side}" for side in SIDES)
-"""[deg] Internal rotation of the upper arms, 0 with the elbow hinge across the line of sight."""
+"""[deg] Internal rotation of the upper arms, 0 with the elbow axis pointing sideways."""
 ROTATION_LIMITS: Final = (-60.0, 80.0)
 """[deg] American Academy of Orthopaedic Surgeons (1965), Joint Motion, rounded."""
 DOFS: Final = (*(column for column in COLUMNS if not column.startswith("shoulder_elevation")), *ROTATIONS)
 """Names of the 22 degrees of freedom."""
 _SCORED: Final = np.array([INDEX[name] for name in DOFS if name in INDEX])
-_PLACE: Final = {name: place for place, name in enumerate(DOFS)}
+_DOF_INDEX: Final = {name: index for index, name in enumerate(DOFS)}
 
 
 class _Joint(NamedTuple):
-    """A hinge: degree of freedom, axis in the frame before it, and the way [m] to the next one, in the frame after."""
+    """Revolute joint: degree of freedom, axis in the parent frame, offset [m] of the next joint in its own frame."""
 
     dof: int
     axis: tuple[float, float, float]
-    ahead: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def _chain(side: str) -> tuple[_Joint, ...]:
+    """Return the joints from pelvis to hand."""
     out = 1.0 if side == "left" else -1.0
     size = {name: share * HEIGHT for name, share in _SHARES.items()}
 
     def joint(
-        name: str, axis: tuple[float, float, float], ahead: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        name: str, axis: tuple[float, float, float], offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ) -> _Joint:
-        return _Joint(_PLACE[name], axis, ahead)
+        return _Joint(_DOF_INDEX[name], axis, offset)
 
     return (
         joint("trunk_flexion", (0.0, 1.0, 0.0)),
@@ -264,36 +257,36 @@ _CHAINS: Final = {side: _chain(side) for side in SIDES}
 
 
 def limits() -> tuple[Array, Array]:
-    """Return (22,) lower and upper limits [deg] of `DOFS`: those of the domain `human`, and of the rotations."""
+    """Return lower and upper limits (22,) [deg] of `DOFS`: those of the domain `human` and `ROTATION_LIMITS`."""
     human = domain_of("human")
     ends = np.array([ROTATION_LIMITS, ROTATION_LIMITS])
     return np.append(human.low[_SCORED], ends[:, 0]), np.append(human.high[_SCORED], ends[:, 1])
 
 
 def neutral() -> Array:
-    """Return (22,) degrees of standing upright with hanging upper arms and elbows at 80 deg."""
-    found = np.zeros(len(DOFS))
+    """Return the neutral posture (22,) [deg]: upright, upper arms hanging, elbows at 80 deg."""
+    dofs = np.zeros(len(DOFS))
     for side in SIDES:
-        found[_PLACE[f"lower_arm_flexion_{side}"]] = 80.0
-    return found
+        dofs[_DOF_INDEX[f"lower_arm_flexion_{side}"]] = 80.0
+    return dofs
 
 
 def posture(dofs: Array) -> Array:
-    """Return (22,) angles in the order of `reba.COLUMNS` for the degrees of freedom (22,)."""
+    """Return the angles (22,) [deg] of `reba.COLUMNS` from the degrees of freedom (22,) [deg]."""
     angles = np.zeros(len(COLUMNS))
     angles[_SCORED] = dofs[: len(_SCORED)]
     return angles
 
 
 def pull_back(gradient: Array) -> Array:
-    """Return the gradient (22,) by the degrees of freedom of one by the angles (22,)."""
-    found = np.zeros(len(DOFS))
-    found[: len(_SCORED)] = gradient[_SCORED]
-    return found
+    """Return the gradient (22,) by the degrees of freedom from that by the angles (22,)."""
+    by_dofs = np.zeros(len(DOFS))
+    by_dofs[: len(_SCORED)] = gradient[_SCORED]
+    return by_dofs
 
 
 def hand(dofs: Array, side: str) -> tuple[Array, Array]:
-    """Return where a hand grips, (3,) [m], and its Jacobian (3, 22) [m/deg].
+    """Return the grip position (3,) [m] of a hand and its Jacobian (3, 22) [m/deg].
 
     Example:
         >>> hand(neutral(), "right")[0].round(2)
@@ -306,14 +299,14 @@ def hand(dofs: Array, side: str) -> tuple[Array, Array]:
         axis = np.array(joint.axis)
         origins.append(position)
         axes.append(frame @ axis)
-        frame = frame @ _turn(axis, float(dofs[joint.dof]))
-        position = position + frame @ np.array(joint.ahead)
+        frame = frame @ _rotation(axis, float(dofs[joint.dof]))
+        position = position + frame @ np.array(joint.offset)
     jacobian = np.zeros((3, len(DOFS)))
     (x, y, z), (u, v, w) = np.array(axes).T, (position - np.array(origins)).T
-    turned = np.array([y * w - z * v, z * u - x * w, x * v - y * u])
-    jacobian[:, [joint.dof for joint in _CHAINS[side]]] = np.radians(turned)
+    cross = np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+    jacobian[:, [joint.dof for joint in _CHAINS[side]]] = np.radians(cross)
     for knee, slope in zip(("knee_flexion_left", "knee_flexion_right"), by_knee, strict=True):
-        jacobian[2, _PLACE[knee]] = slope
+        jacobian[2, _DOF_INDEX[knee]] = slope
     return position, jacobian
 
 
@@ -322,15 +315,15 @@ def _pelvis(dofs: Array) -> tuple[float, tuple[float, float]]:
     shank, thigh = _SHARES["shank"] * HEIGHT, _SHARES["thigh"] * HEIGHT
     height, slopes = _SHARES["ankle"] * HEIGHT, []
     for side in SIDES:
-        knee = np.radians(float(dofs[_PLACE[f"knee_flexion_{side}"]]))
+        knee = np.radians(float(dofs[_DOF_INDEX[f"knee_flexion_{side}"]]))
         leg = np.sqrt(shank**2 + thigh**2 + 2.0 * shank * thigh * np.cos(knee))
         height += leg / 2.0
         slopes.append(float(np.radians(-shank * thigh * np.sin(knee) / leg / 2.0)))
     return float(height), (slopes[0], slopes[1])
 
 
-def _turn(axis: Array, angle: float) -> Array:
-    """Return the rotation by an angle [deg] about one of the coordinate axes, either way round."""
+def _rotation(axis: Array, angle: float) -> Array:
+    """Return the rotation matrix of an angle [deg] about a positive or negative coordinate axis."""
     x, y, z = (float(part) for part in axis)
     c, s = float(np.cos(np.radians(angle))), float(np.sin(np.radians(angle)))
     if x:

@@ -1,6 +1,6 @@
-"""Minimise a list of objectives one after the other, each from the result of the last, under one constraint.
+"""Continuation: minimise a list of objectives under one equality constraint, each from the minimum of the last.
 
-Sequential quadratic programming: SLSQP of SciPy (Kraft 1988), in variables scaled to `SCALE` degrees.
+Each stage is solved by sequential quadratic programming, SLSQP of SciPy (Kraft 1988), in scaled variables.
 """
 
 from __future__ import annotations
@@ -14,18 +14,20 @@ import numpy as np
 from reba.arrays import Array
 
 Objective = Callable[[Array], tuple[float, Array]]
-"""(d,) -> value and gradient (d,)."""
+"""Angles (d,) [deg] -> value and gradient (d,) [1/deg]."""
 Constraint = Callable[[Array], tuple[Array, Array]]
-"""(d,) -> residuals (m,), 0 where it is met, and their Jacobian (m, d)."""
+"""Angles (d,) [deg] -> residuals (m,), 0 where it is satisfied, and their Jacobian (m, d)."""
 SCALE: Final = 30.0
-"""[deg] One unit of the scaled variables."""
-ONTO: Final = 50
-"""Steps at most to get onto the constraint."""
+"""[deg] Unit of the scaled variables, about the width of an angle class, so that derivatives are of order 1."""
+PROJECTION_STEPS: Final = 50
+"""Maximum number of least-squares evaluations of a projection onto the constraint."""
+TOLERANCE: Final = 1e-3
+"""Largest residual of a satisfied constraint: 1 mm for hand positions in metres."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How hard a stage is tried: iterations of SLSQP, and its tolerance on value and constraint."""
+    """Limits of a stage: maximum iterations of SLSQP and its tolerance on value and constraint."""
 
     iterations: int = 30
     tolerance: float = 1e-3
@@ -33,14 +35,14 @@ class Effort:
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a staged minimisation ended.
+    """Result of a staged minimisation.
 
     Attributes:
-        x: (d,) degrees.
-        residual: largest constraint residual there.
-        evaluations: of an objective with its gradient, over all stages.
-        constraint_evaluations: of the constraint with its Jacobian.
-        stages: (k, d) where each stage ended, the free start included.
+        x: (d,) [deg].
+        residual: largest absolute constraint residual at x.
+        evaluations: number of evaluations of objectives with gradients, over all stages.
+        constraint_evaluations: number of evaluations of the constraint with its Jacobian.
+        stages: (k, d) [deg] end of each stage, the free start included.
     """
 
     x: Array
@@ -60,82 +62,83 @@ def minimise(
     free_start: bool = False,
     effort: Effort = Effort(),
     score: Callable[[Array], float] | None = None,
-    tolerance: float = 1e-3,
 ) -> Minimum:
-    """Minimise stage by stage.
+    """Return the minimum of the last objective under a constraint, reached stage by stage.
 
     Args:
-        objectives: the stages, such as those of `GraduatedModel.stages_`.
-        start: (d,) degrees.
+        objectives: objectives of the stages, such as those of `GraduatedModel.stages_`.
+        start: (d,) [deg].
         low, high: (d,) limits [deg].
-        constraint: what has to be 0.
-        free_start: minimise the first objective once without the constraint before the stages. For a convex one this
-            costs a few evaluations and leads from any start to its minimum, from where the task then pulls: under the
-            constraint itself a bad start ends in a twisted local minimum, or never reaches.
-        effort: of every stage.
-        score: the true score of a pose; the best stage end by it that meets the constraint is then the result.
-        tolerance: largest residual that meets the constraint.
+        constraint: equality constraint.
+        free_start: minimise the first objective without the constraint before the stages. If it is convex, a few
+            evaluations lead from any start to its global minimum; under the constraint a start far away ends in a
+            local minimum or stays infeasible.
+        effort: limits of every stage.
+        score: true score of a pose; the result is then the stage end of the lowest score that satisfies the
+            constraint.
     """
     from scipy.optimize import minimize
 
-    counted = _Counted(constraint)
+    counted = _CountedConstraint(constraint)
     x = np.clip(start, low, high) / SCALE
     bounds = np.stack([low, high], axis=1) / SCALE
     ends, evaluations = [], 0
-    kept = [{"type": "eq", "fun": counted.residuals, "jac": counted.jacobian}]
-    plan = [(objective, kept) for objective in objectives]
+    equality = [{"type": "eq", "fun": counted.residuals, "jac": counted.jacobian}]
+    stages = [(objective, equality) for objective in objectives]
     if free_start:
-        plan.insert(0, (objectives[0], []))
-    for objective, constraints in plan:
-        found = minimize(
+        stages.insert(0, (objectives[0], []))
+    for objective, constraints in stages:
+        result = minimize(
             _scaled(objective), x, jac=True, method="SLSQP", bounds=bounds, constraints=constraints,
             options={"maxiter": effort.iterations, "ftol": effort.tolerance},
         )  # fmt: skip
-        evaluations += int(found.nfev)
-        if np.isfinite(found.x).all():
-            x = np.clip(found.x, bounds[:, 0], bounds[:, 1])
-        onto = _onto(counted, x, bounds, tolerance)
-        ends.append((onto if constraints else x) * SCALE)
-        x = onto
+        evaluations += int(result.nfev)
+        if np.isfinite(result.x).all():
+            x = np.clip(result.x, bounds[:, 0], bounds[:, 1])
+        projected = _project(counted, x, bounds)
+        ends.append((projected if constraints else x) * SCALE)
+        x = projected
     best = ends[-1]
     if score is not None:
-        met = [end for end in ends if counted.largest(end) <= tolerance]
-        best = min(reversed(met), key=score, default=best)
+        feasible = [end for end in ends if counted.largest(end) <= TOLERANCE]
+        best = min(reversed(feasible), key=score, default=best)
     return Minimum(best, counted.largest(best), evaluations, counted.calls, np.array(ends))
 
 
-def _onto(counted: _Counted, x: Array, bounds: Array, tolerance: float) -> Array:
-    """Return the point moved onto the constraint by bounded least squares, if that succeeds.
+def _project(counted: _CountedConstraint, x: Array, bounds: Array) -> Array:
+    """Return a point projected onto the constraint by bounded least squares, or the point itself if that fails.
 
-    It repairs stages that ran out of iterations, and brings the end of a free start to where the next one begins.
+    The projection completes stages that reached the iteration limit and makes the end of a free start feasible.
     """
     from scipy.optimize import least_squares
 
-    if counted.largest(x * SCALE) <= tolerance:
+    if counted.largest(x * SCALE) <= TOLERANCE:
         return x
-    found = least_squares(counted.residuals, x, counted.jacobian, bounds=bounds.T, max_nfev=ONTO, xtol=1e-6)
-    return found.x if counted.largest(found.x * SCALE) <= tolerance else x
+    result = least_squares(
+        counted.residuals, x, counted.jacobian, bounds=bounds.T, max_nfev=PROJECTION_STEPS, xtol=1e-6
+    )
+    return result.x if counted.largest(result.x * SCALE) <= TOLERANCE else x
 
 
-class _Counted:
-    """A constraint in scaled variables that is computed once per point and counts how often."""
+class _CountedConstraint:
+    """Constraint in scaled variables with a cache of the last point and a count of its evaluations."""
 
     def __init__(self, constraint: Constraint) -> None:
         self.constraint = constraint
         self.calls = 0
-        self._at: bytes = b""
-        self._found: tuple[Array, Array] = (np.empty(0), np.empty((0, 0)))
+        self._point: bytes = b""
+        self._cached: tuple[Array, Array] = (np.empty(0), np.empty((0, 0)))
 
     def residuals(self, x: Array) -> Array:
-        if x.tobytes() != self._at:
-            self._at, self.calls = x.tobytes(), self.calls + 1
+        if x.tobytes() != self._point:
+            self._point, self.calls = x.tobytes(), self.calls + 1
             residuals, jacobian = self.constraint(x * SCALE)
-            self._found = residuals, jacobian * SCALE
-        return self._found[0]
+            self._cached = residuals, jacobian * SCALE
+        return self._cached[0]
 
     def jacobian(self, x: Array) -> Array:
         self.residuals(x)
-        return self._found[1]
+        return self._cached[1]
 
     def largest(self, degrees: Array) -> float:
         return float(np.max(np.abs(self.residuals(degrees / SCALE)), initial=0.0))

@@ -1,4 +1,4 @@
-"""The same function for other toolchains: C99 without dependencies, and a CasADi function."""
+"""Export of a fitted model to other toolchains: a C99 function without dependencies, or a CasADi function."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ TARGETS: Final[dict[str, tuple[str, Callable[..., str]]]] = {
     "c": (".c", c_source),
     "casadi": (".casadi", casadi_json),
 }
-"""Targets by name: suffix of the file, and the function that gives its text."""
+"""Suffix of the file and function that returns its text, by the name of the target."""
 C_KEYWORDS: Final = frozenset({
     "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern",
     "float", "for", "goto", "if", "inline", "int", "long", "main", "register", "restrict", "return", "short",
     "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while",
     "load_points", "value_and_slope", "smooth_max", "cell_of", "trilinear", "table_a", "table_b", "table_c",
 })  # fmt: skip
-"""Names that the function may not have: C99's own, and those of the file."""
+"""Names the exported function must not have: keywords of C99 and the other functions of the file."""
 
 
-def export(
+def export_model(
     model: Surrogate,
-    target: str,
     path: str | Path,
     *,
+    to: str,
     temperature: float | None = None,
     first: bool = False,
     name: str = "dreba",
@@ -42,17 +42,27 @@ def export(
 
     Args:
         model: fitted, any kind but a net; of a graduated model the soft tables are written.
-        target: "c" or "casadi".
         path: file to write; the target's suffix is added if it has none.
+        to: target, "c" or "casadi".
         temperature: [deg] of a model with temperatures, None for its default.
         first: write the first stage of a graduated model instead.
         name: of the function.
 
+    Returns:
+        The file written.
+
     Raises:
         ModelError: an unknown target, a kind that cannot be exported, a bad name, or the file cannot be written.
+
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> import dreba
+        >>> with TemporaryDirectory() as folder:
+        ...     export_model(dreba.load("quadratic"), Path(folder) / "cost", to="c").name
+        'cost.c'
     """
-    if target not in TARGETS:
-        raise ModelError(f"target {target!r} is unknown{did_you_mean(target, TARGETS)}; known: {', '.join(TARGETS)}")
+    if to not in TARGETS:
+        raise ModelError(f"target {to!r} is unknown{did_you_mean(to, TARGETS)}; expected {' or '.join(TARGETS)}")
     if not (name.isidentifier() and name.isascii()) or name in C_KEYWORDS:
         raise ModelError(f"name is {name!r}; expected letters, digits and underscores, such as 'dreba'")
     if first:
@@ -60,7 +70,7 @@ def export(
             raise ModelError(f"kind {model.kind!r} has no first stage; only a graduated model has stages")
         model = model.first_
     check_temperature(model, temperature)
-    suffix, text = TARGETS[target]
+    suffix, text = TARGETS[to]
     out = Path(path)
     if not out.suffix:
         out = out.with_suffix(suffix)

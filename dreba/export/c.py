@@ -1,4 +1,4 @@
-"""C99 source of a fitted model: one function for value and gradient, no dependency but the C library."""
+"""C99 source of a fitted model: one function of value and gradient, without dependencies except the C library."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from reba.posture.columns import COLUMNS, INDEX
 
 
 def c_source(model: Surrogate, *, temperature: float | None = None, name: str = "dreba") -> str:
-    """Return the source of `double NAME(angles, load, coupling, activity, gradient)`.
+    """Return the C source of `double NAME(angles, load, coupling, activity, gradient)`.
 
     Raises:
         ModelError: the kind cannot be exported, or soft tables do not have all 22 columns.
     """
     soft = model.soft_ if isinstance(model, GraduatedModel) else model
     if isinstance(model, QuadraticModel):
-        body, given = _QUADRATIC, _quadratic(model)
+        body, fields = _QUADRATIC, _quadratic(model)
     elif isinstance(model, ConvexModel):
-        body, given = _CONVEX, _convex(model)
+        body, fields = _CONVEX, _convex(model)
     elif isinstance(soft, SoftModel):
-        body, given = SOFT, fields(soft, temperature)
+        body, fields = _SOFT, _soft(soft, temperature)
     else:
-        raise ModelError(f"kind {model.kind!r} cannot be exported to C; export any kind but a net")
+        raise ModelError(f"kind {model.kind!r} cannot be exported to C; expected quadratic, convex, soft or graduated")
     d = len(model.joints_)
     joints = ",\n *   ".join(f"{index} {joint}" for index, joint in enumerate(model.joints_))
     edges = {"edge_1": repr(LOAD_EDGES[0]), "edge_2": repr(LOAD_EDGES[1])}
-    return Template(_HEAD + body).substitute(given, name=name, d=d, joints=joints, **edges)
+    return Template(_HEAD + body).substitute(fields, name=name, d=d, joints=joints, **edges)
 
 
 def _quadratic(model: QuadraticModel) -> dict[str, Any]:
@@ -101,7 +101,7 @@ _ODD: Final = """
         sum[0] += angles[LAST] * rise;
         gradient[LAST] = rise + bend;
     }"""
-# Two sums side by side fill the two places of a vector register, so that -O2 is enough.
+# Two interleaved sums let the compiler use vector registers of two doubles at -O2.
 _QUADRATIC: Final = """\
 static double value_and_slope(const double *restrict angles, double *restrict gradient)
 {
@@ -152,18 +152,18 @@ double $name(const double angles[$d], double load, const double coupling[2], dou
 
 
 def values(array: ArrayLike, whole: bool = False) -> str:
-    """Return numbers as a C initialiser, read back exactly."""
+    """Return numbers as a C initialiser that reads back exactly, `whole` ones as integers."""
     return "{" + ", ".join(str(int(v)) if whole else repr(float(v)) for v in np.asarray(array).ravel()) + "}"
 
 
-def fields(model: SoftModel, temperature: float | None) -> dict[str, Any]:
-    """Return what `SOFT` is filled with, beside name and number of angles.
+def _soft(model: SoftModel, temperature: float | None) -> dict[str, Any]:
+    """Return the fields of the template `_SOFT`.
 
     Raises:
-        ModelError: the model has other columns than the 22, or not this temperature.
+        ModelError: the model does not have all 22 columns, or not this temperature.
     """
     if model.joints_ != COLUMNS:
-        raise ModelError("the soft tables of some columns cannot be exported; fit on all 22 of reba.COLUMNS")
+        raise ModelError(f"soft tables of {len(model.joints_)} columns cannot be exported; fit on all 22")
     tables = model.tables(temperature)
     return {
         "what": f"soft REBA tables at {tables.temperature:g} deg",
@@ -183,7 +183,7 @@ def fields(model: SoftModel, temperature: float | None) -> dict[str, Any]:
     }
 
 
-SOFT: Final = """\
+_SOFT: Final = """\
 static const double table_a[60] = $a;
 static const double table_b[36] = $b;
 static const double table_c[144] = $c;

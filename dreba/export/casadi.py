@@ -1,4 +1,4 @@
-"""CasADi function of a fitted model, as an object for symbolic work and as text that CasADi reads back."""
+"""CasADi function of a fitted model, as a symbolic object and as serialised text."""
 
 from __future__ import annotations
 
@@ -42,20 +42,21 @@ def casadi_function(model: Surrogate, *, temperature: float | None = None, name:
     elif isinstance(soft, SoftModel) and soft.joints_ == COLUMNS:
         value = _soft(casadi, soft.tables(temperature), angles, (points, coupling[0], coupling[1]))
     elif isinstance(soft, SoftModel):
-        raise ModelError("the soft tables of some columns cannot be exported; fit on all 22 of reba.COLUMNS")
+        raise ModelError(f"soft tables of {len(soft.joints_)} columns cannot be exported; fit on all 22")
     else:
-        raise ModelError(f"kind {model.kind!r} cannot be exported to CasADi; export any kind but a net")
+        raise ModelError(f"kind {model.kind!r} cannot be exported; expected quadratic, convex, soft or graduated")
     value += activity
     names = ["angles", "load", "coupling", "activity"], ["value", "gradient"]
     return casadi.Function(name, [angles, load, coupling, activity], [value, casadi.gradient(value, angles)], *names)
 
 
 def casadi_json(model: Surrogate, *, temperature: float | None = None, name: str = "dreba") -> str:
-    """Return the function as text for `casadi.Function.deserialize`."""
+    """Return the text of the function for `casadi.Function.deserialize`."""
     return str(casadi_function(model, temperature=temperature, name=name).serialize())
 
 
 def _convex(casadi: Any, model: ConvexModel, angles: Any) -> Any:
+    """Return the sum of hinges as a symbolic expression."""
     total = casadi.SX(0)
     for joint, scale, offset, weight in zip(*model.hinges(), strict=True):
         past = float(scale) * angles[int(joint)] - float(offset)
@@ -65,6 +66,7 @@ def _convex(casadi: Any, model: ConvexModel, angles: Any) -> Any:
 
 
 def _soft(casadi: Any, tables: soft_tables.SoftTables, angles: Any, added: tuple[Any, Any, Any]) -> Any:
+    """Return the value of soft tables without activity, `added` points on Score A and both Scores B."""
     knee = INDEX["knee_flexion_left"]
     worse = _smooth_max(casadi, angles[knee], angles[knee + 1], soft_tables.KNEE_WIDTH * tables.temperature)
     seen = casadi.vertcat(angles, worse)
@@ -89,11 +91,11 @@ def _soft(casadi: Any, tables: soft_tables.SoftTables, angles: Any, added: tuple
 
 
 def _interpolate(casadi: Any, table: np.ndarray[Any, np.dtype[np.float64]], scores: list[Any]) -> Any:
-    """Return the multilinear interpolation of a table at scores from 0, held at its ends: a sum of hats."""
-    held = casadi.fmin(casadi.fmax(scores[0], 0.0), float(len(table) - 1))
+    """Return the multilinear interpolation of a table at scores from 0, clipped to its ends: a sum of hat functions."""
+    clipped = casadi.fmin(casadi.fmax(scores[0], 0.0), float(len(table) - 1))
     out = casadi.SX(0)
     for number, below in enumerate(table):
-        hat = casadi.fmax(0.0, 1.0 - casadi.fabs(held - number))
+        hat = casadi.fmax(0.0, 1.0 - casadi.fabs(clipped - number))
         out += hat * (float(below) if below.ndim == 0 else _interpolate(casadi, below, scores[1:]))
     return out
 

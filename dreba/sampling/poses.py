@@ -1,4 +1,4 @@
-"""Poses with their true scores: the record and its Parquet file."""
+"""Poses with their true REBA scores: the record, its Parquet file, and poses from the frames of recordings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import reba
 from dreba.domain import BEST, COLUMNS_OF, Domain
 from dreba.errors import SampleError
 from dreba.sampling.classes import true_scores
-from dreba.surrogates.task_factors import TaskFactors, given_of
+from dreba.surrogates.task_factors import TaskFactors, task_factors_of
 from dreba.surrogates.validation import LARGEST
 from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
@@ -25,18 +25,18 @@ from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import FACTORS, Factors
 
 METADATA: Final = b"dreba"
-"""Key of the provenance in a Parquet file."""
+"""Metadata key of the provenance in a Parquet file."""
 
 
 @dataclass(frozen=True)
 class Poses:
-    """Postures with their true REBA.
+    """Poses with their true REBA scores.
 
     Attributes:
-        angles: (n, 22) degrees in the order of `reba.COLUMNS`.
-        reba: (n,) true scores: exact REBA, or from the bins of a domain that has its own.
+        angles: (n, 22) [deg] in the order of `reba.COLUMNS`.
+        reba: (n,) true scores: exact REBA, or from the bins of the domain.
         factors: load, coupling and activity per pose, or None.
-        provenance: domain, distribution, seed, counts: enough to draw the same poses again.
+        provenance: domain, distribution, seed and version, from which the same poses can be drawn again.
     """
 
     angles: Array
@@ -48,9 +48,9 @@ class Poses:
         return len(self.reba)
 
     @property
-    def given(self) -> TaskFactors:
-        """Load, coupling and activity as a surrogate takes them."""
-        return given_of(self.factors, len(self))
+    def task_factors(self) -> TaskFactors:
+        """Load, coupling and activity in the units that surrogates take."""
+        return task_factors_of(self.factors, len(self))
 
     @property
     def counts(self) -> dict[int, int]:
@@ -59,35 +59,35 @@ class Poses:
         return dict(zip(classes.tolist(), counts.tolist(), strict=True))
 
     def rows(self, which: NDArray[Any] | slice) -> Poses:
-        """Return some of the poses (a slice, an index or a boolean array)."""
+        """Return the selected poses (a slice, an index or a boolean array)."""
         factors = None
         if self.factors is not None:
-            given = {name: getattr(self.factors, name) for name in FACTORS}
-            factors = Factors(**{name: np.asarray(v)[which] if np.ndim(v) else v for name, v in given.items()})
+            values = {name: getattr(self.factors, name) for name in FACTORS}
+            factors = Factors(**{name: np.asarray(v)[which] if np.ndim(v) else v for name, v in values.items()})
         return Poses(self.angles[which], self.reba[which], factors, self.provenance)
 
     def split(self, share: float, rng: np.random.Generator) -> tuple[Poses, Poses]:
-        """Return two parts, the second holding `share` of the poses of each class: a run from a random one of them.
+        """Return training and held-out poses; the latter are a run of the share of each class from a random pose on.
 
-        Drawn poses stand in random order. In a recording neighbours are nearly alike, so a run of frames says more
-        about unseen ones than frames taken from between those of the fit.
+        Frames beside each other in a recording are nearly equal, so a run of frames estimates the error on unseen
+        frames better than single frames between those of the fit. Drawn poses are in random order anyway.
         """
-        held = np.zeros(len(self), bool)
+        held_out = np.zeros(len(self), bool)
         for score in self.counts:
             rows = np.flatnonzero(self.reba == score)
-            held[np.roll(rows, rng.integers(len(rows)))[: round(share * len(rows))]] = True
-        return self.rows(~held), self.rows(held)
+            held_out[np.roll(rows, rng.integers(len(rows)))[: round(share * len(rows))]] = True
+        return self.rows(~held_out), self.rows(held_out)
 
     def balancing_weights(self) -> Array:
-        """Return weights (n,) of mean 1 that give every REBA class that occurs the same total."""
+        """Return weights (n,) of mean 1 with the same sum for every REBA class that occurs."""
         counts = np.bincount(self.reba)
         return np.asarray(len(self) / (np.count_nonzero(counts) * counts[self.reba]), np.float64)
 
     def save(self, path: str | Path) -> None:
-        """Write a Parquet file: a posture table (so that `reba score` reads it too) with `reba` and the factors.
+        """Write a Parquet file: a posture table, readable by `reba score` too, with `reba` and the factors.
 
         Raises:
-            SampleError: the place cannot be written to.
+            SampleError: the file cannot be written.
         """
         import pandas as pd
         import pyarrow as pa
@@ -108,10 +108,10 @@ class Poses:
 
     @staticmethod
     def load(path: str | Path) -> Poses:
-        """Read what `save` wrote.
+        """Read a file of `save`.
 
         Raises:
-            SampleError: not such a file, or damaged.
+            SampleError: the file is not one of `save`, or damaged.
         """
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -120,7 +120,9 @@ class Poses:
             table = pq.read_table(path)
             note = (table.schema.metadata or {}).get(METADATA)
             if note is None:
-                raise SampleError(f"{path}: holds no sampled poses; give a file of `dreba sample`, or read_poses()")
+                raise SampleError(
+                    f"{path}: has no provenance of sampled poses; give a file of `dreba sample`, or use read_poses()"
+                )
             data = table.to_pandas()
             factors = Factors(**{name: data[name].to_numpy() for name in FACTORS}) if "load" in data else None
             angles = data[list(COLUMNS)].to_numpy(np.float64)
@@ -144,34 +146,31 @@ def read_poses(
 ) -> Poses:
     """Read poses from a file of `dreba sample`, or score the frames of any readable recording.
 
-    Frames in which an angle that counts is not measured are left out. Columns that do not count are held at an angle,
-    in the poses and in their true scores; provenance names them with it.
+    Frames without all angles are left out. Columns that are not joints of the model are held at an angle, in the poses
+    and in their true scores; the provenance names them with this angle.
 
     Args:
         path: file.
-        rules: of the scores of a recording.
-        joints: columns that count (a name without a side stands for both), or "measured" for those that the recording
-            has; the others are held at the angle of their lowest score. None for all.
-        hold: columns held at an angle [deg], or "neutral": those that are not measured, at that of their lowest score.
+        rules: rules of the scores of a recording.
+        joints: columns that vary (a name without a side stands for both), or "measured" for those of the recording;
+            the others are held at their neutral angle. None for all.
+        hold: angles [deg] by column, or "neutral" for the neutral angle of every column that is not measured.
 
     Raises:
         reba.RebaError: the file cannot be read.
-        SampleError: a column that counts is not measured, or no frame has all of them.
+        SampleError: a column is neither measured nor held, or no frame has all angles.
 
     Example:
         >>> from tempfile import TemporaryDirectory
         >>> import pandas as pd
         >>> with TemporaryDirectory() as folder:
-        ...     place = Path(folder) / "lift.csv"
-        ...     pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [5.0, 70.0]}).to_csv(place, index=False)
-        ...     poses = read_poses(place, joints="measured")
+        ...     path = Path(folder) / "lift.csv"
+        ...     pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [5.0, 70.0]}).to_csv(path, index=False)
+        ...     poses = read_poses(path, joints="measured")
         >>> poses.reba.tolist(), poses.provenance["joints"]
         ([1, 2], ['trunk_flexion'])
     """
-    if _is_sample(path):
-        poses, domain = Poses.load(path), None
-    else:
-        poses, domain = _recorded(path, rules)
+    poses, recorded = (Poses.load(path), None) if _is_sample(path) else _recorded(path, rules)
     measured = np.asarray(np.isfinite(poses.angles).any(axis=0))
     held = _held(joints, hold, tuple(np.array(COLUMNS)[measured]), str(path))
     missing = [column for column in COLUMNS if column not in held and not measured[INDEX[column]]]
@@ -183,60 +182,66 @@ def read_poses(
     angles = poses.angles.copy()
     for column, angle in held.items():
         angles[:, INDEX[column]] = angle
-    whole = np.asarray(np.isfinite(angles).all(axis=1))
-    if not whole.any():
-        raise SampleError(f"{path}: no frame has all angles, each lacks another one; name fewer joints, or hold some")
-    provenance = dict(poses.provenance)
-    if held:
-        provenance |= {"joints": [column for column in COLUMNS if column not in held], "held": held}
-    if domain is None and not held:
+    complete = np.asarray(np.isfinite(angles).all(axis=1))
+    if not complete.any():
+        raise SampleError(f"{path}: no frame has all angles; name fewer joints, or hold those that are often missing")
+    if recorded is None and not held:
         return poses
-    kept = Poses(angles, poses.reba, poses.factors, provenance).rows(whole)
-    if domain is None:
-        domain = Domain.from_dict(provenance["domain"]).hold(**held)
+    selected = Poses(angles, poses.reba, poses.factors, dict(poses.provenance)).rows(complete)
+    if held:
+        selected.provenance.update(joints=[column for column in COLUMNS if column not in held], held=held)
+    if recorded is None:
+        domain = Domain.from_dict(poses.provenance["domain"]).hold(**held)
     else:
-        low, high = kept.angles.min(axis=0), kept.angles.max(axis=0)
-        spans = zip(COLUMNS, low.tolist(), high.tolist(), strict=True)
-        domain = dataclasses.replace(domain, limits={column: (a, b) for column, a, b in spans})
-        provenance["left_out"] = int((~whole).sum())
-    provenance["domain"] = domain.to_dict()
-    return dataclasses.replace(kept, reba=true_scores(domain, kept.angles, kept.factors), provenance=provenance)
+        domain = _within(recorded, selected.angles)
+        selected.provenance["left_out"] = int((~complete).sum())
+    selected.provenance["domain"] = domain.to_dict()
+    return dataclasses.replace(selected, reba=true_scores(domain, selected.angles, selected.factors))
+
+
+def _within(domain: Domain, angles: Array) -> Domain:
+    """Return the domain with the ranges of angles (n, 22) [deg] as limits."""
+    low, high = angles.min(axis=0), angles.max(axis=0)
+    ranges = zip(COLUMNS, low.tolist(), high.tolist(), strict=True)
+    return dataclasses.replace(domain, limits={column: (lowest, highest) for column, lowest, highest in ranges})
 
 
 def columns_named(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the columns of names, of which one without a side stands for both, in the order of `reba.COLUMNS`.
+    """Return columns by their names in the order of `reba.COLUMNS`; a name without a side stands for both.
 
     Raises:
-        SampleError: a name is unknown, or there is none.
+        SampleError: a name is unknown, or there are none.
 
     Example:
         >>> columns_named(["knee_flexion", "trunk_flexion"])
         ('trunk_flexion', 'knee_flexion_left', 'knee_flexion_right')
     """
-    found: set[str] = set()
+    selected: set[str] = set()
     for name in names:
         columns = COLUMNS_OF.get(name, (name,))
         if columns[0] not in INDEX:
             known = (*COLUMNS_OF, *COLUMNS)
-            raise SampleError(f"column {name!r} is unknown{did_you_mean(str(name), known)}; see reba.COLUMNS")
-        found.update(columns)
-    if not found:
+            raise SampleError(
+                f"column {name!r} is unknown{did_you_mean(str(name), known)}; expected names of reba.COLUMNS"
+            )
+        selected.update(columns)
+    if not selected:
         raise SampleError("no joint is named; expected columns such as trunk_flexion,knee_flexion")
-    return tuple(column for column in COLUMNS if column in found)
+    return tuple(column for column in COLUMNS if column in selected)
 
 
 def _held(joints: Joints, hold: Hold, measured: tuple[str, ...], path: str) -> dict[str, float]:
-    """Return the columns that do not count, each with the angle [deg] it is held at."""
+    """Return the angle [deg] of each held column."""
     if isinstance(joints, str) and joints != MEASURED:
         raise SampleError(f"joints are {joints!r}; expected 'measured' or a list of columns")
     if isinstance(hold, str) and hold != NEUTRAL:
         raise SampleError(f"hold is {hold!r}; expected 'neutral', or columns with their degrees")
     if not measured:
-        raise SampleError(f"{path}: no angle is measured; see `reba info`")
+        raise SampleError(f"{path}: no angle is measured; `reba info` says why")
     held: dict[str, float] = {}
     if joints is not None:
-        counting = measured if isinstance(joints, str) else columns_named(joints)
-        held = {column: best for column, best in BEST.items() if column not in counting}
+        varying = measured if isinstance(joints, str) else columns_named(joints)
+        held = {column: best for column, best in BEST.items() if column not in varying}
     if isinstance(hold, str):
         held |= {column: best for column, best in BEST.items() if column not in measured}
     elif hold is not None:
@@ -248,7 +253,7 @@ def _held(joints: Joints, hold: Hold, measured: tuple[str, ...], path: str) -> d
 
 
 def _recorded(path: str | Path, rules: reba.Rules | str) -> tuple[Poses, Domain]:
-    """Return the frames of a recording, unmeasured angles NaN, and the domain of their rules."""
+    """Return the frames of a recording, unmeasured angles NaN, and a domain of their rules without limits."""
     scores = reba.score(reba.read(path), rules=rules, activity="none", missing="neutral")
     name = Path(path).name
     provenance: dict[str, Any] = {"recording": name, "frames": len(scores.angles), "rules": scores.rules.name}
@@ -258,6 +263,7 @@ def _recorded(path: str | Path, rules: reba.Rules | str) -> tuple[Poses, Domain]
 
 
 def _is_sample(path: str | Path) -> bool:
+    """Return whether a file was written by `Poses.save`."""
     if Path(path).suffix.lower() != ".parquet":
         return False
     import pyarrow as pa

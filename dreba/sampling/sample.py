@@ -1,18 +1,18 @@
-"""Random poses, evenly filled over REBA classes, without rejection.
+"""Random poses with equal numbers in every REBA class, drawn without rejection.
 
 The distribution, in the order of drawing:
 
-1. The class is uniform over the classes asked for (their counts differ by one at most).
-2. Given the class, the pose follows the domain's own distribution *conditioned on that class*. Before conditioning
-   every angle is independent: it falls into one of its bins (the classes of the rules, cut at the domain's limits) and
-   is uniform inside. How likely the bins are is `weights`:
-   "bins" (default): each bin of an angle is equally likely, as in the sampler of the paper's authors. Every threshold
-   then has poses on both sides, however narrow a band is.
-   "volume": in proportion to width. Within a class the poses are then uniform draws over the limits that have it.
-   "cells": every combination of part scores that leads to the class is equally likely, uniform within it.
+1. The class is uniform over the requested classes; their counts differ by one at most.
+2. The pose follows the distribution of the domain *conditioned on that class*. Before conditioning the angles are
+   independent: each falls into one of its bins (the angle classes of the rules, cut at the limits of the domain) and is
+   uniform inside. The probability of the bins is `weights`:
+   "bins" (default): the same for each bin of an angle, as in the sampler of the paper's authors. Every threshold then
+   has poses on both sides, however narrow the class is.
+   "volume": in proportion to the width. Poses of a class are then uniform draws over the limits, kept if they have it.
+   "cells": the same for every combination of part scores that leads to the class, uniform within it.
 
-Because parts depend on separate angles, the conditional distribution is drawn exactly: first the pair of Score A and
-Score B (both arms, load, coupling and activity included), then part scores that lead to them, then boxes, then angles.
+Parts depend on separate angles, so the conditional distribution is drawn exactly: first the pair of Score A and Score B
+(both arms, load, coupling and activity included), then part scores that lead to them, then class boxes, then angles.
 Class 1 is 1e-5 to 1e-4 of uniform draws, so rejection would need 10^5 draws per pose.
 """
 
@@ -35,14 +35,14 @@ from reba.posture.factors import Factors
 
 Rng = np.random.Generator | int | tuple[int, ...] | None
 FACTOR_NAMES: Final = ("load", "coupling", "activity")
-"""Factors that can be drawn."""
+"""Factors that can be drawn at random."""
 ADJUSTMENTS: Final = (
     "trunk_side_bend", "trunk_twist", "neck_side_bend", "neck_twist", "upper_arm_abduction", "shoulder_elevation",
     "wrist_deviation", "wrist_twist",
 )  # fmt: skip
-"""Angles that only give an adjustment."""
-MOST: Final = 20_000_000
-"""Poses drawn at once at most; they take 8 GB."""
+"""Angles that give an adjustment only, one point beyond their threshold."""
+MAX_POSES: Final = 20_000_000
+"""Maximum number of poses of a call; they take 8 GB."""
 _ARM: Final = (
     "upper_arm_flexion", "upper_arm_abduction", "shoulder_elevation", "lower_arm_flexion", "wrist_flexion",
     "wrist_deviation", "wrist_twist",
@@ -61,19 +61,20 @@ def sample(
     adjustments: bool = True,
     arms: str = "both",
 ) -> Poses:
-    """Draw poses evenly over REBA classes. The module's text says from which distribution.
+    """Draw random poses with equal numbers in every REBA class, each with its true score.
 
     Args:
         n: number of poses.
-        classes: REBA scores to fill; up to 11 without factors, up to 15 with them.
-        domain: name, TOML file or record.
+        classes: REBA scores of the poses; up to 11 without factors, up to 15 with them.
+        domain: name, TOML file or `Domain` of the joint limits.
         rng: generator, or a seed (a whole number or several); None for a fresh seed, which is recorded.
-        weights: "bins", "volume" or "cells".
-        stratified: within each class keep the counts of Scores A and B, and within these of the part scores, within
-            one of their expectation, instead of drawing them independently.
-        factors: names of factors to draw ("load", "coupling", "activity"), or a record of scalars that all poses share.
-        adjustments: whether angles that only adjust a part score are drawn; otherwise they are held at 0.
-        arms: "both", or "left" or "right": the other arm is held at rest.
+        weights: probability of poses inside a class: "bins" (each bin of an angle alike), "volume" (uniform in the
+            angles) or "cells" (each combination of part scores alike).
+        stratified: keep the counts of Scores A and B in each class, and of the part scores within these, within one
+            of their expectation instead of drawing them independently.
+        factors: names of factors to draw ("load", "coupling", "activity"), or `reba.Factors` of scalars for all poses.
+        adjustments: whether angles that give an adjustment only are drawn; otherwise they are 0.
+        arms: "both", or "left" or "right"; the other arm is at rest.
 
     Raises:
         SampleError: an argument is wrong, or a class cannot be reached in the domain.
@@ -83,11 +84,11 @@ def sample(
         >>> poses.counts[1], poses.counts[10]
         (100, 100)
     """
-    wanted = _classes(classes)
-    if isinstance(n, bool) or not isinstance(n, int | np.integer) or not len(wanted) <= n <= MOST:
+    scores = _classes(classes)
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or not len(scores) <= n <= MAX_POSES:
         raise SampleError(
-            f"n is {n!r}; expected a whole number, at least one pose for each of {len(wanted)} classes, "
-            f"at most {MOST:,} (draw more in parts, each with a seed of its own)"
+            f"n is {n!r}; expected a whole number, at least one pose for each of {len(scores)} classes, "
+            f"at most {MAX_POSES:,} (draw more in parts with different seeds)"
         )
     if weights not in WEIGHTS:
         raise SampleError(f"weights are {weights!r}; expected one of {', '.join(WEIGHTS)}")
@@ -95,11 +96,11 @@ def sample(
     space = _held(domain_of(domain), adjustments, arms)
     generator, seed = _generator(rng)
     plan = SamplingPlan(space, fixed, drawn, weights)
-    shares = np.full(len(wanted), n // len(wanted)) + (np.arange(len(wanted)) < n % len(wanted))
-    angles, found = plan.draw(wanted, shares, generator, stratified)
-    used = found if drawn else (fixed if factors is not None else None)
+    counts = np.full(len(scores), n // len(scores)) + (np.arange(len(scores)) < n % len(scores))
+    angles, drawn_factors = plan.draw(scores, counts, generator, stratified)
+    used = drawn_factors if drawn else (fixed if factors is not None else None)
     provenance = {
-        "domain": space.to_dict(), "n": int(n), "classes": list(wanted), "weights": weights, "stratified": stratified,
+        "domain": space.to_dict(), "n": int(n), "classes": list(scores), "weights": weights, "stratified": stratified,
         "factors": list(drawn), **_shared(factors), "adjustments": adjustments, "arms": arms, **seed,
         "version": __version__,
     }  # fmt: skip
@@ -107,7 +108,7 @@ def sample(
 
 
 def _held(domain: Domain, adjustments: bool, arms: str) -> Domain:
-    """Return the domain with the angles held that are not drawn."""
+    """Return the domain with adjustments at 0, or one arm at rest, if these are not drawn."""
     if arms not in ("both", *SIDES):
         raise SampleError(f"arms is {arms!r}; expected both, left or right")
     held = {}
@@ -122,43 +123,43 @@ def _held(domain: Domain, adjustments: bool, arms: str) -> Domain:
 
 def _classes(classes: Iterable[int]) -> tuple[int, ...]:
     try:
-        wanted = tuple(classes)
+        scores = tuple(classes)
     except TypeError as error:
         raise SampleError(f"classes are {classes!r}; expected REBA scores such as range(1, 11)") from error
-    if not wanted or len(set(wanted)) != len(wanted):
-        raise SampleError(f"classes are {wanted}; expected each REBA score once, at least one")
-    for score in wanted:
+    if not scores or len(set(scores)) != len(scores):
+        raise SampleError(f"classes are {scores}; expected each REBA score once, at least one")
+    for score in scores:
         if isinstance(score, bool) or not isinstance(score, int | np.integer) or not 1 <= score <= 15:
-            raise SampleError(f"class {score!r} is no REBA score; expected whole numbers from 1 to 15")
-    return tuple(int(score) for score in wanted)
+            raise SampleError(f"class {score!r} is not a REBA score; expected whole numbers from 1 to 15")
+    return tuple(int(score) for score in scores)
 
 
-def _factors(given: Sequence[str] | Factors | None) -> tuple[Factors, tuple[str, ...]]:
-    """Return factors that all poses share, and the names of those that are drawn."""
-    if given is None:
+def _factors(factors: Sequence[str] | Factors | None) -> tuple[Factors, tuple[str, ...]]:
+    """Return the factors that all poses share and the names of drawn ones."""
+    if factors is None:
         return Factors(), ()
-    if isinstance(given, Factors):
-        if any(np.ndim(value) for value in dataclasses.asdict(given).values()):
+    if isinstance(factors, Factors):
+        if any(np.ndim(value) for value in dataclasses.asdict(factors).values()):
             raise SampleError("factors hold an array; expected one value each, or the names of factors to draw")
-        return given, ()
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise SampleError(f"factors are {given!r}; expected a list of names out of {', '.join(FACTOR_NAMES)}")
-    for name in given:
+        return factors, ()
+    if isinstance(factors, str) or not isinstance(factors, Iterable):
+        raise SampleError(f"factors are {factors!r}; expected a list of names out of {', '.join(FACTOR_NAMES)}")
+    for name in factors:
         if name not in FACTOR_NAMES:
             raise SampleError(f"factor {name!r} cannot be drawn; expected names out of {', '.join(FACTOR_NAMES)}")
-    return Factors(), tuple(name for name in FACTOR_NAMES if name in given)
+    return Factors(), tuple(name for name in FACTOR_NAMES if name in factors)
 
 
-def _shared(given: Any) -> dict[str, Any]:
-    """Return the factors that all poses share, as provenance; nothing if there are none."""
-    return {"shared_factors": dataclasses.asdict(given)} if isinstance(given, Factors) else {}
+def _shared(factors: Any) -> dict[str, Any]:
+    """Return the provenance entry of factors that all poses share, empty without them."""
+    return {"shared_factors": dataclasses.asdict(factors)} if isinstance(factors, Factors) else {}
 
 
 def _generator(rng: Rng) -> tuple[np.random.Generator, dict[str, Any]]:
-    """Return a generator and what it takes to start it again."""
+    """Return a generator and the provenance entries, seed or state, that reproduce it."""
     if isinstance(rng, np.random.Generator):
         state = rng.bit_generator.state
-        return rng, {"seed": None, "generator": {key: _listed(value) for key, value in state.items()}}
+        return rng, {"seed": None, "generator": {key: _plain_state(value) for key, value in state.items()}}
     seeds = list(rng) if isinstance(rng, tuple) else [rng]
     if rng is None:
         seeds = [int(np.random.SeedSequence().generate_state(1)[0])]
@@ -168,8 +169,8 @@ def _generator(rng: Rng) -> tuple[np.random.Generator, dict[str, Any]]:
     return np.random.default_rng(whole), {"seed": whole if len(whole) > 1 else whole[0]}
 
 
-def _listed(value: Any) -> Any:
-    """Return a generator's state as plain data."""
+def _plain_state(value: Any) -> Any:
+    """Return the state of a generator as plain data."""
     if isinstance(value, dict):
-        return {key: _listed(item) for key, item in value.items()}
+        return {key: _plain_state(item) for key, item in value.items()}
     return value.tolist() if isinstance(value, np.ndarray) else value

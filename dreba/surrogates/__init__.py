@@ -1,0 +1,1 @@
+"""Surrogates: differentiable models of the REBA score, their fit, files and error metrics."""

@@ -1,14 +1,14 @@
-"""The surrogate protocol: what every kind of differentiable REBA answers, and the registry of kinds.
+"""Base class of surrogates: differentiable approximations of the REBA score as scikit-learn estimators.
 
 A kind is one class in one file: it derives from `Surrogate`, is decorated with `register`, and implements `_fit`,
-`_value_gradient`, `_hessian` and the names of what it learned. The base class does the rest: checks, single poses and
-batches, factors, files. Every registered kind runs through one contract test.
+`_value_gradient`, `_hessian` and the names of its learned arrays. The base class checks input, handles single poses,
+batches and task factors, and writes files. One contract test runs on every registered kind.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +20,7 @@ from dreba.errors import ModelError
 from dreba.surrogates.metrics import evaluation_of
 from dreba.surrogates.registry import ModelInfo
 from dreba.surrogates.serialization import save
-from dreba.surrogates.task_factors import NOTHING, TaskFactors, given_of
+from dreba.surrogates.task_factors import DEFAULT_FACTORS, TaskFactorArguments, TaskFactors, task_factors_of
 from dreba.surrogates.validation import (
     Allowed,
     check_parameters,
@@ -35,30 +35,30 @@ from reba.arrays import Array
 
 
 class Surrogate(RegressorMixin, BaseEstimator):
-    """A differentiable score of posture: `fit`, `predict`, `value`, `gradient`, `hessian`, `save`.
+    """Differentiable REBA score of poses: `fit`, `predict`, `value`, `gradient`, `hessian`, `save`.
 
-    Angles are (n, d) degrees in the order of `joints_`, or (d,) for a single pose. A kind that reads the body (all but
-    the purely statistical ones) works on the 22 columns of `reba.COLUMNS`, or on those named by its parameter `joints`.
+    Angles are (n, d) [deg] in the order of `joints_`, or (d,) for a single pose. Kinds that know part tables have the
+    22 columns of `reba.COLUMNS`, or those named by their parameter `joints`; others take any columns.
 
     Attributes:
         joints_: (d,) column names.
-        temperatures_: [deg] the ladder of temperatures a kind can be evaluated at, () for none.
+        temperatures_: [deg] temperatures at which the model can be evaluated, () for kinds without.
         about_: `ModelInfo`, origin and error of the model.
     """
 
     kind: ClassVar[str] = ""
-    """Name in the registry and in files."""
+    """Name of the kind in the registry and in files."""
     monotone: ClassVar[bool] = False
-    """Never decreases when a part score's angle moves to a worse class."""
+    """Whether the value never decreases when an angle moves to a class of more points."""
     mirror: ClassVar[bool] = False
-    """Left and right exchanged (with side bends and twists negated) give the same value."""
+    """Whether mirrored poses (sides exchanged, side bends and twists negated) have the same value."""
     any_columns: ClassVar[bool] = False
-    """Takes columns that REBA does not know, so scikit-learn's estimator checks apply."""
+    """Whether the kind takes columns outside the posture table; scikit-learn's estimator checks then apply."""
     learned: ClassVar[dict[str, int]] = {}
-    """Names of learned arrays (ending in an underscore) and their number of dimensions: what a file holds."""
+    """Learned arrays, which files hold: names ending in an underscore, and their number of dimensions."""
 
     allowed: ClassVar[dict[str, Allowed]] = {}
-    """What constructor parameters may be, checked by `fit` and when a file is read."""
+    """Admissible constructor parameters, checked by `fit` and when a file is read."""
 
     joints_: tuple[str, ...]
     temperatures_: tuple[float, ...] = ()
@@ -76,13 +76,13 @@ class Surrogate(RegressorMixin, BaseEstimator):
         sample_weight: ArrayLike | None = None,
         factors: reba.Factors | None = None,
     ) -> Self:
-        """Learn from poses and their true scores.
+        """Fit the model to poses and their true scores, and return it.
 
         Args:
-            X: (n, d) degrees.
+            X: (n, d) [deg].
             y: (n,) REBA scores.
             sample_weight: (n,) weights, not negative; None for equal ones.
-            factors: load, coupling and activity of the poses; None for none of them.
+            factors: load, coupling and activity of the poses; None for no load, good coupling, no activity.
 
         Raises:
             ModelError: wrong shapes, values that are not finite, or too few poses.
@@ -100,13 +100,13 @@ class Surrogate(RegressorMixin, BaseEstimator):
         self.joints_ = self._joints(poses.shape[1])
         check_size(poses, self.joints_)
         warn_if_radians(poses, self.joints_)
-        self._fit(poses, scores, weights, given_of(factors, len(scores)))
+        self._fit(poses, scores, weights, task_factors_of(factors, len(scores)))
         self.about_ = ModelInfo(provenance={"poses": len(scores), "version": __version__})
         self._note_error(poses, scores, factors)
         return self
 
     def predict(self, X: ArrayLike) -> Array:
-        """Return the value of n poses, (n,), after checking them: the scikit-learn spelling of `value`.
+        """Return the values (n,) of n poses without task factors; the scikit-learn name of `value`.
 
         Raises:
             sklearn.exceptions.NotFittedError: before `fit`.
@@ -119,139 +119,101 @@ class Surrogate(RegressorMixin, BaseEstimator):
             raise ModelError(" ".join(str(error).split())) from error
         check_size(poses, self.joints_)
         warn_if_radians(poses, self.joints_)
-        return self._value(poses, NOTHING)
+        return self._value(poses, DEFAULT_FACTORS)
 
-    def value(
-        self,
-        angles: ArrayLike,
-        *,
-        load: Any = 0.0,
-        coupling: tuple[Any, Any] = (0, 0),
-        activity: Any = 0,
-        temperature: float | None = None,
-    ) -> Any:
-        """Return the score: (n,) for angles (n, d), a float for (d,).
+    def value(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Any:
+        """Return the surrogate score: (n,) for angles (n, d), a float for (d,).
 
         Args:
             angles: (n, d) or (d,) degrees.
-            load: [kg], one or (n,).
-            coupling: left and right points 0-3, each one or (n,).
-            activity: points 0-3, one or (n,).
-            temperature: [deg] of the smoothing, for kinds that have one.
+            **factors: keywords of `TaskFactorArguments`, each one value for all poses or (n,):
+                `load` [kg], default 0;
+                `coupling`, left and right points from 0 (good) to 3, default (0, 0);
+                `activity`, points from 0 to 3, default 0;
+                `temperature` [deg] of the smoothing, one value, default that of the model; ignored by kinds without.
 
         Raises:
-            ModelError: wrong shapes, NaN, an angle that no body has, or factors out of range.
+            ModelError: wrong shapes, NaN, an angle beyond 360 deg, factors out of range, or an unknown keyword.
 
         Warns:
             RadiansWarning: all angles of ten poses or more are so small that they look like radians.
         """
         poses, single = self._poses(angles)
         warn_if_radians(poses, self.joints_)
-        found = self._value(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))
-        return float(found[0]) if single else found
+        value = self._value(poses, TaskFactors.checked(factors, len(poses)))
+        return float(value[0]) if single else value
 
-    def gradient(
-        self,
-        angles: ArrayLike,
-        *,
-        load: Any = 0.0,
-        coupling: tuple[Any, Any] = (0, 0),
-        activity: Any = 0,
-        temperature: float | None = None,
-    ) -> Array:
+    def gradient(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Array:
         """Return the gradient [1/deg]: (n, d), or (d,) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        found = self._value_gradient(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))[1]
-        return found[0] if single else found
+        gradient = self._value_gradient(poses, TaskFactors.checked(factors, len(poses)))[1]
+        return gradient[0] if single else gradient
 
-    def value_and_gradient(
-        self,
-        angles: ArrayLike,
-        *,
-        load: Any = 0.0,
-        coupling: tuple[Any, Any] = (0, 0),
-        activity: Any = 0,
-        temperature: float | None = None,
-    ) -> tuple[Any, Array]:
-        """Return value and gradient in one pass, for optimisers. Arguments as in `value`."""
+    def value_and_gradient(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> tuple[Any, Array]:
+        """Return value and gradient [1/deg] of one pass, for optimisers. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        value, gradient = self._value_gradient(
-            poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses))
-        )
+        value, gradient = self._value_gradient(poses, TaskFactors.checked(factors, len(poses)))
         return (float(value[0]), gradient[0]) if single else (value, gradient)
 
-    def hessian(
-        self,
-        angles: ArrayLike,
-        *,
-        load: Any = 0.0,
-        coupling: tuple[Any, Any] = (0, 0),
-        activity: Any = 0,
-        temperature: float | None = None,
-    ) -> Array:
+    def hessian(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Array:
         """Return the Hessian [1/deg^2]: (n, d, d), or (d, d) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        found = self._hessian(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))
-        return found[0] if single else found
+        hessian = self._hessian(poses, TaskFactors.checked(factors, len(poses)))
+        return hessian[0] if single else hessian
 
-    def gauss_newton(
-        self,
-        angles: ArrayLike,
-        *,
-        load: Any = 0.0,
-        coupling: tuple[Any, Any] = (0, 0),
-        activity: Any = 0,
-        temperature: float | None = None,
-    ) -> Array:
-        """Return the factor J with Hessian ~ J^T J: (n, k, d), or (k, d) for one pose. Arguments as in `value`.
+    def gauss_newton(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Array:
+        """Return the factor J of the Hessian ~ J^T J: (n, k, d), or (k, d) for one pose. Arguments as in `value`.
 
         Raises:
-            ModelError: the kind has no such factor.
+            ModelError: the kind has no Gauss-Newton factor.
         """
         poses, single = self._poses(angles)
-        found = self._gauss_newton(poses, TaskFactors.checked(load, coupling, activity, temperature, len(poses)))
-        return found[0] if single else found
+        factor = self._gauss_newton(poses, TaskFactors.checked(factors, len(poses)))
+        return factor[0] if single else factor
 
     def save(self, path: str | Path) -> None:
-        """Write the model as JSON; `dreba.load` reads it back equal."""
+        """Write the model as JSON; `dreba.load` reads it back equal.
 
+        Raises:
+            ModelError: the model is not fitted, or the file cannot be written.
+        """
         save(self, path)
 
-    # What a kind implements.
+    # To be implemented by a kind.
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
-        """Learn from checked poses (n, d), scores (n,), weights (n,) and factors."""
+    def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
+        """Fit to checked poses (n, d) [deg], scores (n,) and weights (n,)."""
         raise ModelError(f"kind {self.kind!r} cannot be fitted")
 
-    def _value(self, poses: Array, given: TaskFactors) -> Array:
-        """Return (n,) values; kinds override it where the value alone is cheaper."""
-        return self._value_gradient(poses, given)[0]
+    def _value(self, poses: Array, factors: TaskFactors) -> Array:
+        """Return values (n,); overridden by kinds whose value alone is cheaper."""
+        return self._value_gradient(poses, factors)[0]
 
-    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
-        """Return (n,) values and (n, d) gradients."""
+    def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
+        """Return values (n,) and gradients (n, d) [1/deg]."""
         raise ModelError(f"kind {self.kind!r} has no value")
 
-    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
-        """Return (n, d, d) second derivatives."""
+    def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
+        """Return Hessians (n, d, d) [1/deg^2]."""
         raise ModelError(f"kind {self.kind!r} has no Hessian")
 
-    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
-        """Return (n, k, d) factors."""
+    def _gauss_newton(self, poses: Array, factors: TaskFactors) -> Array:
+        """Return Gauss-Newton factors (n, k, d)."""
         raise ModelError(f"kind {self.kind!r} has no Gauss-Newton factor; use hessian()")
 
     def _payload(self) -> dict[str, Any]:
-        """Return how load, coupling and activity enter, as plain data for the file."""
+        """Return the form of load, coupling and activity as plain data of the file."""
         return {"form": "tables"}
 
     def _state(self) -> dict[str, Any]:
-        """Return what was learned, as arrays or plain data; the default takes the names in `learned`."""
+        """Return the learned state of the file, arrays or plain data: by default the arrays of `learned`."""
         return {name: getattr(self, name) for name in self.learned}
 
     def _restore(self, state: dict[str, Any]) -> None:
-        """Take over what `_state` gave after it was read from a file.
+        """Set the learned state from plain data of a file, the inverse of `_state`.
 
         Raises:
-            ModelError: a name is missing or unknown, or an array has another number of dimensions or is not finite.
+            ModelError: a name is missing or unknown, or an array has wrong dimensions or values that are not finite.
         """
         if set(state) != set(self.learned):
             raise ModelError(f"parameters are {', '.join(sorted(state))}; expected {', '.join(sorted(self.learned))}")
@@ -259,31 +221,32 @@ class Surrogate(RegressorMixin, BaseEstimator):
             try:
                 array = np.asarray(state[name], np.float64)
             except (TypeError, ValueError, OverflowError) as error:
-                raise ModelError(f"{name} holds something that is no number") from error
+                raise ModelError(f"{name} has a value that is not a number; the file is damaged") from error
             if array.ndim != ndim or not np.isfinite(array).all():
-                raise ModelError(f"{name} has shape {array.shape} or holds NaN; expected {ndim} dimensions, finite")
+                raise ModelError(
+                    f"{name} has shape {array.shape}; expected {ndim} dimensions and finite values; the file is damaged"
+                )
             setattr(self, name, array if ndim else float(array))
 
-    # What the base does for all kinds.
+    # Common to all kinds.
 
     def _note_error(self, poses: Array, scores: Array, factors: reba.Factors | None) -> None:
-        """Keep the error per class on the poses of the fit, if these are postures with REBA scores."""
-
+        """Record the error per class on the poses of the fit, if these are postures with REBA scores."""
         known = all(joint in reba.COLUMNS for joint in self.joints_)
         if not (known and (scores == np.rint(scores)).all() and scores.min() >= 1 and scores.max() <= 15):
             return
-        found = evaluation_of(self.kind, self._value(poses, given_of(factors, len(scores))), scores)
-        rmse = {str(score): round(error.rmse, 4) for score, error in found.classes.items()}
+        evaluation = evaluation_of(self.kind, self._value(poses, task_factors_of(factors, len(scores))), scores)
+        rmse = {str(score): round(error.rmse, 4) for score, error in evaluation.classes.items()}
         self.about_ = ModelInfo({}, rmse, {**self.about_.provenance, "rmse_on": "the poses of the fit"})
 
     def _poses(self, angles: ArrayLike) -> tuple[Array, bool]:
-        """Return angles as (n, d) and whether a single pose was given."""
+        """Return checked angles (n, d) [deg] and whether they are a single pose (d,)."""
         if not hasattr(self, "joints_"):
             check_is_fitted(self, "joints_")
         return checked_poses(angles, self.joints_)
 
     def _joints(self, columns: int) -> tuple[str, ...]:
-        """Return the names of the columns: the parameter `joints`, those of a table, or the posture table's."""
+        """Return the column names: the parameter `joints`, those of the table X, or those of the posture table."""
         named = self.get_params(deep=False).get("joints")
         named = getattr(self, "feature_names_in_", None) if named is None else named
         return checked_joints(named, columns, self.kind, self.any_columns)

@@ -1,4 +1,4 @@
-"""`ConvexModel`: a sum of convex functions of one angle each, hinges whose coefficients are not negative, as a QP."""
+"""`ConvexModel`: additive convex regression, a sum of hinges of one angle each with non-negative weights."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
 from dreba.surrogates.task_factors import TaskFactors
-from dreba.surrogates.validation import COUNT, POSITIVE, Allowed
+from dreba.surrogates.validation import COUNT, POSITIVE, Allowed, check_sample_count
 from reba.arrays import Array, Indices
 from reba.method.rules import LOAD_EDGES
 from reba.posture.columns import ANGLES
@@ -20,18 +20,18 @@ from reba.posture.factors import load_kg
 
 _SIGNED = ("trunk_side_bend", "trunk_twist", "neck_side_bend", "neck_twist")
 RIDGE: Final = 1e-9
-"""Added to the diagonal of the normal equations, as a share of its mean."""
+"""Ridge of the normal equations as a share of their mean diagonal, which keeps them positive definite."""
 CHUNK: Final = 2048
-"""Poses whose hinges are held at once."""
+"""Poses evaluated at once, which bounds the memory of their hinges."""
 
 
 class Hinges(NamedTuple):
-    """Hinges written out: value w h(scale q - offset), with h as in `ConvexModel`; r rows.
+    """Hinges w h(scale q - offset) of a model, with h as in `ConvexModel`; r rows.
 
     Attributes:
-        joint: (r,) number of the angle, rising.
-        scale: (r,) [1/deg], its sign the direction.
-        offset: (r,).
+        joint: (r,) index of the angle, non-decreasing.
+        scale: (r,) [1/deg], its sign is the direction of the hinge.
+        offset: (r,) position of the knot, dimensionless.
         weight: (r,) points, above 0.
     """
 
@@ -51,9 +51,16 @@ class ConvexModel(Surrogate):
     (Lawson & Hanson 1974) on the normal equations.
 
     Args:
-        knots: hinges per direction of an angle.
-        width: [deg] over which a hinge bends.
-        joints: columns of the angles if not all 22.
+        knots: number of hinges for each direction of an angle.
+        width: [deg] range over which a hinge is rounded.
+        joints: names of the columns; None for all 22.
+
+    Example:
+        >>> import dreba
+        >>> poses = dreba.sample(1000, rng=1)
+        >>> model = ConvexModel(knots=6).fit(poses.angles, poses.reba)
+        >>> model.convex, model.gradient(poses.angles[0]).shape
+        (True, (22,))
     """
 
     kind = "convex"
@@ -74,39 +81,38 @@ class ConvexModel(Surrogate):
 
     @property
     def convex(self) -> bool:
-        """Always."""
+        """True: every hinge is convex and no weight is negative."""
         return True
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
         from scipy.optimize import nnls
 
-        if len(scores) < 2:
-            raise ModelError(f"{len(scores)} sample is too few poses to fit anything; give 1000 or more")
+        check_sample_count(len(scores))
         profile = _profiles(self.joints_)
-        self.knots_ = self._places(poses, profile)
-        gram, right = self._normal_equations(poses, scores, weights / weights.sum(), given, profile)
+        self.knots_ = self._knot_distances(poses, profile)
+        gram, right = self._normal_equations(poses, scores, weights / weights.sum(), factors, profile)
         # The last two columns are the constant and its opposite, so that it may have either sign.
         lower = np.linalg.cholesky(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)))
-        found = nnls(lower.T, np.linalg.solve(lower, right))[0]
-        self.weights_ = found[:-4].reshape(-1, self.knots)[profile].reshape(len(self.joints_), -1)
-        self.points_ = found[-4:-2]
-        self.constant_ = float(found[-2] - found[-1])
-        self._fold()
+        solution = nnls(lower.T, np.linalg.solve(lower, right))[0]
+        self.weights_ = solution[:-4].reshape(-1, self.knots)[profile].reshape(len(self.joints_), -1)
+        self.points_ = solution[-4:-2]
+        self.constant_ = float(solution[-2] - solution[-1])
+        self._set_rows()
 
     def _normal_equations(
-        self, poses: Array, scores: Array, weights: Array, given: TaskFactors, profile: Indices
+        self, poses: Array, scores: Array, weights: Array, factors: TaskFactors, profile: Indices
     ) -> tuple[Array, Array]:
-        """Return the Gram matrix and right side over: hinges of each profile, load, coupling, 1, -1."""
+        """Return Gram matrix and right side of the features: hinges of each profile, load, coupling, 1, -1."""
         count = int(profile.max()) + 1
-        spread = (np.arange(count)[:, None] == profile).astype(float)
+        sum_profiles = (np.arange(count)[:, None] == profile).astype(float)
         n = len(poses)
-        load, coupling, activity = np.broadcast_arrays(*_points(given, n), given.activity, np.zeros(n))[:3]
+        load, coupling, activity = np.broadcast_arrays(*_points(factors, n), factors.activity, np.zeros(n))[:3]
         size = count * self.knots + 4
         gram, right = np.zeros((size, size)), np.zeros(size)
         for start in range(0, n, CHUNK):
             rows = slice(start, start + CHUNK)
             hinges = _hinge(self._arguments(poses[rows])).reshape(-1, len(profile), self.knots)
-            features = (spread @ hinges).reshape(len(hinges), -1)
+            features = (sum_profiles @ hinges).reshape(len(hinges), -1)
             one = np.ones(len(hinges))
             matrix = np.column_stack([features, load[rows], coupling[rows], one, -one])
             weighted = matrix * weights[rows, None]
@@ -114,30 +120,30 @@ class ConvexModel(Surrogate):
             right += weighted.T @ (scores - activity)[rows]
         return gram, right
 
-    def _places(self, poses: Array, profile: Indices) -> Array:
-        """Return (d, 2 knots): distances of the knots from the best angle, upwards then downwards."""
-        away = poses - np.array([BEST[joint] for joint in self.joints_])
-        reach = np.stack([away.max(axis=0), -away.min(axis=0)], axis=1).ravel()
-        far = np.array([max(float(reach[profile == own].max()), 1.0) for own in profile])
+    def _knot_distances(self, poses: Array, profile: Indices) -> Array:
+        """Return distances (d, 2 knots) [deg] of the knots from the neutral angle, upwards then downwards."""
+        offset = poses - np.array([BEST[joint] for joint in self.joints_])
+        reach = np.stack([offset.max(axis=0), -offset.min(axis=0)], axis=1).ravel()
+        farthest = np.array([max(float(reach[profile == own].max()), 1.0) for own in profile])
         steps = np.arange(self.knots) / self.knots
-        return np.asarray((far[:, None] * steps).reshape(len(self.joints_), -1))
+        return np.asarray((farthest[:, None] * steps).reshape(len(self.joints_), -1))
 
     def _arguments(self, poses: Array) -> Array:
-        """Return (n, d, 2 knots): how far each angle is past each knot, in widths."""
-        away = poses - np.array([BEST[joint] for joint in self.joints_])
+        """Return the arguments (n, d, 2 knots) of h: distance of each angle beyond each knot in units of width."""
+        offset = poses - np.array([BEST[joint] for joint in self.joints_])
         senses = np.repeat([1.0, -1.0], self.knots_.shape[1] // 2)
-        return (away[:, :, None] * senses - self.knots_) / self.width
+        return (offset[:, :, None] * senses - self.knots_) / self.width
 
     def _restore(self, state: dict[str, Any]) -> None:
         super()._restore(state)
         shape = (len(self.joints_), 2 * self.knots)
         if self.knots_.shape != shape or self.weights_.shape != shape or self.points_.shape != (2,):
-            raise ModelError(f"knots_ or weights_ do not fit {len(self.joints_)} joints; the file is damaged")
+            raise ModelError(f"knots_, weights_ or points_ do not fit {len(self.joints_)} joints; the file is damaged")
         if (self.weights_ < 0).any():
-            raise ModelError("weights_ holds a negative weight; the file is damaged")
-        self._fold()
+            raise ModelError("weights_ has a negative weight; expected 0 or more; the file is damaged")
+        self._set_rows()
 
-    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
         value = np.full(len(poses), self.constant_)
         gradient = np.empty(poses.shape)
         for start in range(0, len(poses), CHUNK):
@@ -149,40 +155,41 @@ class ConvexModel(Surrogate):
             inside *= -0.5 * inside
             inside += past * np.minimum(past, 1.0)
             value[rows] += self._weight @ inside
-        load, coupling = _points(given, len(poses))
-        value += self.points_[0] * load + self.points_[1] * coupling + given.activity
+        load, coupling = _points(factors, len(poses))
+        value += self.points_[0] * load + self.points_[1] * coupling + factors.activity
         return value, gradient
 
-    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
+    def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
         out = np.zeros((len(poses), len(self.joints_), len(self.joints_)))
         diagonal = np.arange(len(self.joints_))
-        out[:, diagonal, diagonal] = self._bends(poses)
+        out[:, diagonal, diagonal] = self._curvature(poses)
         return out
 
-    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
-        return np.sqrt(self._hessian(poses, given))
+    def _gauss_newton(self, poses: Array, factors: TaskFactors) -> Array:
+        return np.sqrt(self._hessian(poses, factors))
 
-    def _bends(self, poses: Array) -> Array:
+    def _curvature(self, poses: Array) -> Array:
+        """Return the diagonals (n, d) [1/deg^2] of the Hessians."""
         past = self._past(poses)
         return np.asarray(((abs(self._by_column) / self.width) @ ((past > 0.0) & (past < 1.0))).T)
 
     def hinges(self) -> Hinges:
-        """Return the hinges that weigh something, those of an angle side by side."""
+        """Return the hinges of positive weight in the order of their angles."""
         joint, number = np.nonzero(self.weights_)
         sense = np.repeat([1.0, -1.0], self.knots)[number]
         best = np.array([BEST[name] for name in self.joints_])[joint]
         offset = (sense * best + self.knots_[joint, number]) / self.width
         return Hinges(joint, sense / self.width, offset, self.weights_[joint, number])
 
-    def _fold(self) -> None:
-        """Keep the hinges that weigh something as rows for evaluation."""
+    def _set_rows(self) -> None:
+        """Set the rows of evaluation, the hinges of positive weight."""
         joint, scale, offset, self._weight = self.hinges()
         self._joint, self._scale, self._offset = joint, scale[:, None], offset[:, None]
         self._by_column = np.zeros((len(self.joints_), len(joint)))
         self._by_column[joint, np.arange(len(joint))] = self._weight * scale
 
     def _past(self, poses: Array) -> Array:
-        """Return (r, n): how far the angle of each kept hinge is past its knot, in widths."""
+        """Return the arguments (r, n) of h for the rows of evaluation."""
         past = poses.T.take(self._joint, axis=0)
         past *= self._scale
         past -= self._offset
@@ -193,15 +200,15 @@ class ConvexModel(Surrogate):
 
 
 def _hinge(t: Array) -> Array:
-    """Return t^2 / 2 from 0 to 1 and t - 1/2 beyond."""
+    """Return h(t): 0 below 0, t^2 / 2 from 0 to 1, t - 1/2 beyond."""
     inside = np.clip(t, 0.0, 1.0)
     return inside * (np.maximum(t, 0.0) - 0.5 * inside)
 
 
 def _profiles(joints: tuple[str, ...]) -> Indices:
-    """Return (2 d,) numbers of the weights that each angle uses upwards and downwards.
+    """Return profile numbers (2 d,) of each angle upwards and downwards; equal numbers share their weights.
 
-    Left and right share theirs; both directions do for side bends and twists of the trunk and neck.
+    Left and right share weights, and so do both directions of side bends and twists of the trunk and neck.
     """
     names = {column: angle.name for angle in ANGLES for column in angle.columns}
     keys = [f"{names[j]}{'' if names[j] in _SIGNED else sense}" for j in joints for sense in ("+", "-")]

@@ -1,7 +1,7 @@
-"""`GraduatedModel`: a convex score first, then the soft tables from blunt to sharp: the planner's default cost.
+"""`GraduatedModel`: continuation from a convex score to soft tables of falling temperature; the planner's default cost.
 
-A single accurate surrogate is a poor cost: it is as flat as the score it approximates. Minimised in stages, each from
-the result of the last, the convex score leads to the right region and the soft tables sharpen what it found.
+A single accurate surrogate is a poor cost: it is as flat as the score that it approximates. Minimised in stages, each
+from the minimum of the last, the convex score leads to the region of low scores and the soft tables refine the posture.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from dreba.surrogates.validation import COUNT, FALLING, POSITIVE, SEED, Allowed,
 from reba.arrays import Array
 
 FIRST: dict[str, type[Surrogate]] = {"quadratic": QuadraticModel, "convex": ConvexModel}
-"""What may be the first stage."""
+"""Kinds of the first stage."""
 
 
 class Stage(NamedTuple):
-    """One stage: a model and the temperature it is evaluated at [deg], None for a model without one."""
+    """Continuation stage: a model and the temperature [deg] of its evaluation, None for a model without."""
 
     name: str
     model: Surrogate
     temperature: float | None
 
-    def objective(self, **given: Any) -> Callable[[Array], tuple[float, Array]]:
-        """Return a function of one pose (d,) -> value and gradient; `given` are load, coupling, activity.
+    def objective(self, **factors: Any) -> Callable[[Array], tuple[float, Array]]:
+        """Return the objective of one pose (d,) [deg] -> value and gradient (d,), with load, coupling and activity.
 
         Example:
             >>> import dreba
@@ -44,7 +44,7 @@ class Stage(NamedTuple):
         """
 
         def evaluate(angles: Array) -> tuple[float, Array]:
-            value, gradient = self.model.value_and_gradient(angles, temperature=self.temperature, **given)
+            value, gradient = self.model.value_and_gradient(angles, temperature=self.temperature, **factors)
             return float(value), gradient
 
         return evaluate
@@ -52,17 +52,22 @@ class Stage(NamedTuple):
 
 @register
 class GraduatedModel(Surrogate):
-    """Stages of one cost. Evaluated as one model it is its soft tables.
+    """Continuation stages of one cost. Its value and derivatives are those of the soft tables.
 
     Args:
         first: kind of the first stage, "convex" or "quadratic".
-        ladder: [deg] temperatures of the soft stages, falling.
-        temperature: [deg] the one used where an evaluation names none.
-        updates, seed: of the fit of the soft tables, see `SoftModel`.
-        joints: columns of the angles if not all 22.
+        ladder: [deg] falling temperatures of the soft stages.
+        temperature: [deg] default of evaluations.
+        updates, seed: parameters of the fit of the soft tables, see `SoftModel`.
+        joints: names of the columns; None for all 22.
 
     Attributes:
-        stages_: the stages in the order in which to minimise them.
+        stages_: stages in the order of their minimisation.
+
+    Example:
+        >>> import dreba
+        >>> [stage.name for stage in dreba.load("graduated").stages_]
+        ['convex', 'soft 16 deg', 'soft 8 deg', 'soft 4 deg', 'soft 2 deg', 'soft 1 deg']
     """
 
     kind = "graduated"
@@ -96,10 +101,10 @@ class GraduatedModel(Surrogate):
 
     @staticmethod
     def of(first: Surrogate, soft: SoftModel) -> GraduatedModel:
-        """Return the stages of two fitted models.
+        """Return the graduated model of two fitted models.
 
         Raises:
-            ModelError: the first is no first stage, or they have different joints.
+            ModelError: the kind of the first is not in `FIRST`, or the models have different joints.
         """
         model = GraduatedModel(
             first.kind,  # type: ignore[arg-type]
@@ -107,11 +112,11 @@ class GraduatedModel(Surrogate):
         )  # fmt: skip
         model.joints_ = soft.joints_
         model.n_features_in_ = len(soft.joints_)
-        model._hold(first, soft)
+        model._set_fitted(first, soft)
         model.about_ = soft.about_
         return model
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
         parts = (
             FIRST[self.first](joints=self.joints_),
             SoftModel(self.ladder, self.temperature, updates=self.updates, seed=self.seed, joints=self.joints_),
@@ -119,11 +124,11 @@ class GraduatedModel(Surrogate):
         for part in parts:
             part.joints_ = self.joints_
             part.n_features_in_ = len(self.joints_)
-            part._fit(poses, scores, weights, given)
+            part._fit(poses, scores, weights, factors)
             part.about_ = ModelInfo()
-        self._hold(*parts)
+        self._set_fitted(*parts)
 
-    def _hold(self, first: Surrogate, soft: Surrogate) -> None:
+    def _set_fitted(self, first: Surrogate, soft: Surrogate) -> None:
         if first.kind not in FIRST or not isinstance(soft, SoftModel) or first.joints_ != soft.joints_:
             raise ModelError(
                 f"stages are {first.kind!r} and {soft.kind!r}; expected quadratic or convex, then soft, on equal joints"
@@ -143,17 +148,17 @@ class GraduatedModel(Surrogate):
             raise ModelError(f"parameters are {', '.join(sorted(state))}; expected first, soft")
         first, soft = from_dict(state["first"]), from_dict(state["soft"])
         if first.kind != self.first or soft.joints_ != self.joints_:
-            raise ModelError("the stages do not agree with the model that holds them; the file is damaged")
-        self._hold(first, soft)
+            raise ModelError("the stages differ from the model in kind or joints; the file is damaged")
+        self._set_fitted(first, soft)
 
-    def _value(self, poses: Array, given: TaskFactors) -> Array:
-        return self.soft_._value(poses, given)
+    def _value(self, poses: Array, factors: TaskFactors) -> Array:
+        return self.soft_._value(poses, factors)
 
-    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
-        return self.soft_._value_gradient(poses, given)
+    def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
+        return self.soft_._value_gradient(poses, factors)
 
-    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
-        return self.soft_._hessian(poses, given)
+    def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
+        return self.soft_._hessian(poses, factors)
 
-    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
-        return self.soft_._gauss_newton(poses, given)
+    def _gauss_newton(self, poses: Array, factors: TaskFactors) -> Array:
+        return self.soft_._gauss_newton(poses, factors)

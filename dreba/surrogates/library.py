@@ -1,4 +1,4 @@
-"""All kinds of surrogate together: importing this module fills the registry."""
+"""All kinds of surrogates (importing this module fills the registry), and models read from files."""
 
 from __future__ import annotations
 
@@ -30,14 +30,21 @@ __all__ = [
 ]
 
 SHIPPED: Final = Path(__file__).parent / "shipped"
-"""Where the model files of the package are."""
+"""Folder of the shipped model files."""
 
 
 def load(path: str | Path) -> Surrogate:
-    """Read a model file, or a model of the package by its name ("quadratic").
+    """Return the model of a file, or a shipped model by its name (`models()`).
+
+    Args:
+        path: model file, or name of a shipped model, such as "quadratic".
 
     Raises:
-        ModelError: no such file or name, not JSON, a newer version, or damaged.
+        ModelError: there is no such file or name, it is not JSON, of a newer version, or damaged.
+
+    Example:
+        >>> load("quadratic").kind
+        'quadratic'
     """
     shipped = models()
     try:
@@ -51,7 +58,7 @@ def load(path: str | Path) -> Surrogate:
             f"{path}: cannot be read as a model ({reason}); give a file, or one of {', '.join(shipped)}"
         ) from error
     try:
-        return from_dict(json.loads(text, parse_constant=_no_constant))
+        return from_dict(json.loads(text, parse_constant=_refuse_constant))
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from error
     except (RecursionError, ValueError) as error:
@@ -59,9 +66,9 @@ def load(path: str | Path) -> Surrogate:
 
 
 def models() -> tuple[str, ...]:
-    """Return the names of the models that come with the package."""
+    """Return the names of the shipped models."""
     return tuple(sorted(file.stem for file in SHIPPED.glob("*.json")))
 
 
-def _no_constant(name: str) -> float:
-    raise ModelError(f"holds {name}; the file is damaged")
+def _refuse_constant(name: str) -> float:
+    raise ModelError(f"a value is {name}; expected finite numbers, the file is damaged")

@@ -1,4 +1,4 @@
-"""How far a model is from the true score: per REBA class, overall, in rank, rounded."""
+"""Error metrics of a model against true scores: RMSE and bias per REBA class, rank correlation, rounded accuracy."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ PUBLISHED: Final[dict[int, float]] = {
 }  # fmt: skip
 """RMSE per REBA class of the published model (Busch et al. 2018, Table I)."""
 PUBLISHED_OVERALL: Final = 1.50
-"""Root of the mean square of `PUBLISHED`: the overall RMSE on balanced poses."""
+"""Overall RMSE of the published model on balanced poses: the root of the mean square of `PUBLISHED`."""
 
 
 @dataclass(frozen=True)
 class ClassError:
-    """Error on the poses of one REBA class: their number, root mean square error, mean error (model minus true)."""
+    """Error on the poses of one REBA class: number of poses, RMSE, and bias (mean of model minus true score)."""
 
     n: int
     rmse: float
@@ -31,16 +31,16 @@ class ClassError:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Error of a model on poses.
+    """Error of a model on poses with their true scores.
 
     Attributes:
-        kind: of the model.
+        kind: kind of the model.
         classes: REBA score -> `ClassError`, for the scores that occur.
         n: number of poses.
-        rmse: over all poses.
+        rmse: root mean square error over all poses.
         balanced_rmse: root of the mean over classes of the squared RMSE; equal to `rmse` on balanced poses.
         spearman: rank correlation with the true score; NaN where one of them is constant.
-        rounded_accuracy: share of poses whose rounded value, kept within 1 to 15, is the true score.
+        rounded_accuracy: share of poses whose value, rounded and clipped to 1 to 15, is the true score.
     """
 
     kind: str
@@ -52,7 +52,7 @@ class Evaluation:
     rounded_accuracy: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data, as `dreba evaluate --json` prints it; NaN becomes None."""
+        """Return the plain data of `dreba evaluate --json`; None for NaN."""
         overall = {
             "n": self.n,
             "rmse": self.rmse,
@@ -68,14 +68,16 @@ def evaluation_of(kind: str, values: ArrayLike, scores: ArrayLike) -> Evaluation
     """Return the error of values (n,) against true scores (n,).
 
     Raises:
-        ModelError: no poses, or a value that is not finite.
+        ModelError: there are no poses, or a value is not finite.
     """
-    found, true = np.asarray(values, np.float64), np.asarray(scores).astype(int)
-    if found.shape != true.shape or not len(true):
-        raise ModelError(f"{found.shape} values against {true.shape} scores; expected as many of both, at least one")
-    if not np.isfinite(found).all():
-        raise ModelError("the model gives values that are not finite; check the angles")
-    error = found - true
+    predicted, true = np.asarray(values, np.float64), np.asarray(scores).astype(int)
+    if predicted.shape != true.shape or not len(true):
+        raise ModelError(
+            f"values have shape {predicted.shape} and scores {true.shape}; expected as many of both, at least one"
+        )
+    if not np.isfinite(predicted).all():
+        raise ModelError("the model returns values that are not finite; check the angles")
+    error = predicted - true
     classes = {}
     for score in np.unique(true):
         own = error[true == score]
@@ -86,31 +88,31 @@ def evaluation_of(kind: str, values: ArrayLike, scores: ArrayLike) -> Evaluation
         n=len(true),
         rmse=_rms(error),
         balanced_rmse=_rms(np.array([own.rmse for own in classes.values()])),
-        spearman=_spearman(found, true),
-        rounded_accuracy=float(np.mean(np.clip(np.rint(found), 1, 15) == true)),
+        spearman=_spearman(predicted, true),
+        rounded_accuracy=float(np.mean(np.clip(np.rint(predicted), 1, 15) == true)),
     )
 
 
-def distance_to_published(found: Evaluation) -> float:
-    """Return the root mean square difference to Table I over classes 1 to 10.
+def distance_to_published(evaluation: Evaluation) -> float:
+    """Return the root mean square difference of the RMSE per class to Table I over classes 1 to 10.
 
     Raises:
         ModelError: one of these classes has no pose.
     """
-    missing = [score for score in PUBLISHED if score not in found.classes]
+    missing = [score for score in PUBLISHED if score not in evaluation.classes]
     if missing:
-        raise ModelError(f"no pose has REBA {missing[0]}; Table I is about classes 1 to 10")
-    return _rms(np.array([found.classes[score].rmse - PUBLISHED[score] for score in PUBLISHED]))
+        raise ModelError(f"no pose has REBA {missing[0]}; expected poses of all classes 1 to 10 of Table I")
+    return _rms(np.array([evaluation.classes[score].rmse - PUBLISHED[score] for score in PUBLISHED]))
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _spearman(found: Array, true: NDArray[np.int64]) -> float:
+def _spearman(predicted: Array, true: NDArray[np.int64]) -> float:
     from scipy.stats import rankdata
 
-    ranks = [rankdata(values) for values in (found, true)]
+    ranks = [rankdata(values) for values in (predicted, true)]
     centred = [rank - rank.mean() for rank in ranks]
-    spread = float(np.sqrt((centred[0] @ centred[0]) * (centred[1] @ centred[1])))
-    return float(centred[0] @ centred[1]) / spread if spread else float("nan")
+    dispersion = float(np.sqrt((centred[0] @ centred[0]) * (centred[1] @ centred[1])))
+    return float(centred[0] @ centred[1]) / dispersion if dispersion else float("nan")

@@ -1,4 +1,4 @@
-"""The registry of surrogate kinds: name -> class, filled by the decorator `register` where a kind is defined."""
+"""Registry of surrogate kinds, name -> class, and the origin of a fitted model."""
 
 from __future__ import annotations
 
@@ -8,23 +8,22 @@ from typing import Any, Final, TypeVar
 _Kind = TypeVar("_Kind")
 
 KINDS: Final[dict[str, type[Any]]] = {}
-"""Every kind of surrogate by its name."""
+"""Kinds of surrogates by name, filled by the decorator `register` of each kind."""
 
 
 def register(kind: type[_Kind]) -> type[_Kind]:
-    """Enter a kind into `KINDS` under its `kind` name (a class decorator)."""
+    """Add a class to `KINDS` under its `kind` (class decorator)."""
     KINDS[kind.kind] = kind  # type: ignore[attr-defined]
     return kind
 
 
 @dataclass(frozen=True)
 class ModelInfo:
-    """Where a fitted model comes from and how good it is; saved with it.
+    """Origin and error of a fitted model, part of its file.
 
     Attributes:
-        domain: the domain of its poses as plain data (`Domain.to_dict()`), empty if unknown.
-        rmse: root mean square error per REBA class ("1" .. "15"), on held-out poses, or where `provenance` says so on
-            those of the fit.
+        domain: domain of its poses as plain data (`Domain.to_dict()`), empty if unknown.
+        rmse: root mean square error per REBA class ("1" .. "15"); `provenance["rmse_on"]` names the poses.
         provenance: seed, number of poses, rules, package version, command.
     """
 

@@ -1,7 +1,7 @@
-"""`NetModel`: a ReLU network of DULA's and DEBA's size, for comparison only.
+"""`NetModel`: a ReLU network of the size of DULA and DEBA, for comparison only.
 
 Yazdani et al. (2022), DULA and DEBA: Differentiable Ergonomic Risk Models: layers of 124, 124, 124 and 7 units, squared
-error on the score, Adam. It is accurate, but a poor cost: it is as flat as the score between the steps it has learned.
+error on the score, Adam. It is accurate, but a poor cost: between the learned steps its gradient is near 0.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
 from dreba.surrogates.task_factors import TaskFactors
-from dreba.surrogates.validation import COUNT, COUNTS, SEED, Allowed
+from dreba.surrogates.validation import COUNT, COUNTS, SEED, Allowed, check_sample_count
 from reba.arrays import Array
 from reba.method.rules import LOAD_EDGES
 from reba.posture.factors import load_kg
@@ -25,17 +25,25 @@ from reba.posture.factors import load_kg
 
 @register
 class NetModel(Surrogate):
-    """Angles, load points and both couplings in, score out; activity is added. Piecewise linear: its Hessian is 0.
+    """Score from angles, load points and both couplings; activity is added. Piecewise linear: the Hessian is 0.
 
     Args:
         layers: units of the hidden layers.
         epochs: passes over the poses.
-        seed: of the weights and of the order of the poses.
-        joints: columns of the angles if not all 22.
+        seed: seed of the initial weights and of the order of the poses.
+        joints: names of the columns; None for all 22.
+
+    Example:
+        >>> import dreba
+        >>> poses = dreba.sample(500, rng=1)
+        >>> model = NetModel(layers=(8,), epochs=2).fit(poses.angles, poses.reba)
+        >>> model.gradient(poses.angles[0]).shape
+        (22,)
     """
 
     kind = "net"
     learned: ClassVar[dict[str, int]] = {"layers_": 0, "biases_": 0, "middle_": 1, "spread_": 1}
+    """Weights and biases of the layers; mean (`middle_`) and standard deviation (`spread_`) of the inputs."""
 
     allowed: ClassVar[dict[str, Allowed]] = {"layers": COUNTS, "epochs": COUNT, "seed": SEED}
 
@@ -56,22 +64,21 @@ class NetModel(Surrogate):
         self.seed = seed
         self.joints = joints
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.neural_network import MLPRegressor
 
-        if len(scores) < 2:
-            raise ModelError(f"{len(scores)} sample is too few poses to fit anything; give 1000 or more")
-        inputs = np.column_stack([poses, *_points(given, len(poses))])
+        check_sample_count(len(scores))
+        inputs = np.column_stack([poses, *_points(factors, len(poses))])
         self.middle_ = inputs.mean(axis=0)
-        spread = inputs.std(axis=0)
-        self.spread_ = np.where(spread > 1e-9, spread, 1.0)
+        deviation = inputs.std(axis=0)
+        self.spread_ = np.where(deviation > 1e-9, deviation, 1.0)  # an input that does not vary is not scaled
         net = MLPRegressor(
             hidden_layer_sizes=self.layers, max_iter=self.epochs, random_state=self.seed, n_iter_no_change=self.epochs
         )
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ConvergenceWarning)  # it stops after `epochs` on purpose
-            net.fit((inputs - self.middle_) / self.spread_, scores - given.activity, weights)
+            warnings.simplefilter("ignore", ConvergenceWarning)  # the fit has a fixed number of epochs
+            net.fit((inputs - self.middle_) / self.spread_, scores - factors.activity, weights)
         self.layers_, self.biases_ = list(net.coefs_), list(net.intercepts_)
 
     def _restore(self, state: dict[str, Any]) -> None:
@@ -80,36 +87,36 @@ class NetModel(Surrogate):
         try:
             layers = [np.asarray(layer, np.float64) for layer in state["layers_"]]
             biases = [np.asarray(bias, np.float64) for bias in state["biases_"]]
-            middle, spread = (np.asarray(state[name], np.float64) for name in ("middle_", "spread_"))
+            middle, deviation = (np.asarray(state[name], np.float64) for name in ("middle_", "spread_"))
         except (TypeError, ValueError) as error:
-            raise ModelError("the net holds something that is no number; the file is damaged") from error
+            raise ModelError("the net has a value that is not a number; the file is damaged") from error
         sizes = [len(self.joints_) + 3, *self.layers, 1]
         fits = [layer.shape for layer in layers] == list(itertools.pairwise(sizes))
         fits = fits and [bias.shape for bias in biases] == [(size,) for size in sizes[1:]]
-        if not fits or middle.shape != (sizes[0],) or spread.shape != (sizes[0],):
+        if not fits or middle.shape != (sizes[0],) or deviation.shape != (sizes[0],):
             raise ModelError(
                 f"layers do not fit {len(self.joints_)} joints and {self.layers} units; the file is damaged"
             )
-        if not all(np.isfinite(array).all() for array in (*layers, *biases, middle, spread)):
-            raise ModelError("the net holds NaN; the file is damaged")
-        self.layers_, self.biases_, self.middle_, self.spread_ = layers, biases, middle, spread
+        if not all(np.isfinite(array).all() for array in (*layers, *biases, middle, deviation)):
+            raise ModelError("the net has values that are not finite; the file is damaged")
+        self.layers_, self.biases_, self.middle_, self.spread_ = layers, biases, middle, deviation
 
-    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
+    def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
         n = len(poses)
-        points = [np.broadcast_to(part, n) for part in _points(given, n)]
+        points = [np.broadcast_to(part, n) for part in _points(factors, n)]
         signal = (np.column_stack([poses, *points]) - self.middle_) / self.spread_
-        on = []
+        active_units = []
         for layer, bias in zip(self.layers_[:-1], self.biases_[:-1], strict=True):
             signal = signal @ layer + bias
-            on.append(signal > 0.0)
-            signal *= on[-1]
+            active_units.append(signal > 0.0)
+            signal *= active_units[-1]
         value = (signal @ self.layers_[-1] + self.biases_[-1])[:, 0]
         back = np.broadcast_to(self.layers_[-1][:, 0], (n, len(self.layers_[-1])))
-        for layer, active in zip(reversed(self.layers_[:-1]), reversed(on), strict=True):
+        for layer, active in zip(reversed(self.layers_[:-1]), reversed(active_units), strict=True):
             back = (back * active) @ layer.T
-        return value + given.activity, (back / self.spread_)[:, : len(self.joints_)]
+        return value + factors.activity, (back / self.spread_)[:, : len(self.joints_)]
 
-    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
+    def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
         return np.zeros((len(poses), len(self.joints_), len(self.joints_)))
 
     def _payload(self) -> dict[str, Any]:

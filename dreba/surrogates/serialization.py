@@ -1,7 +1,7 @@
-"""Model files: strict, versioned JSON that reads back equal or is refused with one line.
+"""Model files: versioned JSON with strict checks; a file reads back equal or is refused in one line.
 
-Keys: `format` "dreba-model", `version`, `kind`, `joints` (names in order, unit), `parameters` (constructor parameters
-and what was learned), `payload`, `domain`, `rmse` per class, `provenance`.
+Keys: `format` "dreba-model", `version`, `kind`, `joints` (names in order, unit), `parameters` (constructor options and
+learned arrays), `payload`, `domain`, `rmse` per class, `provenance`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from reba.posture.columns import COLUMNS
 
 FORMAT: Final = "dreba-model"
 VERSION: Final = 1
-"""Rises when a reader of the former version would misread a file."""
+"""Version of the format; it rises when an older reader would misread a file."""
 _KEYS: Final[dict[str, type]] = {
     "format": str,
     "version": int,
@@ -37,7 +37,7 @@ _KEYS: Final[dict[str, type]] = {
 
 
 class Serialisable(Protocol):
-    """What a fitted surrogate answers so that it can be written."""
+    """Interface of a fitted surrogate for writing."""
 
     kind: ClassVar[str]
     joints_: tuple[str, ...]
@@ -47,14 +47,14 @@ class Serialisable(Protocol):
         """Return the constructor parameters."""
 
     def _state(self) -> dict[str, Any]:
-        """Return what was learned."""
+        """Return the learned state."""
 
     def _payload(self) -> dict[str, Any]:
-        """Return what the planner needs of a linear model."""
+        """Return the form of load, coupling and activity."""
 
 
 def to_dict(model: Serialisable) -> dict[str, Any]:
-    """Return a fitted model as plain data, the content of its file.
+    """Return a fitted model as the plain data of its file.
 
     Raises:
         ModelError: the model is not fitted, or a parameter cannot be written as JSON.
@@ -80,22 +80,24 @@ def to_dict(model: Serialisable) -> dict[str, Any]:
 
 
 def from_dict(data: Any) -> Any:
-    """Return the model of what `to_dict` gave.
+    """Return the model of the plain data of `to_dict`.
 
     Raises:
-        ModelError: not a model, a newer version, an unknown key or kind, or parameters that do not fit.
+        ModelError: the data are not a model, of a newer version, have an unknown key or kind, or wrong parameters.
     """
     if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise ModelError(f'not a model file: its "format" is not "{FORMAT}"')
+        raise ModelError(f'not a model file; expected "format": "{FORMAT}"')
     version = data.get("version")
     if isinstance(version, int) and version > VERSION:
-        raise ModelError(f"written as version {version}, this package reads up to {VERSION}; update dreba")
+        raise ModelError(f"the file has version {version}; this package reads up to {VERSION}, so update dreba")
     for key in data:
         if key not in _KEYS:
-            raise ModelError(f"unknown key {key!r}{did_you_mean(key, _KEYS)}; known: {', '.join(_KEYS)}")
+            raise ModelError(f"unknown key {key!r}{did_you_mean(key, _KEYS)}; expected {', '.join(_KEYS)}")
     for key, expected in _KEYS.items():
         if not isinstance(data.get(key), expected) or isinstance(data[key], bool):
-            raise ModelError(f"{key!r} is missing or no {expected.__name__}; the file is damaged")
+            raise ModelError(
+                f"{key!r} is missing or has the wrong type; expected {expected.__name__}; the file is damaged"
+            )
     if version != VERSION:
         raise ModelError(f"version is {version}; expected {VERSION}")
     return _build(data)
@@ -104,25 +106,27 @@ def from_dict(data: Any) -> Any:
 def _build(data: dict[str, Any]) -> Any:
     kind = data["kind"]
     if kind not in KINDS:
-        raise ModelError(f"kind {kind!r} is unknown{did_you_mean(kind, KINDS)}; known: {', '.join(sorted(KINDS))}")
+        raise ModelError(f"kind {kind!r} is unknown{did_you_mean(kind, KINDS)}; expected {', '.join(sorted(KINDS))}")
     joints, parameters = data["joints"], data["parameters"]
     if set(joints) != {"names", "unit"} or joints["unit"] != "deg" or set(parameters) != {"options", "learned"}:
-        raise ModelError("'joints' or 'parameters' do not hold what they must; the file is damaged")
+        raise ModelError(
+            "expected 'joints' with names and unit deg, and 'parameters' with options and learned; the file is damaged"
+        )
     names = joints["names"]
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
-        raise ModelError("'joints' holds no list of names; the file is damaged")
+        raise ModelError("names of 'joints' are not a list of texts; the file is damaged")
     if len(set(names)) != len(names):
-        raise ModelError("'joints' names a column twice; the file is damaged")
+        raise ModelError("'joints' has a name twice; the file is damaged")
     unknown = [name for name in names if name not in COLUMNS]
     if unknown and not KINDS[kind].any_columns:
         raise ModelError(f"joint {unknown[0]!r} is not in the posture table{did_you_mean(unknown[0], COLUMNS)}")
     options, learned = parameters["options"], parameters["learned"]
     if not isinstance(options, dict) or not isinstance(learned, dict):
-        raise ModelError("'parameters' do not hold what they must; the file is damaged")
+        raise ModelError("options and learned of 'parameters' are not tables; the file is damaged")
     known = KINDS[kind]().get_params(deep=False)
     for name in options:
         if name not in known:
-            raise ModelError(f"option {name!r} is unknown to kind {kind!r}{did_you_mean(name, known)}")
+            raise ModelError(f"option {name!r} is unknown for kind {kind!r}{did_you_mean(name, known)}")
     model = KINDS[kind](**{name: _tuples(value) for name, value in options.items()})
     check_parameters(model.allowed, model.get_params(deep=False))
     if options.get("joints") not in (None, names):
@@ -133,13 +137,13 @@ def _build(data: dict[str, Any]) -> Any:
     if json.loads(json.dumps(model._payload(), default=_plain)) != data["payload"]:
         raise ModelError("'payload' does not agree with the parameters; the file is damaged")
     if not all(isinstance(rmse, int | float) for rmse in data["rmse"].values()):
-        raise ModelError("'rmse' holds something that is no number; the file is damaged")
+        raise ModelError("'rmse' has a value that is not a number; the file is damaged")
     model.about_ = ModelInfo(data["domain"], data["rmse"], data["provenance"])
     return model
 
 
 def save(model: Serialisable, path: str | Path) -> None:
-    """Write a model file beside its target and rename it once it is whole.
+    """Write a model file, completely or not at all.
 
     Raises:
         ModelError: the model is not fitted, or the file cannot be written.
@@ -148,7 +152,7 @@ def save(model: Serialisable, path: str | Path) -> None:
 
 
 def write(path: str | Path, text: str) -> None:
-    """Write a text file whole or not at all.
+    """Write a text file, completely or not at all.
 
     Raises:
         ModelError: the file cannot be written.
@@ -171,5 +175,5 @@ def _plain(value: Any) -> Any:
 
 
 def _tuples(value: Any) -> Any:
-    """Return lists as tuples, the way constructor parameters are given in code."""
+    """Return lists of JSON as tuples, the form of constructor parameters."""
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

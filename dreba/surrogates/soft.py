@@ -1,4 +1,4 @@
-"""`SoftModel`: REBA's own tables made smooth, at a ladder of temperatures, unfitted or learned on balanced poses."""
+"""`SoftModel`: smooth REBA tables at a ladder of temperatures, unfitted or learned on balanced poses."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from reba.posture.columns import ANGLES, COLUMNS
 from reba.posture.factors import load_kg
 
 LADDER = (16.0, 8.0, 4.0, 2.0, 1.0)
-"""[deg] The default ladder, blunt to sharp."""
+"""[deg] Default temperatures, blunt to sharp, each half of the last."""
 _NEUTRAL = np.array([angle.best for angle in ANGLES for _ in angle.columns])
 _BLOCKS = {
     "thresholds": (27,), "heights": (27,), "overlap": (3,), "table_a": (5, 3, 4), "table_b": (6, 2, 3),
@@ -30,19 +30,19 @@ _BLOCKS = {
 
 @register
 class SoftModel(Surrogate):
-    """Soft tables: sigmoid steps of temperature T [deg], multilinear Tables A, B, C, a smooth worse side.
+    """Soft tables: sigmoid steps of temperature T [deg], multilinear Tables A, B, C, a smooth maximum of the sides.
 
-    Load, coupling and activity enter where REBA adds them; load counts by its exact classes (under 5, to 10, over
-    10 kg). Left and right share every parameter. Values are not clipped to 1: the learned neutral pose reads below it.
+    Load, coupling and activity are added where REBA adds them, load by its exact classes (under 5, to 10, over 10 kg).
+    Left and right share every parameter. Values are not clipped to 1: that of a neutral pose may be below 1.
 
     Args:
-        ladder: [deg] temperatures, falling; the model holds one set of parameters for each.
-        temperature: [deg] the one used where an evaluation names none.
-        learn: False keeps the printed tables and thresholds, and then any temperature can be asked for.
-        rules: preset whose thresholds are the start ("measured" or "paper").
-        updates: steps of the fit at each temperature, 512 poses each.
-        seed: of the order of the poses.
-        joints: columns of the angles if not all 22; the others stay at their lowest score.
+        ladder: [deg] falling temperatures; the model has one set of parameters for each.
+        temperature: [deg] default of evaluations.
+        learn: False keeps the printed tables and thresholds; every temperature is then admissible in evaluations.
+        rules: preset of the initial thresholds ("measured" or "paper").
+        updates: updates of the fit at each temperature, with 512 poses each.
+        seed: seed of the order of the poses.
+        joints: names of the columns; None for all 22. Other angles are neutral.
 
     Example:
         >>> model = SoftModel(learn=False).fit(np.zeros((2, 22)), [1, 1])
@@ -93,28 +93,28 @@ class SoftModel(Surrogate):
         self.joints = joints
 
     def tables(self, temperature: float | None = None) -> SoftTables:
-        """Return the tables at a temperature of the ladder (any, if not learned), None for the default one.
+        """Return the tables at a temperature [deg]: one of the ladder if learned, else any; None for the default.
 
         Raises:
-            ModelError: a temperature that the model does not hold.
+            ModelError: the temperature is not on the ladder of a learned model.
         """
-        wanted = float(self.temperature if temperature is None else temperature)
-        if wanted not in self._tables:
+        degrees = float(self.temperature if temperature is None else temperature)
+        if degrees not in self._tables:
             if self.learn:
                 raise ModelError(
-                    f"temperature {wanted:g} is not on the ladder; this model holds "
+                    f"temperature {degrees:g} is not on the ladder; expected one of "
                     f"{', '.join(f'{t:g}' for t in self.temperatures_)}"
                 )
-            self._tables[wanted] = SoftTables.of(self._rules(), wanted)
-        return self._tables[wanted]
+            self._tables[degrees] = SoftTables.of(self._rules(), degrees)
+        return self._tables[degrees]
 
-    def _fit(self, poses: Array, scores: Array, weights: Array, given: TaskFactors) -> None:
+    def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
         self._check_parameters()
-        angles, (added, activity) = self._whole(poses), self._added(given, len(poses))
+        angles, (added, activity) = self._all_columns(poses), self._added(factors, len(poses))
         added = np.zeros((3, 1)) if added is None else added
         rng = np.random.default_rng(self.seed)
-        found: dict[float, SoftTables] = {}
-        # From sharp to blunt: the sharp tables start nearest to the exact ones, each next one starts from the last.
+        fitted: dict[float, SoftTables] = {}
+        # From sharp to blunt: the sharpest tables are nearest to the printed ones, which start the fit.
         tables = SoftTables.of(self._rules(), min(self.ladder))
         for temperature in sorted(self.ladder):
             if self.learn:
@@ -122,55 +122,57 @@ class SoftModel(Surrogate):
                 tables = soft_fit.learn(tables, angles, scores, weights, added, activity, self.updates, rng)
             else:
                 tables = SoftTables.of(self._rules(), temperature)
-            found[float(temperature)] = tables
-        self._hold(found)
+            fitted[float(temperature)] = tables
+        self._set_fitted(fitted)
 
     def _check_parameters(self) -> None:
-        # Again beside `fit`: the stages of `GraduatedModel` are fitted one by one.
+        # Checked here again for the stages of `GraduatedModel`, which calls `_fit`.
         check_parameters(self.allowed, self.get_params(deep=False))
         if self.learn and float(self.temperature) not in self.ladder:
             raise ModelError(
-                f"temperature {self.temperature!r} is not on the ladder {tuple(self.ladder)}; use one of it"
+                f"temperature {self.temperature!r} is not on the ladder; expected one of {tuple(self.ladder)}"
             )
 
     def _rules(self) -> Rules:
         return rules_of(self.rules)
 
-    def _hold(self, found: dict[float, SoftTables]) -> None:
+    def _set_fitted(self, fitted: dict[float, SoftTables]) -> None:
         self.temperatures_ = tuple(float(t) for t in self.ladder)
-        self._tables = found
+        self._tables = fitted
         for name in _BLOCKS:
-            setattr(self, f"{name}_", np.array([getattr(found[t], name) for t in self.temperatures_]))
+            setattr(self, f"{name}_", np.array([getattr(fitted[t], name) for t in self.temperatures_]))
 
     def _restore(self, state: dict[str, Any]) -> None:
         super()._restore(state)
         self._check_parameters()
         for name, shape in _BLOCKS.items():
-            held = getattr(self, f"{name}_").shape
-            if held != (len(self.ladder), *shape):
-                raise ModelError(f"{name}_ has shape {held}; expected {(len(self.ladder), *shape)}")
-        self._hold(
+            stored = getattr(self, f"{name}_").shape
+            if stored != (len(self.ladder), *shape):
+                raise ModelError(f"{name}_ has shape {stored}; expected {(len(self.ladder), *shape)}")
+        self._set_fitted(
             {
                 float(t): SoftTables(**{name: getattr(self, f"{name}_")[i] for name in _BLOCKS}, temperature=float(t))
                 for i, t in enumerate(self.ladder)
             }
         )
 
-    # Evaluation: columns that the model does not have stay neutral.
+    # Evaluation: angles without a column are neutral.
 
-    def _whole(self, poses: Array) -> Array:
+    def _all_columns(self, poses: Array) -> Array:
+        """Return all 22 angles (n, 22) [deg] of poses (n, d)."""
         if self.joints_ == COLUMNS:
             return poses
         angles = np.tile(_NEUTRAL, (len(poses), 1))
-        angles[:, self._places()] = poses
+        angles[:, self._indices()] = poses
         return angles
 
-    def _places(self) -> list[int]:
+    def _indices(self) -> list[int]:
+        """Return the indices of `joints_` among the 22 columns."""
         return [COLUMNS.index(joint) for joint in self.joints_]
 
     def _added(self, given: TaskFactors, n: int) -> tuple[Array | None, Any]:
         """Return (3, 1) or (3, n) points on Score A and both Scores B, None for none, and those on the total."""
-        if given.nothing:
+        if given.is_default:
             return None, given.activity
         load = load_kg(given.load, n)
         points = (load >= LOAD_EDGES[0]).astype(float) + (load > LOAD_EDGES[1])
@@ -183,20 +185,20 @@ class SoftModel(Surrogate):
             raise ModelError(f"coupling is {given.coupling!r}; expected left and right, one value or one for each pose")
         return added, given.activity
 
-    def _value(self, poses: Array, given: TaskFactors) -> Array:
-        return self.tables(given.temperature).value(self._whole(poses), *self._added(given, len(poses)))
+    def _value(self, poses: Array, factors: TaskFactors) -> Array:
+        return self.tables(factors.temperature).value(self._all_columns(poses), *self._added(factors, len(poses)))
 
-    def _value_gradient(self, poses: Array, given: TaskFactors) -> tuple[Array, Array]:
-        tables = self.tables(given.temperature)
-        value, gradient = tables.value_gradient(self._whole(poses), *self._added(given, len(poses)))
-        return value, gradient if self.joints_ == COLUMNS else gradient[:, self._places()]
+    def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
+        tables = self.tables(factors.temperature)
+        value, gradient = tables.value_gradient(self._all_columns(poses), *self._added(factors, len(poses)))
+        return value, gradient if self.joints_ == COLUMNS else gradient[:, self._indices()]
 
-    def _hessian(self, poses: Array, given: TaskFactors) -> Array:
-        added = self._added(given, len(poses))[0]
-        out = soft_curvature.hessian(self.tables(given.temperature), self._whole(poses), added)
-        return out if self.joints_ == COLUMNS else out[:, self._places()][:, :, self._places()]
+    def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
+        added = self._added(factors, len(poses))[0]
+        hessian = soft_curvature.hessian(self.tables(factors.temperature), self._all_columns(poses), added)
+        return hessian if self.joints_ == COLUMNS else hessian[:, self._indices()][:, :, self._indices()]
 
-    def _gauss_newton(self, poses: Array, given: TaskFactors) -> Array:
-        added = self._added(given, len(poses))[0]
-        out = soft_curvature.gauss_newton(self.tables(given.temperature), self._whole(poses), added)
-        return out if self.joints_ == COLUMNS else out[:, :, self._places()]
+    def _gauss_newton(self, poses: Array, factors: TaskFactors) -> Array:
+        added = self._added(factors, len(poses))[0]
+        factor = soft_curvature.gauss_newton(self.tables(factors.temperature), self._all_columns(poses), added)
+        return factor if self.joints_ == COLUMNS else factor[:, :, self._indices()]

@@ -1,8 +1,8 @@
-"""Learning the soft tables: thresholds, step heights, shared points and all 240 cells, by Adam on their gradients.
+"""Fit of the soft tables: thresholds, step heights, shared points and all 240 cells, by projected Adam.
 
 Adam: Kingma & Ba (2015), Adam: A Method for Stochastic Optimization, algorithm 1. After each update the parameters are
-moved back to where the tables stay a score: heights not negative, adjustments never worth less together than alone,
-A, B and C non-decreasing along every axis.
+projected onto those of a score: heights not negative, two adjustments never worth less than one, and Tables A, B and C
+non-decreasing along every axis.
 """
 
 from __future__ import annotations
@@ -19,17 +19,19 @@ from reba.arrays import Array, Indices
 from reba.method.tables import TABLE_A, TABLE_B
 
 BATCH: Final = 512
-"""Poses per update."""
+"""Poses of an update, about 50 of each class if ten classes are balanced."""
 RATES: Final[dict[str, float]] = {
     "thresholds": 1.5, "heights": 0.08, "overlap": 0.08, "table_a": 0.15, "table_b": 0.15, "table_c": 0.15,
 }  # fmt: skip
-"""First step size of each block [deg or points]; it falls to 0 along half a cosine."""
+"""Initial step size of each block of parameters [deg or points]; it decays to 0 by half a cosine."""
 _DECAY: Final = (0.9, 0.99)
-LEVELLING: Final = 0.4
-"""How fast weights follow the errors of the classes: 0 not at all."""
-LEVELLINGS: Final = 20
-"""How often they do during a fit."""
+"""Decay rates of the mean and the mean square of the gradients, beta_1 and beta_2 of Adam."""
+BALANCE_EXPONENT: Final = 0.4
+"""Exponent of the relative RMSE of a class in its weight; 0 for constant weights."""
+BALANCE_UPDATES: Final = 20
+"""Number of updates of the class weights during a fit."""
 _SWEEPS: Final = 2
+"""Sweeps of the projection onto monotone tables after each update; `_monotone` completes it after the last."""
 _MIRRORED: Final = np.array([step.sense == 0 for step in STEPS])
 _ADJUSTMENTS: Final = tuple(
     np.array([step.group.startswith(part + "+") for step in STEPS]) for part in ("trunk", "neck", "wrist")
@@ -47,17 +49,17 @@ def learn(
     updates: int,
     rng: np.random.Generator,
 ) -> SoftTables:
-    """Return tables that fit poses better than those to start from, at their temperature.
+    """Return tables fitted to poses by weighted least squares, at the temperature of the initial tables.
 
     Args:
-        start: tables to start from.
-        angles: (n, 22) degrees.
-        scores: (n,) true totals.
+        start: initial tables.
+        angles: (n, 22) [deg].
+        scores: (n,) true REBA scores.
         weights: (n,) weights of the squared errors, not negative.
-        added: (3, n) or (3, 1) points on Score A and both Scores B.
-        activity: points on the total, a scalar or (n,).
-        updates: steps of `BATCH` poses each.
-        rng: source of the order of the poses.
+        added: (3, n) or (3, 1) points added to Score A and both Scores B.
+        activity: points added to the total, a scalar or (n,).
+        updates: number of updates with `BATCH` poses each.
+        rng: generator of the order of the poses.
     """
     columns = np.ascontiguousarray(angles.T)
     target = scores - activity
@@ -65,12 +67,12 @@ def learn(
     added = np.broadcast_to(added, (3, len(scores)))
     mean = {name: np.zeros_like(getattr(start, name)) for name in RATES}
     square = {name: np.zeros_like(getattr(start, name)) for name in RATES}
-    level = _Level(scores)
+    class_weights = _ClassWeights(scores)
     tables = start
     for update, batch in enumerate(_batches(len(scores), updates, rng)):
         run = tables.forward(columns[:, batch], added[:, batch])
         error = run.value - target[batch]
-        weight = shares[batch] * level.weights(batch, error, shares[batch])
+        weight = shares[batch] * class_weights.weights(batch, error, shares[batch])
         slope = by_parameters(tables, run, error * weight / len(batch))
         rate = 0.5 * (1.0 + np.cos(np.pi * update / updates))
         changed = {}
@@ -81,13 +83,13 @@ def learn(
             step /= np.sqrt(square[name] / (1.0 - _DECAY[1] ** (update + 1))) + 1e-8
             changed[name] = getattr(tables, name) - RATES[name] * rate * step
         tables = _admissible(tables, changed)
-        if (update + 1) % max(updates // LEVELLINGS, 1) == 0:
-            level.update()
-    return _strictly(tables)
+        if (update + 1) % max(updates // BALANCE_UPDATES, 1) == 0:
+            class_weights.update()
+    return _monotone(tables)
 
 
 def _batches(n: int, updates: int, rng: np.random.Generator) -> Iterator[Indices]:
-    """Yield the numbers of the poses of each update: every pose once before any comes again."""
+    """Yield the indices of the poses of each update; every pose is used once before any is used again."""
     size = min(BATCH, n)
     per_pass = n // size
     for update in range(updates):
@@ -97,8 +99,8 @@ def _batches(n: int, updates: int, rng: np.random.Generator) -> Iterator[Indices
         yield order[place * size : (place + 1) * size]
 
 
-class _Level:
-    """Weights that level the error over the classes: the worse ones come to weigh more."""
+class _ClassWeights:
+    """Weights of the REBA classes that balance their errors: classes of larger RMSE get larger weights."""
 
     def __init__(self, scores: Array) -> None:
         self.classes, self.number = np.unique(np.round(scores), return_inverse=True)
@@ -106,30 +108,30 @@ class _Level:
         self.square, self.count = np.zeros(len(self.classes)), np.zeros(len(self.classes))
 
     def weights(self, batch: Indices, error: Array, share: Array) -> Array:
-        """Return the weights of some poses and note their errors."""
+        """Return the weights of poses and accumulate their squared errors."""
         number = self.number[batch]
         self.square += np.bincount(number, share * error**2, minlength=len(self.classes))
         self.count += np.bincount(number, share, minlength=len(self.classes))
         return self.weight[number]
 
     def update(self) -> None:
-        """Take over the errors noted since the last update."""
+        """Update the weights from the errors accumulated since the last update."""
         rmse = np.sqrt(self.square / np.maximum(self.count, 1e-9)) + 1e-9
-        self.weight *= (rmse / np.sqrt(np.mean(rmse**2))) ** LEVELLING
+        self.weight *= (rmse / np.sqrt(np.mean(rmse**2))) ** BALANCE_EXPONENT
         self.weight /= self.weight.mean()
         self.square[:], self.count[:] = 0.0, 0.0
 
 
 def by_parameters(tables: SoftTables, run: Pass, weight: Array) -> dict[str, Array]:
-    """Return the derivative of sum(weight * value) by every parameter, in the shapes of `SoftTables`.
+    """Return the derivatives of sum(weight * value) by every parameter, in the shapes of `SoftTables`.
 
     Args:
-        tables: the tables that made `run`.
-        run: their forward pass over n poses.
+        tables: tables of the forward pass.
+        run: forward pass of n poses.
         weight: (n,).
     """
     by_table = tables.reverse_tables(run, weight)
-    by_part = (run.slopes * by_table).reshape(9, -1) * run.inside
+    by_part = tables.reverse_parts(run, by_table)
     by_group = tables.reverse_groups(by_part, run)
     by_argument = tables.reverse_steps(by_group, run).sum(axis=1)
     by_height = 0.5 * (
@@ -149,7 +151,7 @@ def by_parameters(tables: SoftTables, run: Pass, weight: Array) -> dict[str, Arr
 
 
 def _monomials_ab(place: Array) -> Array:
-    """Return (8, 3, n): 1, c, b, bc, a, ac, ab, abc."""
+    """Return the monomials 1, c, b, bc, a, ac, ab, abc, (8, 3, n)."""
     a, b, c = place[:3], place[3:6], place[6:]
     out = np.empty((8, *a.shape))
     out[0], out[1], out[2], out[4] = 1.0, c, b, a
@@ -159,29 +161,29 @@ def _monomials_ab(place: Array) -> Array:
 
 
 def _monomials_c(place: Array) -> Array:
-    """Return (4, n): 1, y, x, xy."""
+    """Return the monomials 1, y, x, xy, (4, n)."""
     x, y = place
     return np.array([np.ones_like(x), y, x, x * y])
 
 
 def _scatter(monomials: Array, weight: Array, cell: Indices, into_coef: Array, corners: Indices) -> Array:
-    """Return the derivative by the table cells, from weights at places inside interpolation cells."""
+    """Return the derivative by the table entries from weights of poses at positions in their interpolation cells."""
     cells = corners.shape[1]
-    where = cell.ravel()
-    by_coef = np.array([np.bincount(where, (m * weight).ravel(), minlength=cells) for m in monomials])
+    cell_of_pose = cell.ravel()
+    by_coef = np.array([np.bincount(cell_of_pose, (m * weight).ravel(), minlength=cells) for m in monomials])
     by_corner = into_coef.T @ by_coef
     out: Array = np.bincount(corners.ravel(), by_corner.ravel()).astype(float)
     return out
 
 
 def _admissible(tables: SoftTables, changed: dict[str, Array]) -> SoftTables:
-    """Return the tables with changed parameters, moved to where they may be."""
+    """Return the tables with changed parameters, projected onto the admissible ones."""
     heights = np.maximum(changed["heights"], 0.0)
     most = [1.0 / max(float(heights[which].max()), 1e-9) for which in _ADJUSTMENTS]
     thresholds = np.where(_MIRRORED, np.maximum(changed["thresholds"], 0.0), changed["thresholds"])
     for name in ("table_a", "table_b", "table_c"):
         for _ in range(_SWEEPS):
-            _level(changed[name])
+            _reduce_descents(changed[name])
     values: dict[str, Any] = {
         **changed,
         "heights": heights,
@@ -191,8 +193,8 @@ def _admissible(tables: SoftTables, changed: dict[str, Array]) -> SoftTables:
     return dataclasses.replace(tables, **values)
 
 
-def _level(table: Array) -> None:
-    """Share every step down between its two cells, in place, along every axis: towards the nearest monotone table."""
+def _reduce_descents(table: Array) -> None:
+    """Set both entries of every descent to their mean, in place, axis by axis: towards the nearest monotone table."""
     for axis in range(table.ndim):
         cells = np.moveaxis(table, axis, 0)
         half = 0.5 * np.maximum(cells[:-1] - cells[1:], 0.0)
@@ -200,8 +202,8 @@ def _level(table: Array) -> None:
         cells[1:] += half
 
 
-def _strictly(tables: SoftTables) -> SoftTables:
-    """Return the tables without the last small steps down."""
+def _monotone(tables: SoftTables) -> SoftTables:
+    """Return the tables with the remaining small descents raised to the running maximum."""
 
     def rising(table: Array) -> Array:
         for axis in range(table.ndim):

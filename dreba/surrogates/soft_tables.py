@@ -1,10 +1,10 @@
-"""REBA made smooth: sigmoid steps, multilinear Tables A, B, C and a smooth worse side, with the analytic gradient.
+"""Smooth REBA tables: sigmoid steps, multilinear Tables A, B and C and a smooth maximum of the sides, with gradient.
 
-    angles -> 45 steps, sigmoids of temperature T [deg] -> nine parts -> A, B left, B right -> smooth worse B -> C
+    angles -> 45 steps, sigmoids of temperature T [deg] -> nine parts -> A, B left, B right -> smooth maximum B -> C
 
-Every stage is an array of (rows, n) over all poses; left and right arm stand beside each other in one array, Table A
-and both B lookups go through one multilinear interpolation. The gradient is the reverse pass by hand. As T goes to 0
-the value of the unfitted tables is the exact score of `reba.method.scoring`, whose stages these are.
+Every stage is an array (rows, n) over all poses. Left and right arm are rows of one array; Table A and both lookups of
+Table B are one multilinear interpolation. The gradient is a reverse pass (reverse-mode differentiation). As T goes to 0
+the value of the unfitted tables converges to the exact score of `reba.method.scoring`, which has the same stages.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from reba.method.tables import TABLE_A, TABLE_B, TABLE_C
 from reba.posture.columns import COLUMNS, INDEX
 
 CHUNK: Final = 1024
-"""Poses handled at once, so that all rows stay in the second-level cache."""
+"""Poses evaluated at once, so that all rows fit into the second-level cache."""
 KNEE_WIDTH: Final = 0.5
-"""Width of the smooth worse knee, degrees per degree of temperature."""
+"""Width of the smooth maximum of the knees [deg] per degree of temperature."""
 SIDE_WIDTH: Final = 0.05
-"""Width of the smooth worse side, points of Score B per degree of temperature."""
+"""Width of the smooth maximum of both Scores B [points] per degree of temperature."""
 _KNEES: Final = INDEX["knee_flexion_left"]
 _WORSE_KNEE: Final = len(COLUMNS)
 _HIGHEST: Final = np.array([4, 5, 5, 2, 1, 1, 3, 2, 2], float)[:, None]
@@ -37,24 +37,24 @@ _FIRST_CELL: Final = np.array([0, 24, 24], float)[:, None]
 
 
 class Pass(NamedTuple):
-    """What the forward pass leaves for the reverse pass and for curvature; n poses.
+    """Intermediate results of a forward pass of n poses, for the reverse pass and for curvature.
 
     Attributes:
         value: (n,).
         steps: (45, n) tanh of half the step arguments.
         groups: (17, n) sums of the steps.
-        knee: (n,) share of the left knee in the worse one.
+        knee: (n,) derivative of the smooth maximum of the knees by the left one.
         knee_root: (n,) [deg] smooth absolute difference of the knees.
-        inside: (9, n) whether a part lies within its table, 1.0 or 0.0.
+        inside: (9, n) 1.0 where a part is within its table, else 0.0.
         place: (9, n) position in the table cell, 0 to 1.
         cell: (3, n) cell number of A, B left, B right.
-        coef: (8, 3, n) monomial coefficients there.
-        slopes: (3, 3, n) derivative of A, B left, B right by their three parts.
-        side: (n,) share of the left arm in the worse Score B.
+        coef: (8, 3, n) monomial coefficients of these cells.
+        slopes: (3, 3, n) derivatives of A, B left, B right by their three parts.
+        side: (n,) derivative of the smooth maximum of both Scores B by the left one.
         side_root: (n,) smooth absolute difference of both Scores B.
         cell_c: (n,) cell number of Table C.
-        place_c: (2, n) position there.
-        slopes_c: (2, n) derivative by Score A and Score B.
+        place_c: (2, n) position in this cell.
+        slopes_c: (2, n) derivatives by Score A and Score B.
         cross_c: (n,) mixed derivative by both.
     """
 
@@ -83,7 +83,7 @@ class SoftTables:
     Attributes:
         thresholds: (27,) [deg] along the direction of each step of `soft_steps.steps_of`.
         heights: (27,) points a step adds, not negative.
-        overlap: (3,) how far the adjustments of trunk, neck, wrist share a point: 1 one together, 0 one each.
+        overlap: (3,) share of one point common to both adjustments of trunk, neck, wrist: 1 one together, 0 one each.
         table_a, table_b, table_c: (5, 3, 4), (6, 2, 3), (12, 12), non-decreasing along every axis.
         temperature: [deg], above 0.
 
@@ -105,15 +105,15 @@ class SoftTables:
 
     @staticmethod
     def of(rules: Rules, temperature: float) -> SoftTables:
-        """Return the printed tables and the thresholds of the rules, unfitted.
+        """Return the unfitted tables: printed values and thresholds of the rules.
 
         Raises:
-            ModelError: a rule that needs more than angles, or a temperature not above 0.
+            ModelError: the rules need more than angles against the trunk, or the temperature is not above 0.
         """
         if rules.upper_arm_reference != "trunk" or rules.two_sides != "worse":
             raise ModelError(
-                f"soft tables read the arm against the trunk and take the worse side, but the rules say "
-                f"{rules.upper_arm_reference!r} and {rules.two_sides!r}; use rules with 'trunk' and 'worse'"
+                f"rules have upper_arm_reference {rules.upper_arm_reference!r} and two_sides {rules.two_sides!r}; "
+                f"expected 'trunk' and 'worse' for soft tables"
             )
         if not temperature > 0:
             raise ModelError(f"temperature is {temperature}; expected degrees above 0, such as 0.001 for almost exact")
@@ -127,7 +127,7 @@ class SoftTables:
             temperature=float(temperature),
         )
 
-    # Constants of the passes, derived once.
+    # Constants of the passes, cached.
 
     @cached_property
     def _scale(self) -> Array:
@@ -169,19 +169,19 @@ class SoftTables:
     # Evaluation.
 
     def value(self, angles: Array, added: Array | None = None, activity: Any = 0.0) -> Array:
-        """Return (n,) values; arguments as in `value_gradient`."""
+        """Return values (n,); arguments as in `value_gradient`."""
         out = np.empty(len(angles))
         for rows in _chunks(len(angles)):
             out[rows] = self.forward(angles[rows].T, _part(added, rows)).value
         return out + activity
 
     def value_gradient(self, angles: Array, added: Array | None = None, activity: Any = 0.0) -> tuple[Array, Array]:
-        """Return (n,) values and (n, 22) gradients [1/deg].
+        """Return values (n,) and gradients (n, 22) [1/deg].
 
         Args:
-            angles: (n, 22) degrees.
-            added: (3, n) or (3, 1) points on Score A, Score B left and right: load and coupling; None for none.
-            activity: points on the total, a scalar or (n,).
+            angles: (n, 22) [deg].
+            added: (3, n) or (3, 1) points of load and coupling, added to Score A, Score B left and right; None for 0.
+            activity: points added to the total, a scalar or (n,).
         """
         if len(angles) <= CHUNK:
             run = self.forward(angles.T, added)
@@ -193,7 +193,7 @@ class SoftTables:
         return value + activity, gradient
 
     def forward(self, columns: Array, added: Array | None = None) -> Pass:
-        """Run the chain on columns (22, n)."""
+        """Return the forward pass of columns (22, n) [deg]."""
         temperature = self.temperature
         angles = np.empty((_WORSE_KNEE + 1, columns.shape[1]))
         angles[:_WORSE_KNEE] = columns
@@ -229,7 +229,7 @@ class SoftTables:
         )  # fmt: skip
 
     def _through_c(self, score_a: Array, score_b: Array) -> tuple[Array, Indices, Array, Array, Array]:
-        """Return value, cell, place, slopes and mixed slope of Table C at scores A and B from 1 to 12."""
+        """Return value, cell, position, slopes and mixed derivative of Table C at Scores A and B from 1 to 12."""
         scores = np.array([score_a, score_b])
         scores -= 1.0
         place = np.minimum(np.maximum(scores, 0.0), 11.0)
@@ -245,15 +245,16 @@ class SoftTables:
         slopes *= inside
         return value, cell, place, slopes, cross * (inside[0] & inside[1])
 
-    def reverse(self, run: Pass, weight: Array | None = None) -> Array:
-        """Return the gradient (22, n), or that of values times weight (n,)."""
-        out = self._into_columns @ self.reverse_steps(self.reverse_groups(self.reverse_parts(run, weight), run), run)
+    def reverse(self, run: Pass) -> Array:
+        """Return the gradient (22, n) [1/deg]."""
+        by_part = self.reverse_parts(run, self.reverse_tables(run))
+        out = self._into_columns @ self.reverse_steps(self.reverse_groups(by_part, run), run)
         out[_KNEES] += out[_WORSE_KNEE] * run.knee
         out[_KNEES + 1] += out[_WORSE_KNEE] * (1.0 - run.knee)
         return out[:_WORSE_KNEE]
 
     def reverse_tables(self, run: Pass, weight: Array | None = None) -> Array:
-        """Return the derivative (3, n) by Score A, Score B left and right."""
+        """Return the derivatives (3, n) of the values, times weight (n,), by Score A, Score B left and right."""
         out = np.empty((3, len(run.value)))
         by_a, by_b = run.slopes_c if weight is None else run.slopes_c * weight
         out[0] = by_a
@@ -261,13 +262,12 @@ class SoftTables:
         np.subtract(by_b, out[1], out=out[2])
         return out
 
-    def reverse_parts(self, run: Pass, weight: Array | None = None) -> Array:
-        """Return the derivative (9, n) by the parts."""
-        slopes = run.slopes * self.reverse_tables(run, weight)
-        return slopes.reshape(9, -1) * run.inside
+    def reverse_parts(self, run: Pass, by_table: Array) -> Array:
+        """Return the derivatives (9, n) by the parts from those by the table scores (3, n)."""
+        return (run.slopes * by_table).reshape(9, -1) * run.inside
 
     def reverse_groups(self, by_part: Array, run: Pass) -> Array:
-        """Return the derivative (17, n) by the groups of steps from that by the parts."""
+        """Return the derivatives (17, n) by the groups of steps from those by the parts."""
         out = np.empty_like(run.groups)
         paired = by_part[PAIRED]
         out[:4] = paired
@@ -277,7 +277,7 @@ class SoftTables:
         return out
 
     def reverse_steps(self, by_group: Array, run: Pass) -> Array:
-        """Return the derivative (45, n) by the arguments of the steps from that by the groups."""
+        """Return the derivatives (45, n) by the arguments of the steps from those by the groups."""
         out = self._into_groups.T @ by_group
         out *= 1.0 - run.steps * run.steps
         return out
@@ -286,7 +286,7 @@ class SoftTables:
 def _smooth_max(left: Array, right: Array, width: float) -> tuple[Array, Array, Array]:
     """Return a smooth maximum, its derivative by `left`, and the smooth absolute difference.
 
-    Half the width is taken off, so that equal arguments give themselves: an overshoot would leave the tables.
+    The maximum of equal arguments is exact (half the width is subtracted); a larger value would leave the tables.
     """
     difference = left - right
     root = np.sqrt(difference * difference + width * width)
@@ -298,12 +298,12 @@ def _chunks(n: int) -> list[slice]:
 
 
 def _part(added: Array | None, rows: slice) -> Array | None:
-    """Return the added points of some poses; (3, 1) stands for all."""
+    """Return the added points of selected poses; (3, 1) applies to all."""
     return added if added is None or added.shape[1] == 1 else added[:, rows]
 
 
 def _corner_numbers(shape: tuple[int, ...], first: int) -> Indices:
-    """Return (2^k, cells): numbers of the corners of every cell of a table, first index slowest."""
+    """Return the entry numbers (2^k, cells) of the corners of every cell of a table, first index slowest."""
     numbers = np.arange(np.prod(shape)).reshape(shape) + first
     k = len(shape)
     corners = []
@@ -316,17 +316,17 @@ def _corner_numbers(shape: tuple[int, ...], first: int) -> Indices:
 
 _ONE: Final = np.array([[1.0, 0.0], [-1.0, 1.0]])
 CORNERS_AB: Final = np.hstack([_corner_numbers((5, 3, 4), 0), _corner_numbers((6, 2, 3), 60)])
-"""(8, 34) cell corners among the 60 cells of A followed by the 36 of B; 24 cells of A, 10 of B."""
+"""Corners (8, 34) of the 24 cells of A and 10 of B among the 60 entries of A followed by the 36 of B."""
 CORNERS_C: Final = _corner_numbers((12, 12), 0)
-"""(4, 121) cell corners among the 144 cells of C."""
+"""Corners (4, 121) of the cells of C among its 144 entries."""
 MONOMIALS_AB: Final = np.kron(_ONE, np.kron(_ONE, _ONE))
-"""(8, 8) corner values -> coefficients of 1, c, b, bc, a, ac, ab, abc inside a cell."""
+"""Matrix (8, 8) from corner values to the coefficients of 1, c, b, bc, a, ac, ab, abc inside a cell."""
 MONOMIALS_C: Final = np.kron(_ONE, _ONE)
-"""(4, 4) corner values -> coefficients of 1, y, x, xy."""
+"""Matrix (4, 4) from corner values to the coefficients of 1, y, x, xy."""
 
 
 def trilinear(coef: Array, place: Array) -> tuple[Array, Array]:
-    """Return (3, n) interpolated values and (3, 3, n) slopes from the coefficients of 1, c, b, bc, a, ac, ab, abc."""
+    """Return interpolated values (3, n) and slopes (3, 3, n) from the coefficients of 1, c, b, bc, a, ac, ab, abc."""
     a, b, c = place[:3], place[3:6], place[6:]
     slopes = np.empty((3, *a.shape))
     low_b = coef[2] + coef[3] * c

@@ -1,21 +1,31 @@
-"""What a pose carries beside its angles: load, coupling, activity, and the temperature of an evaluation."""
+"""Task factors of poses as surrogates take them: load, coupling and activity, with the temperature of an evaluation."""
 
 from __future__ import annotations
 
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dreba.errors import ModelError
+from reba.errors import did_you_mean
 from reba.method.factor_points import points
 from reba.method.rules import LOAD_EDGES, Rules
 from reba.posture.factors import FACTORS, Factors
 from reba.posture.factors import load_kg as checked_load
 
 
+class TaskFactorArguments(TypedDict, total=False):
+    """Keywords of an evaluation (`Surrogate.value` and the others), with the units and defaults of `TaskFactors`."""
+
+    load: Any
+    coupling: tuple[Any, Any]
+    activity: Any
+    temperature: float | None
+
+
 class TaskFactors(NamedTuple):
-    """Scalars or (n,) arrays; every field broadcasts over the poses.
+    """Task factors of n poses: scalars or (n,) arrays; every field broadcasts over the poses.
 
     Attributes:
         load: [kg], not negative.
@@ -30,29 +40,39 @@ class TaskFactors(NamedTuple):
     temperature: float | None = None
 
     @property
-    def nothing(self) -> bool:
-        """Whether neither load nor coupling nor activity is given."""
-        return self is NOTHING or all(
+    def is_default(self) -> bool:
+        """Whether load, coupling and activity are all 0."""
+        return self is DEFAULT_FACTORS or all(
             type(value) in (int, float) and value == 0 for value in (self.load, *self.coupling, self.activity)
         )
 
     def rows(self, which: Any) -> TaskFactors:
-        """Return the same for some poses (a slice or an index array)."""
+        """Return the factors of the selected poses (a slice, an index or an index array)."""
 
-        def cut(value: Any) -> Any:
+        def select(value: Any) -> Any:
             return value[which] if np.ndim(value) else value
 
         return TaskFactors(
-            cut(self.load), (cut(self.coupling[0]), cut(self.coupling[1])), cut(self.activity), self.temperature
+            select(self.load),
+            (select(self.coupling[0]), select(self.coupling[1])),
+            select(self.activity),
+            self.temperature,
         )
 
     @staticmethod
-    def checked(load: Any, coupling: Any, activity: Any, temperature: Any, n: int) -> TaskFactors:
-        """Return what a caller gave for n poses.
+    def checked(arguments: TaskFactorArguments, n: int) -> TaskFactors:
+        """Return the keywords of an evaluation as factors of n poses.
 
         Raises:
-            ModelError: no number, a value out of range, or another length than n.
+            ModelError: an unknown keyword, not a number, a value out of range, or another length than n.
         """
+        if not arguments:
+            return DEFAULT_FACTORS
+        for name in arguments:
+            if name not in TaskFactors._fields:
+                near = did_you_mean(name, TaskFactors._fields)
+                raise ModelError(f"keyword {name!r} is unknown{near}; expected {', '.join(TaskFactors._fields)}")
+        load, coupling, activity, temperature = DEFAULT_FACTORS._replace(**arguments)
         if not isinstance(coupling, tuple | list) or len(coupling) != 2:
             raise ModelError(f"coupling is {coupling!r}; expected left and right points, such as (0, 1)")
         _check("load", load, n, np.inf, "kilograms, 0 or more")
@@ -60,22 +80,22 @@ class TaskFactors(NamedTuple):
             _check("coupling", side, n, HIGHEST_POINTS, "points from 0 (good) to 3 (unacceptable)")
         _check("activity", activity, n, HIGHEST_POINTS, "points from 0 to 3")
         if temperature is not None and (not isinstance(temperature, _NUMBER) or isinstance(temperature, bool)):
-            raise ModelError(f"temperature is {temperature!r}; expected degrees, or None for the model's own")
+            raise ModelError(f"temperature is {temperature!r}; expected degrees, or None for the model's default")
         return TaskFactors(
             load, (coupling[0], coupling[1]), activity, None if temperature is None else float(temperature)
         )
 
 
-NOTHING = TaskFactors()
-"""No load, good coupling, no activity, the kind's own temperature."""
-_MODELLED = ("load", "coupling_left", "coupling_right", "static", "repeated", "unstable")
+DEFAULT_FACTORS: Final = TaskFactors()
+"""No load, good coupling, no activity, the default temperature of the model."""
+_MODELLED: Final = ("load", "coupling_left", "coupling_right", "static", "repeated", "unstable")
 HIGHEST_POINTS: Final = 3
-"""Most coupling points of a hand, and most activity points."""
+"""Maximum of the coupling points of a hand and of the activity points (REBA, Hignett & McAtamney 2000)."""
 _NUMBER: Final = (int, float, np.integer, np.floating)
 
 
 def _check(name: str, value: Any, n: int, highest: float, expected: str) -> None:
-    if type(value) in (int, float):  # one number, the usual case, without the cost of an array
+    if type(value) in (int, float):  # the usual case of one number needs no array
         fits = 0 <= value <= highest and value != np.inf
     else:
         try:
@@ -89,24 +109,25 @@ def _check(name: str, value: Any, n: int, highest: float, expected: str) -> None
         raise ModelError(f"{name} is {str(value)[:80]}; expected {expected}")
 
 
-def given_of(factors: Factors | None, n: int) -> TaskFactors:
-    """Return the factors of n poses as points that a surrogate takes.
+def task_factors_of(factors: Factors | None, n: int) -> TaskFactors:
+    """Return REBA factors of n poses as load [kg] and coupling and activity points, (n,) each.
 
     Raises:
-        ModelError: a factor that surrogates have no input for (shock, support, arm support) is not at its default.
+        ModelError: a factor that no surrogate takes (shock, support, arm support) is not at its default.
         reba.PostureError: a factor has a wrong value or length.
     """
     if factors is None:
-        return NOTHING
+        return DEFAULT_FACTORS
     for name in FACTORS:
         default = getattr(Factors(), name)
         if name not in _MODELLED and np.any(np.asarray(getattr(factors, name)) != default):
             raise ModelError(
-                f"factor {name} is not {default!r} throughout, but surrogates know load, coupling and activity only"
+                f"factor {name} differs from {default!r} in some poses; surrogates take load, coupling and activity "
+                f"only, so leave such poses out or use reba.score"
             )
-    found = points(factors, Rules(), n)
-    coupling = tuple(side.astype(float) for side in found.coupling)
-    return TaskFactors(checked_load(factors.load, n), (coupling[0], coupling[1]), found.activity.astype(float))
+    factor_points = points(factors, Rules(), n)
+    coupling = tuple(side.astype(float) for side in factor_points.coupling)
+    return TaskFactors(checked_load(factors.load, n), (coupling[0], coupling[1]), factor_points.activity.astype(float))
 
 
 Payload = Literal["tree", "linear"]
@@ -116,7 +137,7 @@ OMEGA_LOAD: Final = 5.0
 
 
 def delta_payload(load: ArrayLike, form: Payload = "tree", omega: float = OMEGA_LOAD) -> Any:
-    """Return the cost of a load, a float or (n,).
+    """Return the payload cost [points] of a load, a float or (n,).
 
     Args:
         load: [kg], one or (n,), not negative.
@@ -125,7 +146,7 @@ def delta_payload(load: ArrayLike, form: Payload = "tree", omega: float = OMEGA_
         omega: [kg] load that costs 1 in the linear form.
 
     Raises:
-        ModelError: an unknown form, or a load that is negative or no number.
+        ModelError: an unknown form, or a load that is negative or not a number.
 
     Example:
         >>> delta_payload(7.0), delta_payload(7.0, "linear")

@@ -1,4 +1,4 @@
-"""What a model is given is checked here: angles, column names, weights, and degrees that may be radians."""
+"""Checks of model input: angles, radians instead of degrees, weights, column names, constructor parameters."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from reba.errors import did_you_mean
 from reba.posture.columns import COLUMNS
 
 LARGEST: Final = 360.0
-"""[deg] No angle of a posture is larger."""
+"""[deg] Largest absolute angle of a posture: one full turn."""
 RADIANS_BELOW: Final = 3.2
-"""Angles that all lie below this in size are taken for radians: no domain of limb angles is that narrow in degrees."""
+"""Bound of absolute angles that look like radians, just above pi; postures in degrees vary more."""
 RADIANS_POSES: Final = 10
-"""Fewer poses may well be close to rest, all of them."""
+"""Least number of poses for a warning: fewer can all be close to upright."""
 
 
 def checked_poses(angles: ArrayLike, joints: tuple[str, ...]) -> tuple[Array, bool]:
@@ -74,49 +74,61 @@ def warn_if_radians(angles: Array, joints: Sequence[str]) -> None:
     """Warn if the angles (n, d) of posture columns look like radians.
 
     Warns:
-        RadiansWarning: at least `RADIANS_POSES` poses of known columns and no angle as large as `RADIANS_BELOW`.
+        RadiansWarning: there are `RADIANS_POSES` or more poses, and all angles are below `RADIANS_BELOW`.
     """
     if len(angles) < RADIANS_POSES or not float(abs(angles).max(initial=0.0)) < RADIANS_BELOW:
         return
     if all(joint in COLUMNS for joint in joints):
         warnings.warn(
-            f"every angle lies within +-{RADIANS_BELOW}: these look like radians; expected degrees, "
+            f"every angle lies within +-{RADIANS_BELOW}, which looks like radians; expected degrees, "
             "convert with numpy.degrees",
             RadiansWarning,
             stacklevel=3,
         )
 
 
-def checked_weights(given: ArrayLike | None, n: int) -> Array:
+def checked_weights(sample_weight: ArrayLike | None, n: int) -> Array:
     """Return the weights (n,) of n poses; ones for None.
 
     Raises:
-        ModelError: no numbers, another length, negative, infinite, or only zeros.
+        ModelError: not numbers, another length, negative, infinite, or only zeros.
     """
     try:
-        weights = np.ones(n) if given is None else np.asarray(given, np.float64)
+        weights = np.ones(n) if sample_weight is None else np.asarray(sample_weight, np.float64)
     except (TypeError, ValueError) as error:
-        raise ModelError(f"sample_weight holds something that is no number; expected ({n},) weights") from error
+        raise ModelError(f"sample_weight has a value that is not a number; expected ({n},) weights") from error
     if weights.ndim == 0:
         weights = np.full(n, float(weights))
     if weights.shape != (n,):
         raise ModelError(f"sample_weight has shape {weights.shape}; expected ({n},), one weight per pose")
     if not (np.isfinite(weights).all() and (weights >= 0).all() and weights.any()):
-        raise ModelError("sample_weight holds negative or infinite values, or only zeros; expected 0 or more")
+        raise ModelError(
+            "sample_weight has negative or infinite values, or only zeros; expected finite weights, 0 or more"
+        )
     return weights
 
 
+def check_sample_count(n: int) -> None:
+    """Refuse a single pose, to which no model can be fitted.
+
+    Raises:
+        ModelError: n is below 2.
+    """
+    if n < 2:
+        raise ModelError(f"{n} sample is too few for a fit; expected 1000 or more poses")
+
+
 def checked_joints(named: Any, columns: int, kind: str, any_columns: bool) -> tuple[str, ...]:
-    """Return the names of d columns: those given, or those of the posture table, or x0, x1 ...
+    """Return the names of d columns: `named`, or by default those of the posture table for d = 22, else x0, x1 ...
 
     Args:
         named: names, or None.
-        columns: d.
-        kind: of the model, for the error.
-        any_columns: whether names outside the posture table are fine.
+        columns: number of columns, d.
+        kind: kind of the model, for the error.
+        any_columns: whether names outside the posture table are admissible.
 
     Raises:
-        ModelError: another number of names, an unknown one, or one twice.
+        ModelError: another number of names, an unknown name, or one twice.
     """
     if named is None:
         joints = COLUMNS if columns == len(COLUMNS) else tuple(f"x{index}" for index in range(columns))
@@ -125,15 +137,17 @@ def checked_joints(named: Any, columns: int, kind: str, any_columns: bool) -> tu
     else:
         joints = tuple(str(name) for name in named)
     if len(joints) != columns:
-        raise ModelError(f"{len(joints)} joints are named, but the poses have {columns} columns; name each column")
+        raise ModelError(
+            f"{len(joints)} joints are named; expected one name for each of the {columns} columns of the poses"
+        )
     unknown = [name for name in joints if name not in COLUMNS]
     if unknown and not any_columns:
         raise ModelError(
             f"column {unknown[0]!r} is not in the posture table{did_you_mean(unknown[0], COLUMNS)}; "
-            f"kind {kind!r} needs the columns of reba.COLUMNS, all {len(COLUMNS)} or named by joints="
+            f"kind {kind!r} expects the columns of reba.COLUMNS, all {len(COLUMNS)} or those named by joints="
         )
     if len(set(joints)) != len(joints):
-        raise ModelError(f"joints are named twice: {', '.join(joints)}; name each column once")
+        raise ModelError(f"joints are {', '.join(joints)}; expected each column once")
     return joints
 
 
@@ -143,7 +157,7 @@ _YES_NO: Final = (bool, np.bool_)
 
 
 class Allowed(NamedTuple):
-    """What a parameter may be: in words, and as a test."""
+    """Admissible values of a parameter: a description and a predicate."""
 
     expected: str
     fits: Callable[[Any], bool]
@@ -154,7 +168,7 @@ def _is(value: Any, kinds: tuple[type, ...]) -> bool:
 
 
 def one_of(*names: str) -> Allowed:
-    """Return that a parameter is one of some names."""
+    """Return the rule that a parameter is one of the names."""
     return Allowed("one of " + ", ".join(names), lambda value: isinstance(value, str) and value in names)
 
 
@@ -178,12 +192,12 @@ FALLING: Final = Allowed(
 )
 
 
-def check_parameters(allowed: dict[str, Allowed], given: dict[str, Any]) -> None:
-    """Check parameters by name; those that `allowed` does not know pass.
+def check_parameters(allowed: dict[str, Allowed], parameters: dict[str, Any]) -> None:
+    """Check the parameters that `allowed` names.
 
     Raises:
-        ModelError: one is not as allowed.
+        ModelError: a parameter is not admissible.
     """
     for name, rule in allowed.items():
-        if not rule.fits(given[name]):
-            raise ModelError(f"{name} is {given[name]!r}; expected {rule.expected}")
+        if not rule.fits(parameters[name]):
+            raise ModelError(f"{name} is {parameters[name]!r}; expected {rule.expected}")

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 import dreba
-from dreba.report import write_report
 from tests.support.browser import complaints, needs_browser, pages_on_paper, resize, too_wide, until, visible
 
 pytestmark = [pytest.mark.slow, needs_browser]
@@ -20,7 +19,7 @@ ANGLES = 14
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("report") / "model.html"
-    write_report(path, dreba.load("quadratic"), dreba.sample(800, rng=1), command="dreba evaluate quadratic")
+    dreba.write_report(dreba.load("quadratic"), dreba.sample(800, rng=1), path, command="dreba evaluate quadratic")
     return path
 
 

@@ -11,7 +11,6 @@ import dreba
 import reba
 from dreba.evaluation import reach_tasks as figure
 from dreba.evaluation import reach_tasks as reach
-from dreba.evaluation.staged_minimiser import Effort, minimise
 from dreba.surrogates.graduated import GraduatedModel
 from dreba.surrogates.soft import SoftModel
 
@@ -86,57 +85,3 @@ def test_graduated_solves_tasks_better_than_a_sharp_cost_alone() -> None:
     best = reach.best_known([staged, sharp])
     assert staged.share_best(best) <= staged.share_best_of_starts(best) <= 1.0
     assert staged.evaluations > sharp.evaluations / 10
-
-
-def test_minimise_meets_constraint_and_limits_and_counts() -> None:
-    def bowl(x: np.ndarray) -> tuple[float, np.ndarray]:
-        return float(x @ x) / 100.0, x / 50.0
-
-    def line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return np.array([x.sum() - 30.0]), np.ones((1, 3))
-
-    low, high = np.full(3, -5.0), np.array([5.0, 90.0, 90.0])
-    found = minimise([bowl, bowl], np.full(3, 80.0), low, high, line, effort=Effort(50, 1e-8), free_start=True)
-    assert found.x == pytest.approx([5.0, 12.5, 12.5], abs=1e-3)
-    assert found.residual < 1e-6
-    assert len(found.stages) == 3
-    assert found.stages[0] == pytest.approx(np.zeros(3), abs=1e-3)
-    assert found.evaluations >= found.constraint_evaluations > 0
-
-
-def test_minimise_takes_the_best_stage_that_meets_the_constraint() -> None:
-    def towards(target: float):  # type: ignore[no-untyped-def]
-        return lambda x: (float((x[0] - target) ** 2), np.array([2 * (x[0] - target), 0.0]))
-
-    def second(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return x[1:], np.array([[0.0, 1.0]])
-
-    limit = np.full(2, 90.0)
-    found = minimise(
-        [towards(10.0), towards(40.0)], np.zeros(2), -limit, limit, second, effort=Effort(50, 1e-9),
-        score=lambda x: abs(x[0] - 10.0),
-    )  # fmt: skip
-    assert found.x[0] == pytest.approx(10.0, abs=1e-2)
-
-
-def test_stages_of_the_graduated_model() -> None:
-    model = graduated()
-    assert [stage.name for stage in model.stages_] == ["quadratic", "soft 8 deg", "soft 2 deg"]
-    pose = dreba.sample(10, rng=42).angles[0]
-    for stage in model.stages_:
-        value, slope = stage.objective(load=6.0)(pose)
-        assert value == pytest.approx(stage.model.value(pose, load=6.0, temperature=stage.temperature))
-        assert slope.shape == (22,)
-    with pytest.raises(dreba.ModelError, match="quadratic or convex"):
-        GraduatedModel.of(model.soft_, model.soft_)
-    with pytest.raises(dreba.ModelError, match="first is"):
-        GraduatedModel(first="net").fit(np.full((5, 22), 30.0), np.ones(5))  # type: ignore[arg-type]
-
-
-def test_convex_hinges_are_near_their_known_error() -> None:
-    poses, held_out = dreba.sample(10_000, rng=43), dreba.sample(5000, rng=44)
-    model = dreba.ConvexModel().fit(poses.angles, poses.reba)
-    assert dreba.evaluate(model, held_out).rmse < 1.4
-    assert (model.weights_ >= 0.0).all()
-    with pytest.raises(dreba.ModelError, match="knots"):
-        dreba.ConvexModel(knots=0).fit(poses.angles, poses.reba)

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import dreba
-from dreba.export import export
 from dreba.export.casadi import casadi_function
 from dreba.surrogates.soft import SoftModel
 from reba.posture.columns import COLUMNS, INDEX
+from tests.support.says import says
 
 EXTRAS = [{}, {"load": 6.0, "coupling": (1, 3), "activity": 2}, {"load": 12.0, "coupling": (2, 0)}]
 COMPILER = shutil.which("gcc") or shutil.which("cc")
@@ -93,7 +93,7 @@ CASES = [
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
 @pytest.mark.parametrize(("name", "temperature"), CASES)
 def test_c_function_agrees(name: str, temperature: float | None, tmp_path: Path) -> None:
-    source = export(model(name), "c", tmp_path / "cost", temperature=temperature)
+    source = dreba.export_model(model(name), tmp_path / "cost", to="c", temperature=temperature)
     assert source.suffix == ".c"
     check(compiled(source), name, temperature)
 
@@ -108,7 +108,7 @@ def test_casadi_function_agrees(name: str, temperature: float | None) -> None:
 def test_casadi_file_reads_back(tmp_path: Path) -> None:
     import casadi
 
-    written = export(model("soft"), "casadi", tmp_path / "cost.casadi", name="posture_cost")
+    written = dreba.export_model(model("soft"), tmp_path / "cost.casadi", to="casadi", name="posture_cost")
     function = casadi.Function.deserialize(written.read_text())
     assert function.name() == "posture_cost"
     pose = np.full(22, 12.0)
@@ -116,23 +116,32 @@ def test_casadi_file_reads_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("target", "name", "words"),
-    [("cc", "dreba", "target 'cc' is unknown"), ("c", "1st", "expected letters"), ("c", "", "expected letters")],
+    ("target", "name", "facts"),
+    [
+        ("cc", "dreba", ("target 'cc'", "c or casadi")),
+        ("c", "1st", ("'1st'", "letters")),
+        ("c", "", ("''", "letters")),
+    ],
 )
-def test_wrong_requests_are_refused(target: str, name: str, words: str, tmp_path: Path) -> None:
-    with pytest.raises(dreba.ModelError, match=words):
-        export(model("quadratic"), target, tmp_path / "cost", name=name)
+def test_wrong_requests_are_refused(target: str, name: str, facts: tuple[str, ...], tmp_path: Path) -> None:
+    with pytest.raises(dreba.ModelError) as error:
+        dreba.export_model(model("quadratic"), tmp_path / "cost", to=target, name=name)
+    says(error, *facts)
 
 
 def test_every_stage_of_a_graduated_model_can_be_written(tmp_path: Path) -> None:
     written = {
-        export(model("graduated"), "c", tmp_path / "first", first=True).read_text(),
-        *(export(model("graduated"), "c", tmp_path / "soft", temperature=t).read_text() for t in (8.0, None)),
+        dreba.export_model(model("graduated"), tmp_path / "first", to="c", first=True).read_text(),
+        *(
+            dreba.export_model(model("graduated"), tmp_path / "soft", to="c", temperature=t).read_text()
+            for t in (8.0, None)
+        ),
     }
     assert sum("rounded hinges" in text for text in written) == 1
     assert len(written) == 2
-    with pytest.raises(dreba.ModelError, match="no first stage"):
-        export(model("soft"), "c", tmp_path / "first", first=True)
+    with pytest.raises(dreba.ModelError) as error:
+        dreba.export_model(model("soft"), tmp_path / "first", to="c", first=True)
+    says(error, "'soft'", "no first stage")
 
 
 def test_kinds_without_an_export_and_bad_paths_are_refused(tmp_path: Path) -> None:
@@ -140,12 +149,16 @@ def test_kinds_without_an_export_and_bad_paths_are_refused(tmp_path: Path) -> No
     net = dreba.NetModel(epochs=2).fit(poses.angles, poses.reba)
     part = SoftModel(learn=False, joints=ONE_ARM).fit(poses.angles[:, :5], poses.reba)
     for target in ("c", "casadi"):
-        with pytest.raises(dreba.ModelError, match="cannot be exported"):
-            export(net, target, tmp_path / "cost")
-        with pytest.raises(dreba.ModelError, match="fit on all 22"):
-            export(part, target, tmp_path / "cost")
-    with pytest.raises(dreba.ModelError, match="no temperature"):
-        export(model("quadratic"), "c", tmp_path / "cost", temperature=2.0)
+        with pytest.raises(dreba.ModelError) as error:
+            dreba.export_model(net, tmp_path / "cost", to=target)
+        says(error, "cannot be exported", "quadratic")
+        with pytest.raises(dreba.ModelError) as error:
+            dreba.export_model(part, tmp_path / "cost", to=target)
+        says(error, "5 columns", "all 22")
+    with pytest.raises(dreba.ModelError) as error:
+        dreba.export_model(model("quadratic"), tmp_path / "cost", to="c", temperature=2.0)
+    says(error, "no temperature", "leave it out")
     (tmp_path / "file").touch()
-    with pytest.raises(dreba.ModelError, match="cannot be written"):
-        export(model("quadratic"), "c", tmp_path / "file" / "cost.c")
+    with pytest.raises(dreba.ModelError) as error:
+        dreba.export_model(model("quadratic"), tmp_path / "file" / "cost.c", to="c")
+    says(error, "cannot be written")
