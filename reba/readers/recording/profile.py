@@ -24,14 +24,15 @@ Chains are written for the right side; on the left x and y turn the other way, u
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
 from reba.errors import ProfileError, did_you_mean
 from reba.posture.columns import ANGLES, COLUMNS, SIDES
+from reba.toml_table import TomlTable
 
 Kind = Literal["joints", "frames", "points"]
 KINDS: tuple[Kind, ...] = ("joints", "frames", "points")
@@ -190,87 +191,111 @@ def load_profile(path: Path) -> Profile:
     """
     try:
         with path.open("rb") as file:
-            given = tomllib.load(file)
+            content = tomllib.load(file)
     except OSError as error:
         raise ProfileError(f"profile {path}: {error.strerror or error}; give the path of a TOML file") from error
     except (ValueError, RecursionError) as error:
         raise ProfileError(f"profile {path}: not TOML: {error}; mend the file") from error
-    return parse_profile(given, str(path))
+    return parse_profile(content, str(path))
 
 
-def parse_profile(given: Mapping[str, Any], where: str) -> Profile:
-    """Check the content of a profile file and return the profile.
+def parse_profile(content: Mapping[str, Any], where: str) -> Profile:
+    """Return the profile of the content of a profile file.
 
     Args:
-        given: the parsed TOML.
+        content: the parsed TOML.
         where: the file, for messages.
 
     Raises:
         ProfileError: a key is missing or unknown, or a value is not what it should be.
     """
-    known = {entry.name: entry for entry in fields(Profile)}
-    _check_keys(given, known, where, "key")
-    for key in ("name", "title", "source", "kind"):
-        if key not in given:
-            raise ProfileError(f"profile {where}: key '{key}' is missing; add it")
-    values: dict[str, Any] = {}
-    for key, value in given.items():
-        values[key] = _value(key, value, where)
-    _choice(values["kind"], KINDS, "kind", where)
-    _choice(values.get("axes", "isb"), AXES, "axes", where)
-    _choice(values.get("root_axes", "ros"), AXES[:2], "root_axes", where)
-    _choice(values.get("trunk", "line"), ("line", "thorax"), "trunk", where)
-    _choice(values.get("unit", ""), ("rad", "deg", ""), "unit", where)
-    _choice(values.get("up", ""), ("", "x", "y", "z", "-x", "-y", "-z"), "up", where)
-    needed = {"joints": ("chains", "columns"), "frames": ("segments",), "points": ("points",)}[values["kind"]]
-    if not any(values.get(section) for section in needed):
-        raise ProfileError(f"profile {where}: kind '{values['kind']}' needs a section [{'] or ['.join(needed)}]")
-    profile = Profile(**values)
+    table = TomlTable(f"profile {where}", content, ProfileError)
+    keys = table.keys(_FIELDS)
+    for key in ("name", "title", "source"):
+        table.text(key)
+    kind = table.text("kind", choices=KINDS)
+    profile = Profile(**{key: _FIELDS[key](table, key) for key in keys})
+    needed = {"joints": ("chains", "columns"), "frames": ("segments",), "points": ("points",)}[kind]
+    if not any(getattr(profile, section) for section in needed):
+        raise ProfileError(f"{table.where}: kind '{kind}' needs a section [{'] or ['.join(needed)}]; add it")
     for pattern in profile.patterns:
         if pattern.count("{name}") != 1 or pattern.count("{id}") > 1:
-            raise ProfileError(f"profile {where}: pattern {pattern!r}, expected one {{name}}, like '{{id}}_{{name}}'")
+            raise ProfileError(f"{table.where}: pattern {pattern!r}, expected one {{name}}, like '{{id}}_{{name}}'")
     for name in profile.required:
         if name not in profile.slots:
-            hint = did_you_mean(name, profile.slots)
-            raise ProfileError(f"profile {where}: required {name!r} stands nowhere else in it{hint}")
+            hint = did_you_mean(name, profile.slots) or "; describe it in a section"
+            raise ProfileError(f"{table.where}: required {name!r} is in no section{hint}")
     return profile
 
 
-def _value(key: str, value: Any, where: str) -> Any:
-    """Return the checked value of a top-level key, with sides spelt out."""
-    angles = {angle.name for angle in ANGLES if angle.sided}
-    if key in ("chains", "turns"):
-        table = _sides(_table(key, value, where), SIDED)
-        _check_keys(table, _segment_names(), where, "segment")
-        return {name: tuple(_step(item, where) for item in _list(name, items, where)) for name, items in table.items()}
-    if key == "columns":
-        table = _sides(_table(key, value, where), angles)
-        _check_keys(table, COLUMNS, where, "column")
-        return {name: tuple(_term(item, where) for item in _list(name, items, where)) for name, items in table.items()}
-    if key in ("segments", "points"):
-        sided, middle = (SIDED, MIDDLE) if key == "segments" else (POINTS_SIDED, POINTS_MIDDLE)
-        table = _sides(_table(key, value, where), sided)
-        _check_keys(table, (*middle, *(f"{name}_{side}" for name in sided for side in SIDES)), where, key[:-1])
-        return {name: _texts(name, items, where) for name, items in table.items()}
-    if key == "dummies":
-        numbers = _table(key, value, where)
-        return {word: _number(name, item, where) for name, item in numbers.items() for word in _both(name)}
-    if key == "cannot":
-        return _reasons(_table(key, value, where), where)
-    if key in ("sign_from_range", "needs_neutral"):
-        columns = [column for name in _texts(key, value, where) for column in _columns_of(name)]
-        _check_keys(dict.fromkeys(columns), COLUMNS, where, "column")
-        return tuple(columns)
-    if key == "mirror":
-        if not isinstance(value, bool):
-            raise ProfileError(f"profile {where}: mirror is {value!r}, expected true or false")
-        return value
-    if key in ("formats", "patterns", "required", "marks", "root", "assumed"):
-        items = _texts(key, value, where)
-        return tuple(word for item in items for word in _both(item)) if key == "required" else items
-    if not isinstance(value, str):
-        raise ProfileError(f"profile {where}: {key} is {value!r}, expected text in quotes")
-    return value
+def _text(*choices: str) -> Callable[[TomlTable, str], str]:
+    return lambda table, key: table.text(key, choices=choices or None)
+
+
+def _chains(table: TomlTable, key: str) -> dict[str, tuple[ElementaryRotation, ...]]:
+    inner = table.table(key)
+    items = _by_side(inner, MIDDLE, SIDED, "segment", least=1)
+    return {name: tuple(_rotation(item, inner.where) for item in chain) for name, chain in items.items()}
+
+
+def _columns(table: TomlTable, key: str) -> dict[str, tuple[Term, ...]]:
+    inner = table.table(key)
+    middle = [angle.name for angle in ANGLES if not angle.sided]
+    items = _by_side(inner, middle, [angle.name for angle in ANGLES if angle.sided], "column", least=1)
+    return {name: tuple(_term(item, inner.where) for item in terms) for name, terms in items.items()}
+
+
+def _segments(table: TomlTable, key: str) -> dict[str, tuple[str, ...]]:
+    return {name: tuple(items) for name, items in _by_side(table.table(key), MIDDLE, SIDED, "segment").items()}
+
+
+def _points(table: TomlTable, key: str) -> dict[str, tuple[str, ...]]:
+    items = _by_side(table.table(key), POINTS_MIDDLE, POINTS_SIDED, "point")
+    return {name: tuple(markers) for name, markers in items.items()}
+
+
+def _dummies(table: TomlTable, key: str) -> dict[str, float]:
+    return {word: value for name, value in table.numbers(key).items() for word in _both(name)}
+
+
+def _cannot(table: TomlTable, key: str) -> dict[str, str]:
+    inner = table.table(key)
+    known = (*GROUPS, *(angle.name for angle in ANGLES), *COLUMNS)
+    return {column: inner.text(name) for name in inner.keys(known, "column") for column in _columns_of(name)}
+
+
+def _column_names(table: TomlTable, key: str) -> tuple[str, ...]:
+    columns = tuple(column for name in table.names(key) for column in _columns_of(name))
+    TomlTable(f"{table.where}: {key}", dict.fromkeys(columns), ProfileError).keys(COLUMNS, "column")
+    return columns
+
+
+def _sided_names(table: TomlTable, key: str) -> tuple[str, ...]:
+    return tuple(word for name in table.names(key) for word in _both(name))
+
+
+_FIELDS: dict[str, Callable[[TomlTable, str], Any]] = {
+    **dict.fromkeys(("name", "title", "source"), _text()),
+    "kind": _text(*KINDS),
+    **dict.fromkeys(("formats", "patterns", "marks", "root", "assumed"), TomlTable.names),
+    "unit": _text("rad", "deg", ""),
+    "axes": _text(*AXES),
+    "up": _text("", "x", "y", "z", "-x", "-y", "-z"),
+    "mirror": TomlTable.flag,
+    "trunk": _text("line", "thorax"),
+    "required": _sided_names,
+    "chains": _chains,
+    "columns": _columns,
+    "segments": _segments,
+    "points": _points,
+    "turns": _chains,
+    "dummies": _dummies,
+    "root_axes": _text(*AXES[:2]),
+    "sign_from_range": _column_names,
+    "needs_neutral": _column_names,
+    "cannot": _cannot,
+}
+"""Key of a profile file -> the function that reads and checks its value."""
 
 
 def _both(text: str) -> tuple[str, ...]:
@@ -285,19 +310,29 @@ def _with_side(text: str, side: str) -> str:
     return text
 
 
-def _sides(table: Mapping[str, Any], sided: Iterable[str]) -> dict[str, Any]:
-    """Spell out the entries of both sides: `forearm = "{side}_x"` -> `forearm_left`, `forearm_right`."""
-    result: dict[str, Any] = {}
-    for name, items in table.items():
-        for side in SIDES if name in set(sided) else ("",):
-            as_list = items if isinstance(items, list) else [items]
-            spelt = [_with_side(item, side) if side and isinstance(item, str) else item for item in as_list]
-            result[f"{name}_{side}" if side else name] = spelt
+def _by_side(
+    table: TomlTable, middle: Iterable[str], sided: Collection[str], what: str, least: int = 0
+) -> dict[str, list[Any]]:
+    """Return name -> items, an entry of both sides once per side: `forearm = "{side}_x"` gives forearm_left and _right.
+
+    Args:
+        middle, sided: names without and with a side.
+        what: what messages call a name.
+        least: items that a list of rotations or terms must have; 0: every item must be a name.
+    """
+    result: dict[str, list[Any]] = {}
+    for name in table.keys((*middle, *sided, *(f"{part}_{side}" for part in sided for side in SIDES)), what):
+        value = table.values[name]
+        items = value if isinstance(value, list) else [value]
+        if not least:
+            table.names(name)
+        elif len(items) < least:
+            raise ProfileError(f'{table.where}: {name} is {value!r}, expected a list like ["+z left_elbow"]')
+        for side in SIDES if name in sided else ():
+            result[f"{name}_{side}"] = [_with_side(item, side) if isinstance(item, str) else item for item in items]
+        if name not in sided:
+            result[name] = items
     return result
-
-
-def _segment_names() -> tuple[str, ...]:
-    return (*MIDDLE, *(f"{name}_{side}" for name in SIDED for side in SIDES))
 
 
 def _columns_of(name: str) -> tuple[str, ...]:
@@ -307,21 +342,10 @@ def _columns_of(name: str) -> tuple[str, ...]:
     return next((angle.columns for angle in ANGLES if angle.name == name), (name,))
 
 
-def _reasons(table: Mapping[str, Any], where: str) -> dict[str, str]:
-    result = {}
-    for name, reason in table.items():
-        columns = _columns_of(name)
-        _check_keys(dict.fromkeys(columns), COLUMNS, where, "column")
-        if not isinstance(reason, str):
-            raise ProfileError(f"profile {where}: cannot.{name} is {reason!r}, expected a reason in quotes")
-        result.update(dict.fromkeys(columns, reason))
-    return result
-
-
-def _step(item: Any, where: str) -> ElementaryRotation:
+def _rotation(item: Any, where: str) -> ElementaryRotation:
     words = item.split() if isinstance(item, str) else []
     if len(words) != 2 or words[0] not in ("+x", "-x", "+y", "-y", "+z", "-z"):
-        raise ProfileError(f"profile {where}: turn {item!r}, expected like '+z left_elbow' or '-x 90'")
+        raise ProfileError(f"{where}: rotation {item!r}, expected like '+z left_elbow' or '-x 90'")
     sign, axis = (-1.0 if words[0][0] == "-" else 1.0), "xyz".index(words[0][1])
     try:
         return ElementaryRotation(axis, sign, "", float(words[1]))
@@ -332,41 +356,6 @@ def _step(item: Any, where: str) -> ElementaryRotation:
 def _term(item: Any, where: str) -> Term:
     if isinstance(item, str) and item.strip("+- "):
         return Term(-1.0 if item[0] == "-" else 1.0, item[1:].strip() if item[0] in "+-" else item)
-    return Term(1.0, "", _number("columns", item, where))
-
-
-def _number(key: str, value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ProfileError(f"profile {where}: {key} holds {value!r}, expected a name or a number of degrees")
-    return float(value)
-
-
-def _table(key: str, value: Any, where: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise ProfileError(f"profile {where}: {key} is {value!r}, expected a section [{key}]")
-    return value
-
-
-def _list(key: str, value: Any, where: str) -> list[Any]:
-    if not isinstance(value, list) or not value:
-        raise ProfileError(f'profile {where}: {key} is {value!r}, expected a list like ["+z left_elbow"]')
-    return value
-
-
-def _texts(key: str, value: Any, where: str) -> tuple[str, ...]:
-    items = value if isinstance(value, list) else [value]
-    if not all(isinstance(item, str) and item for item in items):
-        raise ProfileError(f"profile {where}: {key} is {value!r}, expected names in quotes")
-    return tuple(items)
-
-
-def _choice(value: Any, choices: Iterable[str], key: str, where: str) -> None:
-    if value not in tuple(choices):
-        options = ", ".join(repr(choice) for choice in choices)
-        raise ProfileError(f"profile {where}: {key} is {value!r}, expected one of {options}")
-
-
-def _check_keys(given: Mapping[str, Any], known: Iterable[str], where: str, what: str) -> None:
-    for key in given:
-        if key not in tuple(known):
-            raise ProfileError(f"profile {where}: unknown {what} {key!r}{did_you_mean(key, known)}")
+    if isinstance(item, bool) or not isinstance(item, int | float):
+        raise ProfileError(f"{where}: term {item!r}, expected a joint like '-left_elbow' or a number of degrees")
+    return Term(1.0, "", float(item))
