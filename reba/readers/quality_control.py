@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from reba.arrays import Array, Flags
-from reba.errors import RebaError
+from reba.errors import RebaError, join_names
 from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
 from reba.readers.mapping import Mapper, Samples
-from reba.readers.mapping.joints import some
+from reba.readers.mapping.joints import MOST_NAMES
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import Kind
 
@@ -219,7 +219,9 @@ def quality_control(samples: Samples, mapper: Mapper, profile: Profile, kind: Ki
     if kind != "joints":
         reasons |= impossible_columns(angles)
     elif wrong := [column for column in impossible_columns(angles) if column not in reasons]:
-        mapper.warnings.append(f"most frames are impossible in {some(wrong)}: another convention than {profile.name}?")
+        mapper.warnings.append(
+            f"most frames are impossible in {join_names(wrong, MOST_NAMES)}: another convention than {profile.name}?"
+        )
     reasons |= profile.cannot
     hidden = tuple(INDEX[column] for column in reasons)
     angles[:, hidden] = np.nan

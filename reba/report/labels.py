@@ -151,11 +151,6 @@ def action(level: int) -> str:
     return f"no action {asked.removeprefix('none ')}" if asked.startswith("none ") else f"action {asked}"
 
 
-def join_names(items: Sequence[str]) -> str:
-    """Return "a", "a and b" or "a, b and c"."""
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
-
-
 def angle_name(column: str) -> str:
     """Return a column for people.
 

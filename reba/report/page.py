@@ -7,6 +7,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any, Final
 
 from reba._version import __version__
+from reba.errors import join_names
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.report import labels as phrases
 from reba.report.findings import WHY_P90, demanding_time, verdict, worse_side, worst, worst_minute
@@ -54,7 +55,7 @@ def page(scores: Sequence[Scores], command: str) -> str:
     filters: dict[str, Callable[..., str]] = {
         "seconds": phrases.seconds,
         "percent": phrases.percent,
-        "listed": phrases.join_names,
+        "listed": join_names,
     }
     return template("reba.report", "template.html", filters, scripted=True).render(
         levels=[

@@ -17,6 +17,7 @@ import numpy as np
 from reba.arrays import Array
 from reba.errors import ReadError
 from reba.readers.formats.text import LARGEST, number_rows, read_lines
+from reba.readers.recording.quaternions import about_axis, product, rotated
 from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, clip, unique_names
 
 MAX_JOINTS = 1000
@@ -283,39 +284,16 @@ class BvhSkeleton:
                 value = rows[:, start]
                 start += 1
                 if kind == "rotation":
-                    turn = multiply(turn, axis_turn(axis, np.radians(value)))
+                    turn = product(turn, about_axis(axis, np.radians(value)))
                 elif joint.parent >= 0 and add is False:
                     moved[:, axis] = value
                 else:
                     moved[:, axis] += value
             if joint.parent >= 0:
                 parent = poses[:, joint.parent]
-                poses[:, index, :3] = parent[:, :3] + rotate(parent[:, 3:], moved)
-                poses[:, index, 3:] = multiply(parent[:, 3:], turn)
+                poses[:, index, :3] = parent[:, :3] + rotated(parent[:, 3:], moved)
+                poses[:, index, 3:] = product(parent[:, 3:], turn)
             else:
                 poses[:, index, :3] = moved
                 poses[:, index, 3:] = turn
         return poses
-
-
-def axis_turn(axis: int, angle: Array) -> Array:
-    """Return (n, 4) quaternions x y z w of turns by `angle` (n,) [rad] about the axis 0, 1 or 2."""
-    turn = np.zeros((len(angle), 4))
-    turn[:, axis] = np.sin(angle / 2)
-    turn[:, 3] = np.cos(angle / 2)
-    return turn
-
-
-def multiply(first: Array, second: Array) -> Array:
-    """Return the Hamilton product of quaternions (n, 4) x y z w: the turn `second` inside the turn `first`."""
-    a, b = first[:, :3], second[:, :3]
-    product = np.empty_like(first)
-    product[:, :3] = first[:, 3:] * b + second[:, 3:] * a + np.cross(a, b)
-    product[:, 3] = first[:, 3] * second[:, 3] - np.sum(a * b, axis=1)
-    return product
-
-
-def rotate(turn: Array, vector: Array) -> Array:
-    """Return the vectors (n, 3) turned by unit quaternions (n, 4) x y z w."""
-    twice = 2.0 * np.cross(turn[:, :3], vector)
-    return vector + turn[:, 3:] * twice + np.cross(turn[:, :3], twice)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from reba.arrays import Array, Flags
+from reba.errors import join_names
 from reba.posture.angles import SegmentFrames, rotated_about
 from reba.posture.columns import COLUMNS, SIDES
 from reba.readers.mapping.reference_frames import RootPose, axis_vector
@@ -113,12 +114,14 @@ class JointMapper:
             if not joints:
                 reasons[column] = "this source has no such joint"
             elif len(absent) == len(joints):
-                reasons[column] = f"no joint {some(absent)}"
+                reasons[column] = f"no joint {join_names(absent, MOST_NAMES)}"
             elif len(absent) + len(idle) == len(joints):
-                reasons[column] = f"{some([self.names[joint] for joint in idle])} constant {still[idle[0]]:g}"
+                reasons[column] = (
+                    f"{join_names([self.names[joint] for joint in idle], MOST_NAMES)} constant {still[idle[0]]:g}"
+                )
         partial = [joint for joint in self.profile.slots if joint not in self.names]
         if partial:
-            self.assumed.append(f"joints not recorded, taken as 0 in their chain: {some(partial)}")
+            self.assumed.append(f"joints not recorded, taken as 0 in their chain: {join_names(partial, MOST_NAMES)}")
         return reasons
 
     def _still(self) -> dict[str, float]:
@@ -199,15 +202,8 @@ def joints_of(profile: Profile, column: str) -> list[str]:
     return [step.name for step in profile.chains.get(f"{CHAIN_OF[angle]}_{side}", ()) if step.name]
 
 
-def some(names: list[str], most: int = 4) -> str:
-    """Return the first names, and how many more there are.
-
-    >>> some(["a", "b", "c"], most=2)
-    'a, b and 1 more'
-    """
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
-
-
+MOST_NAMES = 4
+"""Joints or columns that a message names; the others are counted."""
 FAR = 7.0
 """[rad] No anatomical joint turns further: values beyond are degrees in a field of radians."""
 WILD = 4.0 * np.pi

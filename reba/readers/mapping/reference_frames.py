@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from reba.arrays import Array
-from reba.posture.angles import cross, unit
+from reba.posture.angles import unit
 from reba.readers.recording.profile import Profile
+from reba.readers.recording.quaternions import matrices, product, rotated
 from reba.readers.recording.stream import Block, ReadLog, Stream
 
 
@@ -61,31 +62,6 @@ class FramePoses:
             quaternion = product(base, quaternion)
         self._known[name] = (quaternion, position)
         return self._known[name]
-
-
-def product(a: Array, b: Array) -> Array:
-    """Return the (n, 4) product of quaternions qx qy qz qw: first b, then a."""
-    av, aw, bv, bw = a[:, :3], a[:, 3:], b[:, :3], b[:, 3:]
-    vector = aw * bv + bw * av + cross(av, bv)
-    return np.concatenate([vector, aw * bw - np.sum(av * bv, axis=1, keepdims=True)], axis=1)
-
-
-def rotated(quaternion: Array, vectors: Array) -> Array:
-    """Return (n, 3) vectors turned by (n, 4) unit quaternions."""
-    across = 2.0 * cross(quaternion[:, :3], vectors)
-    return vectors + quaternion[:, 3:] * across + cross(quaternion[:, :3], across)
-
-
-def matrices(quaternions: Array) -> Array:
-    """Return (n, 3, 3) rotation matrices of (n, 4) unit quaternions qx qy qz qw."""
-    x, y, z, w = np.ascontiguousarray(quaternions.T)
-    result = np.empty((len(quaternions), 3, 3))
-    for index, (i, j, k) in enumerate(((x, y, z), (y, z, x), (z, x, y))):
-        after = (index + 1) % 3
-        result[:, index, index] = 1.0 - 2.0 * (j * j + k * k)
-        result[:, index, after] = 2.0 * (i * j - k * w)
-        result[:, after, index] = 2.0 * (i * j + k * w)
-    return result
 
 
 HOLD = 0.2

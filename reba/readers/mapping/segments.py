@@ -10,8 +10,9 @@ from reba.arrays import Array
 from reba.errors import ProfileError
 from reba.posture.angles import SegmentFrames, frame_across, frame_from_y_z, rotated_about, unit
 from reba.posture.columns import SIDES
-from reba.readers.mapping.reference_frames import FramePoses, Orientation, axis_name, axis_vector, matrices, rotated
+from reba.readers.mapping.reference_frames import FramePoses, Orientation, axis_name, axis_vector
 from reba.readers.recording.profile import Profile
+from reba.readers.recording.quaternions import matrices, rotated
 from reba.readers.recording.stream import Block, Stream
 
 AXES: dict[str, Array] = {
