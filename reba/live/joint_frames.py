@@ -15,10 +15,10 @@ from reba.live.frames import Frames, NotYet, Reading, later, neutral_until
 from reba.live.sources import GrowingStore, followed
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import Factors
-from reba.readers.build_table import root_streams
+from reba.readers.build_table import pelvis_streams
 from reba.readers.mapping import Mapper, Samples, block_angles, collect, mapper_for
 from reba.readers.mapping.joints import JointMapper
-from reba.readers.mapping.reference_frames import HOLD, FramePoses, RootPose, read_root, root_samples
+from reba.readers.mapping.reference_frames import HOLD, FrameTree, PelvisPose, read_pelvis_pose, pelvis_samples
 from reba.readers.mapping.segments import AXES
 from reba.readers.mcap.container import ChunkRef
 from reba.readers.quality_control import (
@@ -104,9 +104,9 @@ class Bodies:
             self._tell(text)
 
     @staticmethod
-    def _live_root(recording: Recording, match: Match, profile: Profile) -> tuple[LiveRoot | None, RootPose | None]:
-        for stream, name in root_streams(recording, match, profile):
-            pose = read_root(profile, [(stream, name)], AXES[profile.root_axes])
+    def _live_root(recording: Recording, match: Match, profile: Profile) -> tuple[LiveRoot | None, PelvisPose | None]:
+        for stream, name in pelvis_streams(recording, match, profile):
+            pose = read_pelvis_pose(profile, [(stream, name)], AXES[profile.root_axes])
             if pose is not None:
                 return LiveRoot(pose, stream, name), pose
         return None, None
@@ -184,8 +184,8 @@ class LiveRoot:
         name: the frame.
     """
 
-    def __init__(self, pose: RootPose, stream: Stream, name: str) -> None:
-        self._poses = FramePoses(stream, (name,))
+    def __init__(self, pose: PelvisPose, stream: Stream, name: str) -> None:
+        self._poses = FrameTree(stream, (name,))
         self._intake = followed(stream, self._poses.wanted, ReadLog())
         self._stream, self._name = stream, name
         self.pose = replace(pose, time=np.empty(0), quaternions=np.empty((0, 4)))
@@ -196,7 +196,7 @@ class LiveRoot:
         block = self._intake.flush_whole()
         if block is None:
             return
-        rows = root_samples(self._poses, self._stream, self._name, block)
+        rows = pelvis_samples(self._poses, self._stream, self._name, block)
         time = np.concatenate([self.pose.time, rows[:, 0]])
         quaternions = np.concatenate([self.pose.quaternions, rows[:, 1:]])
         order = np.argsort(time, kind="stable")
@@ -281,11 +281,11 @@ class DecisionMonitor:
             return
         mapper = self._copied()
         before = len(mapper.warnings)
-        settled = mapper.settled()
+        consistent = mapper.is_consistent()
         found = quality_control(
             Samples(self._table[: self._kept].copy(), ReadLog()), mapper, self._profile, self._kind, self._neutral
         )
-        if not settled:
+        if not consistent:
             what = "; ".join(mapper.warnings[before:][:1]) or "the unit or the vertical is another"
         elif shown := set(self._decided.hidden) - set(found.hidden):
             name = COLUMNS[min(shown)]

@@ -22,7 +22,7 @@ from reba.errors import ReadError, did_you_mean
 from reba.posture.columns import COLUMNS
 from reba.readers.mcap.container import ChunkRef, Loaded
 from reba.readers.mcap.decode import load_json
-from reba.readers.mcap.extract import kind_of_json, pick_angles, stamp_of
+from reba.readers.mcap.extract import kind_of_json, extract_angles, stamp_of
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.records import Channel, Scan, Schema
 from reba.readers.recording.stream import clip
@@ -149,7 +149,7 @@ class Lines:
             self.skip(f"line {self._read}: {error}")
             return None
         self._good = True
-        self.ready |= kind[1] is pick_angles
+        self.ready |= kind[1] is extract_angles
         seconds, nanos = stamp if stamp is not None else (None, None)
         if not isinstance(seconds, int) or not isinstance(nanos, int):
             return time.time_ns()

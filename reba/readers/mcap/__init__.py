@@ -14,7 +14,7 @@ from reba.errors import ReadError
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
 from reba.readers.mcap.container import Container, Store
-from reba.readers.mcap.streams import StreamReader, first_look
+from reba.readers.mcap.streams import StreamReader, first_header
 from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic
 
 __all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
@@ -127,7 +127,7 @@ def _streams(parts: Sequence[DecodableChannel], log: ReadLog, strict: bool) -> t
     for kind, group in dict.fromkeys((part.kind, part.group) for part in parts):
         mine = [part for part in parts if (part.kind, part.group) == (kind, group)]
         seen = ReadLog()
-        first = first_look(mine, kind, seen)
+        first = first_header(mine, kind, seen)
         why = {"joints": "joint positions", "frames": "poses of frames", "angles": "a posture table"}.get(kind, "")
         if first is None:
             why = "only static transforms" if all(part.static for part in mine) else "none of its messages is usable"

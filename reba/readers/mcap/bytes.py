@@ -19,7 +19,7 @@ MAGIC: Final = b"\x89MCAP0\r\n"
 """First and last bytes of an MCAP file, https://mcap.dev/spec#magic."""
 ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 """First bytes of a zstd frame, RFC 8878 section 3.1.1; `ros2 bag record --compression-mode file` makes such files."""
-_STEP: Final = 1 << 22
+_READ_STEP_FILE: Final = 1 << 22
 _HEAD: Final = 18
 """The longest zstd frame header."""
 
@@ -99,7 +99,7 @@ def _unpack(path: Path, packed: IO[bytes], limit_bytes: int) -> IO[bytes]:
     packed.seek(0)
     try:
         with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True, closefd=False) as reader:
-            while part := reader.read(_STEP):
+            while part := reader.read(_READ_STEP_FILE):
                 unpacked.write(part)
                 if unpacked.tell() > limit_bytes:
                     raise too_big
@@ -114,7 +114,7 @@ def _unpack(path: Path, packed: IO[bytes], limit_bytes: int) -> IO[bytes]:
 
 _AT_ONCE: Final = 1 << 26
 """Chunks up to this size [bytes] are unpacked in one call; larger ones grow with the bytes that really come out."""
-COMPRESSION__STEP: Final = 1 << 24
+_READ_STEP: Final = 1 << 24
 _LZ4_MOST: Final = 256
 """An lz4 block cannot unpack to more than 255 times its size (LZ4 block format, "Limits")."""
 
@@ -180,7 +180,7 @@ def _unpack_lz4(packed: bytes, size: int) -> bytes:
 
 def _grow(read: Callable[[int], bytes], size: int) -> bytes:
     data = bytearray()
-    while len(data) <= size and (part := read(COMPRESSION__STEP)):
+    while len(data) <= size and (part := read(_READ_STEP)):
         data += part
     return bytes(data)
 

@@ -14,7 +14,7 @@ from reba.readers.mcap import ros as cdr
 from reba.readers.mcap.bytes import ZSTD_MAGIC
 from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.mcap.decode import Batch, ColumnDecoder, Decoder, JsonDecoder, load_json
-from reba.readers.mcap.extract import PICKERS, TEXTS, Picker, kind_of_json, pick_transforms
+from reba.readers.mcap.extract import EXTRACTORS, TEXTS, Extractor, extract_transforms, kind_of_json
 from reba.readers.mcap.layout import Undecodable, Walked
 from reba.readers.mcap.records import Channel, Schema
 from reba.readers.recording.stream import Kind
@@ -100,7 +100,7 @@ def classify(container: Store, channel: Channel) -> DecodableChannel | Unused:
     unused = partial(Unused, container, channel.id, channel.topic, shown)
     if schema is None and channel.schema_id != 0:
         return unused(f"its schema {channel.schema_id} is missing from the file")
-    meaning = PICKERS.get(type_name)
+    meaning = EXTRACTORS.get(type_name)
     if channel.encoding == "json":
         return _classify_json(container, channel, meaning, shown)
     if schema is None:
@@ -116,7 +116,7 @@ def classify(container: Store, channel: Channel) -> DecodableChannel | Unused:
     return _part(container, channel, shown, meaning, f"{form} {shown}", make)
 
 
-def _decoder(container: Store, channel: Channel, schema: Schema, pick: Picker) -> tuple[Make, str]:
+def _decoder(container: Store, channel: Channel, schema: Schema, extract: Extractor) -> tuple[Make, str]:
     """Return the maker of a decoder and the name of the encoding.
 
     Raises:
@@ -135,7 +135,7 @@ def _decoder(container: Store, channel: Channel, schema: Schema, pick: Picker) -
         form = "protobuf"
     else:
         raise ros.BadSchema(f"messages in {channel.encoding!r} by a schema in {schema.encoding!r} are not known")
-    return partial(ColumnDecoder, walker, pick), form
+    return partial(ColumnDecoder, walker, extract), form
 
 
 def _walk_ros(root: ros.Struct, ros1: bool, message: bytes) -> Walked:
@@ -157,7 +157,7 @@ def _refuse_packed(container: Store, channel: Channel) -> None:
 
 
 def _classify_json(
-    container: Store, channel: Channel, meaning: tuple[Kind, Picker] | None, shown: str
+    container: Store, channel: Channel, meaning: tuple[Kind, Extractor] | None, shown: str
 ) -> DecodableChannel | Unused:
     """Say what a JSON channel holds, by its type or else by the fields of its first message."""
     unused = partial(Unused, container, channel.id, channel.topic, shown)
@@ -175,10 +175,10 @@ def _classify_json(
 
 
 def _part(
-    container: Store, channel: Channel, shown: str, meaning: tuple[Kind, Picker], form: str, make: Make
+    container: Store, channel: Channel, shown: str, meaning: tuple[Kind, Extractor], form: str, make: Make
 ) -> DecodableChannel:
-    kind, pick = meaning
-    transforms = pick is pick_transforms
+    kind, extract = meaning
+    transforms = extract is extract_transforms
     static = transforms and channel.topic.rstrip("/").endswith(STATIC)
     group = "" if transforms else channel.topic
     return DecodableChannel(container, channel.id, channel.topic, shown, kind, form, make, group, static)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array, Flags
 from reba.readers.mcap.container import Loaded
-from reba.readers.mcap.extract import Pick, Picker, Stamp, Value
+from reba.readers.mcap.extract import Extractor, Signals, Stamp, Value
 from reba.readers.mcap.layout import (
     VARINT,
     FieldRun,
@@ -87,7 +87,7 @@ class _Plan:
     """What to take from the messages of one layout; `joined`: all names and parents; `error`: why it is of no use."""
 
     layout: MessageLayout
-    picks: list[Pick] = field(default_factory=list)
+    picks: list[Signals] = field(default_factory=list)
     runs: list[FieldRun] = field(default_factory=list)
     constant: dict[int, float] = field(default_factory=dict)
     joined: tuple[tuple[str, ...], tuple[str, ...]] | None = None
@@ -100,13 +100,13 @@ class ColumnDecoder:
 
     Args:
         walk: finds the fields of one message.
-        pick: finds its usable numbers.
+        extract: finds its usable numbers.
         wanted: names to keep, None for all.
     """
 
-    def __init__(self, walk: Callable[[bytes], Walked], pick: Picker, wanted: frozenset[str] | None) -> None:
+    def __init__(self, walk: Callable[[bytes], Walked], extract: Extractor, wanted: frozenset[str] | None) -> None:
         self._walk = walk
-        self._pick = pick
+        self._extract_signals = extract
         self._wanted = wanted
         self._plans: dict[int, list[_Plan]] = {}
 
@@ -165,40 +165,40 @@ class ColumnDecoder:
         except Undecodable as error:
             return _Plan(MessageLayout(alone, message), error=str(error), alone=True)
         try:
-            picks = self._pick(walked.tree)
+            picks = self._extract_signals(walked.tree)
         except Undecodable as error:
             return _Plan(MessageLayout(walked, message), error=str(error))
         plan = _Plan(
-            MessageLayout(walked, message), [kept for pick in picks if (kept := pick.only(self._wanted)).names]
+            MessageLayout(walked, message), [kept for extract in picks if (kept := extract.only(self._wanted)).names]
         )
-        values = [value for pick in plan.picks for value in pick.values]
+        values = [value for extract in plan.picks for value in extract.values]
         plan.runs, plan.constant = runs(values)
-        names = tuple(name for pick in plan.picks for name in pick.names)
+        names = tuple(name for extract in plan.picks for name in extract.names)
         if len(set(names)) == len(names):
-            plan.joined = names, tuple(parent for pick in plan.picks for parent in pick.parents)
+            plan.joined = names, tuple(parent for extract in plan.picks for parent in extract.parents)
         return plan
 
 
 def _extract(plan: _Plan, rows: MessageRows, times: NDArray[np.int64]) -> list[Piece]:
-    """Return the pieces of messages of one layout: one if all picks share their time, else one for each pick."""
+    """Return the pieces of messages of one layout: one if all picks share their time, else one for each extract."""
     if not plan.picks:
         return []
-    width = sum(len(pick.values) for pick in plan.picks)
+    width = sum(len(extract.values) for extract in plan.picks)
     values = take(rows, plan.runs, plan.constant, width)
     if plan.joined is not None and _share_time(plan.picks, rows):
         return [Piece(_stamp(plan.picks[0].stamp, rows), times, *plan.joined, values)]
     pieces, column = [], 0
-    for pick in plan.picks:
-        part = values[:, column : column + len(pick.values)]
-        pieces.append(Piece(_stamp(pick.stamp, rows), times, pick.names, pick.parents, part))
-        column += len(pick.values)
+    for extract in plan.picks:
+        part = values[:, column : column + len(extract.values)]
+        pieces.append(Piece(_stamp(extract.stamp, rows), times, extract.names, extract.parents, part))
+        column += len(extract.values)
     return pieces
 
 
-def _share_time(picks: list[Pick], rows: MessageRows) -> bool:
+def _share_time(picks: list[Signals], rows: MessageRows) -> bool:
     """Say whether all picks of each row carry one time."""
     first = _raw_stamp(picks[0].stamp, rows)
-    return all(np.array_equal(_raw_stamp(pick.stamp, rows), first) for pick in picks[1:])
+    return all(np.array_equal(_raw_stamp(extract.stamp, rows), first) for extract in picks[1:])
 
 
 def _raw_stamp(stamp: Stamp | None, rows: MessageRows) -> NDArray[Any]:
@@ -231,12 +231,12 @@ class JsonDecoder:
     """Decodes JSON messages one by one.
 
     Args:
-        pick: finds the usable numbers of a message.
+        extract: finds the usable numbers of a message.
         wanted: names to keep, None for all.
     """
 
-    def __init__(self, pick: Picker, wanted: frozenset[str] | None) -> None:
-        self._pick = pick
+    def __init__(self, extract: Extractor, wanted: frozenset[str] | None) -> None:
+        self._extract_signals = extract
         self._wanted = wanted
 
     def decode(self, batch: Batch, log: ReadLog) -> list[Piece]:
@@ -244,12 +244,12 @@ class JsonDecoder:
         groups: dict[tuple[tuple[str, ...], tuple[str, ...]], list[tuple[int, int, tuple[Value, ...]]]] = {}
         for index, time in enumerate(batch.times.tolist()):
             try:
-                picks = self._pick(load_json(batch.payload(index)))
+                picks = self._extract_signals(load_json(batch.payload(index)))
             except Undecodable as error:
                 log.skip(1, f"message at {batch.loaded.where(int(batch.starts[index]))}: {error}")
                 continue
-            for pick in picks:
-                kept = pick.only(self._wanted)
+            for extract in picks:
+                kept = extract.only(self._wanted)
                 if kept.names:
                     sample = (_json_stamp(kept.stamp), time, kept.values)
                     groups.setdefault((kept.names, kept.parents), []).append(sample)

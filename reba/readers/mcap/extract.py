@@ -27,7 +27,7 @@ _XYZ, _XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
 
 
 @dataclass(frozen=True)
-class Pick:
+class Signals:
     """Usable numbers of a message.
 
     Attributes:
@@ -42,8 +42,8 @@ class Pick:
     parents: tuple[str, ...]
     values: tuple[Value, ...]
 
-    def only(self, wanted: frozenset[str] | None) -> Pick:
-        """Return the pick with the wanted names, each once (of several the last)."""
+    def only(self, wanted: frozenset[str] | None) -> Signals:
+        """Return the extract with the wanted names, each once (of several the last)."""
         if wanted is None and len(set(self.names)) == len(self.names):
             return self
         width = len(self.values) // max(len(self.names), 1)
@@ -51,7 +51,7 @@ class Pick:
         if len(index) == len(self.names):
             return self
         kept = tuple(index.values())
-        return Pick(
+        return Signals(
             self.stamp,
             tuple(self.names[at] for at in kept),
             tuple(self.parents[at] for at in kept) if self.parents else (),
@@ -59,7 +59,7 @@ class Pick:
         )
 
 
-Picker = Callable[[Any], list[Pick]]
+Extractor = Callable[[Any], list[Signals]]
 
 
 def _fields(tree: Any) -> Mapping[str, Any]:
@@ -113,7 +113,7 @@ def _name(value: Any, what: str) -> str:
     return value
 
 
-def pick_joints(tree: Any) -> list[Pick]:
+def extract_joints(tree: Any) -> list[Signals]:
     """Return names and positions of a joint state, parallel arrays or a list of {name, position}.
 
     Raises:
@@ -138,11 +138,11 @@ def pick_joints(tree: Any) -> list[Pick]:
         raise Undecodable(f"{len(positions)} positions for {len(names)} names")
     if set(map(type, names)) != {str}:
         raise Undecodable("a joint name is no text")
-    return [Pick(stamp, tuple(names), (), tuple(positions))]
+    return [Signals(stamp, tuple(names), (), tuple(positions))]
 
 
-def pick_transforms(tree: Any) -> list[Pick]:
-    """Return the transforms of a TFMessage, FrameTransforms or a single transform, one pick for each.
+def extract_transforms(tree: Any) -> list[Signals]:
+    """Return the transforms of a TFMessage, FrameTransforms or a single transform, one extract for each.
 
     Raises:
         Undecodable: it holds none, or one without frames.
@@ -154,7 +154,7 @@ def pick_transforms(tree: Any) -> list[Pick]:
     return [_transform(_fields(transform)) for transform in transforms]
 
 
-def _transform(item: Mapping[str, Any]) -> Pick:
+def _transform(item: Mapping[str, Any]) -> Signals:
     header = item.get("header")
     parent = header.get("frame_id") if isinstance(header, dict) else item.get("parent_frame_id", "")
     child = _name(item.get("child_frame_id", ""), "a frame name").strip("/")
@@ -162,7 +162,7 @@ def _transform(item: Mapping[str, Any]) -> Pick:
         raise Undecodable("a transform names no child frame")
     inner = item.get("transform", item)
     values = _pose(_fields(inner).get("translation", {}), _fields(inner).get("rotation", {}))
-    return Pick(stamp_of(item), (child,), (_name(parent, "a frame name").strip("/"),), values)
+    return Signals(stamp_of(item), (child,), (_name(parent, "a frame name").strip("/"),), values)
 
 
 def _pose(position: Any, rotation: Any) -> tuple[Value, ...]:
@@ -172,7 +172,7 @@ def _pose(position: Any, rotation: Any) -> tuple[Value, ...]:
     )
 
 
-def pick_links(tree: Any) -> list[Pick]:
+def extract_links(tree: Any) -> list[Signals]:
     """Return the absolute segment poses of a LinkStateArray; a segment's name is the frame of its header.
 
     Raises:
@@ -190,10 +190,10 @@ def pick_links(tree: Any) -> list[Pick]:
         names.append(name)
         values.extend(_pose(pose.get("position"), pose.get("orientation")))
     # The stamps of the segments of one message differ by microseconds in some drivers; they are one frame.
-    return [Pick(stamp_of(fields) or stamp_of(states[0]), tuple(names), ("",) * len(names), tuple(values))]
+    return [Signals(stamp_of(fields) or stamp_of(states[0]), tuple(names), ("",) * len(names), tuple(values))]
 
 
-def pick_angles(tree: Any) -> list[Pick]:
+def extract_angles(tree: Any) -> list[Signals]:
     """Return the columns of one row of a posture table; its `time` [s] becomes the stamp.
 
     Raises:
@@ -208,39 +208,39 @@ def pick_angles(tree: Any) -> list[Pick]:
     if isinstance(time, float) and abs(time) < 1e9:
         stamp = (0, round(time * 1e9))
     values = tuple(float(v) if isinstance(v := fields[name], bool) else number(v) for name in names)
-    return [Pick(stamp, names, (), values)]
+    return [Signals(stamp, names, (), values)]
 
 
 TABLE_COLUMNS: Final = (*COLUMNS, "shoulder_raised_left", "shoulder_raised_right", *FACTORS)
 """Columns that a row of a posture table may have."""
-PICKERS: Final[Mapping[str, tuple[Kind, Picker]]] = {
-    "sensor_msgs/JointState": ("joints", pick_joints),
-    "foxglove.JointStates": ("joints", pick_joints),
-    "foxglove_msgs/JointStates": ("joints", pick_joints),
-    "tf2_msgs/TFMessage": ("frames", pick_transforms),
-    "tf/tfMessage": ("frames", pick_transforms),
-    "geometry_msgs/TransformStamped": ("frames", pick_transforms),
-    "foxglove.FrameTransform": ("frames", pick_transforms),
-    "foxglove.FrameTransforms": ("frames", pick_transforms),
-    "foxglove_msgs/FrameTransform": ("frames", pick_transforms),
-    "foxglove_msgs/FrameTransforms": ("frames", pick_transforms),
-    "xsens_mvn_msgs/LinkStateArray": ("frames", pick_links),
-    "xsens_mvn_ros2_msgs/LinkStateArray": ("frames", pick_links),
-    "xsens_mvn_ros_msgs/LinkStateArray": ("frames", pick_links),
-    "xsens_awinda_ros/LinkStateArray": ("frames", pick_links),
-    "reba.Posture": ("angles", pick_angles),
+EXTRACTORS: Final[Mapping[str, tuple[Kind, Extractor]]] = {
+    "sensor_msgs/JointState": ("joints", extract_joints),
+    "foxglove.JointStates": ("joints", extract_joints),
+    "foxglove_msgs/JointStates": ("joints", extract_joints),
+    "tf2_msgs/TFMessage": ("frames", extract_transforms),
+    "tf/tfMessage": ("frames", extract_transforms),
+    "geometry_msgs/TransformStamped": ("frames", extract_transforms),
+    "foxglove.FrameTransform": ("frames", extract_transforms),
+    "foxglove.FrameTransforms": ("frames", extract_transforms),
+    "foxglove_msgs/FrameTransform": ("frames", extract_transforms),
+    "foxglove_msgs/FrameTransforms": ("frames", extract_transforms),
+    "xsens_mvn_msgs/LinkStateArray": ("frames", extract_links),
+    "xsens_mvn_ros2_msgs/LinkStateArray": ("frames", extract_links),
+    "xsens_mvn_ros_msgs/LinkStateArray": ("frames", extract_links),
+    "xsens_awinda_ros/LinkStateArray": ("frames", extract_links),
+    "reba.Posture": ("angles", extract_angles),
 }
 """What the message types that hold postures mean. LinkStateArray: https://github.com/hrii-iit/xsens_mvn_ros."""
 
 
-def kind_of_json(tree: Any) -> tuple[Kind, Picker] | None:
+def kind_of_json(tree: Any) -> tuple[Kind, Extractor] | None:
     """Return what a JSON message of unknown type is by its fields, None if it is nothing of use."""
     if isinstance(tree, list):
-        return ("joints", pick_joints) if tree and isinstance(tree[0], dict) and "position" in tree[0] else None
+        return ("joints", extract_joints) if tree and isinstance(tree[0], dict) and "position" in tree[0] else None
     if not isinstance(tree, dict):
         return None
     if "transforms" in tree or "child_frame_id" in tree:
-        return "frames", pick_transforms
+        return "frames", extract_transforms
     if "joints" in tree or ("name" in tree and "position" in tree):
-        return "joints", pick_joints
-    return ("angles", pick_angles) if any(column in tree for column in COLUMNS) else None
+        return "joints", extract_joints
+    return ("angles", extract_angles) if any(column in tree for column in COLUMNS) else None

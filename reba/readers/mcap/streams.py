@@ -19,10 +19,10 @@ from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
 if TYPE_CHECKING:
     import pandas as pd
 
-PEEK: Final = 1000
+HEADER_MESSAGES: Final = 1000
 """Messages of each channel that are looked at on opening."""
-_PEEK_SEGMENTS: Final = 16
-_PEEK_BYTES: Final = 1 << 24
+_HEADER_SEGMENTS: Final = 16
+_HEADER_BYTES: Final = 1 << 24
 """So much is looked through on opening; a recording that is being written may stand in many small segments."""
 _JUMP_BACK: Final = 500_000_000
 """Stamps that run back by more than this [ns] are not used as time; less is jitter between publishers."""
@@ -37,7 +37,7 @@ class StreamHeader:
     clock: Clock
 
 
-def first_look(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
+def first_header(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
     """Peek into the first file that holds usable messages; None if there is none.
 
     Raises:
@@ -46,7 +46,7 @@ def first_look(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> S
     containers = list(dict.fromkeys(part.container for part in parts))
     for container in containers:
         try:
-            found = peek([part for part in parts if part.container is container], kind, log)
+            found = read_header([part for part in parts if part.container is container], kind, log)
         except ReadError:
             if container is containers[-1]:
                 raise
@@ -56,7 +56,7 @@ def first_look(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> S
     return None
 
 
-def peek(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
+def read_header(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
     """Look at the first messages of each channel; None if none of them is of use, the log then says why.
 
     Raises:
@@ -86,7 +86,7 @@ def _first_pieces(part: DecodableChannel, decoder: Decoder, log: ReadLog) -> lis
         pieces.extend(decoder.decode(batch, log))
         seen += len(batch.starts)
         looked += segment.chunk.size if segment.chunk else segment.size
-        if seen >= PEEK or (number >= _PEEK_SEGMENTS and looked >= _PEEK_BYTES):
+        if seen >= HEADER_MESSAGES or (number >= _HEADER_SEGMENTS and looked >= _HEADER_BYTES):
             break
     return pieces
 
@@ -232,12 +232,12 @@ class StreamReader:
 
     def read(self, log: ReadLog, names: Sequence[str] | None) -> Iterator[Block]:
         """Iterate over the blocks, holding one chunk and one block in memory."""
-        intake = self.follow(log, names)
+        decoder = self.follow(log, names)
         for container, segment in self._segments(log):
-            intake.take(container, segment)
-            if intake.full and (block := intake.flush()) is not None:
+            decoder.take(container, segment)
+            if decoder.full and (block := decoder.flush()) is not None:
                 yield block
-        if (block := intake.flush(last=True)) is not None:
+        if (block := decoder.flush(last=True)) is not None:
             yield block
 
     def follow(self, log: ReadLog, names: Sequence[str] | None) -> McapBlockDecoder:
@@ -249,9 +249,9 @@ class StreamReader:
         """Return all rows of posture tables, text columns included; `time` in seconds since the epoch."""
         import pandas as pd
 
-        intake = self.follow(ReadLog(), None)
+        decoder = self.follow(ReadLog(), None)
         return pd.DataFrame(
-            [row for container, segment in self._segments(ReadLog()) for row in intake.rows(container, segment)]
+            [row for container, segment in self._segments(ReadLog()) for row in decoder.rows(container, segment)]
         )
 
     def _begin(self, log: ReadLog) -> None:

@@ -10,7 +10,7 @@ from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
 from reba.readers.build_table import build_table
 from reba.readers.mapping.segments import AXES
-from reba.readers.quality_control import first_frame_alien
+from reba.readers.quality_control import first_frame_is_outlier
 from reba.readers.recognise import choose
 from reba.readers.recording.profile import find_profile, profiles
 from reba.readers.recording.stream import Recording, Stream
@@ -155,7 +155,7 @@ def test_bvh_by_its_rest_pose_and_its_own_vertical(arms: str, world: str) -> Non
     stream = stream_of("take", "frames", names, poses, parents=("",) * len(names), rest=rest)
     table = _read(stream)
     _check(table)
-    assert f"vertical {world} found from the body (head above feet)" in table.assumed
+    assert f"vertical {world} determined from the body (head above feet)" in table.assumed
 
 
 def test_a_t_pose_in_the_first_frame_is_left_out() -> None:
@@ -167,7 +167,7 @@ def test_a_t_pose_in_the_first_frame_is_left_out() -> None:
     table = _read(stream, format="mvnx")
     assert len(table.data) == len(postures) - 1
     assert any("first frame" in text for text in table.quality.warnings)
-    assert not first_frame_alien(np.cumsum(np.full((9, 22), 25.0), axis=0))
+    assert not first_frame_is_outlier(np.cumsum(np.full((9, 22), 25.0), axis=0))
 
 
 def _points(world: Array, swap: bool = False) -> Stream:

@@ -109,7 +109,7 @@ def test_box_lift_percentile_and_first_frame() -> None:
 def test_camera_recording_with_y_down() -> None:
     table = _read("front_box_camera_bvh/ResultFrontBox_Filtered.bvh")
     assert table.profile == "bvh_motionbuilder"
-    assert "vertical -y found from the body (head above feet)" in table.assumed
+    assert "vertical -y determined from the body (head above feet)" in table.assumed
     # The tracker loses the person in a few frames, so ends of the range are percentiles.
     low, high = np.percentile(table.data["trunk_flexion"], [5, 98])
     assert low == pytest.approx(2.0, abs=NEAR)

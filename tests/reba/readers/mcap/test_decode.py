@@ -20,7 +20,7 @@ from reba.readers.mcap import open_mcap, protobuf
 from reba.readers.mcap import ros as cdr
 from reba.readers.mcap.container import ChunkRef, Loaded
 from reba.readers.mcap.decode import Batch, ColumnDecoder
-from reba.readers.mcap.extract import TEXTS, pick_joints
+from reba.readers.mcap.extract import TEXTS, extract_joints
 from reba.readers.mcap.layout import FieldSpan, Undecodable
 from reba.readers.mcap.merge import MOST_SIGNALS
 from reba.readers.mcap.records import Scan
@@ -315,7 +315,7 @@ def test_a_damaged_layout_does_not_hide_good_messages() -> None:
     starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     none = Scan(starts, lengths, np.zeros(10, np.uint16), starts, (), 0)
     batch = Batch(Loaded(ChunkRef(0, len(data), None, 0), data, none), starts, lengths, starts)
-    decoder = ColumnDecoder(lambda message: cdr.walk(root, message, TEXTS, ros1=False), pick_joints, None)
+    decoder = ColumnDecoder(lambda message: cdr.walk(root, message, TEXTS, ros1=False), extract_joints, None)
     log = ReadLog()
     (piece,) = decoder.decode(batch, log)
     assert log.skipped == 1
