@@ -124,9 +124,7 @@ def frozen_warning(time: Array, angles: Array) -> str | None:
         first = time[edges[::2][long][0]]
         return f"{int(long.sum())} intervals of exactly equal frames, the first at {first:.2f} s: frozen tracking?"
     if same.mean() > 0.05:
-        return (
-            f"{int(same.sum())} of {len(time)} frames repeat the one before: its source is slower than its stamps"
-        )
+        return f"{int(same.sum())} of {len(time)} frames repeat the one before: its source is slower than its stamps"
     return None
 
 
@@ -212,7 +210,7 @@ def quality_control(samples: Samples, mapper: Mapper, profile: Profile, kind: Ki
     }
     if neutral == "none":
         for column in profile.needs_neutral:
-            reasons[column] = "its zero needs a neutral posture: give one (neutral='first:3s')"
+            reasons[column] = "it has no zero without a neutral posture: give one (neutral='first:3s')"
     turned = _upright_sign(angles, profile.sign_from_range, mapper)
     if kind != "joints":
         reasons |= impossible_columns(angles)
