@@ -18,7 +18,7 @@ from reba.posture.factors import Factors
 from reba.readers.build_table import pelvis_streams
 from reba.readers.mapping import Mapper, Samples, block_angles, collect, mapper_for
 from reba.readers.mapping.joints import JointMapper
-from reba.readers.mapping.reference_frames import HOLD, FrameTree, PelvisPose, read_pelvis_pose, pelvis_samples
+from reba.readers.mapping.reference_frames import HOLD, FrameTree, PelvisPose, pelvis_samples, read_pelvis_pose
 from reba.readers.mapping.segments import AXES
 from reba.readers.mcap.container import ChunkRef
 from reba.readers.quality_control import (

@@ -22,7 +22,7 @@ from reba.errors import ReadError, did_you_mean
 from reba.posture.columns import COLUMNS
 from reba.readers.mcap.container import ChunkRef, Loaded
 from reba.readers.mcap.decode import load_json
-from reba.readers.mcap.extract import kind_of_json, extract_angles, stamp_of
+from reba.readers.mcap.extract import extract_angles, kind_of_json, stamp_of
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.records import Channel, Scan, Schema
 from reba.readers.recording.stream import clip

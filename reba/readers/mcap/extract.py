@@ -1,6 +1,6 @@
-"""What a message means to posture: which numbers of its tree are joint positions, poses or angles.
+"""Extraction from a message tree: joint positions, poses or angles.
 
-A tree comes from CDR, ROS 1, protobuf (numbers are spans) or JSON (numbers are numbers); the same functions serve all.
+The numbers of a tree are spans (CDR, ROS 1, protobuf) or numbers (JSON); the same functions extract both.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ Value = FieldSpan | float | None
 Stamp = tuple[Value, Value]
 """Seconds and nanoseconds."""
 TEXTS: Final = frozenset({"name", "child_frame_id", "parent_frame_id", "frame_id"})
-"""Text fields that decide what numbers mean; other text may differ between messages of one layout."""
+"""Text fields that determine the meaning of numbers; other text may differ between messages of one layout."""
 POSE: Final = 7
+"""Numbers of a pose: x y z [m], qx qy qz qw."""
 LATEST: Final = 1e10
-"""[s] Times as numbers count seconds up to here, the year 2286; larger ones count something else."""
+"""[s] Largest time stamp in seconds, the year 2286; larger numbers have another unit."""
 _XYZ, _XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
 
 
 @dataclass(frozen=True)
-class Signals:
-    """Usable numbers of a message.
+class SignalGroup:
+    """Signals of a message with one time stamp.
 
     Attributes:
-        stamp: the time in the message, None if it has none.
+        stamp: time in the message, None without one.
         names: k signal names.
         parents: frames only: k parent frames.
         values: k numbers, or 7 k of poses.
@@ -42,24 +43,24 @@ class Signals:
     parents: tuple[str, ...]
     values: tuple[Value, ...]
 
-    def only(self, wanted: frozenset[str] | None) -> Signals:
-        """Return the extract with the wanted names, each once (of several the last)."""
+    def select(self, wanted: frozenset[str] | None) -> SignalGroup:
+        """Return the group with the wanted names, each once (of several the last)."""
         if wanted is None and len(set(self.names)) == len(self.names):
             return self
         width = len(self.values) // max(len(self.names), 1)
         index = {name: at for at, name in enumerate(self.names) if wanted is None or name in wanted}
         if len(index) == len(self.names):
             return self
-        kept = tuple(index.values())
-        return Signals(
+        positions = tuple(index.values())
+        return SignalGroup(
             self.stamp,
-            tuple(self.names[at] for at in kept),
-            tuple(self.parents[at] for at in kept) if self.parents else (),
-            tuple(value for at in kept for value in self.values[at * width : (at + 1) * width]),
+            tuple(self.names[at] for at in positions),
+            tuple(self.parents[at] for at in positions) if self.parents else (),
+            tuple(value for at in positions for value in self.values[at * width : (at + 1) * width]),
         )
 
 
-Extractor = Callable[[Any], list[Signals]]
+Extractor = Callable[[Any], list[SignalGroup]]
 
 
 def _fields(tree: Any) -> Mapping[str, Any]:
@@ -69,7 +70,7 @@ def _fields(tree: Any) -> Mapping[str, Any]:
 
 
 def number(value: Any) -> Value:
-    """Return a number of a tree; what is no number is None."""
+    """Return a number of a tree; None for other values."""
     if isinstance(value, FieldSpan):
         return value if value.scalar else None
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -78,14 +79,14 @@ def number(value: Any) -> Value:
 
 
 def _numbers(values: list[Any]) -> list[Value]:
-    """Return the numbers of a list; a list of plain numbers, which JSON gives, comes back as it is."""
+    """Return the numbers of a list; a list of floats, as of JSON, is returned unchanged."""
     return values if set(map(type, values)) == {float} else [number(value) for value in values]
 
 
 def stamp_of(tree: Mapping[str, Any]) -> Stamp | None:
     """Return the time of a message: ROS `header.stamp`, Foxglove `timestamp`, a bare `stamp`, or `time`.
 
-    JSON may give it as a number of seconds.
+    In JSON it may be a number of seconds.
     """
     header = tree.get("header")
     bare = next((tree[key] for key in ("timestamp", "stamp", "time") if key in tree), None)
@@ -109,15 +110,15 @@ def _whole(value: Any) -> Value:
 
 def _name(value: Any, what: str) -> str:
     if not isinstance(value, str):
-        raise Undecodable(f"{what} is no text")
+        raise Undecodable(f"{what} is not text")
     return value
 
 
-def extract_joints(tree: Any) -> list[Signals]:
+def extract_joints(tree: Any) -> list[SignalGroup]:
     """Return names and positions of a joint state, parallel arrays or a list of {name, position}.
 
     Raises:
-        Undecodable: it holds no joints, or not one position for each name.
+        Undecodable: it has no joints, or not one position for each name.
     """
     joints = tree if isinstance(tree, list) else _fields(tree).get("joints")
     stamp = stamp_of(tree) if isinstance(tree, dict) else None
@@ -127,34 +128,34 @@ def extract_joints(tree: Any) -> list[Signals]:
         positions = _numbers([item.get("position") for item in items])
     else:
         fields = _fields(tree)
-        names, given = fields.get("name"), fields.get("position")
-        if isinstance(given, FieldSpan):
-            positions = list(given.items())
+        names, values = fields.get("name"), fields.get("position")
+        if isinstance(values, FieldSpan):
+            positions = list(values.items())
         else:
-            positions = _numbers(given) if isinstance(given, list) else []
+            positions = _numbers(values) if isinstance(values, list) else []
     if not isinstance(names, list) or not names:
         raise Undecodable("it names no joints")
     if len(positions) != len(names):
         raise Undecodable(f"{len(positions)} positions for {len(names)} names")
     if set(map(type, names)) != {str}:
-        raise Undecodable("a joint name is no text")
-    return [Signals(stamp, tuple(names), (), tuple(positions))]
+        raise Undecodable("a joint name is not text")
+    return [SignalGroup(stamp, tuple(names), (), tuple(positions))]
 
 
-def extract_transforms(tree: Any) -> list[Signals]:
-    """Return the transforms of a TFMessage, FrameTransforms or a single transform, one extract for each.
+def extract_transforms(tree: Any) -> list[SignalGroup]:
+    """Return the transforms of a TFMessage, FrameTransforms or a single transform, one group for each.
 
     Raises:
-        Undecodable: it holds none, or one without frames.
+        Undecodable: it has none, or one without frames.
     """
     fields = _fields(tree)
     transforms = fields.get("transforms", [fields])
     if not isinstance(transforms, list) or not transforms:
-        raise Undecodable("it holds no transforms")
+        raise Undecodable("it has no transforms")
     return [_transform(_fields(transform)) for transform in transforms]
 
 
-def _transform(item: Mapping[str, Any]) -> Signals:
+def _transform(item: Mapping[str, Any]) -> SignalGroup:
     header = item.get("header")
     parent = header.get("frame_id") if isinstance(header, dict) else item.get("parent_frame_id", "")
     child = _name(item.get("child_frame_id", ""), "a frame name").strip("/")
@@ -162,26 +163,26 @@ def _transform(item: Mapping[str, Any]) -> Signals:
         raise Undecodable("a transform names no child frame")
     inner = item.get("transform", item)
     values = _pose(_fields(inner).get("translation", {}), _fields(inner).get("rotation", {}))
-    return Signals(stamp_of(item), (child,), (_name(parent, "a frame name").strip("/"),), values)
+    return SignalGroup(stamp_of(item), (child,), (_name(parent, "a frame name").strip("/"),), values)
 
 
 def _pose(position: Any, rotation: Any) -> tuple[Value, ...]:
-    # Protobuf leaves out numbers that are zero.
+    # Protobuf omits numbers that are zero.
     return tuple(number(_fields(position).get(axis, 0.0)) for axis in _XYZ) + tuple(
         number(_fields(rotation).get(axis, 0.0)) for axis in _XYZW
     )
 
 
-def extract_links(tree: Any) -> list[Signals]:
+def extract_links(tree: Any) -> list[SignalGroup]:
     """Return the absolute segment poses of a LinkStateArray; a segment's name is the frame of its header.
 
     Raises:
-        Undecodable: it holds none, or one without a name or pose.
+        Undecodable: it has none, or one without a name or pose.
     """
     fields = _fields(tree)
     states = fields.get("states")
     if not isinstance(states, list) or not states:
-        raise Undecodable("it holds no segments")
+        raise Undecodable("it has no segments")
     names: list[str] = []
     values: list[Value] = []
     for state in map(_fields, states):
@@ -189,11 +190,11 @@ def extract_links(tree: Any) -> list[Signals]:
         pose = _fields(state.get("pose"))
         names.append(name)
         values.extend(_pose(pose.get("position"), pose.get("orientation")))
-    # The stamps of the segments of one message differ by microseconds in some drivers; they are one frame.
-    return [Signals(stamp_of(fields) or stamp_of(states[0]), tuple(names), ("",) * len(names), tuple(values))]
+    # In some drivers the stamps of one message differ by microseconds; its segments are one frame.
+    return [SignalGroup(stamp_of(fields) or stamp_of(states[0]), tuple(names), ("",) * len(names), tuple(values))]
 
 
-def extract_angles(tree: Any) -> list[Signals]:
+def extract_angles(tree: Any) -> list[SignalGroup]:
     """Return the columns of one row of a posture table; its `time` [s] becomes the stamp.
 
     Raises:
@@ -208,7 +209,7 @@ def extract_angles(tree: Any) -> list[Signals]:
     if isinstance(time, float) and abs(time) < 1e9:
         stamp = (0, round(time * 1e9))
     values = tuple(float(v) if isinstance(v := fields[name], bool) else number(v) for name in names)
-    return [Signals(stamp, names, (), values)]
+    return [SignalGroup(stamp, names, (), values)]
 
 
 TABLE_COLUMNS: Final = (*COLUMNS, "shoulder_raised_left", "shoulder_raised_right", *FACTORS)
@@ -230,11 +231,11 @@ EXTRACTORS: Final[Mapping[str, tuple[Kind, Extractor]]] = {
     "xsens_awinda_ros/LinkStateArray": ("frames", extract_links),
     "reba.Posture": ("angles", extract_angles),
 }
-"""What the message types that hold postures mean. LinkStateArray: https://github.com/hrii-iit/xsens_mvn_ros."""
+"""Message types with postures -> kind and extraction. LinkStateArray: https://github.com/hrii-iit/xsens_mvn_ros."""
 
 
 def kind_of_json(tree: Any) -> tuple[Kind, Extractor] | None:
-    """Return what a JSON message of unknown type is by its fields, None if it is nothing of use."""
+    """Return kind and extraction of a JSON message of unknown type by its fields, None without posture."""
     if isinstance(tree, list):
         return ("joints", extract_joints) if tree and isinstance(tree[0], dict) and "position" in tree[0] else None
     if not isinstance(tree, dict):

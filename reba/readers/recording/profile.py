@@ -1,24 +1,24 @@
-"""What the names in a recording mean: profiles, as data.
+"""Profiles: the meaning of the names in a recording, as data.
 
-A profile says for one kind of source which joints, frames or points it names, about which axes and with which sign they
-turn, what it cannot measure and why. The shipped ones are the TOML files in `profiles/`; a laboratory with its own
-names writes another one and gives its path (`--profile FILE.toml`).
+A profile states for one kind of source the names of its joints, frames or points, about which axes and with which sign
+they rotate, which columns it cannot measure and why. The shipped ones are the TOML files in `profiles/`; for other
+names, write a file like them and pass its path (`--profile FILE.toml`).
 
 A TOML file has `name`, `title`, `source`, `kind` and, as far as they apply:
 
-    patterns   how names are written: "{name}", "{name}_{id}", "{id}_{name}"; `{id}` tells bodies apart, `*` is anything
-    required   names (or segments, points) without which it is not this source; all others may be missing
-    [chains]   joints: segment = ["<sign><axis> <joint>", ...], turned in this order about the segment's own ISB axes
-               (x forward, y up, z right); a number instead of a joint is a fixed turn in degrees,
+    patterns   how names are written: "{name}", "{name}_{id}", "{id}_{name}"; `{id}` is a body, `*` any text
+    required   names (or segments, points) that identify this source; all others may be missing
+    [chains]   joints: segment = ["<sign><axis> <joint>", ...], rotations in this order about the ISB axes of the
+               segment (x forward, y up, z right); a number instead of a joint is a constant rotation [deg],
                "a|b" a joint that is called a or b
-    [columns]  joints: column = ["<sign><joint>", ..., <degrees>], a sum that is the angle itself
+    [columns]  joints: column = ["<sign><joint>", ..., <degrees>], a sum that is the angle of the column
     [segments] frames: segment = ["<frame>", ...], the first of them that is present
     [points]   points: point = ["<marker>", ...], the mean of them
-    [dummies]  joint (or column) = value [deg] that only fills the place of one that was not measured
+    [dummies]  joint (or column) = constant value [deg] of one that is not measured
     [cannot]   column (or "trunk", "neck", "arms", "wrists", "legs") = reason
 
 `{side}`, `{Side}`, `{s}`, `{S}` stand for left/right, Left/Right, l/r, L/R; the entry then holds for both sides.
-Chains are written for the right side; on the left x and y turn the other way, unless `mirror = false`.
+Chains are written for the right side; on the left the rotations about x and y change sign, unless `mirror = false`.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from reba.toml_table import TomlTable
 Kind = Literal["joints", "frames", "points"]
 KINDS: tuple[Kind, ...] = ("joints", "frames", "points")
 AXES = ("isb", "ros", "rest")
-"""isb: x forward, y up, z right; ros: x forward, y left, z up; rest: found from the rest pose of the recording."""
+"""isb: x forward, y up, z right; ros: x forward, y left, z up; rest: determined from the rest pose of the recording."""
 
 
 @dataclass(frozen=True)
 class ElementaryRotation:
-    """One elementary turn of a chain: about `axis` 0, 1 or 2, by `sign` times joint `name`, or by `degrees`."""
+    """Elementary rotation of a chain: about axis 0, 1 or 2 by `sign` times joint `name`, or by a constant [deg]."""
 
     axis: int
     sign: float
@@ -52,7 +52,7 @@ class ElementaryRotation:
 
 @dataclass(frozen=True)
 class Term:
-    """One summand of a directly measured column: `sign` times joint `name`, or `degrees` where the name is empty."""
+    """Summand of a directly measured column: `sign` times joint `name`, or a constant [deg] without name."""
 
     sign: float
     name: str
@@ -64,24 +64,24 @@ class Profile:
     """The meaning of the names of one kind of source; the fields are the keys of its TOML file.
 
     Attributes:
-        name, title, source: what it is called, for people, and where it is described.
+        name, title, source: short name, description, and where the source is documented.
         kind: "joints", "frames" or "points".
-        formats: readers it is usual with, for people.
+        formats: formats in which it is usual, for information.
         patterns: how names are written, see the module.
-        unit: unit of joints if the recording does not say: "rad", "deg" or "".
+        unit: unit of joints if the recording does not state it: "rad", "deg" or "".
         axes: axes of frames, one of `AXES`.
-        up: vertical axis of the world in the source's own axes, "" where it has to be found.
+        up: vertical axis of the world in the source's own axes, "" where the body decides.
         mirror: chains are written for the right side and mirrored for the left.
         trunk: "line" (hips to shoulders) or "thorax" (orientation of the chest).
         required: names, segments or points that must be present.
-        marks: further names that only this source has; all must be present.
-        chains, columns, segments, points, dummies, turns: see the module; `turns` are fixed turns of frames.
-        root: frames that carry the pose of the pelvis of a joints profile, if the recording holds them too.
+        marks: further names that identify this source; all must be present.
+        chains, columns, segments, points, dummies, turns: see the module; `turns` are constant rotations of frames.
+        root: frames with the pose of the pelvis of a joints profile, if they are recorded too.
         root_axes: axes of these frames.
-        sign_from_range: columns whose sign differs between models and is taken from the data.
-        needs_neutral: columns without a zero of their own, measured only after a neutral calibration.
+        sign_from_range: columns whose sign differs between models and is determined from the data.
+        needs_neutral: columns without anatomical zero, measured only with a neutral posture.
         cannot: column -> why it is not measured.
-        assumed: what a reader of the result must know.
+        assumed: assumptions to report with the result.
     """
 
     name: str
@@ -112,12 +112,12 @@ class Profile:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Every joint, frame or marker name it knows, each once."""
+        """All joint, frame or marker names, each once."""
         return tuple(dict.fromkeys(name for group in self.slots.values() for name in group))
 
     @property
     def slots(self) -> dict[str, tuple[str, ...]]:
-        """What can be present or missing -> its names: each joint, each segment, each point."""
+        """Joint, segment or point -> its names in a recording."""
         if self.kind != "joints":
             return dict(self.segments if self.kind == "frames" else self.points)
         joints = [step.name for chain in self.chains.values() for step in chain]
@@ -126,25 +126,24 @@ class Profile:
 
 
 SHIPPED = Path(__file__).parent / "profiles"
-"""Where the TOML files of the package are."""
+"""Folder of the profiles of the package."""
 
 
 @cache
 def profiles() -> tuple[Profile, ...]:
-    """Return the shipped profiles, by name."""
-
+    """Return the shipped profiles, sorted by name."""
     return tuple(load_profile(path) for path in sorted(SHIPPED.glob("*.toml")))
 
 
 def profile_text(name: str) -> str:
-    """Return the TOML file of a shipped profile, to start one's own from.
+    """Return the text of the TOML file of a shipped profile, as a start for another one.
 
     Raises:
-        ProfileError: there is no such profile.
+        ProfileError: no shipped profile has this name.
     """
     path = SHIPPED / f"{find_profile(name).name}.toml"
     if not path.is_file():
-        raise ProfileError(f"{name}: this is a file of your own already; name one of the shipped profiles")
+        raise ProfileError(f"{name} is a profile file, expected the name of a shipped profile; see `reba profiles`")
     return path.read_text(encoding="utf-8")
 
 
@@ -152,9 +151,8 @@ def find_profile(name: str | Path) -> Profile:
     """Return the shipped profile of a name, or the one in a TOML file.
 
     Raises:
-        ProfileError: there is no such profile or file, or the file is wrong.
+        ProfileError: no profile or file has this name, or the file is wrong.
     """
-
     known = {profile.name: profile for profile in profiles()}
     if str(name) in known:
         return known[str(name)]
@@ -187,7 +185,7 @@ def load_profile(path: Path) -> Profile:
     """Read and check a profile file.
 
     Raises:
-        ProfileError: the file is not there, is not TOML, or a key or value in it is not known.
+        ProfileError: the file does not exist, is not TOML, or has a wrong key or value.
     """
     try:
         with path.open("rb") as file:
@@ -195,7 +193,7 @@ def load_profile(path: Path) -> Profile:
     except OSError as error:
         raise ProfileError(f"profile {path}: {error.strerror or error}; give the path of a TOML file") from error
     except (ValueError, RecursionError) as error:
-        raise ProfileError(f"profile {path}: not TOML: {error}; mend the file") from error
+        raise ProfileError(f"profile {path}: not TOML: {error}; correct the file") from error
     return parse_profile(content, str(path))
 
 
