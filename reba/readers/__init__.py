@@ -21,14 +21,12 @@ __all__ = ["is_recording", "is_recording_folder", "read"]
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether a file looks like a recording that `read` knows."""
-
+    """Return whether a file is a recording of a known format, by its name and its first bytes."""
     return formats.is_recording(path)
 
 
 def is_recording_folder(path: Path) -> bool:
     """Return whether a folder is one recording in splits, and not a folder of recordings."""
-
     return formats.is_recording_folder(path)
 
 
@@ -45,7 +43,7 @@ def read(
     Args:
         path: MCAP file or rosbag2 folder, BVH, C3D, TRC, OpenSim .mot/.sto, MVNX, CSV or Parquet.
         profile: "auto", the name of a shipped profile (`reba profiles`), or a TOML file.
-        topic: stream to use if there are several; the id of a body; or "<stream>#<id>".
+        topic: name of the stream, id of the body, or "<stream>#<id>", where a recording has several.
         neutral: posture to subtract as zero: "none", "first:3s" (median of the first 3 s) or "at:12.5" (around 12.5 s).
         strict: refuse a truncated recording instead of reading it up to its end.
 
@@ -57,7 +55,6 @@ def read(
         ProfileError: no profile fits, two fit equally, or the recording has several bodies.
         RebaError: `neutral` is wrong.
     """
-
     for name, value in (("path", path), ("profile", profile)):
         if not isinstance(value, str | os.PathLike):
             raise ReadError(str(value), f"{name} is of type {type(value).__name__}, expected text or a Path")

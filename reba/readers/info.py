@@ -30,7 +30,7 @@ class Info:
         input: path of the recording.
         format: name of the reader.
         topics: one dict per topic or signal group: name, type, count, usable, why.
-        profile: name of the profile, "table" for a posture table, "" if nothing was recognised.
+        profile: name of the profile, "table" for a posture table, "" if none was recognised.
         title: of the profile.
         recognised: why it was chosen, or why none was.
         usable: whether postures can be read.

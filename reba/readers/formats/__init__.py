@@ -35,7 +35,7 @@ class Format:
     opener: str
 
     def fits(self, path: Path, head: bytes) -> bool:
-        """Return whether the content looks like this format."""
+        """Return whether the first bytes are those of this format."""
         return bool(importlib.import_module(self.module).sniff(path, head))
 
     def open(self, path: Path) -> Recording:

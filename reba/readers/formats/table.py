@@ -53,7 +53,7 @@ def sniff(path: Path, head: bytes) -> bool:
 
 
 def open_table(path: Path) -> Recording:
-    """Open a CSV or Parquet file: `angles` with the whole table, `joints`, or, of Vicon, `points`.
+    """Open a CSV or Parquet file: `angles` with the complete table, `joints`, or, of Vicon, `points`.
 
     Raises:
         ReadError: no header, no time column, no column of numbers, or a cell that is not a number.

@@ -194,7 +194,7 @@ class VerticalAxis:
     ) -> None:
         """Add (n, 3) directions of a block: feet to head, left to right hip, heel to toe, left to right shoulder.
 
-        Any of them may be None or hold NaN.
+        Any of them may be None or contain NaN.
         """
         if upward is not None:
             self._upward += np.nansum(unit(upward), axis=0)

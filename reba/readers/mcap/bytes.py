@@ -48,7 +48,7 @@ class ByteSource:
         weakref.finalize(self, self._file.close)
         self.size = self._end()
         if self.size == 0:
-            raise ReadError(path, "the file is empty", hint="record it again; the recorder wrote nothing")
+            raise ReadError(path, "the file is empty", hint="record it again; the recorder wrote no data")
         if self.read_at(0, 4) == ZSTD_MAGIC:
             self._file = _unpack(path, self._file, limit_bytes)
             weakref.finalize(self, self._file.close)

@@ -203,7 +203,7 @@ class Container:
             raise self._damaged(error) from error
         if self.source.size == len(MAGIC):
             raise ReadError(
-                self.path, "the recording has no records", hint="record it again; the recorder wrote nothing"
+                self.path, "the recording has no records", hint="record it again; the recorder wrote no data"
             )
         if summary.footer is not None and not closed:
             self.warnings.append("the magic bytes at the end of the file are wrong; all records before them were read")

@@ -119,8 +119,9 @@ def test_zero_is_believed_in_a_short_or_motionless_recording() -> None:
 
 def test_a_recording_of_zeros_only_is_an_error() -> None:
     zeros = joints_stream(dict.fromkeys(find_profile("human_description").names, 0.0), n=N, unit="rad")
-    with pytest.raises(ProfileError, match=r"no angle was measured: .*constant 0"):
+    with pytest.raises(ProfileError) as caught:
         _read(zeros)
+    says(caught, "no angle was measured", "constant 0")
 
 
 def test_negative_knees_are_turned_round() -> None:
@@ -163,13 +164,15 @@ def test_neutral_posture_is_subtracted_but_not_from_hinges() -> None:
 
 @pytest.mark.parametrize("spec", ["", "first", "first:0s", "first:-1s", "at:x", "last:3s", "none "])
 def test_bad_neutral_is_refused(spec: str) -> None:
-    with pytest.raises(RebaError, match=r"expected none, first:3s"):
+    with pytest.raises(RebaError) as caught:
         parse_neutral(spec)
+    says(caught, repr(spec), "none, first:3s", "at:12.5")
 
 
 def test_neutral_beyond_the_recording_is_refused() -> None:
-    with pytest.raises(RebaError, match=r"contains no frame; the recording has 0\.00 to 2\.98 s"):
+    with pytest.raises(RebaError) as caught:
         _read(_human(), neutral="at:99")
+    says(caught, "at:99", "0.00 to 2.98 s")
 
 
 def test_gaps_and_frozen_stretches() -> None:
@@ -205,10 +208,12 @@ def test_joint_columns_of_a_csv_by_a_named_profile(tmp_path: Path) -> None:
     file = _csv(tmp_path / "joints.csv", rows, ",".join(["time", *names]))
     assert read(file).profile == "human_description"
     assert read(file, profile="human_description").quality.rate == pytest.approx(50.0)
-    with pytest.raises(ProfileError, match="profile ros4hri does not fit"):
+    with pytest.raises(ProfileError) as caught:
         read(file, profile="ros4hri")
-    with pytest.raises(ProfileError, match="no stream 'nothing'"):
+    says(caught, "profile ros4hri", "does not fit", "reba profiles")
+    with pytest.raises(ProfileError) as caught:
         read(file, topic="nothing")
+    says(caught, "no stream 'nothing'", "joints")
 
 
 def test_names_of_ones_own_by_a_profile_file(tmp_path: Path) -> None:
@@ -234,17 +239,20 @@ def test_the_pelvis_is_interpolated_but_not_over_gaps() -> None:
 
 
 def test_unknown_files_are_refused_with_what_is_read(tmp_path: Path) -> None:
-    with pytest.raises(ReadError, match="no such file"):
+    with pytest.raises(ReadError) as caught:
         read(tmp_path / "missing.mcap")
+    says(caught, "missing.mcap", "no such file")
     strange = tmp_path / "film.mp4"
     strange.write_bytes(b"\x00\x00\x00\x18ftypmp42" * 10)
-    with pytest.raises(ReadError, match=r"read are MCAP .*BVH .*C3D|read are MCAP .*C3D .*BVH"):
+    with pytest.raises(ReadError) as caught:
         read(strange)
+    says(caught, "film.mp4", "format is unknown", "MCAP", "BVH", "C3D")
     assert not is_recording(strange)
     empty = tmp_path / "empty.xyz"
     empty.write_bytes(b"")
-    with pytest.raises(ReadError, match="the file is empty"):
+    with pytest.raises(ReadError) as caught:
         read(empty)
+    says(caught, "empty.xyz", "the file is empty")
 
 
 def test_folders_of_splits_are_recordings(tmp_path: Path) -> None:
@@ -272,8 +280,9 @@ def test_info_tells_what_was_found_and_stays_calm_when_nothing_was(tmp_path: Pat
 def test_abnormal_ends_are_kept_and_refused_when_strict() -> None:
     stream = _human()
     recording = Recording(__file__, "test", (stream,))
-    recording.log.ended_abnormally = "cut at byte 9"
+    recording.log.ended_abnormally = "truncated at byte 9"
     match = choose(recording, profiles())
-    assert build_table(recording, match).quality.ended_abnormally == "cut at byte 9"
-    with pytest.raises(ReadError, match="cut at byte 9"):
+    assert build_table(recording, match).quality.ended_abnormally == "truncated at byte 9"
+    with pytest.raises(ReadError) as caught:
         build_table(recording, match, strict=True)
+    says(caught, "truncated at byte 9", "without strict")
