@@ -35,8 +35,8 @@ HARRINGTON = {"back": (-0.24, -0.0099), "down": (-0.30, -0.0109), "out": (0.33, 
 
 Regression of Harrington et al. 2007, J Biomech 40, 595-602."""
 HEAD_LINE_NOTE = (
-    "neck flexion is the inclination of the line from neck to head, which leans about 20 deg forward in an upright "
-    "person: use a neutral calibration (neutral='first:3s')"
+    "neck flexion is the inclination of the line from neck to head, about 20 deg forward in an upright person: "
+    "use a neutral posture (neutral='first:3s')"
 )
 
 

@@ -70,7 +70,7 @@ HOLD = 0.2
 
 @dataclass(frozen=True)
 class PelvisPose:
-    """VerticalAxis of the pelvis over time.
+    """Orientation of the pelvis over time.
 
     Attributes:
         time: (m,) Unix time or seconds [s], increasing.
@@ -134,7 +134,7 @@ def read_pelvis_pose(profile: Profile, streams: list[tuple[Stream, str]], axes: 
         if up is None:
             continue
         world = poses.root_of(name) or "the world"
-        text = f"pelvis vertical from frame {name} of {stream.name}, vertical {vertical.name} of {world}"
+        text = f"pelvis orientation from frame {name} of {stream.name}, vertical {vertical.name} of {world}"
         return PelvisPose(time, quaternions, axes, up, text)
     return None
 

@@ -1,9 +1,6 @@
-"""Reading: units, dead joints, vertical, sides, rest poses, gaps, neutral posture, and what the table says about it."""
+"""Posture tables of streams: units, constant joints, vertical, signs, neutral posture, and their notes."""
 
 from __future__ import annotations
-
-import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,18 +9,13 @@ from numpy.typing import NDArray
 from reba.errors import ProfileError, ReadError, RebaError
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
-from reba.readers import is_recording, is_recording_folder, read
 from reba.readers.build_table import build_table
-from reba.readers.info import inspect
-from reba.readers.mapping.reference_frames import PelvisPose
 from reba.readers.mapping.segments import AXES
-from reba.readers.quality_control import find_gaps, frozen_warning, parse_neutral
 from reba.readers.recognise import choose
 from reba.readers.recording.profile import find_profile, profiles
 from reba.readers.recording.stream import Recording, Stream
 from tests.support.says import says
 from tests.support.synthetic_bodies import (
-    RATE,
     joints_stream,
     quaternion,
     recording_of,
@@ -162,119 +154,10 @@ def test_neutral_posture_is_subtracted_but_not_from_hinges() -> None:
     assert at_end.data["neck_flexion"].min() == pytest.approx(-20.0)
 
 
-@pytest.mark.parametrize("spec", ["", "first", "first:0s", "first:-1s", "at:x", "last:3s", "none "])
-def test_bad_neutral_is_refused(spec: str) -> None:
-    with pytest.raises(RebaError) as caught:
-        parse_neutral(spec)
-    says(caught, repr(spec), "none, first:3s", "at:12.5")
-
-
 def test_neutral_beyond_the_recording_is_refused() -> None:
     with pytest.raises(RebaError) as caught:
         _read(_human(), neutral="at:99")
     says(caught, "at:99", "0.00 to 2.98 s")
-
-
-def test_gaps_and_frozen_stretches() -> None:
-    time = np.concatenate([np.arange(50) / RATE, 5.0 + np.arange(50) / RATE])
-    assert find_gaps(time) == ((0.98, 5.0),)
-    assert find_gaps(np.arange(5) * 10.0) == ()
-    angles = np.random.default_rng(1).normal(size=(100, 22))
-    assert frozen_warning(np.arange(100) / RATE, angles) is None
-    angles[20:80] = angles[20]
-    says(frozen_warning(np.arange(100) / RATE, angles) or "", "equal frames", "0.40 s")
-
-
-def _csv(path: Path, rows: list[str], header: str = "time,trunk_flexion,neck_flexion,load") -> Path:
-    path.write_text("\n".join([header, *rows]) + "\n")
-    return path
-
-
-def test_a_posture_table_is_completed_sorted_and_hashed(tmp_path: Path) -> None:
-    file = _csv(tmp_path / "a.csv", ["0.1,20,5,1", "0.0,10,5,1", "0.1,99,5,1", "0.2,30,,2"])
-    table = read(file)
-    assert table.profile == "table"
-    assert list(table.data.columns[:2]) == ["time", "trunk_flexion"]
-    assert table.data["trunk_flexion"].tolist() == [10.0, 20.0, 30.0]
-    assert table.data["load"].tolist() == [1.0, 1.0, 2.0]
-    assert len(table.unmeasured) == 20
-    assert len(table.quality.sha256) == 64
-    assert any("repeat the time" in text for text in table.quality.warnings)
-
-
-def test_joint_columns_of_a_csv_by_a_named_profile(tmp_path: Path) -> None:
-    names = find_profile("human_description").names
-    rows = [",".join([f"{i / 50}", *[f"{0.01 * i + 0.001 * k:.6f}" for k in range(len(names))]]) for i in range(60)]
-    file = _csv(tmp_path / "joints.csv", rows, ",".join(["time", *names]))
-    assert read(file).profile == "human_description"
-    assert read(file, profile="human_description").quality.rate == pytest.approx(50.0)
-    with pytest.raises(ProfileError) as caught:
-        read(file, profile="ros4hri")
-    says(caught, "profile ros4hri", "does not fit", "reba profiles")
-    with pytest.raises(ProfileError) as caught:
-        read(file, topic="nothing")
-    says(caught, "no stream 'nothing'", "joints")
-
-
-def test_names_of_ones_own_by_a_profile_file(tmp_path: Path) -> None:
-    mine = tmp_path / "mine.toml"
-    mine.write_text(
-        'name = "lab"\ntitle = "t"\nsource = "s"\nkind = "joints"\nunit = "deg"\nrequired = ["back"]\n'
-        '[chains]\nthorax = ["-z back"]\n[columns]\nknee_flexion_left = ["-knee", 5]\n'
-    )
-    rows = [f"{i / 50},{10 + i / 10},{-i / 10}" for i in range(100)]
-    table = read(_csv(tmp_path / "lab.csv", rows, "time,back,knee"), profile=mine)
-    assert table.profile == "lab"
-    assert table.data["trunk_flexion"].iloc[[0, -1]].tolist() == [10.0, 19.9]
-    assert table.data["knee_flexion_left"].iloc[-1] == pytest.approx(14.9)
-    assert table.why_unmeasured["neck_flexion"] == "this source has no such joint"
-
-
-def test_the_pelvis_is_interpolated_but_not_over_gaps() -> None:
-    poses = np.array([quaternion(rotation("z", angle)) for angle in (0.0, 20.0, 30.0)])
-    pose = PelvisPose(np.array([0.0, 0.1, 9.0]), poses, np.eye(3), np.array([0.0, 1.0, 0.0]), "")
-    read_back = pose.at(np.array([-0.5, -0.1, 0.0, 0.05, 0.1, 4.0, 9.1, 9.3]))
-    angles = np.degrees(np.arctan2(read_back[:, 1, 0], read_back[:, 0, 0]))
-    np.testing.assert_allclose(angles, [np.nan, 0.0, 0.0, 10.0, 20.0, np.nan, 30.0, np.nan], atol=1e-9)
-
-
-def test_unknown_files_are_refused_with_what_is_read(tmp_path: Path) -> None:
-    with pytest.raises(ReadError) as caught:
-        read(tmp_path / "missing.mcap")
-    says(caught, "missing.mcap", "no such file")
-    strange = tmp_path / "film.mp4"
-    strange.write_bytes(b"\x00\x00\x00\x18ftypmp42" * 10)
-    with pytest.raises(ReadError) as caught:
-        read(strange)
-    says(caught, "film.mp4", "format is unknown", "MCAP", "BVH", "C3D")
-    assert not is_recording(strange)
-    empty = tmp_path / "empty.xyz"
-    empty.write_bytes(b"")
-    with pytest.raises(ReadError) as caught:
-        read(empty)
-    says(caught, "empty.xyz", "the file is empty")
-
-
-def test_folders_of_splits_are_recordings(tmp_path: Path) -> None:
-    for name in ("run_0.mcap", "run_1.mcap"):
-        (tmp_path / name).write_bytes(b"")
-    assert is_recording_folder(tmp_path)
-    (tmp_path / "other.mcap").write_bytes(b"")
-    assert not is_recording_folder(tmp_path)
-    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
-    assert is_recording_folder(tmp_path)
-
-
-def test_info_tells_what_was_found_and_stays_calm_when_nothing_was(tmp_path: Path) -> None:
-    good = inspect(_csv(tmp_path / "a.csv", ["0.0,10,5,1", "0.1,20,5,1"]))
-    assert good.usable
-    assert good.ranges["trunk_flexion"] == (10.0, 15.0, 20.0)
-    assert "wrist_twist_left" in good.unmeasured
-    json.dumps(good.to_dict(), allow_nan=False)
-    bad = inspect(_csv(tmp_path / "b.csv", ["0.0,1,2"], "time,foo,bar"))
-    assert not bad.usable
-    assert "foo, bar" in bad.recognised
-    json.dumps(bad.to_dict(), allow_nan=False)
 
 
 def test_abnormal_ends_are_kept_and_refused_when_strict() -> None:

@@ -24,8 +24,8 @@ from reba.readers.recording.stream import Recording
 from tests.reba.readers.formats.test_bvh import SMALL as BVH
 from tests.reba.readers.formats.test_opensim import SMALL as MOT
 from tests.reba.readers.formats.test_table import SMALL as CSV
-from tests.reba.readers.formats.test_table import VICON
 from tests.reba.readers.formats.test_trc import SMALL as TRC
+from tests.reba.readers.formats.test_vicon import VICON
 from tests.support.c3d_bytes import c3d_bytes
 from tests.support.mvnx_text import mvnx_text
 from tests.support.says import says
