@@ -120,7 +120,8 @@ def mvnx() -> list[bytes]:
 
 def table() -> list[bytes]:
     """Posture and joint tables and an export of Vicon."""
-    from tests.reba.readers.formats.test_table import SMALL, VICON
+    from tests.reba.readers.formats.test_table import SMALL
+    from tests.reba.readers.formats.test_vicon import VICON
 
     lines = (ROOT / "datasets" / "simulated_assembly.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     joints = "time," + ",".join(_points("human_description")) + "\n"

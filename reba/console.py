@@ -261,7 +261,7 @@ def _lines(info: Info) -> list[tuple[str, str]]:
         lines.append(("gaps", f"{len(info.gaps)}: {gaps}" if info.gaps else "none"))
     if info.skipped:
         lines.append(("skipped", f"{info.skipped} of {info.messages} messages, the first: {info.first_skipped}"))
-    for label, names in (("found", info.found), ("missing", info.missing), ("also fits", info.alternatives)):
+    for label, names in (("found", info.present), ("missing", info.missing), ("also fits", info.alternatives)):
         if names:
             more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
             lines.append((label, ", ".join(names[:MAX_NAMES]) + more))

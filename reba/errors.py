@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -81,3 +81,13 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.75)
     return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def join_names(names: Sequence[str], most: int = 0) -> str:
+    """Return names as a list in a sentence; of more than `most` (0: any number) the first and how many more.
+
+    >>> join_names(["a", "b", "c"]), join_names(["a", "b", "c"], most=2)
+    ('a, b and c', 'a, b and 1 more')
+    """
+    shown = [*names[:most], f"{len(names) - most} more"] if 0 < most < len(names) else [*names]
+    return " and ".join([", ".join(shown[:-1]), *shown[-1:]] if len(shown) > 1 else shown)

@@ -1,4 +1,4 @@
-"""Strict reading of one TOML table: every key is queried by name, keys left over are refused."""
+"""Strict reading of one TOML table: keys are queried by name, keys that no method queried are refused."""
 
 from __future__ import annotations
 
@@ -25,12 +25,27 @@ class TomlTable:
         if not isinstance(values, Mapping):
             raise error(f"{where} is {values!r}, expected a table of keys")
         self.where, self.values, self.error = where, values, error
-        self.asked: set[str] = set()
+        self.queried: set[str] = set()
 
     def has(self, key: str) -> bool:
-        """Return whether a key is given."""
-        self.asked.add(key)
+        """Return whether the table has a key."""
+        self.queried.add(key)
         return key in self.values
+
+    def keys(self, known: Iterable[str], what: str = "key") -> tuple[str, ...]:
+        """Return the keys in the order of the file and refuse those that are not known.
+
+        Args:
+            known: the keys that the table may have.
+            what: what messages call a key ("segment", "column").
+        """
+        names = tuple(known)
+        for key in self.values:
+            if key not in names:
+                hint = did_you_mean(key, names) or f"; known are {', '.join(names)}"
+                raise self.error(f"{self.where}: unknown {what} {key!r}{hint}")
+        self.queried.update(self.values)
+        return tuple(self.values)
 
     def number(self, key: str, default: float | None = None, low: float = -math.inf, high: float = math.inf) -> float:
         """Return a finite number from low to high."""
@@ -60,14 +75,14 @@ class TomlTable:
         return tuple(part / length for part in value)
 
     def text(self, key: str, default: str | None = None, choices: Iterable[str] | None = None) -> str:
-        """Return a string, one of the choices if they are given."""
+        """Return a string, one of the choices if there are any."""
         value = self._value(key, default)
         known = list(choices or ())
         if not isinstance(value, str) or (choices is not None and value not in known):
             hint = did_you_mean(value, known) if isinstance(value, str) else ""
-            expected = f"one of {', '.join(known) or 'those that are given (there is none)'}"
+            expected = f"one of {', '.join(each or repr(each) for each in known) or 'those defined (there is none)'}"
             if choices is None:
-                expected = "a text"
+                expected = "text in quotes"
             raise self.error(f"{self.where}: {key} is {value!r}, expected {expected}{hint}")
         return value
 
@@ -75,12 +90,27 @@ class TomlTable:
         """Return a list of strings as a tuple."""
         value = self._value(key, default)
         if not isinstance(value, (list, tuple)) or not all(isinstance(part, str) for part in value):
-            raise self.error(f"{self.where}: {key} is {value!r}, expected a list of texts")
+            raise self.error(f"{self.where}: {key} is {value!r}, expected a list of texts in quotes")
         return tuple(value)
+
+    def names(self, key: str) -> tuple[str, ...]:
+        """Return one name or a list of names as a tuple; no name is empty."""
+        value = self._value(key, None)
+        items = value if isinstance(value, list) else [value]
+        if not all(isinstance(item, str) and item for item in items):
+            raise self.error(f"{self.where}: {key} is {value!r}, expected names in quotes")
+        return tuple(items)
+
+    def flag(self, key: str) -> bool:
+        """Return true or false."""
+        value = self._value(key, None)
+        if not isinstance(value, bool):
+            raise self.error(f"{self.where}: {key} is {value!r}, expected true or false")
+        return value
 
     def table(self, key: str) -> TomlTable:
         """Return a table inside this one; an absent one is empty."""
-        self.asked.add(key)
+        self.queried.add(key)
         return TomlTable(f"{self.where}{'.' if ':' in self.where else ': '}{key}", self.values.get(key, {}), self.error)
 
     def tables(self, key: str) -> dict[str, TomlTable]:
@@ -94,21 +124,18 @@ class TomlTable:
         return {name: inner.number(name) for name in inner.values}
 
     def done(self) -> None:
-        """Refuse keys that nobody asked for."""
-        for key in self.values:
-            if key not in self.asked:
-                hint = did_you_mean(key, self.asked) or f"; known are {', '.join(sorted(self.asked))}"
-                raise self.error(f"{self.where}: unknown key {key!r}{hint}")
+        """Refuse keys that no method queried."""
+        self.keys(sorted(self.queried))
 
     def _value(self, key: str, default: Any) -> Any:
-        self.asked.add(key)
+        self.queried.add(key)
         value = self.values.get(key, default)
         if value is None:
             raise self.error(f"{self.where}: {key} is missing; give it a value")
         return value
 
     def _number(self, key: str, value: Any, low: float, high: float) -> float:
-        # Whole numbers can be too large for a float, and of TOML and JSON they have no end.
+        # TOML and JSON have integers of any size; some are too large for a float.
         whole = isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1 << 1000
         if not whole and not (isinstance(value, float) and math.isfinite(value)):
             raise self.error(f"{self.where}: {key} is {value!r}, expected a finite number")

@@ -17,7 +17,7 @@ from lgp.execution.tracking import Observation, TrackedPose
 from lgp.kinematics.world import World
 from reba.arrays import Array, Indices
 from reba.errors import did_you_mean
-from reba.readers.mapping.reference_frames import FramePoses
+from reba.readers.mapping.reference_frames import FrameTree
 from reba.readers.mcap import open_mcap
 from reba.readers.recording.stream import ReadLog, Recording, Stream
 
@@ -75,7 +75,7 @@ class Replay:
 def _poses(recording: Recording, name: str) -> Array:
     """Return (n, 8) time, quaternion, position of a frame, from the first stream that has it."""
     for stream in _streams(recording, "frames"):
-        poses = FramePoses(stream, (name,))
+        poses = FrameTree(stream, (name,))
         parts = []
         for block in stream.blocks(ReadLog(), poses.wanted):
             turn, position = poses.world(block, name)

@@ -111,7 +111,7 @@ def _changed(values: Mapping[str, Any], changes: Mapping[str, Any], name: str) -
 
 
 def _list(entries: TomlTable, key: str) -> list[Any]:
-    entries.asked.add(key)
+    entries.queried.add(key)
     value = entries.values.get(key, [])
     if not isinstance(value, list):
         raise SceneError(f"{entries.where}: {key} is {value!r}, expected a list of tables ([[{key}]])")

@@ -15,10 +15,10 @@ from reba.live.frames import Frames, NotEnoughData, ReadingOptions, is_later, ne
 from reba.live.sources import GrowingStore, block_decoder
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import Factors
-from reba.readers.build_table import root_streams
+from reba.readers.build_table import pelvis_streams
 from reba.readers.mapping import Mapper, Samples, block_angles, collect, mapper_for
 from reba.readers.mapping.joints import JointMapper
-from reba.readers.mapping.reference_frames import HOLD, FramePoses, RootPose, read_root, root_samples
+from reba.readers.mapping.reference_frames import HOLD, FrameTree, PelvisPose, pelvis_samples, read_pelvis_pose
 from reba.readers.mapping.segments import AXES
 from reba.readers.mcap.container import ChunkRef
 from reba.readers.quality_control import (
@@ -111,9 +111,9 @@ class BodyFollower:
     @staticmethod
     def _pelvis_follower(
         recording: Recording, match: Match, profile: Profile
-    ) -> tuple[PelvisFollower | None, RootPose | None]:
-        for stream, name in root_streams(recording, match, profile):
-            pose = read_root(profile, [(stream, name)], AXES[profile.root_axes])
+    ) -> tuple[PelvisFollower | None, PelvisPose | None]:
+        for stream, name in pelvis_streams(recording, match, profile):
+            pose = read_pelvis_pose(profile, [(stream, name)], AXES[profile.root_axes])
             if pose is not None:
                 return PelvisFollower(pose, stream, name), pose
         return None, None
@@ -192,8 +192,8 @@ class PelvisFollower:
         name: of the frame.
     """
 
-    def __init__(self, pose: RootPose, stream: Stream, name: str) -> None:
-        self._poses = FramePoses(stream, (name,))
+    def __init__(self, pose: PelvisPose, stream: Stream, name: str) -> None:
+        self._poses = FrameTree(stream, (name,))
         self._decoder = block_decoder(stream, self._poses.wanted, ReadLog())
         self._stream, self._name = stream, name
         self.pose = replace(pose, time=np.empty(0), quaternions=np.empty((0, 4)))
@@ -204,7 +204,7 @@ class PelvisFollower:
         block = self._decoder.flush_whole()
         if block is None:
             return
-        rows = root_samples(self._poses, self._stream, self._name, block)
+        rows = pelvis_samples(self._poses, self._stream, self._name, block)
         time = np.concatenate([self.pose.time, rows[:, 0]])
         quaternions = np.concatenate([self.pose.quaternions, rows[:, 1:]])
         order = np.argsort(time, kind="stable")

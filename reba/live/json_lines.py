@@ -22,7 +22,7 @@ from reba.errors import ReadError, did_you_mean
 from reba.posture.columns import COLUMNS
 from reba.readers.mcap.container import ChunkRef, Loaded
 from reba.readers.mcap.decode import load_json
-from reba.readers.mcap.extract import kind_of_json, pick_angles, stamp_of
+from reba.readers.mcap.extract import extract_angles, kind_of_json, stamp_of
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.records import Channel, Scan, Schema
 from reba.readers.recording.stream import clip
@@ -151,7 +151,7 @@ class LineStore:
             self.skip(f"line {self._line_number}: {error}")
             return None
         self._any_accepted = True
-        self.ready |= kind[1] is pick_angles
+        self.ready |= kind[1] is extract_angles
         seconds, nanos = stamp if stamp is not None else (None, None)
         if not isinstance(seconds, int) or not isinstance(nanos, int):
             return time.time_ns()

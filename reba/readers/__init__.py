@@ -1,6 +1,6 @@
-"""Recordings -> posture tables: open, recognise, map, check.
+"""Recordings of any known format -> posture tables.
 
-open_recording (formats.py) -> choose (recognise.py) -> collect (collect.py, mapping.py) -> finish (finish.py)
+open_recording (formats, mcap) -> choose (recognise) -> collect (mapping) -> quality_control -> build_table
 """
 
 from __future__ import annotations
@@ -21,14 +21,12 @@ __all__ = ["is_recording", "is_recording_folder", "read"]
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether a file looks like a recording that `read` knows."""
-
+    """Return whether a file is a recording of a known format, by its name and its first bytes."""
     return formats.is_recording(path)
 
 
 def is_recording_folder(path: Path) -> bool:
     """Return whether a folder is one recording in splits, and not a folder of recordings."""
-
     return formats.is_recording_folder(path)
 
 
@@ -44,23 +42,19 @@ def read(
 
     Args:
         path: MCAP file or rosbag2 folder, BVH, C3D, TRC, OpenSim .mot/.sto, MVNX, CSV or Parquet.
-        profile: "auto", the name of a shipped profile (`reba profiles`), or a TOML file with the meaning of the names.
-        topic: stream to use if there are several; the id of a body; or "<stream>#<id>".
-        neutral: "none", "first:3s" or "at:12.5": the posture that counts as neutral, see `neutral.py`.
-        strict: refuse a recording that breaks off instead of reading it up to there.
+        profile: "auto", the name of a shipped profile (`reba profiles`), or a TOML file.
+        topic: name of the stream, id of the body, or "<stream>#<id>", where a recording has several.
+        neutral: posture to subtract as zero: "none", "first:3s" (median of the first 3 s) or "at:12.5" (around 12.5 s).
+        strict: refuse a truncated recording instead of reading it up to its end.
 
     Returns:
-        The postures, with what was recognised, assumed and not measured.
+        The posture table: angles [deg] over time [s], with what was recognised, assumed and not measured.
 
     Raises:
-        ReadError: the file is unknown, damaged, or holds no posture.
-        ProfileError: no profile fits, two fit equally, or it holds several bodies.
+        ReadError: the format is unknown, or the file is damaged or has no posture.
+        ProfileError: no profile fits, two fit equally, or the recording has several bodies.
         RebaError: `neutral` is wrong.
-
-    Example:
-        >>> reba.read("lift.mcap").data[["time", "trunk_flexion"]]  # doctest: +SKIP
     """
-
     for name, value in (("path", path), ("profile", profile)):
         if not isinstance(value, str | os.PathLike):
             raise ReadError(str(value), f"{name} is of type {type(value).__name__}, expected text or a Path")

@@ -1,4 +1,4 @@
-"""The last step: collected angles -> checked posture table, with everything a user must know about it."""
+"""Chosen stream -> posture table: mapped, quality controlled, with all assumptions and warnings for the user."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from reba.errors import ProfileError, ReadError
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.table import PostureTable, Quality
 from reba.readers.formats import file_hash
-from reba.readers.mapping import collect, in_order, mapper_for
-from reba.readers.mapping.reference_frames import RootPose, read_root
+from reba.readers.mapping import collect, mapper_for, sorted_by_time
+from reba.readers.mapping.reference_frames import PelvisPose, read_pelvis_pose
 from reba.readers.mapping.segments import AXES
 from reba.readers.quality_control import (
     apply_neutral,
     beyond_limits,
     empty_columns,
     find_gaps,
-    first_frame_alien,
+    first_frame_is_outlier,
     frozen_warning,
+    intermittent_columns,
     median_rate,
-    patchy_columns,
     quality_control,
 )
 from reba.readers.recognise import Match
@@ -35,35 +35,34 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
     """Read the chosen stream of a recording into a posture table.
 
     Args:
-        recording: the opened file.
-        match: the stream and what its names mean.
-        neutral: neutral posture, see `neutral.py`.
-        strict: refuse a recording that breaks off.
+        match: the stream and the meaning of its names.
+        neutral: neutral posture as in `reba.read`.
+        strict: refuse a truncated recording.
 
     Raises:
-        ReadError: no sample can be used, or `strict` and the recording breaks off.
-        ProfileError: nothing in it was measured.
-        RebaError: `neutral` is wrong.
+        ReadError: no sample can be used, or `strict` and the recording is truncated.
+        ProfileError: no angle was measured.
+        RebaError: `neutral` is wrong or has no frame.
     """
     profile = match.profile
     if profile is None or match.names is None:
-        return _finish_table(recording, match, neutral, strict)
-    root = _root(recording, match, profile)
-    mapper = mapper_for(profile, match.names, match.stream, root)
+        return _ready_table(recording, match, neutral, strict)
+    pelvis = _pelvis_pose(recording, match, profile)
+    mapper = mapper_for(profile, match.names, match.stream, pelvis)
     samples = collect(match.stream, mapper)
-    _refuse(recording, samples.log, len(samples.table), strict)
+    _check_samples(recording, samples.log, len(samples.table), strict)
     posed = match.stream.rest is not None or recording.format == "mvnx"
-    if posed and first_frame_alien(samples.angles):
-        samples.log.warn("the first frame does not belong to the movement (T-pose or zeros) and was left out")
+    if posed and first_frame_is_outlier(samples.angles):
+        samples.log.warn("the first frame is an outlier (T-pose or zeros) and was left out")
         samples.table = samples.table[1:]
     reasons = quality_control(samples, mapper, profile, match.stream.kind, neutral).reasons
     unmeasured = empty_columns(samples.angles)
     if len(unmeasured) == len(COLUMNS):
-        why = "; ".join(dict.fromkeys(reasons.values())) or "no sample holds a whole segment"
-        raise ProfileError(f"{recording.path}: {match.why}, but nothing was measured: {why}; record it again")
-    done = apply_neutral(samples.time, samples.angles, neutral)
-    warnings = [*mapper.warnings, *_beyond(samples.angles)]
-    assumed = [*mapper.assumed, *([done] if done else [])]
+        why = "; ".join(dict.fromkeys(reasons.values())) or "no sample has a complete segment"
+        raise ProfileError(f"{recording.path}: {match.why}, but no angle was measured: {why}; record it again")
+    note = apply_neutral(samples.time, samples.angles, neutral)
+    warnings = [*mapper.warnings, *_column_warnings(samples.angles)]
+    assumed = [*mapper.assumed, *([note] if note else [])]
     data = pd.DataFrame(samples.table, columns=["time", *COLUMNS], copy=False)
     return PostureTable(
         data=data,
@@ -79,16 +78,16 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
     )
 
 
-def _finish_table(recording: Recording, match: Match, neutral: str, strict: bool) -> PostureTable:
-    """Return the posture table that a recording holds ready-made, missing columns added as NaN."""
+def _ready_table(recording: Recording, match: Match, neutral: str, strict: bool) -> PostureTable:
+    """Return the posture table that a recording already is, absent columns added as NaN."""
     log = ReadLog()
-    given = _table(match, log)
-    _refuse(recording, log, len(given), strict)
-    rows = np.column_stack([given["time"].to_numpy(np.float64), np.arange(len(given), dtype=np.float64)])
-    ordered = given.iloc[in_order(rows, log)[:, 1].astype(int)].reset_index(drop=True)
+    table = _table(match, log)
+    _check_samples(recording, log, len(table), strict)
+    rows = np.column_stack([table["time"].to_numpy(np.float64), np.arange(len(table), dtype=np.float64)])
+    ordered = table.iloc[sorted_by_time(rows, log)[:, 1].astype(int)].reset_index(drop=True)
     angles = ordered.reindex(columns=list(COLUMNS)).to_numpy(np.float64, copy=True)
     time = ordered["time"].to_numpy(np.float64)
-    done = apply_neutral(time, angles, neutral)
+    note = apply_neutral(time, angles, neutral)
     others = [column for column in ordered.columns if column not in INDEX and column != "time"]
     data = pd.concat([ordered[["time"]], pd.DataFrame(angles, columns=list(COLUMNS)), ordered[others]], axis=1)
     unmeasured = empty_columns(angles)
@@ -100,15 +99,15 @@ def _finish_table(recording: Recording, match: Match, neutral: str, strict: bool
         topic=match.stream.name,
         unmeasured=tuple(unmeasured),
         why_unmeasured={column: absent.get(column, "no value") for column in unmeasured},
-        assumed=(done,) if done else (),
+        assumed=(note,) if note else (),
         recognised=match.why,
-        quality=_quality(recording, log, time, angles, _beyond(angles)),
+        quality=_quality(recording, log, time, angles, _column_warnings(angles)),
         epoch=match.stream.epoch,
     )
 
 
 def _table(match: Match, log: ReadLog) -> pd.DataFrame:
-    """Return the whole table of a stream of angles; its blocks are read for what the reader has to say."""
+    """Return the complete table of a stream of angles; its blocks are read for the notes of the reader."""
     blocks = list(match.stream.blocks(log))
     if match.stream.table is not None:
         return match.stream.table()
@@ -116,13 +115,13 @@ def _table(match: Match, log: ReadLog) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"time": []})
 
 
-def _root(recording: Recording, match: Match, profile: Profile) -> RootPose | None:
-    """Return the pose of the pelvis from a stream of frames of the same recording, if there is one."""
-    return read_root(profile, root_streams(recording, match, profile), AXES[profile.root_axes])
+def _pelvis_pose(recording: Recording, match: Match, profile: Profile) -> PelvisPose | None:
+    """Return the pose of the pelvis from a stream of frames of the same recording, None without one."""
+    return read_pelvis_pose(profile, pelvis_streams(recording, match, profile), AXES[profile.root_axes])
 
 
-def root_streams(recording: Recording, match: Match, profile: Profile) -> list[tuple[Stream, str]]:
-    """Return the streams of frames that may carry the pelvis of a joints profile, and its name in each."""
+def pelvis_streams(recording: Recording, match: Match, profile: Profile) -> list[tuple[Stream, str]]:
+    """Return the streams of frames that have the pelvis of a joints profile, and its name in each."""
     if profile.kind != "joints" or not profile.root:
         return []
     wanted = [name.replace("{id}", match.body) for name in profile.root if match.body or "{id}" not in name]
@@ -134,21 +133,21 @@ def root_streams(recording: Recording, match: Match, profile: Profile) -> list[t
     ]
 
 
-def _refuse(recording: Recording, log: ReadLog, frames: int, strict: bool) -> None:
+def _check_samples(recording: Recording, log: ReadLog, frames: int, strict: bool) -> None:
     ended = log.ended_abnormally or recording.log.ended_abnormally
     if strict and ended:
-        raise ReadError(recording.path, ended, hint="read it without strict to use what is there")
+        raise ReadError(recording.path, ended, hint="read it without strict to use the samples before")
     if not frames:
         first = f": {log.first_skipped}" if log.first_skipped else ""
         raise ReadError(recording.path, f"no sample can be used{first}", hint="see `reba info`")
 
 
-def _beyond(angles: Array) -> list[str]:
-    return [f"{column}: {text}" for column, text in beyond_limits(angles).items()] + patchy_columns(angles)
+def _column_warnings(angles: Array) -> list[str]:
+    return [f"{column}: {text}" for column, text in beyond_limits(angles).items()] + intermittent_columns(angles)
 
 
 def _recognised(match: Match, reasons: dict[str, str], unmeasured: Iterable[str]) -> str:
-    """Return why the profile was taken and what is lacking, in one line."""
+    """Return why the profile was chosen and which columns constant signals leave unmeasured, as one line."""
     constant: dict[str, list[str]] = {}
     for column in unmeasured:
         if "constant" in reasons.get(column, ""):

@@ -1,4 +1,4 @@
-"""What `reba info` shows: what a recording holds, what was recognised and why, and what REBA can get from it."""
+"""Content of `reba info`: streams of a recording, what was recognised and why, and which angles it gives."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ MOST_ALTERNATIVES = 5
 
 @dataclass(frozen=True)
 class Info:
-    """A recording at a glance.
+    """Summary of a recording.
 
     Attributes:
-        input: path given.
+        input: path of the recording.
         format: name of the reader.
         topics: one dict per topic or signal group: name, type, count, usable, why.
-        profile: name of the profile, "table" for a posture table, "" if nothing was recognised.
-        title: of the profile, for people.
-        recognised: why it was chosen, or why nothing was.
+        profile: name of the profile, "table" for a posture table, "" if none was recognised.
+        title: of the profile.
+        recognised: why it was chosen, or why none was.
         usable: whether postures can be read.
-        alternatives: what else would fit.
+        alternatives: other matches.
         topic: stream that is used.
-        found: joints, segments or points of the profile that are there.
+        present: joints, segments or points of the profile that are recorded ("found" in JSON).
         missing: those that are not.
         frames: rows of the posture table.
-        seconds: its length.
+        seconds: its duration.
         start: Unix time of time 0 [s], 0.0 if unknown.
         rate: median rate [Hz].
         gaps: (start, end) [s].
-        time_source: where the time comes from.
+        time_source: origin of the time.
         messages, skipped, first_skipped, ended_abnormally, sha256: as in `Quality`.
         measured: angle columns with values.
-        unmeasured: angle columns without -> why.
-        assumed: what had to be assumed.
-        warnings: other things to know.
+        unmeasured: angle columns without values -> why.
+        assumed: assumptions made while reading.
+        warnings: further notes for the user.
         ranges: measured column -> minimum, median, maximum [deg].
     """
 
@@ -61,7 +61,7 @@ class Info:
     usable: bool = False
     alternatives: tuple[str, ...] = ()
     topic: str = ""
-    found: tuple[str, ...] = ()
+    present: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     frames: int = 0
     seconds: float = 0.0
@@ -81,8 +81,8 @@ class Info:
     ranges: dict[str, tuple[float, float, float]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON values; NaN becomes None."""
-        result = asdict(self)
+        """Return the fields as JSON values; NaN becomes None."""
+        result = {"found" if name == "present" else name: value for name, value in asdict(self).items()}
         result["rate"] = None if math.isnan(self.rate) else self.rate
         return result
 
@@ -95,9 +95,9 @@ def inspect(
     neutral: str = "none",
     strict: bool = False,
 ) -> Info:
-    """Look into a recording; arguments as in `reba.read`.
+    """Return a summary of a recording; arguments as in `reba.read`.
 
-    A recording that nothing is recognised in is no error here: its topics and the reason are what the caller asks for.
+    A recording in which no profile is recognised is not an error here: the summary has its topics and the reason.
 
     Raises:
         ReadError: the file is unknown, damaged or empty.
@@ -131,7 +131,7 @@ def _described(start: Info, match: Match, table: PostureTable, alternatives: tup
         usable=True,
         alternatives=alternatives,
         topic=table.topic,
-        found=tuple(match.names or match.columns),
+        present=tuple(match.names or match.columns),
         missing=match.missing,
         frames=len(time),
         seconds=float(time[-1] - time[0]),
@@ -157,7 +157,7 @@ def _range(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def _alternatives(recording: Recording, known: tuple[Profile, ...], chosen: Match | None) -> tuple[str, ...]:
-    """Return what else fits, best first, in words."""
+    """Return the other matches that fit, best first, as text."""
     fitting = [match for match in matches(recording, known) if match.fits]
     others = [match for match in fitting if chosen is None or match.why != chosen.why]
     return tuple(f"{match.why}: {len(match.columns)} columns" for match in others[:MOST_ALTERNATIVES])

@@ -1,4 +1,4 @@
-"""What a posture table shows about its own quality: gaps, repeated frames, dead columns, impossible angles."""
+"""Quality control of angles: gaps, frozen frames, outliers, constant and impossible columns, signs, neutral posture."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from reba.arrays import Array, Flags
-from reba.errors import RebaError
+from reba.errors import RebaError, join_names
 from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
 from reba.readers.mapping import Mapper, Samples
-from reba.readers.mapping.joints import some
+from reba.readers.mapping.joints import MOST_NAMES
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import Kind
 
@@ -32,21 +32,21 @@ LIMITS: dict[str, tuple[float, float]] = {
     "wrist_deviation": (-60.0, 70.0),
     "wrist_twist": (-130.0, 140.0),
 }
-"""[deg] Beyond these no person moves: normal ranges (AAOS 1965; limits of human.urdf) with a margin for soft tissue."""
+"""[deg] Anatomical limits: normal ranges (AAOS 1965; limits of human.urdf) with a margin for soft tissue."""
 GAP = 0.2
-"""[s] A stretch without samples is a gap when it is longer than this and than `PERIODS` sample periods."""
+"""[s] An interval without samples is a gap if it is longer than this and than `PERIODS` sample periods."""
 PERIODS = 5.0
-JUMP = 20.0
-"""[deg] A first frame that differs by more from the second is no part of the movement, if the next ones do not."""
+FIRST_FRAME_JUMP = 20.0
+"""[deg] A first frame that differs by more from the second is an outlier, if the next steps are smaller."""
 FROZEN = 0.5
-"""[s] Longer stretches of exactly equal frames are reported."""
+"""[s] Longer intervals of exactly equal frames are reported."""
 LINKED: tuple[tuple[str, ...], ...] = (
     ("neck_flexion", "neck_side_bend", "neck_twist"),
     *((f"wrist_flexion_{side}", f"wrist_deviation_{side}", f"wrist_twist_{side}") for side in SIDES),
 )
-"""Columns of one segment frame: if one of them is impossible, the frame is wrong and so are the others."""
-STILL = 1e-6
-"""[deg] Frames and markers always tremble; a column that does not was not measured."""
+"""Columns of one segment frame: if one of them is impossible, the frame is wrong and with it the others."""
+CONSTANT = 1e-6
+"""[deg] Frames and markers always carry noise; a column with a smaller range was not measured."""
 
 
 def median_rate(time: Array) -> float:
@@ -58,7 +58,7 @@ def median_rate(time: Array) -> float:
 
 
 def find_gaps(time: Array) -> tuple[tuple[float, float], ...]:
-    """Return (start, end) [s] of stretches without samples.
+    """Return (start, end) [s] of the gaps in (n,) times [s].
 
     >>> find_gaps(np.array([0.0, 0.01, 0.02, 0.5, 0.51]))
     ((0.02, 0.5),)
@@ -70,25 +70,25 @@ def find_gaps(time: Array) -> tuple[tuple[float, float], ...]:
     return tuple((float(time[index]), float(time[index + 1])) for index in long)
 
 
-def first_frame_alien(angles: Array) -> bool:
-    """Return whether the first of (n, 22) frames jumps to the second while the next ones do not: a T-pose, or zeros."""
+def first_frame_is_outlier(angles: Array) -> bool:
+    """Return whether the first of (n, 22) frames [deg] is an outlier (a T-pose, or zeros): only its step is large."""
     if len(angles) < 3:
         return False
     steps = np.abs(np.diff(angles[:12], axis=0))
     steps = np.minimum(steps, 360.0 - steps)
     with np.errstate(invalid="ignore"):
         first, later = np.nan_to_num(steps[0]), np.nan_to_num(steps[1:]).max(axis=0)
-    return bool(np.any((first > JUMP) & (first > 3.0 * later)))
+    return bool(np.any((first > FIRST_FRAME_JUMP) & (first > 3.0 * later)))
 
 
-def dead_columns(angles: Array, seconds: float, kind: str, dummies: Mapping[str, float]) -> dict[str, str]:
-    """Return columns that never change though others do, and why they count as not measured.
+def constant_columns(angles: Array, seconds: float, kind: str, dummies: Mapping[str, float]) -> dict[str, str]:
+    """Return the constant columns that count as not measured -> the reason; others must change.
 
     Args:
         angles: (n, 22) [deg].
-        seconds: length; one second of rest is no evidence.
-        dummies: columns -> the value [deg] at which they only fill a place.
-        kind: of the stream. Joint columns that keep another value than 0 may be held still and stay.
+        seconds: duration; up to 1 s every column counts as measured.
+        kind: of the stream; constant joints at another value than 0 may be real and stay.
+        dummies: column -> the value [deg] of a joint that is not measured.
     """
     if seconds <= 1.0 or len(angles) < 3:
         return {}
@@ -96,19 +96,19 @@ def dead_columns(angles: Array, seconds: float, kind: str, dummies: Mapping[str,
         known = np.isfinite(angles).any(axis=0)
         low = np.min(angles, axis=0, where=np.isfinite(angles), initial=np.inf)
         high = np.max(angles, axis=0, where=np.isfinite(angles), initial=-np.inf)
-        still = known & (high - low <= STILL)
-        near = 1.0 if kind == "frames" else STILL
-        zero = still & (np.abs(high) <= near)
+        constant = known & (high - low <= CONSTANT)
+        near = 1.0 if kind == "frames" else CONSTANT
+        unmeasured = constant & (np.abs(high) <= near)
     for column, value in dummies.items():
         if column in INDEX:
-            zero[INDEX[column]] |= still[INDEX[column]] and abs(high[INDEX[column]] - value) < 0.01
-    if not np.any(known & ~still):
+            unmeasured[INDEX[column]] |= constant[INDEX[column]] and abs(high[INDEX[column]] - value) < 0.01
+    if not np.any(known & ~constant):
         return {}
-    return {COLUMNS[index]: f"constant {round(float(high[index]), 3) + 0.0:g}" for index in np.flatnonzero(zero)}
+    return {COLUMNS[index]: f"constant {round(float(high[index]), 3) + 0.0:g}" for index in np.flatnonzero(unmeasured)}
 
 
 def frozen_warning(time: Array, angles: Array) -> str | None:
-    """Return a warning about stretches of exactly equal frames, or None; a recording that never moves is not frozen."""
+    """Return a warning about intervals of exactly equal frames, or None; without any movement none is frozen."""
     if len(time) < 3:
         return None
     same = np.ones(len(time) - 1, dtype=bool)
@@ -122,32 +122,30 @@ def frozen_warning(time: Array, angles: Array) -> str | None:
     long = lengths > FROZEN
     if long.any():
         first = time[edges[::2][long][0]]
-        return (
-            f"{int(long.sum())} stretches stand still to the last digit, the first at {first:.2f} s: frozen tracking?"
-        )
+        return f"{int(long.sum())} intervals of exactly equal frames, the first at {first:.2f} s: frozen tracking?"
     if same.mean() > 0.05:
-        return f"{int(same.sum())} of {len(time)} frames repeat the one before: the source is slower than its stamps"
+        return f"{int(same.sum())} of {len(time)} frames repeat the one before: its source is slower than its stamps"
     return None
 
 
 def beyond_limits(angles: Array) -> dict[str, str]:
-    """Return the columns with angles that no person reaches -> how many of the frames."""
-    return {column: text for column, (count, text) in _beyond(angles).items() if count}
+    """Return the columns with angles beyond `LIMITS` -> in how many of the frames."""
+    return {column: text for column, (count, text) in _count_beyond(angles).items() if count}
 
 
 def impossible_columns(angles: Array) -> dict[str, str]:
-    """Return columns that are beyond their limits in half of the frames, with those of the same segment, and why."""
-    wrong = {column: text for column, (count, text) in _beyond(angles).items() if 2 * count > len(angles)}
+    """Return the columns beyond `LIMITS` in more than half of the frames, and those linked to them -> the reason."""
+    wrong = {column: text for column, (count, text) in _count_beyond(angles).items() if 2 * count > len(angles)}
     for group in LINKED:
         worst = next((column for column in group if column in wrong), None)
         if worst is not None:
-            reason = f"{worst}: {wrong[worst]}, so the axes of this segment are not a person's"
+            reason = f"{worst}: {wrong[worst]}, so the axes of this segment are wrong"
             wrong |= dict.fromkeys(group, reason)
     return wrong
 
 
-def patchy_columns(angles: Array) -> list[str]:
-    """Return a note for each column that lacks a value in more than one of a hundred frames, but not in all."""
+def intermittent_columns(angles: Array) -> list[str]:
+    """Return a note for each column without value in more than 1 % of the frames, but not in all."""
     notes = []
     for column, index in INDEX.items():
         missing = float(np.mean(np.isnan(angles[:, index]))) if len(angles) else 0.0
@@ -156,7 +154,7 @@ def patchy_columns(angles: Array) -> list[str]:
     return notes
 
 
-def _beyond(angles: Array) -> dict[str, tuple[int, str]]:
+def _count_beyond(angles: Array) -> dict[str, tuple[int, str]]:
     result = {}
     for angle in ANGLES:
         low, high = LIMITS[angle.name]
@@ -173,17 +171,17 @@ def empty_columns(angles: Array) -> list[str]:
     return [column for column, index in INDEX.items() if not np.isfinite(angles[:, index]).any()]
 
 
-BENT = 10.0
-"""[deg] A hinge that bends the other way by more is not hyperextended, its sign is."""
+MAX_HYPEREXTENSION = 10.0
+"""[deg] Largest hyperextension of a hinge; a larger negative flexion means that the sign is inverted."""
 
 
 @dataclass(frozen=True)
 class Corrections:
-    """What was done to the angles of a recording.
+    """Corrections of the angles of a recording.
 
     Attributes:
-        turned: positions of columns whose sign was turned round.
-        hidden: positions of columns that were not measured and were blanked.
+        turned: positions of columns whose sign was inverted.
+        hidden: positions of columns that were not measured and are NaN.
         reasons: column -> why it has no value.
     """
 
@@ -192,34 +190,34 @@ class Corrections:
     reasons: dict[str, str]
 
     def apply(self, angles: Array) -> None:
-        """Do the same to further (n, 22) angles [deg], in place."""
+        """Apply the corrections to further (n, 22) angles [deg], in place."""
         angles[:, self.turned] = -angles[:, self.turned]
         angles[:, self.hidden] = np.nan
 
 
 def quality_control(samples: Samples, mapper: Mapper, profile: Profile, kind: Kind, neutral: str) -> Corrections:
-    """Blank the columns that were not measured and turn wrong signs, in place; return what was done.
+    """Set columns that were not measured to NaN and correct inverted signs, in place; return the corrections.
 
     Args:
-        samples: of the whole recording, as mapped.
-        mapper: what mapped them, after all of them.
-        profile: what their names mean.
-        kind: of the stream.
-        neutral: neutral posture that is going to be subtracted.
+        samples: of the complete recording.
+        mapper: the mapper that read them all.
+        neutral: neutral posture that will be subtracted.
     """
     angles = samples.angles
     reasons = {
-        **dead_columns(angles, samples.seconds, kind, profile.dummies),
-        **mapper.dead(samples.seconds),
+        **constant_columns(angles, samples.seconds, kind, profile.dummies),
+        **mapper.unmeasured_columns(samples.seconds),
     }
     if neutral == "none":
         for column in profile.needs_neutral:
-            reasons[column] = "it has no zero of its own: give a neutral posture (neutral='first:3s')"
+            reasons[column] = "it has no zero without a neutral posture: give one (neutral='first:3s')"
     turned = _upright_sign(angles, profile.sign_from_range, mapper)
     if kind != "joints":
         reasons |= impossible_columns(angles)
     elif wrong := [column for column in impossible_columns(angles) if column not in reasons]:
-        mapper.warnings.append(f"most frames are impossible in {some(wrong)}: another convention than {profile.name}?")
+        mapper.warnings.append(
+            f"most frames are impossible in {join_names(wrong, MOST_NAMES)}: another convention than {profile.name}?"
+        )
     reasons |= profile.cannot
     hidden = tuple(INDEX[column] for column in reasons)
     angles[:, hidden] = np.nan
@@ -229,28 +227,28 @@ def quality_control(samples: Samples, mapper: Mapper, profile: Profile, kind: Ki
 
 
 def _upright_sign(angles: Array, columns: tuple[str, ...], mapper: Mapper) -> tuple[int, ...]:
-    """Turn the sign of hinges round if the largest bend of all of them is negative: a limb bends one way only."""
+    """Invert the sign of hinges whose largest flexion is negative (a limb flexes one way); return their positions."""
     at = tuple(INDEX[column] for column in columns)
     values = angles[:, at]
     lowest, highest = (float(pick(values, initial=0.0)) for pick in (np.nanmin, np.nanmax))
-    if not at or lowest >= -BENT or -lowest <= highest:
+    if not at or lowest >= -MAX_HYPEREXTENSION or -lowest <= highest:
         return ()
     angles[:, at] = -values
     span = f"{lowest:.0f} .. {highest:.0f}"
-    mapper.assumed.append(f"{', '.join(columns)}: flexion is negative in this source ({span} deg); sign turned round")
+    mapper.assumed.append(f"{', '.join(columns)}: flexion is negative in this source ({span} deg); sign inverted")
     return at
 
 
-KEPT = ("knee_flexion", "lower_arm_flexion")
-"""Angles with a zero of their own."""
+OWN_ZERO = ("knee_flexion", "lower_arm_flexion")
+"""Angles whose zero is anatomical (a straight limb), so that no neutral posture is subtracted."""
 AROUND = 0.5
-"""[s] `at:T` takes the median of this much on either side."""
+"""[s] Half width of the interval around T of which `at:T` takes the median."""
 _FORM = re.compile(r"(first|at):\s*(\d+(?:\.\d*)?|\.\d+)\s*s?")
 Window = Callable[[Array], Flags]
 
 
 def parse_neutral(spec: str) -> Window | None:
-    """Return which of (n,) times [s] belong to the neutral stretch, or None for "none".
+    """Return the function that selects the neutral interval from (n,) times [s], or None for "none".
 
     Raises:
         RebaError: the text is not `none`, `first:3s` or `at:12.5`.
@@ -267,12 +265,12 @@ def parse_neutral(spec: str) -> Window | None:
 
 
 def neutral_offsets(angles: Array) -> dict[int, float]:
-    """Return the position of each column that has no zero of its own -> its median [deg] in (n, 22) angles."""
+    """Return the position of each column whose zero is not anatomical -> its median [deg] in (n, 22) angles."""
     known = {index: angles[np.isfinite(angles[:, index]), index] for index in range(len(COLUMNS))}
     return {
         index: float(np.median(values))
         for index, values in known.items()
-        if len(values) and not COLUMNS[index].startswith(KEPT)
+        if len(values) and not COLUMNS[index].startswith(OWN_ZERO)
     }
 
 
@@ -283,10 +281,10 @@ def subtract(angles: Array, offsets: dict[int, float]) -> None:
 
 
 def apply_neutral(time: Array, angles: Array, spec: str) -> str:
-    """Subtract the median posture of the stretch from (n, 22) angles [deg] in place; return what was done.
+    """Subtract the median posture of the neutral interval from (n, 22) angles [deg] in place; return a note.
 
     Raises:
-        RebaError: the text is wrong, or no frame lies in the stretch.
+        RebaError: the text is wrong, or no frame lies in the interval.
     """
     window = parse_neutral(spec)
     if window is None:
@@ -294,7 +292,7 @@ def apply_neutral(time: Array, angles: Array, spec: str) -> str:
     chosen = window(time) if len(time) else np.zeros(0, dtype=bool)
     if not chosen.any():
         span = f"{time[0]:.2f} to {time[-1]:.2f} s" if len(time) else "no frames"
-        raise RebaError(f"neutral {spec!r} holds no frame; the recording has {span}: choose a time within")
+        raise RebaError(f"neutral {spec!r} contains no frame; the recording has {span}: choose a time within")
     offsets = neutral_offsets(angles[chosen])
     subtract(angles, offsets)
     parts = [f"{COLUMNS[index]} {offset:.1f}" for index, offset in offsets.items() if abs(offset) >= 5.0]

@@ -151,11 +151,6 @@ def action(level: int) -> str:
     return f"no action {urgency.removeprefix('none ')}" if urgency.startswith("none ") else f"action {urgency}"
 
 
-def join_names(items: Sequence[str]) -> str:
-    """Return names as text: "a", "a and b" or "a, b and c"."""
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
-
-
 def angle_name(column: str) -> str:
     """Return the name of an angle column in a sentence.
 

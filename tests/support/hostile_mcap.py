@@ -209,9 +209,9 @@ _COUNT_AT = 4 + 8 + 4 + 4
 
 CASES: dict[str, Case] = {
     "sound": Case(_sound),
-    "cut_inside_a_chunk": Case(_cut_in_chunk, rows=2 * PER_CHUNK, ended="cut inside a chunk"),
+    "cut_inside_a_chunk": Case(_cut_in_chunk, rows=2 * PER_CHUNK, ended="truncated inside a chunk"),
     "cut_inside_a_record_head": Case(
-        lambda: _sound()[: _chunk_starts(_sound())[2] + 5], rows=2 * PER_CHUNK, ended="cut inside the head"
+        lambda: _sound()[: _chunk_starts(_sound())[2] + 5], rows=2 * PER_CHUNK, ended="truncated inside the head"
     ),
     "killed_before_the_end": Case(lambda: _sound(closed=False), ended="did not close"),
     "zeros_at_the_end": Case(lambda: _sound(closed=False) + bytes(5000), ended="zeros"),
@@ -232,7 +232,7 @@ CASES: dict[str, Case] = {
     "no_schema": Case(lambda: _without_schema(0), rows=0),
     "missing_schema": Case(lambda: _without_schema(99), rows=0),
     "empty": Case(bytes, error="empty"),
-    "only_magic": Case(lambda: MAGIC, error="holds nothing"),
+    "only_magic": Case(lambda: MAGIC, error="no records"),
     "not_mcap": Case(lambda: b"PK\x03\x04" + bytes(100), error="magic"),
     "wrong_last_magic": Case(lambda: _sound()[:-4] + b"xxxx", warning="magic"),
     "no_message_index": Case(lambda: _sound(index=False)),
@@ -257,7 +257,7 @@ CASES: dict[str, Case] = {
     "private_records": Case(lambda: _sound(between=make.record(0x90, b"private"))),
     "no_chunks": Case(lambda: _sound(chunked=False)),
     "no_chunks_cut": Case(
-        lambda: _sound(chunked=False, closed=False)[:-10], rows=COUNT - 1, ended="cut inside a record"
+        lambda: _sound(chunked=False, closed=False)[:-10], rows=COUNT - 1, ended="truncated inside a record"
     ),
     "lz4": Case(lambda: _sound(**_LZ4)),
     "stored": Case(lambda: _sound(**_PLAIN)),
@@ -266,7 +266,7 @@ CASES: dict[str, Case] = {
     "packed_file_cut": Case(
         lambda: zstandard.ZstdCompressor().compress(_sound())[:-3000],
         rows=5 * PER_CHUNK,
-        ended="cut inside a chunk",
+        ended="truncated inside a chunk",
         suffix=".mcap.zstd",
     ),
     "packed_file_bomb": Case(_bomb, error="unpacks to more", limit=1 << 24, suffix=".mcap.zstd"),

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reba.posture.angles import SegmentFrames
-from reba.posture.columns import SIDES
+from reba.posture.columns import COLUMNS, SIDES
+from reba.posture.table import PostureTable
+from reba.readers.build_table import build_table
+from reba.readers.mapping.segments import AXES
+from reba.readers.recognise import choose
+from reba.readers.recording.profile import profiles
 from reba.readers.recording.stream import Block, Kind, ReadLog, Recording, Stream
 
 Array = NDArray[np.float64]
@@ -105,3 +111,81 @@ def quaternion(matrix: Array) -> Array:
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_matrix(matrix).as_quat()
+
+
+def segment_poses(
+    postures: list[dict[str, float]], axes: Array, turns: dict[str, Array] | None = None, world: Array | None = None
+) -> tuple[tuple[str, ...], Array]:
+    """Return segments and their (n, k, 7) poses, positions from plain lengths, in a world turned by `world`."""
+    lengths = {
+        "upper_arm": ("forearm", 0.3),
+        "forearm": ("hand", 0.25),
+        "thigh": ("shank", 0.4),
+        "shank": ("foot", 0.4),
+    }
+    rows, names = [], ()
+    for posture in postures:
+        frames = segment_frames(posture)
+        frames |= {f"foot_{side}": frames[f"shank_{side}"] for side in ("left", "right")}
+        line = frames["thorax"] @ np.array([0.0, 0.5, 0.0])
+        where = {"pelvis": np.zeros(3), "thorax": line * 0.6, "head": line * 1.3}
+        for side, out in (("left", -1.0), ("right", 1.0)):
+            where[f"clavicle_{side}"] = line
+            where[f"upper_arm_{side}"] = line + frames["thorax"] @ np.array([0.0, 0.0, 0.2 * out])
+            where[f"thigh_{side}"] = frames["pelvis"] @ np.array([0.0, 0.0, 0.1 * out])
+            for near, (far, length) in lengths.items():
+                bone = frames[f"{near}_{side}"] @ np.array([0.0, -length, 0.0])
+                where[f"{far}_{side}"] = where[f"{near}_{side}"] + bone
+        names = tuple(frames)
+        base = AXES["ros"] if world is None else world
+        rows.append(
+            [
+                [*(base @ where[name]), *quaternion(base @ frames[name] @ axes.T @ (turns or {}).get(name, np.eye(3)))]
+                for name in names
+            ]
+        )
+    return names, np.array(rows)
+
+
+def moving_postures() -> list[dict[str, float]]:
+    """Return 80 postures [deg] from standing to a bent, one-sided reach."""
+    wave = np.linspace(0.0, 1.0, 80)
+    return [
+        {
+            "trunk_flexion": 60 * s,
+            "trunk_side_bend": 10 * s,
+            "neck_flexion": -20 * s,
+            "neck_twist": 15 * s,
+            "upper_arm_flexion_left": 80 * s,
+            "upper_arm_abduction_right": 40 * s,
+            "shoulder_elevation_left": 10 * s,
+            "lower_arm_flexion_right": 90 * s,
+            "lower_arm_flexion_left": 20 * s,
+            "wrist_flexion_right": 30 * s,
+            "wrist_deviation_left": -10 * s,
+            "wrist_twist_left": 40 * s,
+            "knee_flexion_right": 70 * s,
+        }
+        for s in wave
+    ]
+
+
+def check_movement(table: PostureTable, leave: tuple[str, ...] = ()) -> None:
+    """Assert that a table has the angles of `moving_postures` in every measured column but those of `leave`."""
+    for column in COLUMNS:
+        if column in table.unmeasured or column in leave:
+            continue
+        expected = [posture.get(column, 0.0) for posture in moving_postures()]
+        np.testing.assert_allclose(table.data[column], expected, atol=1e-5, err_msg=column)
+
+
+def read_stream(stream: Stream, neutral: str = "none", format: str = "test") -> PostureTable:
+    """Return the posture table of a recording of one stream by the shipped profiles."""
+    recording = Recording(__file__, format, (stream,))
+    return build_table(recording, choose(recording, profiles()), neutral=neutral)
+
+
+def table_file(path: Path, rows: list[str], header: str = "time,trunk_flexion,neck_flexion,load") -> Path:
+    """Write a CSV file of some rows and return its path."""
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path

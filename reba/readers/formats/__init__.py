@@ -1,4 +1,4 @@
-"""The formats that are read: one row each."""
+"""Registry of the formats that are read: one `Format` each; the content of a file decides, not its name."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from reba.readers.mcap import sniff as is_mcap
 from reba.readers.recording.stream import Recording
 
 HEAD = 8192
-"""Bytes of a file that are looked at to tell its format."""
+"""[bytes] First part of a file that decides its format."""
 _SPLIT = re.compile(r"(_\d+)?\.mcap(\.zstd)?$")
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format and where its reader is.
+    """A format and its reader.
 
     Attributes:
-        name: for people.
-        extensions: usual file name endings; the content decides, not the name.
+        name: as in messages.
+        extensions: usual file name endings.
         module: module with `sniff(path, head)` and the opener.
-        opener: `open_...(path)` in it.
+        opener: name of its function `open_...(path)`.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Format:
     opener: str
 
     def fits(self, path: Path, head: bytes) -> bool:
-        """Return whether the content looks like this format."""
+        """Return whether the first bytes are those of this format."""
         return bool(importlib.import_module(self.module).sniff(path, head))
 
     def open(self, path: Path) -> Recording:
@@ -56,24 +56,24 @@ FORMATS: tuple[Format, ...] = (
     Format("Xsens MVNX", (".mvnx",), "reba.readers.formats.mvnx", "open_mvnx"),
     Format("posture or joint table", (".csv", ".tsv", ".parquet"), "reba.readers.formats.table", "open_table"),
 )
-"""Formats beside MCAP, the surest to tell first."""
+"""Formats beside MCAP, those with the most certain first bytes first."""
 
 
 def open_recording(path: str | Path, *, strict: bool = False) -> Recording:
-    """Open a recording of any known format; a folder is taken for a rosbag2 recording of MCAP splits.
+    """Open a recording of any known format; a folder counts as a rosbag2 recording of MCAP splits.
 
     Args:
         path: file or folder.
-        strict: refuse a recording that breaks off.
+        strict: refuse a truncated recording.
 
     Raises:
-        ReadError: there is no such file, its format is unknown, or it is damaged.
+        ReadError: the file does not exist, its format is unknown, or it is damaged.
     """
     place = Path(path)
     try:
         if not place.exists():
             raise ReadError(place, "no such file or folder", hint="check the path")
-        # A pipe or a device may never end.
+        # A pipe or a device may have no end.
         if not place.is_dir() and not place.is_file():
             raise ReadError(place, "not a regular file", hint="save the recording to a file")
         if place.is_dir():
@@ -95,16 +95,15 @@ def open_recording(path: str | Path, *, strict: bool = False) -> Recording:
     named = next((known for known in FORMATS if place.suffix.lower() in known.extensions), None)
     if named is not None and head:
         return named.open(place)
-    what = "the file is empty" if not head else "the format is not known"
-    read = ", ".join(
+    what = "the file is empty" if not head else "the format is unknown"
+    readable = ", ".join(
         ["MCAP (.mcap or a rosbag2 folder)", *(f"{form.name} ({' '.join(form.extensions)})" for form in FORMATS)]
     )
-    raise ReadError(place, what, hint=f"read are {read}")
+    raise ReadError(place, what, hint=f"known formats are {readable}")
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether a file looks like a recording, by its name and its content."""
-
+    """Return whether a file is a recording by its name and its first bytes."""
     try:
         if not path.is_file():
             return False

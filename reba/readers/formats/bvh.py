@@ -1,8 +1,8 @@
 """BVH (Biovision hierarchy): a tree of joints with offsets, then one line of channel values per frame.
 
-Written from the description in M. Meredith and S. Maddock, "Motion capture file formats explained", University of
-Sheffield, CS-01-11, section 3. The format states no unit of length and no vertical axis: positions stay in the unit of
-the file (angles do not depend on it) and the vertical is found from the body. The first frame, often a T-pose, is kept.
+Source: M. Meredith and S. Maddock, "Motion capture file formats explained", University of Sheffield, CS-01-11,
+section 3. The format states no unit of length and no vertical axis: positions stay in the unit of the file (angles do
+not depend on it) and the vertical is determined from the body. The first frame, often a T-pose, is not removed here.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ import numpy as np
 from reba.arrays import Array
 from reba.errors import ReadError
 from reba.readers.formats.text import LARGEST, number_rows, read_lines
+from reba.readers.recording.quaternions import about_axis, product, rotated
 from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, clip, unique_names
 
 MAX_JOINTS = 1000
-"""No body has more; a damaged or hostile file may."""
+"""More joints than any body model has; protects memory from damaged files."""
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Return whether the first bytes open a BVH hierarchy."""
+    """Return whether the first bytes are those of a BVH hierarchy."""
     return head.removeprefix(b"\xef\xbb\xbf").lstrip()[:9].upper() == b"HIERARCHY"
 
 
@@ -32,10 +33,10 @@ def open_bvh(path: Path) -> Recording:
     """Open a BVH file: one stream of frames, the global pose of each joint and end site.
 
     The stream's values are (n, k, 7): x y z in the unit of the file and qx qy qz qw, in the world of the file; `rest`
-    holds the pose with every channel zero. An end site is called `<joint>_end`.
+    is the pose with every channel zero. An end site is called `<joint>_end`.
 
     Raises:
-        ReadError: the hierarchy or a number is damaged, there is no whole frame, or the frame time is not positive.
+        ReadError: the hierarchy or a number is damaged, no frame is complete, or the frame time is not positive.
     """
     log = ReadLog(time_source="frame time")
     lines = read_lines(path, log)
@@ -43,15 +44,15 @@ def open_bvh(path: Path) -> Recording:
     names = unique_names([joint.name for joint in joints], log)
     skeleton = BvhSkeleton(tuple(joints))
     if not skeleton.width:
-        raise ReadError(path, "no joint has a channel, so nothing moves", hint="export the motion with it")
+        raise ReadError(path, "no joint has a channel, so no joint moves", hint="export the motion with it")
     declared, frame_time, first = _motion_header(path, lines, motion)
     rows, _ = number_rows(path, lines, first, skeleton.width, log)
     if not len(rows):
         raise ReadError(
-            path, f"no whole frame of {skeleton.width} numbers behind line {first}", hint="export the motion with it"
+            path, f"no complete frame of {skeleton.width} numbers after line {first}", hint="export the motion with it"
         )
     if len(rows) != declared:
-        log.warn(f"the file states {declared} frames and holds {len(rows)} whole ones; those were read")
+        log.warn(f"the file states {declared} frames and has {len(rows)} complete ones; those were read")
     add = skeleton.adds_positions(rows)
     if add is False:
         log.warn("position channels of inner joints repeat the offsets; they were read as replacing them")
@@ -84,8 +85,8 @@ def _motion_header(path: Path, lines: list[str], motion: int) -> tuple[int, floa
         index += 1
     for key in ("frames", "frame time"):
         if key not in values:
-            what = f"line {min(index + 1, len(lines))}: '{key.title()}:' expected behind MOTION"
-            raise ReadError(path, what, hint="the file is cut or damaged: export it again")
+            what = f"line {min(index + 1, len(lines))}: '{key.title()}:' expected after MOTION"
+            raise ReadError(path, what, hint="the file is truncated or damaged: export it again")
     text, line = values["frame time"]
     frame_time = _float(text)
     if not 0 < frame_time < LARGEST:
@@ -109,13 +110,13 @@ def _float(text: str) -> float:
 
 @dataclass
 class _Hierarchy:
-    """A parser over the words of the hierarchy; a stack of open joints instead of recursion."""
+    """Parser of the hierarchy; a stack of open joints instead of recursion, so that depth cannot exhaust memory."""
 
     path: Path
     lines: list[str]
 
     def parse(self) -> tuple[list[BvhJoint], int]:
-        """Return the joints, each behind its parent, and the index of the line MOTION."""
+        """Return the joints, each after its parent, and the index of the line MOTION."""
         self._take_words()
         joints: list[BvhJoint] = []
         stack: list[int] = []
@@ -182,7 +183,7 @@ class _Hierarchy:
     def _channel(self) -> str:
         word = self._next("a channel")
         if word.lower() not in CHANNELS:
-            self._fail(f"{clip(word)} is no channel, expected Xposition ... Zrotation")
+            self._fail(f"{clip(word)} is not a channel, expected Xposition ... Zrotation")
         return word.lower()
 
     def _number(self) -> float:
@@ -210,7 +211,7 @@ class _Hierarchy:
 CHANNELS: dict[str, tuple[str, int]] = {
     f"{axis}{kind}": (kind, index) for kind in ("position", "rotation") for index, axis in enumerate("xyz")
 }
-"""Channel name in lower case: what it moves and the axis 0, 1 or 2. Rotations are in degrees."""
+"""Channel name in lower case -> position or rotation [deg], and the axis 0, 1 or 2."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +233,7 @@ class BvhJoint:
 
 @dataclass(frozen=True)
 class BvhSkeleton:
-    """Joints, each behind its parent, and what rows of channel values do to them."""
+    """Joints, each after its parent; forward kinematics of rows of channel values."""
 
     joints: tuple[BvhJoint, ...]
 
@@ -252,8 +253,8 @@ class BvhSkeleton:
     def adds_positions(self, rows: Array) -> bool | None:
         """Return whether position channels of inner joints add to the offset; None where there are none.
 
-        Some exporters write the whole translation there, so that it replaces the offset, others the departure from
-        it. What is nearer to the offsets than to zero replaces them.
+        Some exporters write the complete translation there, which replaces the offset, others the difference from it.
+        Values nearer to the offsets than to zero replace them.
         """
         to_zero = to_offset = 0.0
         start = 0
@@ -276,46 +277,23 @@ class BvhSkeleton:
         poses = np.empty((len(rows), len(self.joints), 7))
         start = 0
         for index, joint in enumerate(self.joints):
-            moved = np.tile(joint.offset, (len(rows), 1))
-            turn: Array = np.tile([0.0, 0.0, 0.0, 1.0], (len(rows), 1))
+            position = np.tile(joint.offset, (len(rows), 1))
+            rotation: Array = np.tile([0.0, 0.0, 0.0, 1.0], (len(rows), 1))
             for channel in joint.channels:
                 kind, axis = CHANNELS[channel]
                 value = rows[:, start]
                 start += 1
                 if kind == "rotation":
-                    turn = multiply(turn, axis_turn(axis, np.radians(value)))
+                    rotation = product(rotation, about_axis(axis, np.radians(value)))
                 elif joint.parent >= 0 and add is False:
-                    moved[:, axis] = value
+                    position[:, axis] = value
                 else:
-                    moved[:, axis] += value
+                    position[:, axis] += value
             if joint.parent >= 0:
                 parent = poses[:, joint.parent]
-                poses[:, index, :3] = parent[:, :3] + rotate(parent[:, 3:], moved)
-                poses[:, index, 3:] = multiply(parent[:, 3:], turn)
+                poses[:, index, :3] = parent[:, :3] + rotated(parent[:, 3:], position)
+                poses[:, index, 3:] = product(parent[:, 3:], rotation)
             else:
-                poses[:, index, :3] = moved
-                poses[:, index, 3:] = turn
+                poses[:, index, :3] = position
+                poses[:, index, 3:] = rotation
         return poses
-
-
-def axis_turn(axis: int, angle: Array) -> Array:
-    """Return (n, 4) quaternions x y z w of turns by `angle` (n,) [rad] about the axis 0, 1 or 2."""
-    turn = np.zeros((len(angle), 4))
-    turn[:, axis] = np.sin(angle / 2)
-    turn[:, 3] = np.cos(angle / 2)
-    return turn
-
-
-def multiply(first: Array, second: Array) -> Array:
-    """Return the Hamilton product of quaternions (n, 4) x y z w: the turn `second` inside the turn `first`."""
-    a, b = first[:, :3], second[:, :3]
-    product = np.empty_like(first)
-    product[:, :3] = first[:, 3:] * b + second[:, 3:] * a + np.cross(a, b)
-    product[:, 3] = first[:, 3] * second[:, 3] - np.sum(a * b, axis=1)
-    return product
-
-
-def rotate(turn: Array, vector: Array) -> Array:
-    """Return the vectors (n, 3) turned by unit quaternions (n, 4) x y z w."""
-    twice = 2.0 * np.cross(turn[:, :3], vector)
-    return vector + turn[:, 3:] * twice + np.cross(turn[:, :3], twice)

@@ -1,7 +1,6 @@
 """C3D (biomechanics): marker positions in metres; analog channels and model outputs are only listed.
 
-The layout comes from `c3d_layout.py`. A point is a gap where its fourth word is negative (C3D User Guide, "Residual")
-or a coordinate is no number.
+Source: C3D User Guide. A point is a gap where its fourth word is negative ("Residual") or a coordinate is not finite.
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ from reba.readers.formats.text import read_bytes
 from reba.readers.recording.stream import ReadLog, Recording, Topic
 
 OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "BONES", "REACTIONS")
-"""Parameters of the group POINT that name points which are no positions (Vicon model outputs)."""
+"""Parameters of the group POINT that name points without position (Vicon model outputs)."""
 FARTHEST = 1000.0
-"""[m] from the origin; no capture volume is larger, so what lies beyond is damage and becomes a gap."""
+"""[m] Largest distance from the origin; no capture volume is larger, so points beyond are damaged and become gaps."""
 MAX_RATE = 1e5
 
 
@@ -36,16 +35,16 @@ def open_c3d(path: Path) -> Recording:
     """Open a C3D file: points in metres, NaN in gaps, one stream per subject; frame 1 is at time 0.
 
     Raises:
-        ReadError: the header, a parameter, the unit or the rate is damaged, or there is no whole frame.
+        ReadError: the header, a parameter, the unit or the rate is damaged, or no frame is complete.
     """
     log = ReadLog(time_source="frame rate")
     data = read_bytes(path)
     layout = read_layout(path, data)
     if not layout.points:
-        raise ReadError(path, "it has no points", offset=2, hint="export the trial with its markers")
+        raise ReadError(path, "no points", offset=2, hint="export the trial with its markers")
     rate = layout.number("POINT", "RATE") or layout.rate
     if not 0 < rate < MAX_RATE:
-        raise ReadError(path, f"the frame rate is {rate:g} Hz", offset=20, hint=HINT)
+        raise ReadError(path, f"the frame rate is {rate:g} Hz, expected above 0", offset=20, hint=HINT)
     units = layout.texts("POINT", "UNITS")
     if not units or not units[0]:
         log.warn("the file states no unit of length; mm was assumed")
@@ -53,7 +52,7 @@ def open_c3d(path: Path) -> Recording:
     points = _points(path, data, layout, log) * scale
     far = np.abs(points).max(axis=2, initial=0.0) > FARTHEST
     if far.any():
-        log.warn(f"{int(far.sum())} positions lie more than {FARTHEST:g} m away; they were read as gaps")
+        log.warn(f"{int(far.sum())} positions are more than {FARTHEST:g} m from the origin; they were read as gaps")
         points[far] = np.nan
     time = (np.arange(len(points)) + max(layout.first - 1, 0)) / rate
     labels, outputs = _labels(layout)
@@ -65,22 +64,24 @@ def open_c3d(path: Path) -> Recording:
         channels = layout.number("ANALOG", "USED")
         which = f"{channels:g} channels" if channels else f"{layout.analogs} values in a frame"
         topics.append(Topic("analog", "C3D analog", len(points), False, f"{which}: force plates, EMG and the like"))
-    # Vicon states the vertical as the upward direction of the screen; with a minus sign others mean something else.
+    # Vicon states the vertical as the upward direction of the screen; other programs use the minus sign differently.
     screen = (layout.texts("POINT", "Y_SCREEN") or [""])[0].lower()
     up = screen[1:] if screen in ("+x", "+y", "+z") else ""
     return marker_recording(path, ("c3d", "C3D markers"), labels, time, points, log, topics=topics, up=up)
 
 
 def _points(path: Path, data: bytes, layout: C3dHeader, log: ReadLog) -> Array:
-    """Return (n, k, 3) points in the unit of the file, NaN in gaps, of the whole frames that are there."""
+    """Return (n, k, 3) points in the unit of the file, NaN in gaps, of the complete frames."""
     size = 4 if layout.scale < 0 else 2
     width = 4 * layout.points + layout.analogs
-    there = (len(data) - layout.start) // (width * size)
-    count = min(there, layout.frames)
+    available = (len(data) - layout.start) // (width * size)
+    count = min(available, layout.frames)
     if count < 1:
-        raise ReadError(path, "no whole frame behind the header", offset=layout.start, hint=HINT)
+        raise ReadError(path, "no complete frame after the header", offset=layout.start, hint=HINT)
     if count < layout.frames:
-        log.ended_abnormally = f"cut at byte {len(data)}: {count} of {layout.frames} frames are whole; those were read"
+        log.ended_abnormally = (
+            f"truncated at byte {len(data)}: {count} of {layout.frames} frames are complete; those were read"
+        )
     raw = data[layout.start : layout.start + count * width * size]
     with np.errstate(all="ignore"):
         if size == 4:
@@ -97,7 +98,7 @@ def _points(path: Path, data: bytes, layout: C3dHeader, log: ReadLog) -> Array:
 
 
 def _labels(layout: C3dHeader) -> tuple[list[str], dict[str, int]]:
-    """Return a label per point, "" for what is no marker, and how many points each output group names."""
+    """Return a label per point, "" for points that are not markers, and the number of points of each output group."""
     labels = list(layout.texts("POINT", "LABELS"))
     for number in itertools.count(2):
         more = layout.texts("POINT", f"LABELS{number}")
@@ -108,10 +109,10 @@ def _labels(layout: C3dHeader) -> tuple[list[str], dict[str, int]]:
     outputs: dict[str, int] = {}
     for group in OUTPUT_GROUPS:
         named = set(layout.texts("POINT", group)) - {""}
-        hits = [index for index, label in enumerate(labels) if label in named or label.rpartition(":")[2] in named]
-        if hits:
-            outputs[group] = len(hits)
-        for index in hits:
+        members = [index for index, label in enumerate(labels) if label in named or label.rpartition(":")[2] in named]
+        if members:
+            outputs[group] = len(members)
+        for index in members:
             labels[index] = ""
     return labels, outputs
 
@@ -122,14 +123,14 @@ ORDERS = {84: "<", 85: "<", 86: ">"}
 """Processor type in the parameter section: 84 Intel, 85 DEC (VAX floats), 86 MIPS; byte order of its integers."""
 DEC = 85
 MAX_RECORDS = 10_000
-"""More groups and parameters than any file has."""
+"""More groups and parameters than any file has; ends a damaged chain."""
 HINT = "the file is damaged: export or copy it again"
 Value = list[str] | Array
 
 
 @dataclass(frozen=True)
 class C3dHeader:
-    """What a C3D file states about itself.
+    """Header and parameters of a C3D file.
 
     Attributes:
         points: markers in a frame.
@@ -154,27 +155,27 @@ class C3dHeader:
     parameters: dict[tuple[str, str], Value]
 
     def texts(self, group: str, name: str) -> list[str]:
-        """Return a text parameter, [] where it is missing or no text."""
+        """Return a text parameter, [] where it is missing or not text."""
         value = self.parameters.get((group, name), [])
         return value if isinstance(value, list) else []
 
     def number(self, group: str, name: str) -> float | None:
-        """Return the first number of a parameter, None where it is missing or no number."""
+        """Return the first number of a parameter, None where it is missing or not a number."""
         value = self.parameters.get((group, name), [])
         return None if isinstance(value, list) or not len(value) else float(value[0])
 
 
 def read_layout(path: Path, data: bytes) -> C3dHeader:
-    """Return the layout of a C3D file.
+    """Return the header and parameters of a C3D file.
 
     Raises:
         ReadError: the header or a parameter does not fit the bytes of the file.
     """
     if len(data) < 2 * BLOCK or data[1] != MAGIC:
-        raise ReadError(path, "no C3D header", offset=0, hint="give a .c3d file; " + HINT)
+        raise ReadError(path, "not a C3D header", offset=0, hint="give a .c3d file; " + HINT)
     section = (data[0] - 1) * BLOCK
     if section < BLOCK or section + 4 > len(data):
-        raise ReadError(path, f"the parameters are said to stand in block {data[0]}", offset=0, hint=HINT)
+        raise ReadError(path, f"the header points to parameters in block {data[0]}", offset=0, hint=HINT)
     processor = data[section + 3]
     if processor not in ORDERS:
         raise ReadError(path, f"processor type {processor}, expected 84, 85 or 86", offset=section + 3, hint=HINT)
@@ -198,7 +199,7 @@ def _check(path: Path, layout: C3dHeader, size: int) -> None:
         what = f"the header states {layout.points} points and POINT:USED {used:g}"
         raise ReadError(path, what, offset=2, hint=HINT)
     if not BLOCK <= layout.start <= size:
-        raise ReadError(path, f"the frames are said to start at byte {layout.start} of {size}", offset=16, hint=HINT)
+        raise ReadError(path, f"the header points to frames at byte {layout.start} of {size}", offset=16, hint=HINT)
     if layout.frames < 1:
         raise ReadError(path, "the header states no frame", offset=6, hint="export the trial with its frames")
     if not (np.isfinite(layout.scale) and layout.scale):
@@ -206,7 +207,7 @@ def _check(path: Path, layout: C3dHeader, size: int) -> None:
 
 
 def _with_long_count(layout: C3dHeader) -> C3dHeader:
-    """Return the layout with the count of a file of more frames than the 16 bits of the header hold."""
+    """Return the header with the frame count of the parameters, for more frames than 16 bits can count."""
     counts = [float(layout.frames)]
     counts += [layout.number("POINT", name) or 0.0 for name in ("FRAMES", "LONG_FRAMES")]
     fields = [layout.parameters.get(("TRIAL", f"ACTUAL_{end}_FIELD")) for end in ("START", "END")]
@@ -220,34 +221,34 @@ def _with_long_count(layout: C3dHeader) -> C3dHeader:
 
 
 def _parameters(path: Path, data: bytes, at: int, processor: int) -> dict[tuple[str, str], Value]:
-    """Walk the chain of groups and parameters."""
+    """Return the parameters by group and name, from the chain of records that starts at byte `at`."""
     order = ORDERS[processor]
     groups: dict[int, str] = {}
-    found: list[tuple[int, str, Value]] = []
+    parameters: list[tuple[int, str, Value]] = []
     for _ in range(MAX_RECORDS):
         if at + 2 > len(data):
-            raise ReadError(path, "the parameters run over the end of the file", offset=at, hint=HINT)
+            raise ReadError(path, "the parameters exceed the end of the file", offset=at, hint=HINT)
         length, number = struct.unpack_from("bb", data, at)
         length = abs(length)
         if length == 0:
             break
         body = at + 2 + length
         if body + 4 > len(data):
-            raise ReadError(path, "a parameter runs over the end of the file", offset=at, hint=HINT)
+            raise ReadError(path, "a parameter exceeds the end of the file", offset=at, hint=HINT)
         name = data[at + 2 : body].decode("latin-1").strip().upper()
         (step,) = struct.unpack_from(order + "H", data, body)
         if number < 0:
             groups[-number] = name
         else:
-            found.append((number, name, _value(path, data, body + 2, processor)))
+            parameters.append((number, name, _value(path, data, body + 2, processor)))
         if step == 0:
             break
         at = body + step
-    return {(groups.get(number, ""), name): value for number, name, value in found}
+    return {(groups.get(number, ""), name): value for number, name, value in parameters}
 
 
 def _value(path: Path, data: bytes, at: int, processor: int) -> Value:
-    """Return the value of one parameter whose type stands at byte `at`."""
+    """Return the value of one parameter whose type is at byte `at`."""
     kind, dimensions = struct.unpack_from("bB", data, at)
     shape = list(data[at + 2 : at + 2 + dimensions])
     first = at + 2 + dimensions
@@ -266,7 +267,7 @@ def _value(path: Path, data: bytes, at: int, processor: int) -> Value:
 
 
 def floats(raw: bytes, processor: int) -> NDArray[np.float32]:
-    """Return 32-bit floats; those of DEC have their halves swapped and are four times as large as IEEE reads them."""
+    """Return 32-bit floats; DEC floats have swapped halves and, read as IEEE 754, four times their value."""
     if processor != DEC:
         return np.frombuffer(raw, ORDERS[processor] + "f4").astype(np.float32)
     halves = np.frombuffer(raw, "<u2").astype(np.uint16).reshape(-1, 2)[:, ::-1]

@@ -27,7 +27,7 @@ def metres(path: Path, unit: str, where: str) -> float:
     """Return the length [m] of one unit.
 
     Raises:
-        ReadError: the unit is unknown; `where` says where it stands.
+        ReadError: the unit is unknown; `where` names its place in the file.
     """
     scale = METRES.get(unit.strip().lower())
     if scale is None:
@@ -53,11 +53,11 @@ def marker_recording(
 
     Args:
         path: the file.
-        format: name of the reader and of the format, for people.
-        labels: k labels, `Subject:` prefix or not; "" and `*...` are no label.
+        format: name of the reader, and of the format for messages.
+        labels: k labels, with or without `Subject:`; "" and `*...` mean unlabelled.
         time: (n,) [s].
         points: (n, k, 3) [m], NaN in gaps.
-        log: notes of the opening.
+        log: notes made on opening.
         topics: further topics to list.
         up: as in `Stream`.
 
@@ -65,12 +65,12 @@ def marker_recording(
         ReadError: no marker has a label.
     """
     subjects: dict[str, list[int]] = {}
-    bare: list[str] = []
+    markers: list[str] = []
     unlabelled = 0
     for index, label in enumerate(labels):
         subject, _, marker = label.strip().rpartition(":")
-        bare.append(marker.strip())
-        if not bare[-1] or bare[-1].startswith("*"):
+        markers.append(marker.strip())
+        if not markers[-1] or markers[-1].startswith("*"):
             unlabelled += 1
         else:
             subjects.setdefault(subject.strip(), []).append(index)
@@ -81,7 +81,7 @@ def marker_recording(
     streams, listed = [], []
     for subject, columns in subjects.items():
         name = subject if subject and len(subjects) > 1 else path.stem
-        names = unique_names([bare[index] for index in columns], log)
+        names = unique_names([markers[index] for index in columns], log)
         part = points if len(columns) == len(labels) else points[:, columns]
         streams.append(array_stream(name, "points", format[1], names, time, part, opened=log, up=up))
         gaps = float(np.mean(np.isnan(part[..., 0]))) if part.size else 0.0

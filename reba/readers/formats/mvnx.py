@@ -36,7 +36,7 @@ ERGONOMIC = (
     "Vertical_Pelvis",
     "Vertical_T8",
 )
-"""Order of `jointAngleErgo` where the file names none; older files have the first four."""
+"""Order of the joints of `jointAngleErgo` where the file does not name them; older files have the first four."""
 CHUNK = 1 << 20
 
 
@@ -49,7 +49,7 @@ def open_mvnx(path: Path) -> Recording:
     """Open an MVNX file: a stream `segments` of frames (z up, metres) and a stream `jointAngle` of joints [deg].
 
     Raises:
-        ReadError: no XML, a document type definition, no segments, or no whole frame.
+        ReadError: not XML, a document type definition, no segments, or no complete frame.
     """
     log = ReadLog(time_source="frame time")
     parser = _parse(path, log)
@@ -57,13 +57,13 @@ def open_mvnx(path: Path) -> Recording:
         log.skip(parser.bad_frames, parser.first_bad)
     if not parser.frames:
         why = f"; the first of {parser.bad_frames} unusable ones: {parser.first_bad}" if parser.bad_frames else ""
-        raise ReadError(path, f"no whole frame of type normal{why}", hint="export the recording again")
+        raise ReadError(path, f"no complete frame of type normal{why}", hint="export the recording again")
     time, epoch = _times(path, parser, log)
     streams = [stream for stream in (_segments(parser, time, epoch, log), _joints(parser, time, epoch, log)) if stream]
     if not streams:
         raise ReadError(
             path,
-            "its frames hold neither 'orientation' nor 'jointAngle'",
+            "its frames have neither 'orientation' nor 'jointAngle'",
             hint="export from MVN with segment orientation, position and joint angles",
         )
     count = len(parser.frames)
@@ -75,7 +75,7 @@ def open_mvnx(path: Path) -> Recording:
 
 
 def _parse(path: Path, log: ReadLog) -> Parser:
-    """Feed the file to the parser; what follows the first error of XML is given up."""
+    """Parse the file up to its end or its first XML error."""
     data = read_bytes(path)
     parser = Parser(path)
     try:
@@ -85,20 +85,20 @@ def _parse(path: Path, log: ReadLog) -> Parser:
     except expat.ExpatError as error:
         where = f"line {error.lineno}: {expat.ErrorString(error.code)}"
         if not parser.frames:
-            raise ReadError(path, f"{where}; no whole frame before it", hint="export the recording again") from error
+            raise ReadError(path, f"{where}; no complete frame before it", hint="export the recording again") from error
         log.ended_abnormally = f"{where}; the {len(parser.frames)} frames before it were read"
     return parser
 
 
 def _times(path: Path, parser: Parser, log: ReadLog) -> tuple[Array, float]:
-    """Return the time of each frame [s] and the epoch [s], 0 if the file gives no date."""
+    """Return the time of each frame [s] and the epoch [s], 0 if the file has no date."""
     stated = np.array([frame.time for frame in parser.frames], dtype=np.float64)
     first = parser.frames[0]
     if np.isnan(stated).any():
         if not 0 < parser.rate < 1e5:
             raise ReadError(path, "frames without 'time' and no 'frameRate'", hint="export the recording again")
         log.time_source = "frame rate"
-        log.warn(f"frames lack their time; it was counted from frameRate {parser.rate:g} Hz")
+        log.warn(f"frames have no time; it was counted from frameRate {parser.rate:g} Hz")
         return np.arange(len(stated)) / parser.rate, 0.0
     time = stated / 1000.0
     check_time(time, log)
@@ -128,15 +128,16 @@ def _segments(parser: Parser, time: Array, epoch: float, log: ReadLog) -> Stream
 
 
 def _pose(frame: Frame, count: int) -> Array:
-    """Return (k, 7) x y z qx qy qz qw of a frame, NaN for what it lacks."""
+    """Return (k, 7) x y z qx qy qz qw of a frame, NaN for absent values."""
     pose = np.full((count, 7), np.nan)
     if "position" in frame.values:
         pose[:, :3] = frame.values["position"].reshape(count, 3)
     if "orientation" in frame.values:
-        turn = frame.values["orientation"].reshape(count, 4)
-        norm = np.linalg.norm(turn, axis=1, keepdims=True)
-        # A quaternion that is far from unit length is no orientation.
-        pose[:, 3:] = np.where(np.abs(norm - 1) < 0.1, turn / np.where(norm > 0, norm, 1), np.nan)[:, [1, 2, 3, 0]]
+        quaternions = frame.values["orientation"].reshape(count, 4)
+        norm = np.linalg.norm(quaternions, axis=1, keepdims=True)
+        # A quaternion far from unit length is damaged.
+        unit = quaternions / np.where(norm > 0, norm, 1)
+        pose[:, 3:] = np.where(np.abs(norm - 1) < 0.1, unit, np.nan)[:, [1, 2, 3, 0]]
     return pose
 
 
@@ -179,7 +180,7 @@ ANGLES: Final = ("jointAngle", "jointAngleErgo")
 WANTED: Final = ("orientation", "position", *ANGLES)
 """Elements of a frame that are read."""
 LABELS: Final = {"segment": "segments", "joint": "joints", "ergonomicJointAngle": "ergonomicJointAngles"}
-"""Elements with a `label`, and the element that holds them."""
+"""Elements with a `label`, and their parent element."""
 MAX_LABELS: Final = 1000
 MAX_TAGS: Final = 100
 MAX_DEPTH: Final = 100
@@ -187,7 +188,7 @@ MAX_DEPTH: Final = 100
 
 @dataclass
 class Frame:
-    """One frame: `time` [ms], `epoch` [ms since 1970, NaN if not given] and numbers by element."""
+    """One frame: `time` [ms], `epoch` [ms since 1970, NaN if not stated] and numbers by element."""
 
     time: float
     epoch: float
@@ -198,12 +199,13 @@ class Parser:
     """Collects labels and frames from the chunks of a file.
 
     Attributes:
-        version, rate: of the file and its subject; rate NaN if not given [Hz].
+        version: of the file.
+        rate: of its first subject [Hz], NaN if not stated.
         segments, joints, ergonomic: labels in the order of the file.
-        frames: whole frames of type normal, of the first subject.
-        identity: the calibration frame of type identity, or tpose, if there is one.
-        bad_frames, first_bad: frames whose numbers do not fit the segments, and where the first one stands.
-        other_tags: how often each element of a frame stood there that is not read.
+        frames: complete frames of type normal, of the first subject.
+        identity: the calibration frame of type identity, else tpose, else None.
+        bad_frames, first_bad: number of frames whose values do not fit the segments, and the place of the first.
+        other_tags: elements of frames that are not read -> their count.
     """
 
     def __init__(self, path: Path) -> None:
@@ -237,21 +239,21 @@ class Parser:
         Raises:
             ReadError: a document type definition, an unknown character encoding, another root than mvnx, or more
                 labels than a body has.
-            expat.ExpatError: what follows is no XML.
+            expat.ExpatError: the chunk is not XML.
         """
         try:
             self._expat.Parse(chunk, last)
         except ReadError:
             raise
         except (LookupError, ValueError) as error:
-            # The parser asks Python for encodings it does not know itself.
+            # The parser queries Python for encodings that it does not know.
             raise self._fail(f"its character encoding cannot be read ({error})") from error
 
     def _fail(self, what: str, hint: str = "export the recording again") -> ReadError:
         return ReadError(self.path, f"line {self._expat.CurrentLineNumber}: {what}", hint=hint)
 
     def _doctype(self, name: str, system: str | None, public: str | None, internal: int) -> None:
-        raise self._fail("a document type definition, which no MVNX file has", "export it again from MVN")
+        raise self._fail("a document type definition, which MVNX files do not have", "export it again from MVN")
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         if not self._stack and tag != "mvnx":
@@ -282,8 +284,8 @@ class Parser:
         labels = {"segment": self.segments, "joint": self.joints}.get(tag, self.ergonomic)
         if len(labels) == MAX_LABELS:
             raise self._fail(f"more than {MAX_LABELS} elements {tag}")
-        if self.frames or self.identity is not None:  # whose numbers were counted by the labels so far
-            raise self._fail(f"an element {tag} behind the first frame")
+        if self.frames or self.identity is not None:  # frames before were checked against the labels so far
+            raise self._fail(f"an element {tag} after the first frame")
         labels.append(attributes.get("label", "") or f"{tag}{len(labels) + 1}")
 
     def _data(self, text: str) -> None:
@@ -298,27 +300,27 @@ class Parser:
             self._close_frame(self._frame)
             self._frame = None
         elif tag in WANTED and self._text:
-            self._take(self._frame, tag)
+            self._convert(self._frame, tag)
         self._text = []
 
-    def _take(self, frame: Frame, tag: str) -> None:
-        """Convert the numbers of one element; those that do not fit make the frame unusable."""
+    def _convert(self, frame: Frame, tag: str) -> None:
+        """Convert the numbers of one element; a frame with values that do not fit is not used."""
         words = "".join(self._text).split()
         width = {"orientation": 4 * len(self.segments), "position": 3 * len(self.segments)}.get(tag)
         try:
             values = np.array(words, dtype=np.float64)
         except ValueError:
-            self._note(f"{tag} holds what is no number")
+            self._note(f"{tag} has a word that is not a number")
             return
         if width is None:
-            # Joint angles are named later; a triple is what every joint has.
+            # Joint labels may follow; every joint has three angles.
             fits, expected = len(values) % 3 == 0, "a multiple of 3"
         else:
             fits, expected = len(values) == width, str(width)
         if not fits:
-            self._note(f"{tag} holds {len(values)} numbers, expected {expected}")
+            self._note(f"{tag} has {len(values)} numbers, expected {expected}")
         elif not (np.abs(values) <= LARGEST).all():
-            self._note(f"{tag} holds a number of implausible size")
+            self._note(f"{tag} has a number beyond {LARGEST:g}")
         elif len(values):
             frame.values[tag] = values
 
@@ -337,7 +339,7 @@ class Parser:
 
 
 def _number(text: str) -> float:
-    """Return a number, NaN for anything else."""
+    """Return a number, NaN for other text."""
     try:
         value = float(text)
     except ValueError:

@@ -1,8 +1,8 @@
 """OpenSim motion and storage files (.mot, .sto): a header of keys, a line of names, rows of numbers.
 
-Written from the OpenSim documentation, "Storage (.sto) files" and "Motion (.mot) files": `inDegrees` gives the unit of
-rotations, translations (`_tx`, `_ty`, `_tz`, and marker columns of SIMM files) are in metres, y is up. Columns may be
-parted by tabs, spaces or, after a spreadsheet, commas.
+Source: OpenSim documentation, "Storage (.sto) files" and "Motion (.mot) files". `inDegrees` states the unit of
+rotations; translations (`_tx`, `_ty`, `_tz`, and marker columns of SIMM files) are in metres; y is up. Columns are
+separated by tabs, spaces or, after a spreadsheet, commas.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from reba.readers.formats.text import number_rows, read_lines
 from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, check_time, clip, unique_names
 
 KEYS = (b"indegrees", b"nrows", b"datarows", b"ncolumns", b"datacolumns")
-"""Header keys that tell an OpenSim file where `endheader` stands beyond its first bytes."""
+"""Header keys that identify an OpenSim file whose `endheader` is beyond its first bytes."""
 UNITS: dict[str, Literal["deg", "rad", ""]] = {"yes": "deg", "y": "deg", "true": "deg", "no": "rad", "n": "rad"}
-"""The words of `inDegrees`; anything else leaves the unit open."""
+"""Values of `inDegrees`; with any other the unit is not stated."""
 TIMES = ("time", "t")
 """Names of the first column, in lower case."""
 
@@ -36,7 +36,7 @@ def open_opensim(path: Path) -> Recording:
     """Open a .mot or .sto file: one stream of joints, named as its columns, in degrees, radians or "" (not stated).
 
     Raises:
-        ReadError: no header, no time column, rows that are no numbers, or a table of vectors or quaternions.
+        ReadError: no header, no time column, a word that is not a number, or a table of vectors or quaternions.
     """
     log = ReadLog(time_source="time column")
     lines = read_lines(path, log)
@@ -50,13 +50,13 @@ def open_opensim(path: Path) -> Recording:
     if len(labels) < 2 or labels[0].lower() not in TIMES or not all(labels):
         raise ReadError(
             path,
-            f"line {labels_at + 1}: column names expected behind 'endheader', 'time' first, but it reads {clip(line)}",
+            f"line {labels_at + 1}: column names expected after 'endheader', 'time' first, but it is {clip(line)}",
             hint="export the motion again with its header",
         )
     names = unique_names(labels[1:], log)
     rows, _ = number_rows(path, lines, labels_at + 1, len(labels), log, separator="," if comma else None)
     if not len(rows):
-        raise ReadError(path, f"no whole row of numbers behind line {labels_at + 1}", hint="export the motion again")
+        raise ReadError(path, f"no complete row of numbers after line {labels_at + 1}", hint="export the motion again")
     _check_counts(keys, len(rows), len(labels), log)
     time: np.ndarray = np.ascontiguousarray(rows[:, 0])
     check_time(time, log)
@@ -75,8 +75,8 @@ def _header(path: Path, lines: list[str]) -> tuple[dict[str, str], int]:
         if line.lower() == "endheader":
             for at in range(index + 1, len(lines)):
                 if lines[at].strip(" \t,"):
-                    return _no_vectors(path, keys), at
-            raise ReadError(path, f"the file ends behind 'endheader', line {index + 1}", hint="export the motion again")
+                    return _check_type(path, keys), at
+            raise ReadError(path, f"the file ends after 'endheader', line {index + 1}", hint="export the motion again")
         # OpenSim writes key=value, SIMM "key value".
         key, _, value = line.partition("=") if "=" in line else line.partition(" ")
         keys.setdefault(key.strip().lower(), value.strip())
@@ -87,7 +87,7 @@ def _header(path: Path, lines: list[str]) -> tuple[dict[str, str], int]:
     )
 
 
-def _no_vectors(path: Path, keys: dict[str, str]) -> dict[str, str]:
+def _check_type(path: Path, keys: dict[str, str]) -> dict[str, str]:
     kind = keys.get("datatype", "double")
     if kind.lower() != "double":
         raise ReadError(
@@ -97,15 +97,15 @@ def _no_vectors(path: Path, keys: dict[str, str]) -> dict[str, str]:
 
 
 def _check_counts(keys: dict[str, str], rows: int, columns: int, log: ReadLog) -> None:
-    """Note header counts that do not hold; the table itself decides."""
-    for what, names, found in (
+    """Note header counts that differ from the table; the table decides."""
+    for what, names, count in (
         ("rows", ("nrows", "datarows"), rows),
         ("columns", ("ncolumns", "datacolumns"), columns),
     ):
         for name in names:
             stated = keys.get(name)
-            if stated is not None and stated != str(found):
-                log.warn(f"the header states {clip(stated)} {what} and the file holds {found}; those were read")
+            if stated is not None and stated != str(count):
+                log.warn(f"the header states {clip(stated)} {what} and the file has {count}; those were read")
                 break
 
 

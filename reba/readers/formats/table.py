@@ -1,7 +1,7 @@
 """Tables: CSV and Parquet files of posture angles, of joint values, or of Vicon trajectories.
 
-A table with columns of the posture table is one (`angles`, in degrees); any other with a time column holds joint
-values (`joints`) under the names of its columns, which a profile gives a meaning.
+A table with columns of the posture table is one (`angles`, in degrees). Any other with a time column has joint values
+(`joints`) under the names of its columns; a profile states their meaning.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 EXTENSIONS = (".csv", ".tsv", ".parquet", ".pq")
 WORDED = (*FACTORS, *BOTH_SIDES, *(f"shoulder_raised_{side}" for side in SIDES))
-"""Columns that may hold words; what is wrong with a factor is said where it is scored."""
+"""Columns that may have words; factors are checked where they are scored."""
 KNOWN = (*COLUMNS, *WORDED)
-"""Columns with a meaning, to tell a slip of the pen from a column of another kind."""
+"""Columns with a meaning, for the hint on a misspelt name."""
 MAX_CHECKED = 200
-"""Columns compared with the known ones, which takes time; a wider table is no posture table."""
+"""Columns compared with the known ones, which takes time; posture tables are not wider."""
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Return whether the first bytes are Parquet, a Vicon export, or text with columns that fit."""
+    """Return whether the first bytes are Parquet, a Vicon export, or text with known column names."""
     if head.startswith(PARQUET):
         return True
     if not head.startswith((b"\xff\xfe", b"\xfe\xff")) and b"\0" in head:
@@ -53,10 +53,10 @@ def sniff(path: Path, head: bytes) -> bool:
 
 
 def open_table(path: Path) -> Recording:
-    """Open a CSV or Parquet file: `angles` with the whole table, `joints`, or, of Vicon, `points`.
+    """Open a CSV or Parquet file: `angles` with the complete table, `joints`, or, of Vicon, `points`.
 
     Raises:
-        ReadError: no header, no time column, no number column, or a cell that is no number.
+        ReadError: no header, no time column, no column of numbers, or a cell that is not a number.
     """
     log = ReadLog()
     try:
@@ -83,8 +83,8 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog) -> Record
     numbers: dict[str, np.ndarray] = {}
     texts: list[str] = []
     for column in [column for column in frame.columns if column not in used]:
-        worded = bool(angles) and column in WORDED
-        values = None if worded else _numbers(path, file, column, column in angles, log)
+        factor = bool(angles) and column in WORDED
+        values = None if factor else _numbers(path, file, column, column in angles, log)
         if values is None:
             texts.append(column)
         else:
@@ -97,7 +97,7 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog) -> Record
     kind: Literal["angles", "joints"] = "angles" if angles else "joints"
     names = tuple(angles) if angles else tuple(numbers)
     if not names:
-        raise ReadError(path, "no column beside the time holds numbers", hint="give columns of joint values or angles")
+        raise ReadError(path, "no column beside the time has numbers", hint="give columns of joint values or angles")
     stream = array_stream(
         path.stem,
         kind,
@@ -113,7 +113,7 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog) -> Record
     why = f"{len(names)} angle columns" if angles else f"{len(names)} columns of numbers"
     topics = [Topic(stream.name, stream.format, len(time), True, why)]
     if not angles:
-        topics += [Topic(text, "column", len(time), False, "text, no numbers") for text in texts]
+        topics += [Topic(text, "column", len(time), False, "text, not numbers") for text in texts]
     return Recording(str(path), format, (stream,), (*topics, *file.left_out), log)
 
 
@@ -121,7 +121,7 @@ def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog
     """Return a column as floats (n,), None if it is text.
 
     Raises:
-        ReadError: an angle, or a cell of a column that mostly holds numbers, is none.
+        ReadError: an angle, or a cell in a column that is mostly numbers, is not a number.
     """
     import pandas as pd
 
@@ -144,14 +144,14 @@ def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog
         at = int(np.argmax(large))
         what = f"{file.where(at)}: {values[at]:g} in column {clip(column)}"
         if angle:
-            raise ReadError(path, f"{what} is no angle", hint="correct it, or leave it blank")
-        log.warn(f"{what} and {int(large.sum()) - 1} more are no plausible numbers; they were read as gaps")
+            raise ReadError(path, f"{what} is not an angle", hint="correct it, or leave it blank")
+        log.warn(f"{what} and {int(large.sum()) - 1} more exceed {LARGEST:g}; they were read as gaps")
         values = np.where(large, np.nan, values)
     return values
 
 
 def _plain(cell: object) -> object:
-    """Return a cell as what `to_numeric` takes; bytes and the like stay no number."""
+    """Return a cell in a type that `to_numeric` accepts; others as text."""
     return cell if isinstance(cell, (int, float, str)) or cell is None else str(cell)
 
 
@@ -166,7 +166,7 @@ def _unit(names: tuple[str, ...]) -> Literal["rad", "deg", ""]:
 def _table(
     frame: pd.DataFrame, timed: np.ndarray, time: np.ndarray, numbers: dict[str, np.ndarray], used: list[str]
 ) -> pd.DataFrame:
-    """Return the rows that have a time: `time` [s] first, the angles as floats, every other column as it is."""
+    """Return the rows that have a time: `time` [s] first, the angles as floats, other columns unchanged."""
     table = frame[timed].drop(columns=[*used, *({"time"} & set(frame.columns))]).reset_index(drop=True)
     for column in COLUMNS:
         if column in table.columns:
@@ -177,35 +177,36 @@ def _table(
 
 NAMES = ("time", "t", "timestamp", "header.stamp", "header_stamp", "/header/stamp", "stamp", "__time", "log_time",
          "elapsed", "elapsed_time", "seconds", "datetime", "date_time")  # fmt: skip
-"""Names of time columns in lower case, the likelier first; a unit may stand behind: `time_ms`, `Time [s]`."""
+"""Names of time columns in lower case, the likelier first; a unit may follow: `time_ms`, `Time [s]`."""
 SECONDS: dict[str, float] = {
     **dict.fromkeys(("s", "sec", "secs", "seconds"), 1.0),
     **dict.fromkeys(("ms", "msec", "milliseconds"), 1e-3),
     **dict.fromkeys(("us", "usec", "microseconds"), 1e-6),
     **dict.fromkeys(("ns", "nsec", "nanoseconds"), 1e-9),
 }
-"""Length of a unit of time [s] by the name behind a column name."""
+"""Length of a unit of time [s] by the suffix of a column name."""
 PAIRS = ((".sec", ".nanosec"), (".secs", ".nsecs"), ("_sec", "_nanosec"), ("_secs", "_nsecs"))
-"""Ends of two columns that hold a ROS stamp: whole seconds and the nanoseconds to add."""
+"""Suffixes of the two columns of a ROS stamp: seconds, and nanoseconds to add."""
 ABSOLUTE = 1e8
-"""[s] Later than March 1973 when counted from 1970: no recording is that long, so the time is a date."""
+"""[s] Larger times are dates: no recording lasts that long, and counted from 1970 it is March 1973."""
 LARGEST_INTEGER = 4e18
 """Just below the largest 64-bit integer."""
 _NAME = re.compile(r"^(.+?)(?:[ _]?[\[(](\w+)[\])]|[ _](\w+))?$")
 
 
 def time_column(path: Path, columns: list[str]) -> tuple[str, float | None, str | None]:
-    """Return the name of the time column, its unit [s] if the name says it, and a column of nanoseconds to add.
+    """Return the name of the time column, its unit [s] if the name states it, and a column of nanoseconds to add.
 
     Raises:
-        ReadError: there is none.
+        ReadError: no column is one.
     """
     ranked: list[tuple[int, str, float | None, str | None]] = []
     for column in columns:
         lower = column.lower()
-        for whole, rest in PAIRS:
-            partner = column[: -len(whole)] + rest
-            if lower.endswith(whole) and partner in columns and lower[: -len(whole)] in NAMES:
+        for seconds, nanoseconds in PAIRS:
+            stem = column[: -len(seconds)]
+            partner = stem + nanoseconds
+            if lower.endswith(seconds) and partner in columns and stem.lower() in NAMES:
                 ranked.append((-1, column, 1.0, partner))
         match = _NAME.match(lower)
         suffix = (match[2] or match[3] or "") if match else ""
@@ -217,7 +218,7 @@ def time_column(path: Path, columns: list[str]) -> tuple[str, float | None, str 
         raise ReadError(
             path,
             f"no time column among its {len(columns)} columns ({', '.join(map(clip, columns[:4]))} ...)",
-            hint="add a column 'time' in seconds, or 'time_ms', or name the one that holds it 'time'",
+            hint="add a column 'time' in seconds, or 'time_ms', or rename the column of times to 'time'",
         )
     return min(ranked, key=lambda entry: entry[0])[1:]
 
@@ -228,7 +229,7 @@ def take_time(
     """Return the time (n,) [s], NaN where a row has none, the epoch [s] (0 if not a date), and the columns used.
 
     Raises:
-        ReadError: no time column, or a value in it is no time; `where` says which line a row stands in.
+        ReadError: no time column, or a value in it is not a time; `where` names the line of a row.
     """
     column, unit, nanoseconds = time_column(path, list(frame.columns))
     values, dated = _as_numbers(path, frame, column, where)
@@ -239,7 +240,7 @@ def take_time(
         raise ReadError(path, f"no row has a value in the time column {clip(column)}", hint="give times in seconds")
     largest = float(np.abs(valid.astype(np.float64)).max())
     if largest > LARGEST_INTEGER:
-        raise ReadError(path, f"column {clip(column)} holds {largest:.3g}, which is no time", hint="give seconds")
+        raise ReadError(path, f"column {clip(column)} has {largest:.3g}, which is not a time", hint="give seconds")
     if unit is None:
         unit = _unit_by_size(valid, largest, column, log)
     log.time_source = f"column {column}"
@@ -249,14 +250,14 @@ def take_time(
     start = valid[0]
     if abs(float(start)) * unit < ABSOLUTE:
         return values * unit + extra, 0.0, [column, *([nanoseconds] if nanoseconds else [])]
-    # A difference of integers keeps every nanosecond, which seconds since 1970 as floats do not.
+    # A difference of integers is exact to the nanosecond; seconds since 1970 as floats are not.
     return (values - start) * unit + extra, float(start) * unit, [column, *([nanoseconds] if nanoseconds else [])]
 
 
 def _as_numbers(
     path: Path, frame: pd.DataFrame, column: str, where: Callable[[int], str]
 ) -> tuple[NDArray[np.int64] | Array, bool]:
-    """Return integers where the column has them in every row, else floats; and whether they are dates in ns."""
+    """Return integers where every row has one, else floats; and whether they are dates [ns since 1970]."""
     import pandas as pd
 
     series = frame[column]
@@ -298,7 +299,7 @@ def _unit_by_size(valid: NDArray[np.int64] | Array, largest: float, column: str,
         unit = "ms"
     else:
         if step >= 5:
-            log.warn(f"column {clip(column)} steps by {step:g} s; if that is milliseconds, call it {column}_ms")
+            log.warn(f"column {clip(column)} steps by {step:g} s; if these are milliseconds, call it {column}_ms")
         return 1.0
     log.warn(f"column {clip(column)} was read as {unit}, from its size")
     return SECONDS[unit]

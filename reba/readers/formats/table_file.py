@@ -1,4 +1,4 @@
-"""CSV and Parquet files -> a data frame with unique column names, and where each of its rows stands."""
+"""CSV and Parquet files -> a data frame with unique column names, and the place of each row in the file."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ MAX_COLUMNS = 10_000
 
 @dataclass(frozen=True)
 class TableFile:
-    """A table as it stands in a file.
+    """Table of a file.
 
     Attributes:
-        frame: the columns under unique names; rows that are wholly blank are left out.
-        where: "line 12" or "row 12" of a row, by its place in `frame`.
-        left_out: columns that no table can hold.
+        frame: the columns under unique names; blank rows are left out.
+        where: position of a row in `frame` -> "line 12" or "row 12".
+        left_out: columns that are not read (lists, records).
     """
 
     frame: pd.DataFrame
@@ -78,8 +78,8 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
             hint = f"give {len(names)} values in each line, as in line {line}, or export it again"
             raise ReadError(path, what[:200], hint=hint) from error
     if notes:
-        log.warn("rows have more fields than the header has names; what lies beyond was left out")
-    frame = _without_cut_end(data, frame, separator, log)
+        log.warn("rows have more fields than the header has names; these fields were left out")
+    frame = _without_truncated_row(data, frame, separator, log)
     frame = frame.dropna(how="all").infer_objects()
     lines = frame.index.to_numpy() + line + 1
     return TableFile(frame.reset_index(drop=True), lambda row: f"line {lines[row]}")
@@ -99,26 +99,26 @@ def read_parquet(path: Path) -> TableFile:
             return step()
         except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
             what = f"not a readable Parquet file ({' '.join(str(error).split())[:120]})"
-            raise ReadError(path, what, hint="the file is cut or damaged: write or copy it again") from error
+            raise ReadError(path, what, hint="the file is truncated or damaged: write or copy it again") from error
 
     file = attempt(lambda: pq.ParquetFile(path))
     schema = attempt(lambda: file.schema_arrow)
     nested = [field.name for field in schema if pa.types.is_nested(field.type)]
     columns = [field.name for field in schema if field.name not in nested]
     table = attempt(lambda: file.read(columns=columns))
-    # Text that is no UTF-8 passes the reading and fails much later.
+    # Text that is not UTF-8 passes the reading and fails much later.
     attempt(lambda: table.validate(full=True))
     frame = attempt(lambda: table.to_pandas(ignore_metadata=True))
     for name in [name for name in frame.columns if frame[name].dtype == "category"]:
         frame[name] = frame[name].astype(object)
     left_out = tuple(
-        Topic(name, "Parquet column", len(frame), False, "lists or records, no numbers") for name in nested
+        Topic(name, "Parquet column", len(frame), False, "lists or records, not numbers") for name in nested
     )
     return TableFile(frame, lambda row: f"row {row + 1}", left_out)
 
 
 def _header(path: Path, text: str) -> tuple[int, str, str]:
-    """Return the number of the header line, the line, and a sample of what follows."""
+    """Return the number of the header line, the line, and a sample of the rows."""
     start, number = 0, 0
     while start < len(text):
         end = text.find("\n", start)
@@ -142,7 +142,7 @@ def _names(path: Path, header: str, separator: str, line: int, log: ReadLog) -> 
         raise ReadError(path, what, hint="separate columns by comma, semicolon or tab")
     if all(_is_number(name) for name in names):
         raise ReadError(
-            path, f"line {line} holds numbers, expected column names", hint="write the column names in the first line"
+            path, f"line {line} has numbers, expected column names", hint="write the column names in the first line"
         )
     return unique_names(names, log)
 
@@ -151,8 +151,8 @@ def _is_number(text: str) -> bool:
     return bool(re.fullmatch(r"[-+]?[\d.,]+([eE][-+]?\d+)?|nan", text))
 
 
-def _without_cut_end(data: bytes, frame: pd.DataFrame, separator: str, log: ReadLog) -> pd.DataFrame:
-    """Return the rows without a last one that breaks off: no line end behind it and fields missing."""
+def _without_truncated_row(data: bytes, frame: pd.DataFrame, separator: str, log: ReadLog) -> pd.DataFrame:
+    """Return the rows without a truncated last one: its line has no end and too few fields."""
     if data.endswith((b"\n", b"\r")) or not len(frame):
         return frame
     last = data[data.rfind(b"\n") + 1 :]

@@ -1,4 +1,4 @@
-"""Text files of motion capture: decoding, and rows of numbers with the line in every error."""
+"""Text files of motion capture: decoding, and rows of numbers; every error names its line."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from reba.errors import ReadError
 from reba.readers.recording.stream import ReadLog, clip
 
 CHUNK = 20_000
-"""Lines converted at once, so that the words of a long file never stand in memory together."""
+"""Lines converted at once; limits the words in memory."""
 MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 """Byte order marks and the encodings that they announce."""
 LARGEST = 1e12
-"""No angle, length or time of a recording is larger; beyond it sums of products overflow."""
+"""Largest angle, length or time that is read; far above real ones, and squares of it cannot overflow."""
 BLANKS = frozenset({"", "nan", "na", "n/a", "-nan", "nan(ind)", "-nan(ind)", "null", "none"})
-"""Words that stand for "no value", in lower case."""
+"""Words for "no value", in lower case."""
 
 
 def read_bytes(path: Path) -> bytes:
     """Return the content of a file.
 
     Raises:
-        ReadError: it is missing, empty, a folder or may not be read.
+        ReadError: it is missing, empty, a folder or not readable.
     """
     try:
         data = path.read_bytes()
@@ -42,7 +42,7 @@ def decode(path: Path, data: bytes, log: ReadLog) -> str:
     """Return text from UTF-8 or UTF-16 with a byte order mark, else Latin-1, which is noted.
 
     Raises:
-        ReadError: the bytes are no text.
+        ReadError: the bytes are not text.
     """
     encoding = next((MARKS[mark] for mark in MARKS if data.startswith(mark)), "utf-8")
     if encoding != "utf-16" and (at := data.find(b"\0")) >= 0:
@@ -60,10 +60,10 @@ def read_lines(path: Path, log: ReadLog) -> list[str]:
     """Return the lines of a text file without their ends (LF, CRLF or CR).
 
     Raises:
-        ReadError: it cannot be read or is no text.
+        ReadError: it cannot be read or is not text.
     """
     text = decode(path, read_bytes(path), log)
-    # Not splitlines(): that also cuts at form feeds and Unicode separators, and lines would be miscounted.
+    # splitlines() also splits at form feeds and Unicode separators, and lines would be miscounted.
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
@@ -79,19 +79,19 @@ def number_rows(
 ) -> tuple[Array, NDArray[np.int64]]:
     """Return rows of numbers (n, width) and the line number (n,) of each, counted from 1.
 
-    Blank lines are passed over. An incomplete last row is left out and noted, an incomplete row before it is an error.
+    Blank lines are skipped. A truncated last row is left out and noted; an incomplete row before it is an error.
 
     Args:
         path: for errors.
         lines: every line of the file.
         first: index of the first line with numbers.
         width: numbers in a row.
-        log: takes the note of a cut end.
+        log: receives the note of a truncated end.
         separator: None for any white space.
-        gaps: blank fields and "nan" are NaN, and rows that lack fields at their end are filled with NaN.
+        gaps: blank fields and "nan" are NaN, and short rows are filled with NaN.
 
     Raises:
-        ReadError: a word is no finite number, or a row has too many or too few.
+        ReadError: a word is not a finite number, or a row has too many or too few.
     """
     parts: list[Array] = []
     numbers: list[int] = []
@@ -137,7 +137,7 @@ def _row(line: str, width: int, separator: str | None) -> list[str]:
 
 
 def _convert(path: Path, rows: list[list[str]], numbers: list[int], gaps: bool) -> Array:
-    """Return (n, width) numbers of rows of equal length; the fast way first, word by word only where it fails."""
+    """Return (n, width) numbers of rows of equal length; all words at once, one by one only where this fails."""
     words: Iterable[str] = chain.from_iterable(rows)
     if gaps:
         words = (word or "nan" for word in words)
@@ -155,7 +155,7 @@ def _convert(path: Path, rows: list[list[str]], numbers: list[int], gaps: bool) 
         word = clip(rows[row_index][column].strip())
         raise ReadError(
             path,
-            f"line {numbers[row_index]}: {word} is not a finite number of plausible size",
+            f"line {numbers[row_index]}: {word} is not a finite number below {LARGEST:g}",
             hint="export the recording again",
         )
     return table

@@ -1,6 +1,6 @@
 """TRC (track row column) marker files: three header lines, names every third column, rows of numbers.
 
-Written from the OpenSim documentation, "Marker (.trc) files". Tabs part the fields, or commas after a spreadsheet. A
+Source: OpenSim documentation, "Marker (.trc) files". Fields are separated by tabs, or by commas after a spreadsheet. A
 blank field or "nan" is a gap. The vertical axis is not stated: y for OpenSim, z for most cameras.
 """
 
@@ -30,7 +30,7 @@ def open_trc(path: Path) -> Recording:
     """Open a TRC file: points in metres, NaN in gaps.
 
     Raises:
-        ReadError: the header is cut, the unit unknown, names do not fit the columns, or a field is no number.
+        ReadError: the header is truncated, the unit unknown, names do not fit the columns, or a field is not a number.
     """
     log = ReadLog(time_source="time column")
     lines = read_lines(path, log)
@@ -44,13 +44,13 @@ def open_trc(path: Path) -> Recording:
     names = _names(path, lines, separator)
     rows, numbers = number_rows(path, lines, NAMES_AT + 2, 2 + 3 * len(names), log, separator=separator, gaps=True)
     if not len(rows):
-        raise ReadError(path, "no row of numbers behind the header", hint="export it again with its frames")
+        raise ReadError(path, "no row of numbers after the header", hint="export it again with its frames")
     stated = header.get("numframes")
     if stated is not None and stated.removesuffix(".0") != str(len(rows)):
-        log.warn(f"the header states {clip(stated)} frames and the file holds {len(rows)}; those were read")
+        log.warn(f"the header states {clip(stated)} frames and the file has {len(rows)}; those were read")
     time, rows = _time(path, rows, numbers, header, log)
     points = rows[:, 2:].reshape(len(rows), len(names), 3) * scale
-    # A marker is there with all three coordinates or not at all.
+    # A marker with a missing coordinate is a gap.
     points[np.isnan(points).any(axis=2)] = np.nan
     return marker_recording(path, ("trc", "TRC markers"), names, time, points, log)
 
@@ -82,7 +82,7 @@ def _names(path: Path, lines: list[str], separator: str) -> list[str]:
 def _time(
     path: Path, rows: Array, numbers: NDArray[np.int64], header: dict[str, str], log: ReadLog
 ) -> tuple[Array, Array]:
-    """Return the time [s] of the rows and those rows that have one."""
+    """Return the times [s] and the rows that have one."""
     time = rows[:, 1]
     if np.isnan(time).all():
         try:
@@ -90,7 +90,7 @@ def _time(
         except ValueError:
             rate = 0.0
         if not 0 < rate < 1e6:
-            raise ReadError(path, "the Time column is blank and DataRate no rate", hint="write a DataRate in Hz")
+            raise ReadError(path, "the Time column is blank and DataRate is not a rate", hint="write a DataRate in Hz")
         log.warn(f"the Time column is blank; time was counted from DataRate {rate:g} Hz")
         log.time_source = "DataRate"
         return np.arange(len(rows), dtype=np.float64) / rate, rows

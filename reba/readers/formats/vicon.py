@@ -23,7 +23,7 @@ HEADER = 5
 
 
 def is_vicon(line: str) -> bool:
-    """Return whether a first line names a section of a Vicon export and nothing else.
+    """Return whether a line is the name of a section of a Vicon export.
 
     >>> is_vicon("Trajectories,,,"), is_vicon("time,joints")
     (True, False)
@@ -35,7 +35,7 @@ def open_vicon(path: Path, log: ReadLog) -> Recording:
     """Open a Vicon export: points in metres, one stream per subject; frame 1 is at time 0.
 
     Raises:
-        ReadError: no trajectories, a damaged header, an unknown unit, or a cell that is no number.
+        ReadError: no trajectories, a damaged header, an unknown unit, or a cell that is not a number.
     """
     log.time_source = "frame rate"
     lines = read_lines(path, log)
@@ -48,7 +48,7 @@ def open_vicon(path: Path, log: ReadLog) -> Recording:
         )
     start = sections.pop("trajectories")
     if len(lines) <= start + HEADER:
-        raise ReadError(path, f"line {start + 1}: the section is cut", hint="export it again")
+        raise ReadError(path, f"line {start + 1}: the section is truncated", hint="export it again")
     separator = max(",;\t", key=lines[start + 3].count)
     rate_text, names, columns, units = (
         [field.strip() for field in _fields(lines[start + offset], separator)] for offset in range(1, HEADER)

@@ -13,7 +13,7 @@ from reba.posture.angles import SegmentFrames, posture_angles
 from reba.posture.columns import COLUMNS, INDEX
 from reba.readers.mapping.joints import JointMapper
 from reba.readers.mapping.markers import PointMapper
-from reba.readers.mapping.reference_frames import RootPose
+from reba.readers.mapping.reference_frames import PelvisPose
 from reba.readers.mapping.segments import FrameMapper
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import Block, ReadLog, Stream
@@ -23,12 +23,11 @@ Names = Mapping[str, tuple[str, ...]]
 
 
 class Mapper(Protocol):
-    """Turns blocks of one kind of stream into bodies; `joints.py`, `frames.py`, `points.py`.
+    """Converts blocks of one kind of stream to segment frames: `joints`, `segments`, `markers`.
 
     Attributes:
-        wanted: the signals it needs.
-        assumed: what had to be assumed.
-        warnings: what a user must know.
+        wanted: the signals that it reads.
+        assumed, warnings: sentences for the user.
     """
 
     wanted: tuple[str, ...]
@@ -38,18 +37,18 @@ class Mapper(Protocol):
     def begin(self) -> None:
         """Start a pass over the recording."""
 
-    def body(self, block: Block) -> SegmentFrames:
-        """Return the body of a block of n samples."""
+    def segment_frames(self, block: Block) -> SegmentFrames:
+        """Return the segment frames (n, 3, 3) of a block of n samples."""
 
     def is_consistent(self) -> bool:
-        """Return whether its choices fit the whole recording; if not, it chose anew and needs another pass."""
+        """Return whether unit, vertical and sides fit all samples; if not, they are changed for another pass."""
 
-    def dead(self, seconds: float) -> dict[str, str]:
-        """Return columns that nothing in the recording gives, and why."""
+    def unmeasured_columns(self, seconds: float) -> dict[str, str]:
+        """Return the columns that no signal of the recording measures -> the reason."""
 
 
-def mapper_for(profile: Profile, names: Names, stream: Stream, root: RootPose | None = None) -> Mapper:
-    """Return the mapper of a profile's kind for a stream in which `names` were found."""
+def mapper_for(profile: Profile, names: Names, stream: Stream, root: PelvisPose | None = None) -> Mapper:
+    """Return the mapper of a profile's kind for a stream that has `names`."""
     if profile.kind == "points":
         return PointMapper(profile, names, stream)
     single = {slot: signals[0] for slot, signals in names.items()}
@@ -61,15 +60,15 @@ def mapper_for(profile: Profile, names: Names, stream: Stream, root: RootPose | 
 def block_angles(mapper: Mapper, block: Block) -> Array:
     """Return the (n, 22) angles [deg] of a block, to 1e-9 deg.
 
-    The rounding undoes the noise of the conversions, so that a joint recorded at 20 deg in radians lies on the edge of
-    its class and not beside it.
+    Rounding removes the floating-point error of the conversions: a joint recorded at 20 deg in radians lies exactly on
+    the edge of its class.
     """
     with np.errstate(invalid="ignore"):
-        return np.round(posture_angles(mapper.body(block), len(block.time)), 9) + 0.0
+        return np.round(posture_angles(mapper.segment_frames(block), len(block.time)), 9) + 0.0
 
 
-def obtainable(profile: Profile, names: Names) -> tuple[str, ...]:
-    """Return the columns that a profile gives from the signals found, by trying it on a made-up sample."""
+def obtainable_columns(profile: Profile, names: Names) -> tuple[str, ...]:
+    """Return the columns that a profile gives from some signals, by mapping two random samples."""
     if not names:
         return ()
     signals = tuple(dict.fromkeys(signal for group in names.values() for signal in group))
@@ -80,7 +79,7 @@ def obtainable(profile: Profile, names: Names) -> tuple[str, ...]:
     mapper = mapper_for(profile, names, stream)
     mapper.begin()
     angles = block_angles(mapper, Block(np.zeros(2), signals, values, ("",) * len(signals)))
-    hidden = {*profile.cannot, *mapper.dead(0.0)}
+    hidden = {*profile.cannot, *mapper.unmeasured_columns(0.0)}
     return tuple(
         column for column, index in INDEX.items() if np.isfinite(angles[:, index]).any() and column not in hidden
     )
@@ -88,11 +87,11 @@ def obtainable(profile: Profile, names: Names) -> tuple[str, ...]:
 
 def measurable_columns(profile: Profile) -> tuple[str, ...]:
     """Return the columns of the posture table that a profile gives where all its names are recorded."""
-    return obtainable(profile, profile.slots)
+    return obtainable_columns(profile, profile.slots)
 
 
 PASSES = 3
-"""A recording is read again when its unit, vertical or sides turn out otherwise than its first frames suggest."""
+"""Readings of a recording: unit, vertical or sides may differ from what the first frames suggest."""
 
 
 @dataclass
@@ -101,7 +100,7 @@ class Samples:
 
     Attributes:
         table: (n, 23): time [s], then the 22 angles [deg].
-        log: what the reader noticed.
+        log: notes of the reader.
     """
 
     table: Array
@@ -119,26 +118,23 @@ class Samples:
 
     @property
     def seconds(self) -> float:
-        """Length of the recording."""
+        """Duration of the recording [s]."""
         return float(self.table[-1, 0] - self.table[0, 0]) if len(self.table) else 0.0
 
 
 def collect(stream: Stream, mapper: Mapper) -> Samples:
-    """Read a stream to its end and return its angles, in time order and each time once.
-
-    The table grows in place by halves and is cut to size at the end, so at most half of it is spare.
-    """
+    """Read a stream to its end and return its angles, sorted by time, each time once."""
     table, log = _pass(stream, mapper)
     for _ in range(PASSES - 1):
         if mapper.is_consistent():
             break
         del table
         table, log = _pass(stream, mapper)
-    return Samples(in_order(table, log), log)
+    return Samples(sorted_by_time(table, log), log)
 
 
 def _pass(stream: Stream, mapper: Mapper) -> tuple[Array, ReadLog]:
-    """Return the (n, 23) rows of one reading."""
+    """Return the (n, 23) rows of one reading; the table grows in place by halves, so at most a third is spare."""
     log = ReadLog()
     mapper.begin()
     table = np.empty((max(stream.count or 0, 1024), 1 + len(COLUMNS)))
@@ -154,15 +150,15 @@ def _pass(stream: Stream, mapper: Mapper) -> tuple[Array, ReadLog]:
     return table, log
 
 
-def in_order(table: Array, log: ReadLog) -> Array:
-    """Return rows sorted by their first column, times not finite or repeated left out and noted."""
+def sorted_by_time(table: Array, log: ReadLog) -> Array:
+    """Return rows sorted by time, their first column; repeated and non-finite times are left out and noted."""
     time = table[:, 0]
     if not np.isfinite(time).all():
         bad = int(np.sum(~np.isfinite(time)))
         log.warn(f"{bad} samples without a time were left out")
         table = table[np.isfinite(time)]
     if len(table) and np.any(np.diff(table[:, 0]) < 0):
-        log.warn("samples were not in the order of their times; they were sorted")
+        log.warn("samples were not in the order of time; they were sorted")
         table = table[np.argsort(table[:, 0], kind="stable")]
     repeated = np.flatnonzero(np.diff(table[:, 0]) == 0) + 1
     if len(repeated):

@@ -1,4 +1,7 @@
-"""Joint coordinates -> body: elementary turns composed in the order of the chain, never added up."""
+"""Joint coordinates -> segment frames: elementary rotations composed in the order of the chain.
+
+Rotations about different axes do not commute, so joints of one chain are never added up.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from reba.arrays import Array, Flags
+from reba.errors import join_names
 from reba.posture.angles import SegmentFrames, rotated_about
 from reba.posture.columns import COLUMNS, SIDES
-from reba.readers.mapping.reference_frames import RootPose, axis_vector
+from reba.readers.mapping.reference_frames import PelvisPose, axis_vector
 from reba.readers.recording.profile import ElementaryRotation, Profile
 from reba.readers.recording.stream import Block, Stream
 
@@ -17,10 +21,10 @@ ARM_AND_LEG = (
     *(("clavicle", "thorax"), ("upper_arm", "clavicle"), ("forearm", "upper_arm"), ("hand", "forearm")),
     *(("thigh", "pelvis"), ("shank", "thigh")),
 )
-"""Segments of a side and what they hang from, parents first; without a chain the clavicle is rigid with the thorax."""
+"""Segments of a side and their parents, parents first; without a chain the clavicle is rigid with the thorax."""
 SPINE = {"trunk": "thorax", "neck": "head"}
-ABOUT = {"side_bend": 0, "twist": 1, "flexion": 2}
-"""The axis of a turn of the spine that gives an angle."""
+SPINE_AXIS = {"side_bend": 0, "twist": 1, "flexion": 2}
+"""ISB axis of the spine rotation that gives an angle: 0 x forward, 1 y up, 2 z right."""
 CHAIN_OF = {
     "knee_flexion": "shank",
     "upper_arm_flexion": "upper_arm",
@@ -31,20 +35,20 @@ CHAIN_OF = {
     "wrist_deviation": "hand",
     "wrist_twist": "forearm",
 }
-"""The chain that moves a column of the limbs, where no joint gives the column itself."""
+"""Segment whose chain moves a column of the limbs, where no joint gives the column itself."""
 
 
 class JointMapper:
-    """Turns blocks of joint coordinates into bodies and keeps what the whole recording says about its joints.
+    """Converts blocks of joint coordinates to segment frames and collects the range of each joint.
 
     Args:
         profile: a profile of kind "joints".
-        names: joint of the profile -> signal of the stream, as far as present.
+        names: joint of the profile -> signal of the stream; only those present.
         stream: where the blocks come from.
-        root: pose of the pelvis in the world, if the recording holds it.
+        root: pose of the pelvis in the world, None if the recording has none.
     """
 
-    def __init__(self, profile: Profile, names: Mapping[str, str], stream: Stream, root: RootPose | None) -> None:
+    def __init__(self, profile: Profile, names: Mapping[str, str], stream: Stream, root: PelvisPose | None) -> None:
         self.profile, self.names, self.root = profile, dict(names), root
         self.wanted = tuple(names.values())
         self.epoch = stream.epoch
@@ -61,8 +65,8 @@ class JointMapper:
         """Start a pass over the recording."""
         self.ranges = JointRanges(len(self.names))
 
-    def body(self, block: Block) -> SegmentFrames:
-        """Return the body of a block of n samples."""
+    def segment_frames(self, block: Block) -> SegmentFrames:
+        """Return the segment frames (n, 3, 3) of a block of n samples."""
         values = self._values(block)
         n = len(block.time)
         body = SegmentFrames(up=axis_vector(self.profile.up) if self.profile.up else None)
@@ -71,86 +75,91 @@ class JointMapper:
             body.up = self.root.up
             frames["pelvis"] = self.root.at(block.time + self.epoch)
         else:
-            frames["pelvis"] = self._turned(np.eye(3), "pelvis", values, n)
-        frames["thorax"] = self._turned(frames["pelvis"], "thorax", values, n)
+            frames["pelvis"] = self._chain_frames(np.eye(3), "pelvis", values, n)
+        frames["thorax"] = self._chain_frames(frames["pelvis"], "thorax", values, n)
         if "head" in self.profile.chains:
-            frames["head"] = self._turned(frames["thorax"], "head", values, n)
+            frames["head"] = self._chain_frames(frames["thorax"], "head", values, n)
         for side in SIDES:
             for segment, parent in ARM_AND_LEG:
                 if f"{segment}_{side}" in self.profile.chains:
                     base = frames.get(f"{parent}_{side}", frames["pelvis" if parent == "pelvis" else "thorax"])
-                    frames[f"{segment}_{side}"] = self._turned(base, f"{segment}_{side}", values, n)
+                    frames[f"{segment}_{side}"] = self._chain_frames(base, f"{segment}_{side}", values, n)
         body.columns = self._columns(values, n)
         return body
 
     def is_consistent(self) -> bool:
-        """Return whether the unit fits all values; otherwise take the other one, and the recording is read again."""
-        far = self.ranges.far()
-        if self.unit == "rad" and far >= 2:
+        """Return whether the unit fits all values; if not, it is changed for another pass."""
+        beyond = self.ranges.count_beyond_rotation()
+        if self.unit == "rad" and beyond >= 2:
             self.unit = "deg"
-            where = "the file says radians" if self.stated else "the source usually has radians"
-            self.warnings.append(f"{where}, but {far} joints go beyond {FAR:g}: the values were read as degrees")
+            where = "the file states radians" if self.stated else "the source usually has radians"
+            self.warnings.append(
+                f"{where}, but {beyond} joints exceed {MAX_ROTATION:g}: the values were read as degrees"
+            )
             return False
-        if self.ranges.wild:
-            self.warnings.append(f"{self.ranges.wild} joint values beyond {WILD:.1f} rad were left out as damaged")
+        if self.ranges.outliers:
+            self.warnings.append(
+                f"{self.ranges.outliers} joint values beyond {OUTLIER:.1f} rad were left out as damaged"
+            )
         largest = self.ranges.largest()
-        if self.unit == "deg" and STILL < largest < 3.2:
-            self.warnings.append(f"no joint leaves +-{largest:.2f} degrees: check that the unit is not radians")
+        if self.unit == "deg" and CONSTANT < largest < 3.2:
+            self.warnings.append(f"no joint exceeds +-{largest:.2f} degrees: check that the unit is not radians")
         return True
 
-    def dead(self, seconds: float) -> dict[str, str]:
-        """Return the columns that no moving joint gives, and why.
+    def unmeasured_columns(self, seconds: float) -> dict[str, str]:
+        """Return the columns that no moving joint measures -> the reason.
 
         Args:
-            seconds: length of the recording; one second of rest is no evidence.
+            seconds: duration of the recording; up to 1 s a constant joint counts as measured.
         """
-        still = self._still() if seconds > 1.0 else {}
+        fixed = self._constant_joints() if seconds > 1.0 else {}
         reasons: dict[str, str] = {}
         for column in COLUMNS:
             joints = joints_of(self.profile, column)
             absent = [joint for joint in joints if joint not in self.names]
-            idle = [joint for joint in joints if joint in still]
+            constant = [joint for joint in joints if joint in fixed]
             if not joints:
                 reasons[column] = "this source has no such joint"
             elif len(absent) == len(joints):
-                reasons[column] = f"no joint {some(absent)}"
-            elif len(absent) + len(idle) == len(joints):
-                reasons[column] = f"{some([self.names[joint] for joint in idle])} constant {still[idle[0]]:g}"
+                reasons[column] = f"no joint {join_names(absent, MOST_NAMES)}"
+            elif len(absent) + len(constant) == len(joints):
+                signals = join_names([self.names[joint] for joint in constant], MOST_NAMES)
+                reasons[column] = f"{signals} constant {fixed[constant[0]]:g}"
         partial = [joint for joint in self.profile.slots if joint not in self.names]
         if partial:
-            self.assumed.append(f"joints not recorded, taken as 0 in their chain: {some(partial)}")
+            self.assumed.append(f"joints not recorded, taken as 0 in their chain: {join_names(partial, MOST_NAMES)}")
         return reasons
 
-    def _still(self) -> dict[str, float]:
-        """Return the joints that only fill a place -> their constant value [deg]."""
-        middle, rest = self.ranges.still(1.0 if self.unit == "deg" else 180.0 / np.pi)
+    def _constant_joints(self) -> dict[str, float]:
+        """Return the joints that were not measured -> their constant value [deg]."""
+        middle, constant = self.ranges.constant(1.0 if self.unit == "deg" else 180.0 / np.pi)
         known = self.ranges.known
-        moves = bool(np.any(known & ~rest))
-        silent = not np.any(np.abs(middle[known]) > STILL)
+        moves = bool(np.any(known & ~constant))
+        all_zero = not np.any(np.abs(middle[known]) > CONSTANT)
         result = {}
         for index, (joint, signal) in enumerate(self.names.items()):
-            if not rest[index]:
+            if not constant[index]:
                 continue
             dummy = self.profile.dummies.get(joint)
             if dummy is not None and abs(middle[index] - dummy) < 0.01:
                 result[joint] = dummy
-            elif abs(middle[index]) <= STILL and (moves or silent):
+            elif abs(middle[index]) <= CONSTANT and (moves or all_zero):
                 result[joint] = 0.0
-            elif moves and abs(middle[index]) > STILL:
+            elif moves and abs(middle[index]) > CONSTANT:
                 self.warnings.append(f"{signal} is constant {middle[index]:.4g} deg: check that it was measured")
-        if silent and known.any():
-            self.warnings.append("every joint is constantly 0: the source sent no joint angles")
+        if all_zero and known.any():
+            self.warnings.append("every joint is constant 0: the source sent no joint angles")
         return result
 
     def _values(self, block: Block) -> dict[str, Array]:
-        """Return joint -> (n,) values of a block, and take up their range."""
+        """Return joint -> (n,) values of a block, and extend their ranges."""
         columns = {name: index for index, name in enumerate(block.names)}
         present = [
             (index, joint, columns[name]) for index, (joint, name) in enumerate(self.names.items()) if name in columns
         ]
         if not self.unit:
             used = np.abs(block.values[:, [at for _, _, at in present]])
-            self.unit = "deg" if np.nanmax(used, initial=0.0) > FAR else "rad"
+            self.unit = "deg" if np.nanmax(used, initial=0.0) > MAX_ROTATION else "rad"
             self.assumed.append(f"the unit of the joints is not stated: {self.unit} by their range")
         radians = self.unit == "rad"
         return {
@@ -158,8 +167,8 @@ class JointMapper:
             for index, joint, at in present
         }
 
-    def _turned(self, frame: Array, segment: str, values: Mapping[str, Array], n: int) -> Array:
-        """Return (n, 3, 3) frames of a segment: the parent's, turned by each step of the chain."""
+    def _chain_frames(self, frame: Array, segment: str, values: Mapping[str, Array], n: int) -> Array:
+        """Return (n, 3, 3) frames of a segment: the parent's, rotated by each step of the chain."""
         factor = 1.0 if self.unit == "rad" else np.pi / 180.0
         result = frame
         for step in self.profile.chains.get(segment, ()):
@@ -172,7 +181,7 @@ class JointMapper:
         return result if result.ndim == 3 else np.broadcast_to(result, (n, 3, 3))
 
     def _sign(self, step: ElementaryRotation, segment: str) -> float:
-        """Return the sense of a step; in the mirror image x and y turn the other way, z does not."""
+        """Return the sense of a rotation; in the mirror image x and y change their sense, z does not."""
         mirrored = self.profile.mirror and segment.endswith("_left") and step.axis != 2
         return -step.sign if mirrored else step.sign
 
@@ -187,52 +196,45 @@ class JointMapper:
 
 
 def joints_of(profile: Profile, column: str) -> list[str]:
-    """Return the joints that move a column by themselves."""
+    """Return the joints whose rotation changes a column."""
     if column in profile.columns:
         return [term.name for term in profile.columns[column] if term.name]
     part, _, angle = column.partition("_")
     if part in SPINE:
         chains = [SPINE[part], "pelvis"] if column in ("trunk_flexion", "trunk_side_bend") else [SPINE[part]]
         steps = [step for chain in chains for step in profile.chains.get(chain, ())]
-        return [step.name for step in steps if step.axis == ABOUT[angle] and step.name]
+        return [step.name for step in steps if step.axis == SPINE_AXIS[angle] and step.name]
     angle, _, side = column.rpartition("_")
     return [step.name for step in profile.chains.get(f"{CHAIN_OF[angle]}_{side}", ()) if step.name]
 
 
-def some(names: list[str], most: int = 4) -> str:
-    """Return the first names, and how many more there are.
-
-    >>> some(["a", "b", "c"], most=2)
-    'a, b and 1 more'
-    """
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
-
-
-FAR = 7.0
-"""[rad] No anatomical joint turns further: values beyond are degrees in a field of radians."""
-WILD = 4.0 * np.pi
-"""[rad] Beyond this a single value is damage, not a posture."""
-STILL = 1e-3
-"""[deg] A joint that never leaves its value by more does not move; no sensor is that quiet."""
+MOST_NAMES = 4
+"""Names in a message; further ones are only counted."""
+MAX_ROTATION = 7.0
+"""[rad] No anatomical joint rotates further: larger values are degrees in a field of radians."""
+OUTLIER = 4.0 * np.pi
+"""[rad] A single value beyond this is damaged data, not a posture."""
+CONSTANT = 1e-3
+"""[deg] A joint with a smaller range is constant: the noise of any sensor is larger."""
 
 
 class JointRanges:
-    """Ranges of k joints, taken up block by block; no value is kept."""
+    """Ranges of k joints, extended block by block; memory does not grow with the recording."""
 
     def __init__(self, size: int) -> None:
         self.low, self.high = np.full(size, np.inf), np.full(size, -np.inf)
         self.seen, self.beyond = np.zeros(size), np.zeros(size)
-        self.wild = 0
+        self.outliers = 0
 
     def add(self, index: int, data: Array, radians: bool) -> Array:
-        """Take up (n,) values of a joint and return them, damaged ones as NaN."""
+        """Extend the range of a joint by (n,) values and return them, damaged ones as NaN."""
         good = data[np.isfinite(data)]
         self.seen[index] += len(good)
-        if radians and len(good) and max(good.max(), -good.min()) > FAR:
-            self.beyond[index] += float(np.sum(np.abs(good) > FAR))
-            self.wild += int(np.sum(np.abs(good) > WILD))
-            good = good[np.abs(good) <= WILD]
-            data = np.where(np.abs(data) <= WILD, data, np.nan)
+        if radians and len(good) and max(good.max(), -good.min()) > MAX_ROTATION:
+            self.beyond[index] += float(np.sum(np.abs(good) > MAX_ROTATION))
+            self.outliers += int(np.sum(np.abs(good) > OUTLIER))
+            good = good[np.abs(good) <= OUTLIER]
+            data = np.where(np.abs(data) <= OUTLIER, data, np.nan)
         if len(good):
             self.low[index] = min(self.low[index], float(good.min()))
             self.high[index] = max(self.high[index], float(good.max()))
@@ -243,17 +245,17 @@ class JointRanges:
         """(k,) joints that have a value."""
         return self.low <= self.high
 
-    def far(self) -> int:
-        """Return how many joints lie beyond `FAR` in a fifth of their samples or more."""
+    def count_beyond_rotation(self) -> int:
+        """Return how many joints exceed `MAX_ROTATION` in more than a fifth of their samples."""
         return int(np.sum(self.beyond > 0.2 * np.maximum(self.seen, 1.0)))
 
     def largest(self) -> float:
-        """Return the largest absolute value of all joints, 0 without any."""
+        """Return the largest absolute value of all joints, 0 without values."""
         known = self.known
         return float(np.max(np.maximum(np.abs(self.low[known]), np.abs(self.high[known])), initial=0.0))
 
-    def still(self, to_degrees: float) -> tuple[Array, Flags]:
-        """Return the (k,) middle of each range [deg] and which joints never leave it."""
+    def constant(self, to_degrees: float) -> tuple[Array, Flags]:
+        """Return the (k,) middle of each range [deg] and which joints are constant."""
         known = self.known
         low, high = np.where(known, self.low, np.nan), np.where(known, self.high, np.nan)
-        return (low + high) / 2.0 * to_degrees, known & ((high - low) * to_degrees <= STILL)
+        return (low + high) / 2.0 * to_degrees, known & ((high - low) * to_degrees <= CONSTANT)

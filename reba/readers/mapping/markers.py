@@ -1,4 +1,4 @@
-"""Marker or keypoint positions -> body: joint centres, then segment axes and frames."""
+"""Marker or keypoint positions -> joint centres -> segment axes and frames (ISB: Wu et al. 2002, 2005)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from reba.arrays import Array
 from reba.posture.angles import SegmentFrames, frame_across, frame_from_y_z
 from reba.posture.columns import SIDES
-from reba.readers.mapping.reference_frames import Orientation
+from reba.readers.mapping.reference_frames import VerticalAxis
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import Block, Stream
 
@@ -21,7 +21,7 @@ LIMBS = {
     "thigh": ("hip", "knee"),
     "shank": ("knee", "ankle"),
 }
-"""Segments and the centres at their near and far ends."""
+"""Segments with the joint centres at their proximal and distal ends."""
 CENTRES = {
     "elbow": ("elbow_lateral", "elbow_medial"),
     "wrist": ("wrist_radial", "wrist_ulnar"),
@@ -29,134 +29,140 @@ CENTRES = {
     "knee": ("knee_lateral", "knee_medial"),
     "ankle": ("ankle_lateral", "ankle_medial"),
 }
-"""Centres between two markers, where the centre itself is not given."""
+"""Joint centres midway between two markers, where the recording has no point for the centre itself."""
 HARRINGTON = {"back": (-0.24, -0.0099), "down": (-0.30, -0.0109), "out": (0.33, 0.0073)}
-"""Hip centre from the middle of the ASIS: slope times pelvis depth (back) or width (down, out), plus metres.
+"""Hip centre from the middle of the ASIS: slope times pelvis depth (back) or width (down, out), plus an offset [m].
 
-Harrington et al. 2007, J Biomech 40, 595-602."""
-LEANING = (
-    "neck flexion is the inclination of the line from neck to head, which leans about 20 deg forward in an upright "
-    "person: use a neutral calibration (neutral='first:3s')"
+Regression of Harrington et al. 2007, J Biomech 40, 595-602."""
+HEAD_LINE_NOTE = (
+    "neck flexion is the inclination of the line from neck to head, about 20 deg forward in an upright person: "
+    "use a neutral posture (neutral='first:3s')"
 )
 
 
 class PointMapper:
-    """Turns blocks of points into bodies.
+    """Converts blocks of marker positions to segment frames.
 
     Args:
         profile: a profile of kind "points".
-        names: point of the profile -> the markers whose mean it is, as far as all are present.
+        names: point of the profile -> the markers whose mean it is; only points with all their markers.
         stream: where the blocks come from.
     """
 
     def __init__(self, profile: Profile, names: Mapping[str, tuple[str, ...]], stream: Stream) -> None:
         self.profile, self.names = profile, dict(names)
         self.wanted = tuple(dict.fromkeys(marker for group in names.values() for marker in group))
-        self.orientation = Orientation(stream.up, profile.up)
+        self.vertical = VerticalAxis(stream.up, profile.up)
         self.assumed: list[str] = list(profile.assumed)
         self.warnings: list[str] = []
 
     def begin(self) -> None:
         """Start a pass over the recording."""
-        self.orientation.begin()
+        self.vertical.begin()
 
-    def body(self, block: Block) -> SegmentFrames:
-        """Return the body of a block of n samples."""
+    def segment_frames(self, block: Block) -> SegmentFrames:
+        """Return the segment frames (n, 3, 3) and long axes (n, 3) of a block of n samples."""
         at = {name: index for index, name in enumerate(block.names)}
         points = {
             self._sided(point): block.values[:, [at[marker] for marker in markers]].mean(axis=1)
             for point, markers in self.names.items()
             if all(marker in at for marker in markers)
         }
-        _complete(points)
-        self._watch(points)
-        body = SegmentFrames(up=self.orientation.up)
-        _spine(points, body)
-        _head(points, body)
+        _add_centres(points)
+        self._add_directions(points)
+        body = SegmentFrames(up=self.vertical.up)
+        _add_trunk(points, body)
+        _add_head(points, body)
         for side, outward in zip(SIDES, (-1.0, 1.0), strict=True):
-            _limbs(points, body, side, outward)
+            _add_limbs(points, body, side, outward)
         if "head" in body.axes:
-            self._leaning()
+            self._note_head_line()
         return body
 
     def is_consistent(self) -> bool:
-        """Return whether vertical and sides fit all frames; otherwise choose anew, and the recording is read again."""
-        settled = self.orientation.is_consistent()
-        self.warnings += [text for text in self.orientation.warnings if text not in self.warnings]
-        self.assumed += [text for text in self.orientation.assumed if text not in self.assumed]
-        return settled
+        """Return whether vertical and sides fit all frames; if not, they are changed for another pass."""
+        consistent = self.vertical.is_consistent()
+        self.warnings += [text for text in self.vertical.warnings if text not in self.warnings]
+        self.assumed += [text for text in self.vertical.assumed if text not in self.assumed]
+        return consistent
 
-    def dead(self, seconds: float) -> dict[str, str]:
-        """Return the columns that no point gives, and why."""
+    def unmeasured_columns(self, seconds: float) -> dict[str, str]:
+        """Return the columns that no point measures -> the reason; points leave this to the data."""
         return {}
 
-    def _leaning(self) -> None:
-        if LEANING not in self.assumed:
-            self.assumed.append(LEANING)
+    def _note_head_line(self) -> None:
+        if HEAD_LINE_NOTE not in self.assumed:
+            self.assumed.append(HEAD_LINE_NOTE)
 
     def _sided(self, point: str) -> str:
-        if not self.orientation.swapped:
+        if not self.vertical.swapped:
             return point
         name, _, side = point.rpartition("_")
         return f"{name}_{'left' if side == 'right' else 'right'}" if side in SIDES else point
 
-    def _watch(self, points: Points) -> None:
+    def _add_directions(self, points: Points) -> None:
         low = next(
-            (middle for name in ("heel", "ankle", "knee", "hip", "psis") if (middle := _mid(points, name)) is not None),
+            (
+                middle
+                for name in ("heel", "ankle", "knee", "hip", "psis")
+                if (middle := _midpoint(points, name)) is not None
+            ),
             None,
         )
-        high = points.get("head", points.get("neck", points.get("c7", _mid(points, "shoulder"))))
+        high = points.get("head", points.get("neck", points.get("c7", _midpoint(points, "shoulder"))))
         upward = None if low is None or high is None else high - low
-        front = [_mid(points, "toe"), points.get("notch"), points.get("nose"), _mid(points, "asis")]
-        back = [_mid(points, "heel"), points.get("c7"), _mid(points, "ear"), _mid(points, "psis")]
+        front = [_midpoint(points, "toe"), points.get("notch"), points.get("nose"), _midpoint(points, "asis")]
+        back = [_midpoint(points, "heel"), points.get("c7"), _midpoint(points, "ear"), _midpoint(points, "psis")]
         pairs = ((a, b) for a, b in zip(front, back, strict=True) if a is not None and b is not None)
-        ahead = next((a - b for a, b in pairs), None)
-        right = _across(points, "hip") if "hip_left" in points else _across(points, "asis")
-        self.orientation.watch(upward, right, ahead, _across(points, "shoulder"))
+        forward = next((a - b for a, b in pairs), None)
+        right = _left_to_right(points, "hip") if "hip_left" in points else _left_to_right(points, "asis")
+        self.vertical.add_directions(upward, right, forward, _left_to_right(points, "shoulder"))
 
 
-def _mid(points: Points, name: str) -> Array | None:
+def _midpoint(points: Points, name: str) -> Array | None:
     """Return the middle of the left and right points, or None."""
     if not all(f"{name}_{side}" in points for side in SIDES):
         return None
     return (points[f"{name}_left"] + points[f"{name}_right"]) / 2.0
 
 
-def _across(points: Points, name: str) -> Array | None:
+def _left_to_right(points: Points, name: str) -> Array | None:
     """Return the vector from the left to the right point, or None."""
     if not all(f"{name}_{side}" in points for side in SIDES):
         return None
     return points[f"{name}_right"] - points[f"{name}_left"]
 
 
-def _complete(points: Points) -> None:
-    """Add the centres that follow from other points."""
+def _add_centres(points: Points) -> None:
+    """Add the joint centres that follow from other points."""
     for side in SIDES:
         for centre, pair in CENTRES.items():
             if f"{centre}_{side}" not in points and all(f"{name}_{side}" in points for name in pair):
                 points[f"{centre}_{side}"] = (points[f"{pair[0]}_{side}"] + points[f"{pair[1]}_{side}"]) / 2.0
-    front, back = _mid(points, "asis"), _mid(points, "psis")
+    front, back = _midpoint(points, "asis"), _midpoint(points, "psis")
     if front is not None and back is not None:
         points["pelvis_front"], points["pelvis_back"] = front, back
         if "hip_left" not in points:
-            _hips(points, front, back)
+            _add_hip_centres(points, front, back)
 
 
-def _hips(points: Points, front: Array, back: Array) -> None:
+def _add_hip_centres(points: Points, front: Array, back: Array) -> None:
     across = points["asis_right"] - points["asis_left"]
     pelvis = frame_from_y_z(np.cross(across, front - back), across)
     width = np.linalg.norm(across, axis=1)
     depth = np.linalg.norm(front - back, axis=1)
     sizes = {"back": depth, "down": width, "out": width}
-    x, y, z = (HARRINGTON[way][0] * sizes[way] + HARRINGTON[way][1] for way in ("back", "down", "out"))
+    x, y, z = (
+        HARRINGTON[direction][0] * sizes[direction] + HARRINGTON[direction][1] for direction in ("back", "down", "out")
+    )
     for side, outward in zip(SIDES, (-1.0, 1.0), strict=True):
         local = np.stack([x, y, z * outward], axis=1)
         points[f"hip_{side}"] = front + np.einsum("nij,nj->ni", pelvis, local)
 
 
-def _spine(points: Points, body: SegmentFrames) -> None:
+def _add_trunk(points: Points, body: SegmentFrames) -> None:
     """Add pelvis, thorax (ISB: notch, C7, xiphoid, T8) and trunk (line from hips to shoulders)."""
-    hips, shoulders = _mid(points, "hip"), _mid(points, "shoulder")
+    hips, shoulders = _midpoint(points, "hip"), _midpoint(points, "shoulder")
     if all(name in points for name in ("notch", "c7", "xiphoid", "t8")):
         high, low = (points["notch"] + points["c7"]) / 2.0, (points["xiphoid"] + points["t8"]) / 2.0
         ahead = points["notch"] - points["c7"] + points["xiphoid"] - points["t8"]
@@ -165,11 +171,11 @@ def _spine(points: Points, body: SegmentFrames) -> None:
         across = points["shoulder_right"] - points["shoulder_left"]
         body.frames["trunk"] = frame_from_y_z(shoulders - hips, across)
     elif hips is not None and "thorax" in body.frames:
-        # Markers on one arm only: the line ends between notch and C7, which stay at shoulder height.
+        # Markers on one arm only: the middle of notch and C7 is at the height of the shoulders.
         neck = (points["notch"] + points["c7"]) / 2.0
         body.frames["trunk"] = frame_from_y_z(neck - hips, body.frames["thorax"][:, :, 2])
-    right = _across(points, "asis")
-    right = right if right is not None else _across(points, "hip")
+    right = _left_to_right(points, "asis")
+    right = right if right is not None else _left_to_right(points, "hip")
     if right is None:
         return
     if "pelvis_front" in points:
@@ -178,14 +184,14 @@ def _spine(points: Points, body: SegmentFrames) -> None:
         body.frames["pelvis"] = frame_across(body.frames["trunk"][:, :, 1], right)
 
 
-def _head(points: Points, body: SegmentFrames) -> None:
+def _add_head(points: Points, body: SegmentFrames) -> None:
     """Add the head: a frame from four markers or from ears and nose, else the line from the neck."""
-    right = _across(points, "ear")
+    right = _left_to_right(points, "ear")
     if right is not None and "head_front" in points and "head_back" in points:
         body.frames["head"] = frame_from_y_z(np.cross(right, points["head_front"] - points["head_back"]), right)
         return
-    neck = points.get("neck", points.get("c7", _mid(points, "shoulder")))
-    head = _mid(points, "ear")
+    neck = points.get("neck", points.get("c7", _midpoint(points, "shoulder")))
+    head = _midpoint(points, "ear")
     head = head if head is not None else points.get("head")
     if neck is None or head is None:
         return
@@ -196,10 +202,10 @@ def _head(points: Points, body: SegmentFrames) -> None:
         body.frames["head"] = frame_from_y_z(head - neck, right)
 
 
-def _limbs(points: Points, body: SegmentFrames, side: str, outward: float) -> None:
-    for segment, (near, far) in LIMBS.items():
-        if f"{near}_{side}" in points and f"{far}_{side}" in points:
-            body.axes[f"{segment}_{side}"] = points[f"{near}_{side}"] - points[f"{far}_{side}"]
+def _add_limbs(points: Points, body: SegmentFrames, side: str, outward: float) -> None:
+    for segment, (proximal, distal) in LIMBS.items():
+        if f"{proximal}_{side}" in points and f"{distal}_{side}" in points:
+            body.axes[f"{segment}_{side}"] = points[f"{proximal}_{side}"] - points[f"{distal}_{side}"]
     lateral, medial = points.get(f"elbow_lateral_{side}"), points.get(f"elbow_medial_{side}")
     arm = body.axes.get(f"upper_arm_{side}")
     if arm is not None and lateral is not None and medial is not None:

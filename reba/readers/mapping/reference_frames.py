@@ -1,4 +1,4 @@
-"""Poses along a tree of frames: quaternions and positions in the frame at the root."""
+"""Reference frames of a recording: tree of frames (as in tf), pose of the pelvis over time, vertical axis."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from reba.arrays import Array
-from reba.posture.angles import cross, unit
+from reba.posture.angles import unit
 from reba.readers.recording.profile import Profile
+from reba.readers.recording.quaternions import matrices, product, rotated
 from reba.readers.recording.stream import Block, ReadLog, Stream
 
 
-class FramePoses:
-    """World poses of some frames of a stream.
+class FrameTree:
+    """Poses of some frames of a stream in the root of their tree.
 
     Args:
         stream: a stream of frames.
@@ -33,7 +34,7 @@ class FramePoses:
         self._known: dict[str, tuple[Array, Array]] = {}
 
     def root_of(self, name: str) -> str:
-        """Return the frame that a chain of parents ends in, "" for the world."""
+        """Return the root of a frame: where its chain of parents ends, "" for the world."""
         seen = set()
         while name in self._parent and name not in seen:
             seen.add(name)
@@ -50,10 +51,10 @@ class FramePoses:
             return self._known[name]
         at = self._at.get(name)
         if at is None:
-            nothing = np.full((len(block.time), 7), np.nan)
-            return nothing[:, 3:], nothing[:, :3]
+            unknown = np.full((len(block.time), 7), np.nan)
+            return unknown[:, 3:], unknown[:, :3]
         position, quaternion = block.values[:, at, :3], unit(block.values[:, at, 3:])
-        self._known[name] = (quaternion, position)  # a loop of parents ends here
+        self._known[name] = (quaternion, position)  # a cycle of parents ends here
         parent = self._parent.get(name, "")
         if parent in self._at:
             base, origin = self.world(block, parent)
@@ -63,45 +64,20 @@ class FramePoses:
         return self._known[name]
 
 
-def product(a: Array, b: Array) -> Array:
-    """Return the (n, 4) product of quaternions qx qy qz qw: first b, then a."""
-    av, aw, bv, bw = a[:, :3], a[:, 3:], b[:, :3], b[:, 3:]
-    vector = aw * bv + bw * av + cross(av, bv)
-    return np.concatenate([vector, aw * bw - np.sum(av * bv, axis=1, keepdims=True)], axis=1)
-
-
-def rotated(quaternion: Array, vectors: Array) -> Array:
-    """Return (n, 3) vectors turned by (n, 4) unit quaternions."""
-    across = 2.0 * cross(quaternion[:, :3], vectors)
-    return vectors + quaternion[:, 3:] * across + cross(quaternion[:, :3], across)
-
-
-def matrices(quaternions: Array) -> Array:
-    """Return (n, 3, 3) rotation matrices of (n, 4) unit quaternions qx qy qz qw."""
-    x, y, z, w = np.ascontiguousarray(quaternions.T)
-    result = np.empty((len(quaternions), 3, 3))
-    for index, (i, j, k) in enumerate(((x, y, z), (y, z, x), (z, x, y))):
-        after = (index + 1) % 3
-        result[:, index, index] = 1.0 - 2.0 * (j * j + k * k)
-        result[:, index, after] = 2.0 * (i * j - k * w)
-        result[:, after, index] = 2.0 * (i * j + k * w)
-    return result
-
-
 HOLD = 0.2
-"""[s] A pose is not carried further than this beyond the samples it comes from."""
+"""[s] Largest distance in time from a sample to a frame that uses its pose."""
 
 
 @dataclass(frozen=True)
-class RootPose:
+class PelvisPose:
     """Orientation of the pelvis over time.
 
     Attributes:
         time: (m,) Unix time or seconds [s], increasing.
-        quaternions: (m, 4) qx qy qz qw of the frame in the world, neighbours in the same half of the sphere.
+        quaternions: (m, 4) qx qy qz qw of the frame in the world, neighbours in the same hemisphere.
         axes: (3, 3) the ISB axes of the pelvis in that frame.
         up: (3,) vertical of the world.
-        assumed: what was taken for what.
+        assumed: which frame and vertical were used, for the user.
     """
 
     time: Array
@@ -111,7 +87,7 @@ class RootPose:
     assumed: str
 
     def at(self, time: Array) -> Array:
-        """Return (n, 3, 3) ISB frames of the pelvis at (n,) times, between samples by the shorter arc; NaN in gaps."""
+        """Return (n, 3, 3) ISB frames of the pelvis at (n,) times [s], interpolated on the shorter arc; NaN in gaps."""
         after = np.clip(np.searchsorted(self.time, time), 1, max(len(self.time) - 1, 1))
         after = np.minimum(after, len(self.time) - 1)
         before = np.maximum(after - 1, 0)
@@ -124,26 +100,26 @@ class RootPose:
         return np.matmul(matrices(unit(mixed)), self.axes)
 
 
-def root_samples(poses: FramePoses, stream: Stream, name: str, block: Block) -> Array:
-    """Return the (m, 5) times [s] and quaternions of a frame in a block, those without a pose left out."""
+def pelvis_samples(poses: FrameTree, stream: Stream, name: str, block: Block) -> Array:
+    """Return the (m, 5) times [s] and quaternions of a frame in a block; samples without a pose are left out."""
     quaternions, _ = poses.world(block, name)
     rows = np.column_stack([block.time + stream.epoch, quaternions])
     return rows[np.isfinite(rows).all(axis=1)]
 
 
-def read_root(profile: Profile, streams: list[tuple[Stream, str]], axes: Array) -> RootPose | None:
-    """Return the pelvis' pose from the first stream that holds it, or None.
+def read_pelvis_pose(profile: Profile, streams: list[tuple[Stream, str]], axes: Array) -> PelvisPose | None:
+    """Return the pose of the pelvis from the first stream that has it, or None.
 
     Args:
         profile: the joints profile.
-        streams: streams of frames of the recording and the name of the root frame in each.
+        streams: streams of frames of the recording and the name of the pelvis frame in each.
         axes: (3, 3) the ISB axes in the root frame.
     """
     for stream, name in streams:
-        poses = FramePoses(stream, (name,))
+        poses = FrameTree(stream, (name,))
         parts: list[Array] = []
         for block in stream.blocks(ReadLog(), poses.wanted):
-            parts.append(root_samples(poses, stream, name, block))
+            parts.append(pelvis_samples(poses, stream, name, block))
         samples = np.concatenate(parts) if parts else np.empty((0, 5))
         if not len(samples):
             continue
@@ -151,22 +127,22 @@ def read_root(profile: Profile, streams: list[tuple[Stream, str]], axes: Array) 
         time, quaternions = samples[:, 0], samples[:, 1:]
         flips = np.cumprod(np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0, -1.0, 1.0))
         quaternions[1:] *= flips[:, None]
-        orientation = Orientation(stream.up, "z")
-        orientation.watch(np.matmul(matrices(quaternions), axes)[:, :, 1], None, None, None)
-        orientation.is_consistent()
-        up = orientation.up
+        vertical = VerticalAxis(stream.up, "z")
+        vertical.add_directions(np.matmul(matrices(quaternions), axes)[:, :, 1], None, None, None)
+        vertical.is_consistent()
+        up = vertical.up
         if up is None:
             continue
         world = poses.root_of(name) or "the world"
-        text = f"pelvis orientation from frame {name} of {stream.name}, vertical {orientation.name} of {world}"
-        return RootPose(time, quaternions, axes, up, text)
+        text = f"pelvis orientation from frame {name} of {stream.name}, vertical {vertical.name} of {world}"
+        return PelvisPose(time, quaternions, axes, up, text)
     return None
 
 
-AGAINST = -0.5
-"""Cosine between the vertical a file states and the body's own, below which the file is not believed."""
-ASLANT = 0.5
-"""The same for a vertical that is only usual with a source."""
+MIN_COSINE_STATED = -0.5
+"""Smallest cosine between the vertical that a file states and that of the body; below it the body decides."""
+MIN_COSINE_USUAL = 0.5
+"""The same for a vertical that is only usual for a source."""
 
 
 def axis_vector(name: str) -> Array:
@@ -186,12 +162,12 @@ def axis_name(vector: Array) -> str:
     return ("-" if vector[index] < 0 else "") + "xyz"[index]
 
 
-class Orientation:
-    """The vertical of a recording, chosen from its first frames and checked against all of them.
+class VerticalAxis:
+    """The vertical axis of a recording, chosen from its first frames and checked against all of them.
 
     Args:
         stated: vertical axis that the file states, "" if it does not.
-        usual: vertical axis that is usual with the source, "" if there is none.
+        usual: vertical axis that is usual for the source, "" if there is none.
     """
 
     def __init__(self, stated: str, usual: str) -> None:
@@ -204,19 +180,21 @@ class Orientation:
 
     @property
     def up(self) -> Array | None:
-        """The vertical, or None where neither the file nor the body shows it."""
+        """(3,) unit vector of the vertical, or None where neither the file nor the body shows it."""
         return axis_vector(self.name) if self.name else None
 
     def begin(self) -> None:
         """Start a pass over the recording."""
         self._upward = np.zeros(3)
-        self._facing = self._lines = 0.0
+        self._facing = self._agreement = 0.0
         self._frames = 0
 
-    def watch(self, upward: Array | None, right: Array | None, forward: Array | None, shoulders: Array | None) -> None:
-        """Take up (n, 3) directions of a block: feet to head, left to right hip, heel to toe, left to right shoulder.
+    def add_directions(
+        self, upward: Array | None, right: Array | None, forward: Array | None, shoulders: Array | None
+    ) -> None:
+        """Add (n, 3) directions of a block: feet to head, left to right hip, heel to toe, left to right shoulder.
 
-        Any of them may be None or hold NaN.
+        Any of them may be None or contain NaN.
         """
         if upward is not None:
             self._upward += np.nansum(unit(upward), axis=0)
@@ -226,28 +204,28 @@ class Orientation:
         if not self.name and np.any(self._upward):
             self.name = axis_name(self._upward)
         if forward is not None and self.up is not None:
-            ahead = unit(np.cross(self.up, right))
-            self._facing += float(np.nansum(np.sum(ahead * unit(forward), axis=1)))
+            heading = unit(np.cross(self.up, right))
+            self._facing += float(np.nansum(np.sum(heading * unit(forward), axis=1)))
         if shoulders is not None:
-            self._lines += float(np.nansum(np.sum(unit(right) * unit(shoulders), axis=1)))
+            self._agreement += float(np.nansum(np.sum(unit(right) * unit(shoulders), axis=1)))
 
     def is_consistent(self) -> bool:
-        """Return whether what was chosen fits all frames; otherwise choose anew, and the recording is read again."""
+        """Return whether vertical and sides fit all frames; if not, they are changed for another pass."""
         before = (self.name, self.swapped)
         length = float(np.linalg.norm(self._upward))
         if length > 0:
             body = self._upward / length
             cosine = float(body @ axis_vector(self.name)) if self.name else -1.0
-            if cosine < (AGAINST if self.stated else ASLANT) and self.name != axis_name(body):
+            if cosine < (MIN_COSINE_STATED if self.stated else MIN_COSINE_USUAL) and self.name != axis_name(body):
                 old, self.name = self.name, axis_name(body)
                 if old:
                     self._warn(f"the vertical is {self.name} by the body (head above feet), not {old}")
         if not self.stated and self.name and self.name != self.usual and np.any(self._upward):
-            self._assume(f"vertical {self.name} found from the body (head above feet)")
+            self._assume(f"vertical {self.name} determined from the body (head above feet)")
         if self._frames and self._facing / self._frames < -0.3:
             self.swapped = not self.swapped
             self._warn("left and right look exchanged (toes or face point backwards for the hip line); sides exchanged")
-        if self._frames and self._lines / self._frames < -0.3:
+        if self._frames and self._agreement / self._frames < -0.3:
             self._warn("left and right of hips and shoulders contradict each other: check the names")
         return before == (self.name, self.swapped)
 

@@ -1,4 +1,4 @@
-"""Segment poses -> body: constant turns from the source's frames to the axes of the body."""
+"""Segment poses -> segment frames: constant rotations from the axes of the source to the ISB axes."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from reba.arrays import Array
 from reba.errors import ProfileError
 from reba.posture.angles import SegmentFrames, frame_across, frame_from_y_z, rotated_about, unit
 from reba.posture.columns import SIDES
-from reba.readers.mapping.reference_frames import FramePoses, Orientation, axis_name, axis_vector, matrices, rotated
+from reba.readers.mapping.reference_frames import FrameTree, VerticalAxis, axis_name, axis_vector
 from reba.readers.recording.profile import Profile
+from reba.readers.recording.quaternions import matrices, rotated
 from reba.readers.recording.stream import Block, Stream
 
 AXES: dict[str, Array] = {
@@ -20,7 +21,7 @@ AXES: dict[str, Array] = {
 }
 """Columns: the ISB axes x forward, y up, z right, in frames of a convention."""
 VERTICAL = {"isb": "y", "ros": "z", "rest": ""}
-"""The vertical axis of the world that is usual with frames of a convention."""
+"""Vertical axis of the world that is usual for frames of a convention."""
 BONE = {
     "upper_arm": "forearm",
     "forearm": "hand",
@@ -28,34 +29,34 @@ BONE = {
     "thigh": "shank",
     "shank": "foot",
 }
-"""Segments whose long axis in a rest pose runs to the start of the next one (a hand: to whatever hangs on it)."""
+"""Segments whose long axis in a rest pose runs to the origin of the next segment (a hand: to its end site)."""
 
 
 class FrameMapper:
-    """Turns blocks of frame poses into bodies.
+    """Converts blocks of frame poses to segment frames.
 
     Args:
         profile: a profile of kind "frames".
-        names: segment of the profile -> frame of the stream, as far as present.
+        names: segment of the profile -> frame of the stream; only those present.
         stream: where the blocks come from.
     """
 
     def __init__(self, profile: Profile, names: Mapping[str, str], stream: Stream) -> None:
         self.profile, self.names, self.stream = profile, dict(names), stream
-        self.poses = FramePoses(stream, tuple(names.values()))
+        self.poses = FrameTree(stream, tuple(names.values()))
         self.wanted = self.poses.wanted
-        self.orientation = Orientation(stream.up, profile.up or VERTICAL[profile.axes])
+        self.vertical = VerticalAxis(stream.up, profile.up or VERTICAL[profile.axes])
         self.assumed: list[str] = list(profile.assumed)
         self.warnings: list[str] = []
         self.axes = self._axes()
 
     def begin(self) -> None:
         """Start a pass over the recording."""
-        self.orientation.begin()
+        self.vertical.begin()
         self.lines = 0
 
-    def body(self, block: Block) -> SegmentFrames:
-        """Return the body of a block of n samples."""
+    def segment_frames(self, block: Block) -> SegmentFrames:
+        """Return the segment frames (n, 3, 3) of a block of n samples."""
         poses = {segment: self.poses.world(block, frame) for segment, frame in self.names.items()}
         where = {segment: position for segment, (_, position) in poses.items()}
         frames = {
@@ -65,7 +66,7 @@ class FrameMapper:
         }
         hips = _line(where, "thigh")
         shoulders = _line(where, "upper_arm")
-        self._watch(where, frames, hips, shoulders)
+        self._add_directions(where, frames, hips, shoulders)
         if self.profile.trunk == "line" and hips is not None and shoulders is not None and "thorax" in frames:
             line = unit(shoulders[0] - hips[0])
             known = bool(np.isfinite(line).any())
@@ -74,28 +75,30 @@ class FrameMapper:
                 frames["trunk"] = frame_from_y_z(line, shoulders[1])
             if known and "pelvis" in frames:
                 frames["pelvis"] = frame_across(frames["pelvis"][:, :, 1], hips[1])
-        return SegmentFrames(frames, up=self.orientation.up)
+        return SegmentFrames(frames, up=self.vertical.up)
 
     def is_consistent(self) -> bool:
-        """Return whether the vertical fits all frames; otherwise choose anew, and the recording is read again."""
-        settled = self.orientation.is_consistent()
-        if self.orientation.swapped:
-            # Frames carry their own axes: exchanged names are reported, the frames are not touched.
-            self.orientation.swapped = False
-            settled = True
-        self.warnings += [text.removesuffix("; sides exchanged") for text in self.orientation.warnings]
-        self.assumed += self.orientation.assumed
-        if not self.orientation.name:
-            self.warnings.append("no vertical was found: no head and feet, and the file states none")
+        """Return whether the vertical fits all frames; if not, it is changed for another pass."""
+        consistent = self.vertical.is_consistent()
+        if self.vertical.swapped:
+            # Frames have their own axes: exchanged names are reported, the frames stay as recorded.
+            self.vertical.swapped = False
+            consistent = True
+        self.warnings += [text.removesuffix("; sides exchanged") for text in self.vertical.warnings]
+        self.assumed += self.vertical.assumed
+        if not self.vertical.name:
+            self.warnings.append("the vertical is unknown: the file states none, and head and feet are not recorded")
         if self.lines:
             self.assumed.append("trunk by the lines between hips and shoulders, not by the chest")
-        return settled
+        return consistent
 
-    def dead(self, seconds: float) -> dict[str, str]:
-        """Return the columns that no frame gives, and why."""
+    def unmeasured_columns(self, seconds: float) -> dict[str, str]:
+        """Return the columns that no frame measures -> the reason; frames leave this to the data."""
         return {}
 
-    def _watch(self, where: Mapping[str, Array], frames: Mapping[str, Array], hips: _Line, shoulders: _Line) -> None:
+    def _add_directions(
+        self, where: Mapping[str, Array], frames: Mapping[str, Array], hips: _Line, shoulders: _Line
+    ) -> None:
         low = next((line[0] for name in ("foot", "shank") if (line := _line(where, name)) is not None), None)
         low = low if low is not None else (hips[0] if hips is not None else None)
         high = where.get("head", shoulders[0] if shoulders is not None else None)
@@ -105,9 +108,9 @@ class FrameMapper:
         if forward is None and "pelvis" in frames:
             forward = frames["pelvis"][:, :, 0]
         right = hips[1] if hips is not None else None
-        self.orientation.watch(upward, right, forward, shoulders[1] if shoulders is not None else None)
-        if right is None and upward is None and not self.orientation.name and "pelvis" in frames:
-            self.orientation.watch(frames["pelvis"][:, :, 1], None, None, None)
+        self.vertical.add_directions(upward, right, forward, shoulders[1] if shoulders is not None else None)
+        if right is None and upward is None and not self.vertical.name and "pelvis" in frames:
+            self.vertical.add_directions(frames["pelvis"][:, :, 1], None, None, None)
 
     def _axes(self) -> dict[str, Array]:
         """Return segment -> (3, 3) its ISB axes in its own frame."""
@@ -123,7 +126,7 @@ class FrameMapper:
         return result
 
     def _rest_axes(self, rest: Array) -> dict[str, Array]:
-        """Return the axes from the rest pose: bones lie as drawn there, thumbs forward in a T-pose as in an N-pose."""
+        """Return the axes from the rest pose: bones as drawn there, thumbs forward in a T-pose and in an N-pose."""
         block = Block(np.zeros(1), self.stream.names, rest[None], self.stream.parents)
         poses = {segment: self.poses.world(block, frame) for segment, frame in self.names.items()}
         where = {segment: position[0] for segment, (_, position) in poses.items()}
@@ -144,37 +147,37 @@ class FrameMapper:
             axes = np.stack([forward, up, right], axis=1)
             if bone is not None and np.linalg.norm(np.cross(long, forward)) > 0.1:
                 axes = frame_from_y_z(long[None], np.cross(forward, long)[None])[0]
-            back = quaternion[0] * np.array([-1.0, -1.0, -1.0, 1.0])
-            result[segment] = np.stack([rotated(back[None], axis[None])[0] for axis in axes.T], axis=1)
+            inverse = quaternion[0] * np.array([-1.0, -1.0, -1.0, 1.0])
+            result[segment] = np.stack([rotated(inverse[None], axis[None])[0] for axis in axes.T], axis=1)
         if not self.warnings and float(np.sum(np.abs(up * right))) > 0.5:
             self.warnings.append("the rest pose is neither standing nor facing along an axis: check the angles")
         return result
 
     def _bone(self, kind: str, side: str, where: Mapping[str, Array]) -> Array | None:
-        """Return the unit vector of a bone in the rest pose, away from the trunk; a hand may take the forearm's."""
-        start = where[f"{kind}_{side}"]
-        after = BONE[kind]
-        end = where.get(f"{after}_{side}") if after else self._child_of(self.names[f"{kind}_{side}"], start)
-        if end is None or np.linalg.norm(end - start) < 1e-9:
-            before = {"hand": "forearm", "shank": "thigh"}.get(kind)
-            return self._bone(before, side, where) if before and f"{before}_{side}" in where else None
-        return (end - start) / np.linalg.norm(end - start)
+        """Return the unit vector of a bone in the rest pose, pointing distally; a hand without end: the forearm's."""
+        origin = where[f"{kind}_{side}"]
+        child = BONE[kind]
+        end = where.get(f"{child}_{side}") if child else self._end_site(self.names[f"{kind}_{side}"])
+        if end is None or np.linalg.norm(end - origin) < 1e-9:
+            parent = {"hand": "forearm", "shank": "thigh"}.get(kind)
+            return self._bone(parent, side, where) if parent and f"{parent}_{side}" in where else None
+        return (end - origin) / np.linalg.norm(end - origin)
 
-    def _child_of(self, frame: str, start: Array) -> Array | None:
+    def _end_site(self, frame: str) -> Array | None:
         """Return the rest position of the end site of a frame, or None."""
         rest = self.stream.rest
         if rest is None or f"{frame}_end" not in self.stream.names:
             return None
         name = f"{frame}_end"
         block = Block(np.zeros(1), self.stream.names, rest[None], self.stream.parents)
-        return FramePoses(self.stream, (name,)).world(block, name)[1][0]
+        return FrameTree(self.stream, (name,)).world(block, name)[1][0]
 
 
 _Line = tuple[Array, Array] | None
 
 
 def _line(where: Mapping[str, Array], name: str) -> _Line:
-    """Return the middle of the left and right points and the vector from left to right, or None."""
+    """Return the midpoint of the left and right points and the vector from left to right, or None."""
     if not all(f"{name}_{side}" in where for side in SIDES):
         return None
     left, right = where[f"{name}_left"], where[f"{name}_right"]

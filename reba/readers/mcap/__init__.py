@@ -1,8 +1,8 @@
 """MCAP recordings: ROS 2, ROS 1, Foxglove and our own, decoded column by column.
 
-    bytes -> source -> container (chunks, checked) -> topics (what is what) -> decode (layouts) -> merge -> blocks
+    bytes -> container (chunks, checked) -> channels -> decode (message layouts) -> extract -> merge -> blocks
 
-No summary, index or declared length is trusted: see `container`. Format: https://mcap.dev/spec.
+Summary, indexes and declared lengths are checked before use: see `container`. Format: https://mcap.dev/spec.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from reba.errors import ReadError
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
 from reba.readers.mcap.container import Container, Store
-from reba.readers.mcap.streams import StreamReader, first_look
+from reba.readers.mcap.streams import StreamReader, first_header
 from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic
 
 __all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
 MAX_CHUNK = 1 << 30
-"""[bytes] The largest chunk, record or unpacked file that is accepted."""
+"""[bytes] Largest chunk, record or unpacked file that is accepted: protects memory from declared lengths."""
 
 
 def sniff(path: Path) -> bool:
-    """Say whether a path is an MCAP recording: by its first bytes, a folder by the names of its files."""
+    """Return whether a path is an MCAP recording: by its first bytes, a folder by the names of its files."""
     if path.is_dir():
         return any(file.name.endswith((".mcap", ".mcap.zstd")) for file in path.iterdir())
     try:
@@ -39,31 +39,31 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
 
     Args:
         path: an .mcap file, plain or zstd-compressed as a whole, or a folder of them (rosbag2).
-        strict: refuse a recording that breaks off, and a folder with a damaged split.
-        check_crc: compare the CRC of every chunk that carries one.
+        strict: refuse a truncated recording, and a folder with a damaged split.
+        check_crc: compare the CRC of every chunk that has one.
         limit_bytes: the largest chunk, record or unpacked file that is accepted.
 
     Returns:
-        The recording; its log says whether it ended abnormally. It has no streams if no topic holds joint states,
-        transforms or posture angles; `topics` says why for each.
+        The recording; its log notes a truncated end. It has no streams if no topic has joint states, transforms or
+        posture angles; `topics` has the reason for each.
 
     Raises:
-        ReadError: no recording, or damaged so that data would be wrong or missing without a word.
+        ReadError: not an MCAP recording, or damaged so that samples would be wrong or missing.
     """
     log = ReadLog()
     channels: list[DecodableChannel | Unused] = []
-    for container, found in _open_files(path, strict, check_crc, limit_bytes, log):
+    for container, channels_of_file in _open_files(path, strict, check_crc, limit_bytes, log):
         _note(container, log, path.is_dir())
-        channels += found
+        channels += channels_of_file
     if strict and log.ended_abnormally:
-        raise ReadError(path, log.ended_abnormally, hint="read it without strict to use what is there")
+        raise ReadError(path, log.ended_abnormally, hint="read it without strict to use the messages before")
     return gathered(path, channels, log, strict=strict)
 
 
 def gathered(
     path: Path, channels: Iterable[DecodableChannel | Unused], log: ReadLog, *, strict: bool = False
 ) -> Recording:
-    """Return the recording that channels make, of one or more files.
+    """Return the recording of the channels of one or more files.
 
     Raises:
         ReadError: a chunk is damaged.
@@ -101,7 +101,7 @@ def _open_files(
 
 
 def classified(container: Store) -> list[DecodableChannel | Unused]:
-    """Return what each channel of a file holds.
+    """Return the content of each channel of a file.
 
     Raises:
         ReadError: a chunk is damaged, or messages are compressed one by one.
@@ -110,7 +110,7 @@ def classified(container: Store) -> list[DecodableChannel | Unused]:
 
 
 def _note(container: Container, log: ReadLog, named: bool) -> None:
-    """Take over what was noticed about a file."""
+    """Add the notes of a file to the log of the recording."""
     prefix = f"{container.path.name}: " if named else ""
     if container.ended_abnormally:
         before = f"{log.ended_abnormally}; " if log.ended_abnormally else ""
@@ -122,20 +122,20 @@ def _note(container: Container, log: ReadLog, named: bool) -> None:
 
 
 def _streams(parts: Sequence[DecodableChannel], log: ReadLog, strict: bool) -> tuple[list[Stream], list[Topic]]:
-    """Return a stream for each group of channels that holds anything, and what became of each topic."""
+    """Return a stream for each group of channels with usable messages, and the use of each topic."""
     streams, topics = [], []
     for kind, group in dict.fromkeys((part.kind, part.group) for part in parts):
         mine = [part for part in parts if (part.kind, part.group) == (kind, group)]
-        seen = ReadLog()
-        first = first_look(mine, kind, seen)
+        header_log = ReadLog()
+        header = first_header(mine, kind, header_log)
         why = {"joints": "joint positions", "frames": "poses of frames", "angles": "a posture table"}.get(kind, "")
-        if first is None:
+        if header is None:
             why = "only static transforms" if all(part.static for part in mine) else "none of its messages is usable"
-            why += f" ({seen.first_skipped})" if seen.first_skipped else ""
+            why += f" ({header_log.first_skipped})" if header_log.first_skipped else ""
         else:
-            streams.append(StreamReader(mine, kind, first, log, strict=strict).stream(_main_topic(mine)))
+            streams.append(StreamReader(mine, kind, header, log, strict=strict).stream(_main_topic(mine)))
         topics += [
-            Topic(part.topic, part.type, part.container.counts[part.channel], first is not None, why) for part in mine
+            Topic(part.topic, part.type, part.container.counts[part.channel], header is not None, why) for part in mine
         ]
     return streams, topics
 
@@ -146,7 +146,7 @@ def _main_topic(parts: Sequence[DecodableChannel]) -> str:
 
 
 def _by_topic(topics: Sequence[Topic]) -> list[Topic]:
-    """Return one line for each topic and type: counts of several publishers and files are added."""
+    """Return one entry for each topic and type; counts of several publishers and files are added."""
     joined: dict[tuple[str, str], Topic] = {}
     for topic in topics:
         known = joined.get((topic.name, topic.type))

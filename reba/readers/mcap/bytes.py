@@ -1,7 +1,7 @@
-"""The bytes of a recording: positioned reads of a plain file, or of a zstd-compressed one unpacked to a temporary file.
+"""Bytes of a recording: positioned reads of a file (unpacked to a temporary one if zstd-compressed), unpacked chunks.
 
-Plain reads instead of a memory map: resident memory stays at one chunk, and a file that shrinks while it is read
-(one that is still being recorded or copied) gives an error, not a bus error.
+Reads instead of a memory map: resident memory stays at one chunk, and a file that becomes shorter while it is read
+(still being recorded or copied) raises an error and not a bus error.
 """
 
 from __future__ import annotations
@@ -18,21 +18,22 @@ from reba.errors import ReadError
 MAGIC: Final = b"\x89MCAP0\r\n"
 """First and last bytes of an MCAP file, https://mcap.dev/spec#magic."""
 ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
-"""First bytes of a zstd frame, RFC 8878 section 3.1.1; `ros2 bag record --compression-mode file` makes such files."""
-_STEP: Final = 1 << 22
+"""First bytes of a zstd frame, RFC 8878 section 3.1.1; `ros2 bag record --compression-mode file` writes such files."""
+_FILE_STEP: Final = 1 << 22
+"""[bytes] Step of unpacking a file: bounds how far it can exceed the limit."""
 _HEAD: Final = 18
-"""The longest zstd frame header."""
+"""[bytes] Longest zstd frame header, RFC 8878 section 3.1.1.1."""
 
 
 class ByteSource:
     """Random access to the bytes of one recording.
 
     Attributes:
-        path: the file that was given.
+        path: the file.
         size: bytes of the (unpacked) recording.
 
     Raises:
-        ReadError: the file is absent, empty, no MCAP file, or unpacks to more than `limit_bytes`.
+        ReadError: the file is absent, empty, not MCAP, or unpacks to more than `limit_bytes`.
     """
 
     def __init__(self, path: Path, limit_bytes: int) -> None:
@@ -43,11 +44,11 @@ class ByteSource:
             raise ReadError(
                 path, f"cannot be opened ({error.strerror})", hint="check the path and its permissions"
             ) from error
-        # The file closes when the last stream of the recording goes.
+        # The file closes when the last stream of the recording is garbage-collected.
         weakref.finalize(self, self._file.close)
         self.size = self._end()
         if self.size == 0:
-            raise ReadError(path, "the file is empty", hint="record it again; the recorder wrote nothing")
+            raise ReadError(path, "the file is empty", hint="record it again; the recorder wrote no data")
         if self.read_at(0, 4) == ZSTD_MAGIC:
             self._file = _unpack(path, self._file, limit_bytes)
             weakref.finalize(self, self._file.close)
@@ -59,7 +60,7 @@ class ByteSource:
         return self._file.seek(0, 2)
 
     def refresh(self) -> bool:
-        """Take up what was appended to the file; return whether its size changed."""
+        """Update the size of a file that is appended to; return whether it changed."""
         before, self.size = self.size, self._end()
         return self.size != before
 
@@ -99,7 +100,7 @@ def _unpack(path: Path, packed: IO[bytes], limit_bytes: int) -> IO[bytes]:
     packed.seek(0)
     try:
         with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True, closefd=False) as reader:
-            while part := reader.read(_STEP):
+            while part := reader.read(_FILE_STEP):
                 unpacked.write(part)
                 if unpacked.tell() > limit_bytes:
                     raise too_big
@@ -112,19 +113,20 @@ def _unpack(path: Path, packed: IO[bytes], limit_bytes: int) -> IO[bytes]:
     return unpacked
 
 
-_AT_ONCE: Final = 1 << 26
-"""Chunks up to this size [bytes] are unpacked in one call; larger ones grow with the bytes that really come out."""
-COMPRESSION__STEP: Final = 1 << 24
+ONE_CALL: Final = 1 << 26
+"""[bytes] Chunks up to this size are unpacked in one call; larger ones step by step, as their size may be false."""
+_CHUNK_STEP: Final = 1 << 24
+"""[bytes] Step of unpacking a large chunk."""
 _LZ4_MOST: Final = 256
-"""An lz4 block cannot unpack to more than 255 times its size (LZ4 block format, "Limits")."""
+"""Bound of the lz4 ratio: a block unpacks to at most 255 times its size (LZ4 block format, "Limits")."""
 
 
 class BadChunk(Exception):
-    """The bytes of a chunk cannot be unpacked to what the chunk declares."""
+    """The bytes of a chunk do not unpack to the size that the chunk declares."""
 
 
 def unpack(packed: bytes, compression: str, size: int) -> bytes:
-    """Return the `size` bytes that a chunk holds.
+    """Return the `size` bytes of an unpacked chunk.
 
     Raises:
         BadChunk: unknown compression, damaged bytes, another size than declared, or memory runs out.
@@ -135,7 +137,7 @@ def unpack(packed: bytes, compression: str, size: int) -> bytes:
     try:
         data = _UNPACK[compression](packed, size)
     except MemoryError as error:
-        raise BadChunk(f"memory is too small for a chunk of {size} bytes") from error
+        raise BadChunk(f"a chunk of {size} bytes exceeds the memory") from error
     if len(data) != size:
         raise BadChunk(f"the chunk unpacks to {len(data)} bytes, not to the {size} that it declares")
     return data
@@ -152,13 +154,14 @@ def _zstd() -> tuple[Any, Any]:
     return zstandard, zstandard.ZstdDecompressor()
 
 
-def _unpack_zstd(packed: bytes, size: int) -> bytes:
+def unpack_zstd(packed: bytes, size: int, one_call: int = ONE_CALL) -> bytes:
+    """Return the unpacked bytes: in one call up to `one_call` [bytes], else in steps up to the first beyond `size`."""
     zstandard, decompressor = _zstd()
     try:
-        inside = zstandard.frame_content_size(packed)
-        if inside not in (-1, size):
-            raise BadChunk(f"the chunk declares {size} bytes, its zstd frame {inside}")
-        if size <= _AT_ONCE:
+        stated = zstandard.frame_content_size(packed)
+        if stated not in (-1, size):
+            raise BadChunk(f"the chunk declares {size} bytes, its zstd frame {stated}")
+        if size <= one_call:
             return bytes(decompressor.decompress(packed, max_output_size=size)) if size else b""
         with decompressor.stream_reader(packed) as reader:
             return _grow(reader.read, size)
@@ -170,9 +173,9 @@ def _unpack_lz4(packed: bytes, size: int) -> bytes:
     import lz4.frame
 
     if size > len(packed) * _LZ4_MOST:
-        raise BadChunk(f"{len(packed)} bytes of lz4 cannot hold the {size} that the chunk declares")
+        raise BadChunk(f"{len(packed)} bytes of lz4 cannot unpack to the {size} that the chunk declares")
     try:
-        # One byte more than declared shows that there is more.
+        # One byte more than declared detects a larger chunk.
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, size + 1))
     except (RuntimeError, EOFError, ValueError) as error:
         raise BadChunk(f"its lz4 data are damaged ({error})") from error
@@ -180,14 +183,14 @@ def _unpack_lz4(packed: bytes, size: int) -> bytes:
 
 def _grow(read: Callable[[int], bytes], size: int) -> bytes:
     data = bytearray()
-    while len(data) <= size and (part := read(COMPRESSION__STEP)):
+    while len(data) <= size and (part := read(_CHUNK_STEP)):
         data += part
     return bytes(data)
 
 
 _UNPACK: Final[dict[str, Callable[[bytes, int], bytes]]] = {
     "": _plain,
-    "zstd": _unpack_zstd,
+    "zstd": unpack_zstd,
     "lz4": _unpack_lz4,
 }
 """The well-known compressions, https://mcap.dev/spec/registry#well-known-compression-formats."""

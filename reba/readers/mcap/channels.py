@@ -1,4 +1,4 @@
-"""What each channel of a recording holds, and the decoder that reads it."""
+"""Channels of a recording: what their messages contain, and the decoder that reads them."""
 
 from __future__ import annotations
 
@@ -10,20 +10,19 @@ from typing import Final
 
 from reba.errors import ReadError
 from reba.readers.mcap import protobuf, ros
-from reba.readers.mcap import ros as cdr
 from reba.readers.mcap.bytes import ZSTD_MAGIC
 from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.mcap.decode import Batch, ColumnDecoder, Decoder, JsonDecoder, load_json
-from reba.readers.mcap.extract import PICKERS, TEXTS, Picker, kind_of_json, pick_transforms
+from reba.readers.mcap.extract import EXTRACTORS, TEXTS, Extractor, extract_transforms, kind_of_json
 from reba.readers.mcap.layout import Undecodable, Walked
 from reba.readers.mcap.records import Channel, Schema
 from reba.readers.recording.stream import Kind
 
 Make = Callable[[frozenset[str] | None], Decoder]
 _ROS: Final = {("cdr", "ros2msg"): "ROS 2", ("ros1", "ros1msg"): "ROS 1"}
-"""Message and schema encodings that `cdr.py` walks."""
+"""Message and schema encodings that `ros` decodes -> their name."""
 STATIC: Final = "tf_static"
-"""Last part of the name of a topic whose transforms hold for the whole recording."""
+"""Last part of the name of a topic whose transforms are valid for the complete recording."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +31,12 @@ class DecodableChannel:
 
     Attributes:
         container: the file.
-        channel: the channel's id in it.
-        topic, type: for people.
+        channel: id of the channel in the file.
+        topic, type: for messages.
         kind, format: as in `Stream`.
         make: makes its decoder for a set of wanted names (None: all).
-        group: channels of one kind and group make one stream: a topic, or "" for all transforms.
-        static: whether it holds transforms for the whole recording.
+        group: channels of one kind and group form one stream: a topic, or "" for all transforms.
+        static: whether its transforms are valid for the complete recording.
     """
 
     container: Store
@@ -53,7 +52,7 @@ class DecodableChannel:
 
 @dataclass(frozen=True)
 class Unused:
-    """A channel that no stream is made of, and why."""
+    """A channel that is not read, and why."""
 
     container: Store
     channel: int
@@ -63,7 +62,7 @@ class Unused:
 
 
 def segments_of(container: Store, channel: int) -> list[ChunkRef]:
-    """Return the segments that hold a channel by the indexes in the file, or all if those name none."""
+    """Return the segments with messages of a channel by the indexes of the file, or all without index."""
     hinted = [seg for seg in container.segments if seg.channels is None or channel in seg.channels]
     return hinted or container.segments
 
@@ -71,14 +70,14 @@ def segments_of(container: Store, channel: int) -> list[ChunkRef]:
 def batch_of(container: Store, segment: ChunkRef, channel: int) -> Batch:
     """Return the messages of a channel in a segment."""
     loaded = container.load(segment)
-    found = loaded.scan
-    batch = Batch(loaded, found.payloads, found.lengths, found.times)
-    mine = found.channels == channel
+    scan = loaded.scan
+    batch = Batch(loaded, scan.payloads, scan.lengths, scan.times)
+    mine = scan.channels == channel
     return batch if mine.all() else batch[mine]
 
 
 def first_message(container: Store, channel: int) -> bytes | None:
-    """Return the first message of a channel, None if it has none."""
+    """Return the first message of a channel, None without messages."""
     if container.counts[channel] == 0:
         return None
     for segment in segments_of(container, channel):
@@ -89,7 +88,7 @@ def first_message(container: Store, channel: int) -> bytes | None:
 
 
 def classify(container: Store, channel: Channel) -> DecodableChannel | Unused:
-    """Say what a channel holds.
+    """Return the content of a channel: decodable, or unused with the reason.
 
     Raises:
         ReadError: its messages are compressed one by one, or a chunk is damaged.
@@ -100,11 +99,11 @@ def classify(container: Store, channel: Channel) -> DecodableChannel | Unused:
     unused = partial(Unused, container, channel.id, channel.topic, shown)
     if schema is None and channel.schema_id != 0:
         return unused(f"its schema {channel.schema_id} is missing from the file")
-    meaning = PICKERS.get(type_name)
+    meaning = EXTRACTORS.get(type_name)
     if channel.encoding == "json":
         return _classify_json(container, channel, meaning, shown)
     if schema is None:
-        return unused(f"{channel.encoding or 'it'} without a schema cannot be decoded")
+        return unused(f"{channel.encoding or 'an unknown encoding'} without a schema cannot be decoded")
     if meaning is None:
         return unused("no joint states, transforms or posture angles")
     if not container.counts[channel.id]:
@@ -116,11 +115,11 @@ def classify(container: Store, channel: Channel) -> DecodableChannel | Unused:
     return _part(container, channel, shown, meaning, f"{form} {shown}", make)
 
 
-def _decoder(container: Store, channel: Channel, schema: Schema, pick: Picker) -> tuple[Make, str]:
+def _decoder(container: Store, channel: Channel, schema: Schema, extract: Extractor) -> tuple[Make, str]:
     """Return the maker of a decoder and the name of the encoding.
 
     Raises:
-        BadSchema: the encoding is not known or the schema is damaged.
+        BadSchema: the encoding is unknown or the schema is damaged.
     """
     walker: Callable[[bytes], Walked]
     if (channel.encoding, schema.encoding) in _ROS:
@@ -134,12 +133,12 @@ def _decoder(container: Store, channel: Channel, schema: Schema, pick: Picker) -
         walker = partial(_walk_protobuf, types, schema.name)
         form = "protobuf"
     else:
-        raise ros.BadSchema(f"messages in {channel.encoding!r} by a schema in {schema.encoding!r} are not known")
-    return partial(ColumnDecoder, walker, pick), form
+        raise ros.BadSchema(f"messages in {channel.encoding!r} by a schema in {schema.encoding!r} are not supported")
+    return partial(ColumnDecoder, walker, extract), form
 
 
 def _walk_ros(root: ros.Struct, ros1: bool, message: bytes) -> Walked:
-    return cdr.walk(root, message, TEXTS, ros1=ros1)
+    return ros.walk(root, message, TEXTS, ros1=ros1)
 
 
 def _walk_protobuf(types: protobuf.Types, name: str, message: bytes) -> Walked:
@@ -157,9 +156,9 @@ def _refuse_packed(container: Store, channel: Channel) -> None:
 
 
 def _classify_json(
-    container: Store, channel: Channel, meaning: tuple[Kind, Picker] | None, shown: str
+    container: Store, channel: Channel, meaning: tuple[Kind, Extractor] | None, shown: str
 ) -> DecodableChannel | Unused:
-    """Say what a JSON channel holds, by its type or else by the fields of its first message."""
+    """Return the content of a JSON channel by its type, else by the fields of its first message."""
     unused = partial(Unused, container, channel.id, channel.topic, shown)
     message = first_message(container, channel.id)
     if message is None:
@@ -175,10 +174,10 @@ def _classify_json(
 
 
 def _part(
-    container: Store, channel: Channel, shown: str, meaning: tuple[Kind, Picker], form: str, make: Make
+    container: Store, channel: Channel, shown: str, meaning: tuple[Kind, Extractor], form: str, make: Make
 ) -> DecodableChannel:
-    kind, pick = meaning
-    transforms = pick is pick_transforms
+    kind, extract = meaning
+    transforms = extract is extract_transforms
     static = transforms and channel.topic.rstrip("/").endswith(STATIC)
     group = "" if transforms else channel.topic
     return DecodableChannel(container, channel.id, channel.topic, shown, kind, form, make, group, static)
@@ -188,11 +187,11 @@ def recording_files(path: Path) -> list[Path]:
     """Return the recordings of a folder of splits in the order of their names, or the file itself.
 
     Raises:
-        ReadError: there is no such file, or no recording in the folder.
+        ReadError: the folder has no recording.
     """
     if not path.is_dir():
         return [path]
     files = sorted(file for file in path.iterdir() if file.name.endswith((".mcap", ".mcap.zstd")))
     if not files:
-        raise ReadError(path, "the folder holds no .mcap file", hint="give a recording or a rosbag2 folder")
+        raise ReadError(path, "the folder has no .mcap file", hint="give a recording or a rosbag2 folder")
     return files

@@ -1,8 +1,8 @@
-"""The structure of an MCAP file: where its chunks are, what channels it has, how it ends.
+"""Structure of an MCAP file: its chunks, its channels, its end.
 
-Opening walks the top-level records of the whole file, one small read per chunk, so neither the summary nor any index
-has to be believed. The summary is used for one thing only: to list channels and count messages without unpacking all
-chunks, and only if its own CRC and counts are right. Everything else comes from the data section.
+Opening reads the head of each top-level record, one small read per chunk, so neither the summary nor an index has to be
+correct. The summary serves only to list channels and count messages without unpacking all chunks, and only if its CRC
+and counts are correct; all else comes from the data section.
 """
 
 from __future__ import annotations
@@ -21,10 +21,13 @@ from reba.readers.mcap import records
 from reba.readers.mcap.bytes import MAGIC, BadChunk, ByteSource, unpack
 from reba.readers.mcap.records import BadRecord, Channel, ChunkHead, Scan, Schema
 
-_PEEK: Final = 1 << 14
+_READ_AHEAD: Final = 1 << 14
+"""[bytes] Read at once for heads of records."""
 _WINDOW: Final = 1 << 20
+"""[bytes] Read at once for messages outside chunks."""
 _RECORD_AGAIN: Final = "copy the file again from its source, or record it again"
 _FOOTER: Final = 20
+"""[bytes] Content of a Footer record."""
 
 
 @dataclass
@@ -36,7 +39,7 @@ class ChunkRef:
         size: their bytes in the file.
         chunk: the head of the chunk, None for records outside chunks.
         start: earliest log time [ns].
-        channels: messages of each channel by the message indexes behind it: a hint, never trusted; None: not known.
+        channels: messages of each channel by the message indexes after it, a hint that may be wrong; None: unknown.
     """
 
     offset: int
@@ -48,14 +51,14 @@ class ChunkRef:
 
 @dataclass
 class Loaded:
-    """The records of one segment, unpacked and found."""
+    """Unpacked records of one segment and the positions of its messages."""
 
     segment: ChunkRef
     data: bytes
     scan: Scan
 
     def where(self, payload: int) -> str:
-        """Say in words where the message with this payload stands."""
+        """Return the place of the message with this payload, for messages."""
         at = payload - records.HEAD - records.MESSAGE_HEAD
         if self.segment.chunk is None:
             return f"byte {self.segment.offset + at}"
@@ -63,7 +66,7 @@ class Loaded:
 
 
 class Store(Protocol):
-    """What streams are read from: segments of messages and the channels they belong to.
+    """Source of streams: segments of messages and the channels they belong to.
 
     Attributes: as of `Container`.
     """
@@ -78,12 +81,12 @@ class Store(Protocol):
         """Return the records of a segment, checked."""
 
     def release(self) -> None:
-        """Let go of the segment at hand."""
+        """Free the memory of the loaded segment."""
 
 
 @dataclass
 class Summary:
-    """What stands behind the data section, and where the file ends."""
+    """Summary section and footer of a file."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -101,11 +104,11 @@ class Container:
         segments: chunks and runs of bare records, by start time.
         schemas, channels: definitions by id.
         counts: messages of each channel.
-        ended_abnormally: None, or how the file breaks off.
-        warnings: what else a user must know.
+        ended_abnormally: None, or where the file is truncated.
+        warnings: further notes for the user.
 
     Raises:
-        ReadError: the file is no MCAP recording or damaged in a way that would make its data wrong.
+        ReadError: the file is not an MCAP recording, or damaged so that its data would be wrong.
     """
 
     def __init__(self, path: Path, *, check_crc: bool, limit_bytes: int) -> None:
@@ -126,7 +129,7 @@ class Container:
         self._index()
 
     def load(self, segment: ChunkRef) -> Loaded:
-        """Return the records of a segment, checked; the last one stays at hand.
+        """Return the records of a segment, checked; the last segment stays loaded.
 
         Raises:
             ReadError: its bytes are damaged, or its definitions contradict others.
@@ -147,7 +150,7 @@ class Container:
         return self._last
 
     def release(self) -> None:
-        """Let go of the segment at hand."""
+        """Free the memory of the loaded segment."""
         self._last = None
 
     def _bytes(self, segment: ChunkRef) -> bytes:
@@ -169,18 +172,18 @@ class Container:
         if self.check_crc and head.crc and zlib.crc32(data) != head.crc:
             raise ReadError(
                 self.path,
-                "the CRC of the chunk differs from its bytes, so numbers in it are wrong",
-                hint=_RECORD_AGAIN + "; check_crc=False reads it all the same",
+                "the CRC of the chunk differs from that of its bytes: its numbers are damaged",
+                hint=_RECORD_AGAIN + "; check_crc=False ignores it",
                 offset=segment.offset,
             )
         return data
 
-    def _define(self, data: bytes, found: Scan) -> None:
-        for opcode, start, stop in found.definitions:
+    def _define(self, data: bytes, scan: Scan) -> None:
+        for opcode, start, stop in scan.definitions:
             self._add(opcode, data[start:stop])
 
     def _add(self, opcode: int, content: bytes) -> None:
-        """Add a schema or channel; the same id may come again, but not with another meaning."""
+        """Add a schema or channel; an id may be repeated, but not with another definition."""
         known: dict[int, Schema] | dict[int, Channel]
         new: Schema | Channel
         if opcode == Opcode.SCHEMA:
@@ -200,10 +203,10 @@ class Container:
             raise self._damaged(error) from error
         if self.source.size == len(MAGIC):
             raise ReadError(
-                self.path, "the recording holds nothing", hint="record it again; the recorder wrote nothing"
+                self.path, "the recording has no records", hint="record it again; the recorder wrote no data"
             )
         if summary.footer is not None and not closed:
-            self.warnings.append("the magic bytes at the end of the file are wrong; all records before are there")
+            self.warnings.append("the magic bytes at the end of the file are wrong; all records before them were read")
         complete = self.ended_abnormally is None
         if complete and self._summary_holds(summary):
             self.schemas |= summary.schemas
@@ -214,10 +217,10 @@ class Container:
         if self.ended_abnormally is None and summary.footer is None:
             self.ended_abnormally = f"no footer at byte {self.source.size}, the recorder did not close the file"
         if self.ended_abnormally is not None:
-            self.ended_abnormally += f"; {sum(self.counts.values())} messages read{self._until()}"
+            self.ended_abnormally += f"; {sum(self.counts.values())} messages read{self._time_span()}"
         starts = [segment.start for segment in self.segments]
         if starts != sorted(starts):
-            self.warnings.append("chunks are not in the order of time in the file; they are read by start time")
+            self.warnings.append("chunks are not in the order of time; they are read by start time")
             self.segments.sort(key=lambda segment: segment.start)
 
     def _damaged(self, error: BadRecord) -> ReadError:
@@ -230,7 +233,7 @@ class Container:
     def _walk(self, closed: bool) -> Iterator[tuple[int, int, int]]:
         """Yield (offset of content, opcode, length) of every top-level record, of a run of messages for the first one.
 
-        Where the file breaks off is noted.
+        A truncated end is noted.
         """
         end = self.source.size
         opcode = -1
@@ -240,7 +243,7 @@ class Container:
             opcode, length = (head[0], int.from_bytes(head[1:9], "little")) if len(head) >= 9 else (-1, 0)
             stop = at + records.HEAD + length
             if opcode <= 0 or stop > end:
-                what = self._break(at, opcode, length, end)
+                what = self._truncation(at, opcode, length, end)
                 if closed:
                     raise BadRecord(at, f"{what}, although the file was closed properly")
                 self.ended_abnormally = what
@@ -249,19 +252,19 @@ class Container:
             yield at + records.HEAD, opcode, length
 
     @staticmethod
-    def _break(at: int, opcode: int, length: int, end: int) -> str:
+    def _truncation(at: int, opcode: int, length: int, end: int) -> str:
         if opcode == 0:
             return f"zeros instead of a record at byte {at}"
         kind = "a chunk" if opcode == Opcode.CHUNK else "a record"
         if opcode < 0:
-            return f"cut inside the head of a record at byte {at} of {end}"
-        return f"cut inside {kind} at byte {at} of {end} ({length} bytes declared)"
+            return f"truncated inside the head of a record at byte {at} of {end}"
+        return f"truncated inside {kind} at byte {at} of {end} ({length} bytes declared)"
 
     def _window(self, at: int, count: int) -> bytes:
-        """Return bytes of the file through a small read-ahead."""
+        """Return bytes of the file from a small read-ahead buffer."""
         start, data = self._ahead
         if not start <= at or at + count > start + len(data):
-            start, data = at, self.source.read_at(at, max(_PEEK, count))
+            start, data = at, self.source.read_at(at, max(_READ_AHEAD, count))
             self._ahead = (start, data)
         return bytes(data[at - start : at - start + count])
 
@@ -271,22 +274,22 @@ class Container:
         self._check_size(at, length)
         data = self.source.read_at(at, max(_WINDOW, records.HEAD + length))
         try:
-            found = records.scan(data, whole=False)
-            self._define(data, found)
+            scan = records.scan(data, complete=False)
+            self._define(data, scan)
         except BadRecord as error:
             raise BadRecord(at + error.offset, error.what) from error
-        self._tally(found)
-        self.segments.append(ChunkRef(at, found.end, None, int(found.times.min())))
-        return at + found.end
+        self._tally(scan)
+        self.segments.append(ChunkRef(at, scan.end, None, int(scan.times.min())))
+        return at + scan.end
 
-    def _tally(self, found: Scan) -> None:
-        if len(found.times):
-            self.counts.update(Counter(found.channels.tolist()))
-            first, last = int(found.times.min()), int(found.times.max())
+    def _tally(self, scan: Scan) -> None:
+        if len(scan.times):
+            self.counts.update(Counter(scan.channels.tolist()))
+            first, last = int(scan.times.min()), int(scan.times.max())
             self.span = (first, last) if self.span is None else (min(first, self.span[0]), max(last, self.span[1]))
 
     def _note(self, summary: Summary, at: int, opcode: int, length: int) -> None:
-        """Take from one top-level record what is needed."""
+        """Update segments, definitions and summary from one top-level record."""
         after_data = summary.start > 0
         if opcode == Opcode.CHUNK:
             self._note_chunk(at, length)
@@ -324,7 +327,7 @@ class Container:
             summary.footer_at = at - records.HEAD
 
     def _note_definition(self, summary: Summary | None, opcode: int, content: bytes, at: int) -> None:
-        """Take a definition of the data section, or one of the summary, which may be wrong without harm."""
+        """Add a definition of the data section, or one of the summary; an error in the summary only disables it."""
         try:
             if summary is None:
                 if opcode != Opcode.STATISTICS:
@@ -343,7 +346,7 @@ class Container:
             summary.counts = None
 
     def _summary_holds(self, summary: Summary) -> bool:
-        """Say whether the summary may stand for the data section: complete, and its CRC given and right."""
+        """Return whether the summary can replace the data section: complete, with a CRC, and the CRC is correct."""
         if summary.footer is None or summary.counts is None:
             return False
         start, _, crc = summary.footer
@@ -363,16 +366,16 @@ class Container:
         )
 
     def _count(self) -> None:
-        """Unpack every chunk once to learn channels and counts, where no summary tells them."""
+        """Unpack every chunk once for channels and counts, where no valid summary states them."""
         for segment in self.segments:
             self._count_one(segment)
 
     def _count_one(self, segment: ChunkRef) -> None:
-        """Count the messages of a chunk; those of a bare run were counted when it was found."""
+        """Count the messages of a chunk; those outside chunks are counted in `_bare`."""
         if segment.chunk is not None:
-            found = self.load(segment).scan
-            self._tally(found)
-            segment.channels = dict(Counter(found.channels.tolist()))
+            scan = self.load(segment).scan
+            self._tally(scan)
+            segment.channels = dict(Counter(scan.channels.tolist()))
 
-    def _until(self) -> str:
+    def _time_span(self) -> str:
         return f", the last {(self.span[1] - self.span[0]) / 1e9:.3f} s after the first" if self.span else ""

@@ -1,6 +1,6 @@
-"""Messages of one channel to pieces: arrays of time and values that share their names.
+"""Messages of one channel -> pieces: arrays of time and values that share their names.
 
-`ColumnDecoder` serves every encoding with a layout (CDR, ROS 1, protobuf), `JsonDecoder` the rest.
+`ColumnDecoder` decodes encodings with a layout (CDR, ROS 1, protobuf) column by column, `JsonDecoder` JSON.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array, Flags
 from reba.readers.mcap.container import Loaded
-from reba.readers.mcap.extract import Pick, Picker, Stamp, Value
+from reba.readers.mcap.extract import Extractor, SignalGroup, Stamp, Value
 from reba.readers.mcap.layout import (
     VARINT,
     FieldRun,
@@ -29,10 +29,11 @@ from reba.readers.mcap.layout import (
 from reba.readers.recording.stream import ReadLog
 
 NO_STAMP: Final = np.iinfo(np.int64).min
-"""Stamp of a message that carries none, or zero."""
+"""Stamp of a message without stamp or with zero."""
 _MOST_LAYOUTS: Final = 64
-"""Layouts kept for one message length; messages of further ones are walked one by one."""
+"""Layouts cached for one message length; messages with further ones are walked one by one."""
 _MOST_LENGTHS: Final = 64
+"""Message lengths whose layouts are cached."""
 _NANO: Final = 1_000_000_000
 _ERRORS: Final = (ValueError, TypeError, OverflowError, RecursionError)
 
@@ -76,18 +77,18 @@ class Batch:
 
 
 class Decoder(Protocol):
-    """Turns messages into pieces; messages without any use are counted in the log."""
+    """Converts messages to pieces; messages without usable value are counted in the log."""
 
     def decode(self, batch: Batch, log: ReadLog) -> list[Piece]:
         """Return the pieces of a batch, in any order."""
 
 
 @dataclass
-class _Plan:
-    """What to take from the messages of one layout; `joined`: all names and parents; `error`: why it is of no use."""
+class _LayoutPlan:
+    """Numbers to read from messages of one layout; `joined`: all names and parents; `error`: why it is not usable."""
 
     layout: MessageLayout
-    picks: list[Pick] = field(default_factory=list)
+    groups: list[SignalGroup] = field(default_factory=list)
     runs: list[FieldRun] = field(default_factory=list)
     constant: dict[int, float] = field(default_factory=dict)
     joined: tuple[tuple[str, ...], tuple[str, ...]] | None = None
@@ -99,16 +100,16 @@ class ColumnDecoder:
     """Decodes messages whose layout can be walked.
 
     Args:
-        walk: finds the fields of one message.
-        pick: finds its usable numbers.
-        wanted: names to keep, None for all.
+        walk: returns the fields of one message.
+        extract: returns its usable numbers.
+        wanted: names to read, None for all.
     """
 
-    def __init__(self, walk: Callable[[bytes], Walked], pick: Picker, wanted: frozenset[str] | None) -> None:
+    def __init__(self, walk: Callable[[bytes], Walked], extract: Extractor, wanted: frozenset[str] | None) -> None:
         self._walk = walk
-        self._pick = pick
+        self._extract = extract
         self._wanted = wanted
-        self._plans: dict[int, list[_Plan]] = {}
+        self._plans: dict[int, list[_LayoutPlan]] = {}
 
     def decode(self, batch: Batch, log: ReadLog) -> list[Piece]:
         """Return the pieces of a batch, in any order."""
@@ -123,7 +124,7 @@ class ColumnDecoder:
     def _decode_group(
         self, batch: Batch, data: NDArray[np.uint8], length: int, pieces: list[Piece], log: ReadLog
     ) -> None:
-        """Decode messages of one length: by the layouts known, then by the layouts of those left."""
+        """Decode messages of one length: by the cached layouts, then by the layouts of those left."""
         if len(self._plans) >= _MOST_LENGTHS and length not in self._plans:
             self._plans.pop(next(iter(self._plans)))
         plans = self._plans.setdefault(length, [])
@@ -134,7 +135,7 @@ class ColumnDecoder:
         while len(batch.starts):
             plan = self._new_plan(batch.payload(0))
             if plan.alone or len(plans) >= _MOST_LAYOUTS:
-                # Never compared with the others: one damaged message after the other must not take ever longer.
+                # Not compared with the others: otherwise time would be quadratic in the number of damaged messages.
                 self._use(plan, batch[:1], data, length, pieces, log)
                 batch = batch[1:]
             else:
@@ -143,7 +144,7 @@ class ColumnDecoder:
 
     @staticmethod
     def _use(
-        plan: _Plan, batch: Batch, data: NDArray[np.uint8], length: int, pieces: list[Piece], log: ReadLog
+        plan: _LayoutPlan, batch: Batch, data: NDArray[np.uint8], length: int, pieces: list[Piece], log: ReadLog
     ) -> Batch:
         """Decode the messages that have the layout of the plan, return the others."""
         rows = MessageRows(data, batch.starts, length)
@@ -154,55 +155,53 @@ class ColumnDecoder:
             where = batch.loaded.where(int(batch.starts[np.argmax(fits)]))
             log.skip(int(fits.sum()), f"message at {where}: {plan.error}")
         else:
-            pieces.extend(_extract(plan, rows.select(fits), batch.times[fits]))
+            pieces.extend(_pieces(plan, rows.select(fits), batch.times[fits]))
         return batch[~fits]
 
-    def _new_plan(self, message: bytes) -> _Plan:
+    def _new_plan(self, message: bytes) -> _LayoutPlan:
         """Return the plan of the layout of one message; the plan of a damaged one fits this message alone."""
         alone = Walked(fixed=[(0, len(message))])
         try:
             walked = self._walk(message)
         except Undecodable as error:
-            return _Plan(MessageLayout(alone, message), error=str(error), alone=True)
+            return _LayoutPlan(MessageLayout(alone, message), error=str(error), alone=True)
         try:
-            picks = self._pick(walked.tree)
+            groups = self._extract(walked.tree)
         except Undecodable as error:
-            return _Plan(MessageLayout(walked, message), error=str(error))
-        plan = _Plan(
-            MessageLayout(walked, message), [kept for pick in picks if (kept := pick.only(self._wanted)).names]
-        )
-        values = [value for pick in plan.picks for value in pick.values]
-        plan.runs, plan.constant = runs(values)
-        names = tuple(name for pick in plan.picks for name in pick.names)
+            return _LayoutPlan(MessageLayout(walked, message), error=str(error))
+        groups = [group for each in groups if (group := each.select(self._wanted)).names]
+        plan = _LayoutPlan(MessageLayout(walked, message), groups)
+        plan.runs, plan.constant = runs([value for group in groups for value in group.values])
+        names = tuple(name for group in groups for name in group.names)
         if len(set(names)) == len(names):
-            plan.joined = names, tuple(parent for pick in plan.picks for parent in pick.parents)
+            plan.joined = names, tuple(parent for group in groups for parent in group.parents)
         return plan
 
 
-def _extract(plan: _Plan, rows: MessageRows, times: NDArray[np.int64]) -> list[Piece]:
-    """Return the pieces of messages of one layout: one if all picks share their time, else one for each pick."""
-    if not plan.picks:
+def _pieces(plan: _LayoutPlan, rows: MessageRows, times: NDArray[np.int64]) -> list[Piece]:
+    """Return the pieces of messages of one layout: one if all groups share their time, else one for each."""
+    if not plan.groups:
         return []
-    width = sum(len(pick.values) for pick in plan.picks)
+    width = sum(len(group.values) for group in plan.groups)
     values = take(rows, plan.runs, plan.constant, width)
-    if plan.joined is not None and _share_time(plan.picks, rows):
-        return [Piece(_stamp(plan.picks[0].stamp, rows), times, *plan.joined, values)]
+    if plan.joined is not None and _share_time(plan.groups, rows):
+        return [Piece(_stamp(plan.groups[0].stamp, rows), times, *plan.joined, values)]
     pieces, column = [], 0
-    for pick in plan.picks:
-        part = values[:, column : column + len(pick.values)]
-        pieces.append(Piece(_stamp(pick.stamp, rows), times, pick.names, pick.parents, part))
-        column += len(pick.values)
+    for group in plan.groups:
+        part = values[:, column : column + len(group.values)]
+        pieces.append(Piece(_stamp(group.stamp, rows), times, group.names, group.parents, part))
+        column += len(group.values)
     return pieces
 
 
-def _share_time(picks: list[Pick], rows: MessageRows) -> bool:
-    """Say whether all picks of each row carry one time."""
-    first = _raw_stamp(picks[0].stamp, rows)
-    return all(np.array_equal(_raw_stamp(pick.stamp, rows), first) for pick in picks[1:])
+def _share_time(groups: list[SignalGroup], rows: MessageRows) -> bool:
+    """Return whether all groups of each row have one time."""
+    first = _raw_stamp(groups[0].stamp, rows)
+    return all(np.array_equal(_raw_stamp(group.stamp, rows), first) for group in groups[1:])
 
 
 def _raw_stamp(stamp: Stamp | None, rows: MessageRows) -> NDArray[Any]:
-    """Return (n,) the bytes of a time as one number if they stand together, else the time."""
+    """Return (n,) the bytes of a time as one number if they are adjacent, else the time."""
     seconds, nanos = stamp or (None, None)
     if not isinstance(seconds, FieldSpan) or not isinstance(nanos, FieldSpan):
         return _stamp(stamp, rows)
@@ -231,28 +230,28 @@ class JsonDecoder:
     """Decodes JSON messages one by one.
 
     Args:
-        pick: finds the usable numbers of a message.
-        wanted: names to keep, None for all.
+        extract: returns the usable numbers of a message.
+        wanted: names to read, None for all.
     """
 
-    def __init__(self, pick: Picker, wanted: frozenset[str] | None) -> None:
-        self._pick = pick
+    def __init__(self, extract: Extractor, wanted: frozenset[str] | None) -> None:
+        self._extract = extract
         self._wanted = wanted
 
     def decode(self, batch: Batch, log: ReadLog) -> list[Piece]:
         """Return the pieces of a batch, in any order."""
-        groups: dict[tuple[tuple[str, ...], tuple[str, ...]], list[tuple[int, int, tuple[Value, ...]]]] = {}
+        columns: dict[tuple[tuple[str, ...], tuple[str, ...]], list[tuple[int, int, tuple[Value, ...]]]] = {}
         for index, time in enumerate(batch.times.tolist()):
             try:
-                picks = self._pick(load_json(batch.payload(index)))
+                groups = self._extract(load_json(batch.payload(index)))
             except Undecodable as error:
                 log.skip(1, f"message at {batch.loaded.where(int(batch.starts[index]))}: {error}")
                 continue
-            for pick in picks:
-                kept = pick.only(self._wanted)
-                if kept.names:
-                    sample = (_json_stamp(kept.stamp), time, kept.values)
-                    groups.setdefault((kept.names, kept.parents), []).append(sample)
+            for group in groups:
+                group = group.select(self._wanted)
+                if group.names:
+                    sample = (_json_stamp(group.stamp), time, group.values)
+                    columns.setdefault((group.names, group.parents), []).append(sample)
         return [
             Piece(
                 np.array([stamp for stamp, _, _ in samples], np.int64),
@@ -261,7 +260,7 @@ class JsonDecoder:
                 parents,
                 np.array([values for _, _, values in samples], np.float64),
             )
-            for (names, parents), samples in groups.items()
+            for (names, parents), samples in columns.items()
         ]
 
 
@@ -278,7 +277,7 @@ def load_json(message: bytes) -> Any:
     """Return a JSON value; orjson reads it if installed, the standard library what orjson refuses (NaN).
 
     Raises:
-        Undecodable: it is no JSON text.
+        Undecodable: it is not JSON text.
     """
     try:
         return _fast_loads(message)
@@ -289,7 +288,7 @@ def load_json(message: bytes) -> Any:
     try:
         return json.loads(message)
     except _ERRORS as error:
-        raise Undecodable(f"it is no JSON text ({str(error)[:60]})") from error
+        raise Undecodable(f"it is not JSON text ({str(error)[:60]})") from error
 
 
 def _fast_loads(message: bytes) -> Any:

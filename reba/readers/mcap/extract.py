@@ -1,6 +1,6 @@
-"""What a message means to posture: which numbers of its tree are joint positions, poses or angles.
+"""Extraction from a message tree: joint positions, poses or angles.
 
-A tree comes from CDR, ROS 1, protobuf (numbers are spans) or JSON (numbers are numbers); the same functions serve all.
+The numbers of a tree are spans (CDR, ROS 1, protobuf) or numbers (JSON); the same functions extract both.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ Value = FieldSpan | float | None
 Stamp = tuple[Value, Value]
 """Seconds and nanoseconds."""
 TEXTS: Final = frozenset({"name", "child_frame_id", "parent_frame_id", "frame_id"})
-"""Text fields that decide what numbers mean; other text may differ between messages of one layout."""
+"""Text fields that determine the meaning of numbers; other text may differ between messages of one layout."""
 POSE: Final = 7
+"""Numbers of a pose: x y z [m], qx qy qz qw."""
 LATEST: Final = 1e10
-"""[s] Times as numbers count seconds up to here, the year 2286; larger ones count something else."""
+"""[s] Largest time stamp in seconds, the year 2286; larger numbers have another unit."""
 _XYZ, _XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
 
 
 @dataclass(frozen=True)
-class Pick:
-    """Usable numbers of a message.
+class SignalGroup:
+    """Signals of a message with one time stamp.
 
     Attributes:
-        stamp: the time in the message, None if it has none.
+        stamp: time in the message, None without one.
         names: k signal names.
         parents: frames only: k parent frames.
         values: k numbers, or 7 k of poses.
@@ -42,24 +43,24 @@ class Pick:
     parents: tuple[str, ...]
     values: tuple[Value, ...]
 
-    def only(self, wanted: frozenset[str] | None) -> Pick:
-        """Return the pick with the wanted names, each once (of several the last)."""
+    def select(self, wanted: frozenset[str] | None) -> SignalGroup:
+        """Return the group with the wanted names, each once (of several the last)."""
         if wanted is None and len(set(self.names)) == len(self.names):
             return self
         width = len(self.values) // max(len(self.names), 1)
         index = {name: at for at, name in enumerate(self.names) if wanted is None or name in wanted}
         if len(index) == len(self.names):
             return self
-        kept = tuple(index.values())
-        return Pick(
+        positions = tuple(index.values())
+        return SignalGroup(
             self.stamp,
-            tuple(self.names[at] for at in kept),
-            tuple(self.parents[at] for at in kept) if self.parents else (),
-            tuple(value for at in kept for value in self.values[at * width : (at + 1) * width]),
+            tuple(self.names[at] for at in positions),
+            tuple(self.parents[at] for at in positions) if self.parents else (),
+            tuple(value for at in positions for value in self.values[at * width : (at + 1) * width]),
         )
 
 
-Picker = Callable[[Any], list[Pick]]
+Extractor = Callable[[Any], list[SignalGroup]]
 
 
 def _fields(tree: Any) -> Mapping[str, Any]:
@@ -69,7 +70,7 @@ def _fields(tree: Any) -> Mapping[str, Any]:
 
 
 def number(value: Any) -> Value:
-    """Return a number of a tree; what is no number is None."""
+    """Return a number of a tree; None for other values."""
     if isinstance(value, FieldSpan):
         return value if value.scalar else None
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -78,14 +79,14 @@ def number(value: Any) -> Value:
 
 
 def _numbers(values: list[Any]) -> list[Value]:
-    """Return the numbers of a list; a list of plain numbers, which JSON gives, comes back as it is."""
+    """Return the numbers of a list; a list of floats, as of JSON, is returned unchanged."""
     return values if set(map(type, values)) == {float} else [number(value) for value in values]
 
 
 def stamp_of(tree: Mapping[str, Any]) -> Stamp | None:
     """Return the time of a message: ROS `header.stamp`, Foxglove `timestamp`, a bare `stamp`, or `time`.
 
-    JSON may give it as a number of seconds.
+    In JSON it may be a number of seconds.
     """
     header = tree.get("header")
     bare = next((tree[key] for key in ("timestamp", "stamp", "time") if key in tree), None)
@@ -109,15 +110,15 @@ def _whole(value: Any) -> Value:
 
 def _name(value: Any, what: str) -> str:
     if not isinstance(value, str):
-        raise Undecodable(f"{what} is no text")
+        raise Undecodable(f"{what} is not text")
     return value
 
 
-def pick_joints(tree: Any) -> list[Pick]:
+def extract_joints(tree: Any) -> list[SignalGroup]:
     """Return names and positions of a joint state, parallel arrays or a list of {name, position}.
 
     Raises:
-        Undecodable: it holds no joints, or not one position for each name.
+        Undecodable: it has no joints, or not one position for each name.
     """
     joints = tree if isinstance(tree, list) else _fields(tree).get("joints")
     stamp = stamp_of(tree) if isinstance(tree, dict) else None
@@ -127,34 +128,34 @@ def pick_joints(tree: Any) -> list[Pick]:
         positions = _numbers([item.get("position") for item in items])
     else:
         fields = _fields(tree)
-        names, given = fields.get("name"), fields.get("position")
-        if isinstance(given, FieldSpan):
-            positions = list(given.items())
+        names, values = fields.get("name"), fields.get("position")
+        if isinstance(values, FieldSpan):
+            positions = list(values.items())
         else:
-            positions = _numbers(given) if isinstance(given, list) else []
+            positions = _numbers(values) if isinstance(values, list) else []
     if not isinstance(names, list) or not names:
         raise Undecodable("it names no joints")
     if len(positions) != len(names):
         raise Undecodable(f"{len(positions)} positions for {len(names)} names")
     if set(map(type, names)) != {str}:
-        raise Undecodable("a joint name is no text")
-    return [Pick(stamp, tuple(names), (), tuple(positions))]
+        raise Undecodable("a joint name is not text")
+    return [SignalGroup(stamp, tuple(names), (), tuple(positions))]
 
 
-def pick_transforms(tree: Any) -> list[Pick]:
-    """Return the transforms of a TFMessage, FrameTransforms or a single transform, one pick for each.
+def extract_transforms(tree: Any) -> list[SignalGroup]:
+    """Return the transforms of a TFMessage, FrameTransforms or a single transform, one group for each.
 
     Raises:
-        Undecodable: it holds none, or one without frames.
+        Undecodable: it has none, or one without frames.
     """
     fields = _fields(tree)
     transforms = fields.get("transforms", [fields])
     if not isinstance(transforms, list) or not transforms:
-        raise Undecodable("it holds no transforms")
+        raise Undecodable("it has no transforms")
     return [_transform(_fields(transform)) for transform in transforms]
 
 
-def _transform(item: Mapping[str, Any]) -> Pick:
+def _transform(item: Mapping[str, Any]) -> SignalGroup:
     header = item.get("header")
     parent = header.get("frame_id") if isinstance(header, dict) else item.get("parent_frame_id", "")
     child = _name(item.get("child_frame_id", ""), "a frame name").strip("/")
@@ -162,26 +163,26 @@ def _transform(item: Mapping[str, Any]) -> Pick:
         raise Undecodable("a transform names no child frame")
     inner = item.get("transform", item)
     values = _pose(_fields(inner).get("translation", {}), _fields(inner).get("rotation", {}))
-    return Pick(stamp_of(item), (child,), (_name(parent, "a frame name").strip("/"),), values)
+    return SignalGroup(stamp_of(item), (child,), (_name(parent, "a frame name").strip("/"),), values)
 
 
 def _pose(position: Any, rotation: Any) -> tuple[Value, ...]:
-    # Protobuf leaves out numbers that are zero.
+    # Protobuf omits numbers that are zero.
     return tuple(number(_fields(position).get(axis, 0.0)) for axis in _XYZ) + tuple(
         number(_fields(rotation).get(axis, 0.0)) for axis in _XYZW
     )
 
 
-def pick_links(tree: Any) -> list[Pick]:
+def extract_links(tree: Any) -> list[SignalGroup]:
     """Return the absolute segment poses of a LinkStateArray; a segment's name is the frame of its header.
 
     Raises:
-        Undecodable: it holds none, or one without a name or pose.
+        Undecodable: it has none, or one without a name or pose.
     """
     fields = _fields(tree)
     states = fields.get("states")
     if not isinstance(states, list) or not states:
-        raise Undecodable("it holds no segments")
+        raise Undecodable("it has no segments")
     names: list[str] = []
     values: list[Value] = []
     for state in map(_fields, states):
@@ -189,11 +190,11 @@ def pick_links(tree: Any) -> list[Pick]:
         pose = _fields(state.get("pose"))
         names.append(name)
         values.extend(_pose(pose.get("position"), pose.get("orientation")))
-    # The stamps of the segments of one message differ by microseconds in some drivers; they are one frame.
-    return [Pick(stamp_of(fields) or stamp_of(states[0]), tuple(names), ("",) * len(names), tuple(values))]
+    # In some drivers the stamps of one message differ by microseconds; its segments are one frame.
+    return [SignalGroup(stamp_of(fields) or stamp_of(states[0]), tuple(names), ("",) * len(names), tuple(values))]
 
 
-def pick_angles(tree: Any) -> list[Pick]:
+def extract_angles(tree: Any) -> list[SignalGroup]:
     """Return the columns of one row of a posture table; its `time` [s] becomes the stamp.
 
     Raises:
@@ -208,39 +209,39 @@ def pick_angles(tree: Any) -> list[Pick]:
     if isinstance(time, float) and abs(time) < 1e9:
         stamp = (0, round(time * 1e9))
     values = tuple(float(v) if isinstance(v := fields[name], bool) else number(v) for name in names)
-    return [Pick(stamp, names, (), values)]
+    return [SignalGroup(stamp, names, (), values)]
 
 
 TABLE_COLUMNS: Final = (*COLUMNS, "shoulder_raised_left", "shoulder_raised_right", *FACTORS)
 """Columns that a row of a posture table may have."""
-PICKERS: Final[Mapping[str, tuple[Kind, Picker]]] = {
-    "sensor_msgs/JointState": ("joints", pick_joints),
-    "foxglove.JointStates": ("joints", pick_joints),
-    "foxglove_msgs/JointStates": ("joints", pick_joints),
-    "tf2_msgs/TFMessage": ("frames", pick_transforms),
-    "tf/tfMessage": ("frames", pick_transforms),
-    "geometry_msgs/TransformStamped": ("frames", pick_transforms),
-    "foxglove.FrameTransform": ("frames", pick_transforms),
-    "foxglove.FrameTransforms": ("frames", pick_transforms),
-    "foxglove_msgs/FrameTransform": ("frames", pick_transforms),
-    "foxglove_msgs/FrameTransforms": ("frames", pick_transforms),
-    "xsens_mvn_msgs/LinkStateArray": ("frames", pick_links),
-    "xsens_mvn_ros2_msgs/LinkStateArray": ("frames", pick_links),
-    "xsens_mvn_ros_msgs/LinkStateArray": ("frames", pick_links),
-    "xsens_awinda_ros/LinkStateArray": ("frames", pick_links),
-    "reba.Posture": ("angles", pick_angles),
+EXTRACTORS: Final[Mapping[str, tuple[Kind, Extractor]]] = {
+    "sensor_msgs/JointState": ("joints", extract_joints),
+    "foxglove.JointStates": ("joints", extract_joints),
+    "foxglove_msgs/JointStates": ("joints", extract_joints),
+    "tf2_msgs/TFMessage": ("frames", extract_transforms),
+    "tf/tfMessage": ("frames", extract_transforms),
+    "geometry_msgs/TransformStamped": ("frames", extract_transforms),
+    "foxglove.FrameTransform": ("frames", extract_transforms),
+    "foxglove.FrameTransforms": ("frames", extract_transforms),
+    "foxglove_msgs/FrameTransform": ("frames", extract_transforms),
+    "foxglove_msgs/FrameTransforms": ("frames", extract_transforms),
+    "xsens_mvn_msgs/LinkStateArray": ("frames", extract_links),
+    "xsens_mvn_ros2_msgs/LinkStateArray": ("frames", extract_links),
+    "xsens_mvn_ros_msgs/LinkStateArray": ("frames", extract_links),
+    "xsens_awinda_ros/LinkStateArray": ("frames", extract_links),
+    "reba.Posture": ("angles", extract_angles),
 }
-"""What the message types that hold postures mean. LinkStateArray: https://github.com/hrii-iit/xsens_mvn_ros."""
+"""Message types with postures -> kind and extraction. LinkStateArray: https://github.com/hrii-iit/xsens_mvn_ros."""
 
 
-def kind_of_json(tree: Any) -> tuple[Kind, Picker] | None:
-    """Return what a JSON message of unknown type is by its fields, None if it is nothing of use."""
+def kind_of_json(tree: Any) -> tuple[Kind, Extractor] | None:
+    """Return kind and extraction of a JSON message of unknown type by its fields, None without posture."""
     if isinstance(tree, list):
-        return ("joints", pick_joints) if tree and isinstance(tree[0], dict) and "position" in tree[0] else None
+        return ("joints", extract_joints) if tree and isinstance(tree[0], dict) and "position" in tree[0] else None
     if not isinstance(tree, dict):
         return None
     if "transforms" in tree or "child_frame_id" in tree:
-        return "frames", pick_transforms
+        return "frames", extract_transforms
     if "joints" in tree or ("name" in tree and "position" in tree):
-        return "joints", pick_joints
-    return ("angles", pick_angles) if any(column in tree for column in COLUMNS) else None
+        return "joints", extract_joints
+    return ("angles", extract_angles) if any(column in tree for column in COLUMNS) else None

@@ -1,10 +1,9 @@
-"""The layout of one message, and numbers of all messages that share it, column by column.
+"""Layout of one message, and columns of numbers from all messages that share it.
 
-Walking a message field by field costs tens of microseconds in Python. But the messages of a topic nearly always have
-the same layout: only numbers differ, while counts and names stay. So one message is walked; what it finds are the
-places of its numbers (`FieldSpan`) and the bytes that decide where these are ("fixed": counts, lengths, names that
-matter). Every other message of the same length whose fixed bytes are equal has its numbers in the same places, and
-numpy takes them from all these messages at once.
+Walking a message field by field takes tens of microseconds in Python, but nearly all messages of a topic have the same
+layout: numbers differ, counts and names do not. So one message is walked for the places of its numbers (`FieldSpan`)
+and for the bytes that determine these ("fixed": counts, lengths, relevant names). Other messages of the same length
+with equal fixed bytes have their numbers in the same places, and numpy reads them from all of these messages at once.
 """
 
 from __future__ import annotations
@@ -22,18 +21,19 @@ from reba.readers.mcap.records import gather
 VARINT: Final = "varint"
 """Type of a number in the base-128 encoding of protobuf."""
 _NEAR: Final = 16
-"""Fixed bytes that are not further apart than this are compared together."""
+"""[bytes] Fixed bytes with smaller gaps are compared in one block."""
 
 
 class Undecodable(Exception):
-    """A message that does not fit its schema, or holds nothing usable; the text says where and why."""
+    """A message that does not fit its schema or has no usable value; the text states where and why."""
 
 
 @dataclass(frozen=True, slots=True)
 class FieldSpan:
-    """Where numbers stand in a message: `count` of the numpy type `code` (with byte order) from byte `start`.
+    """Place of numbers in a message: `count` of the numpy type `code` (with byte order) from byte `start`.
 
-    A varint has the code `VARINT`, and `count` is its number of bytes. `scalar` tells a field from an array of one.
+    A varint has the code `VARINT`, and `count` is its number of bytes. `scalar` distinguishes a field from an array of
+    one.
     """
 
     start: int
@@ -50,12 +50,12 @@ class FieldSpan:
 
 
 Tree: TypeAlias = "FieldSpan | str | float | dict[str, Tree] | list[Tree] | None"
-"""A message as it was found: spans for numbers (JSON: the numbers), text, fields by name, elements in order."""
+"""A message as a tree: spans for numbers (JSON: the numbers), text, fields by name, elements in order."""
 
 
 @dataclass
 class Walked:
-    """What walking one message finds.
+    """Tree and layout of one message.
 
     Attributes:
         tree: the message.
@@ -108,7 +108,7 @@ class MessageRows:
 
 
 class MessageLayout:
-    """The layout of a walked message, to be compared with others of the same length."""
+    """Layout of a walked message, for comparison with others of the same length."""
 
     def __init__(self, walked: Walked, message: bytes) -> None:
         self.tree = walked.tree
@@ -124,15 +124,15 @@ class MessageLayout:
         """Return (n,) whether each row has this layout."""
         equal = np.ones(len(rows), bool)
         for start, template, mask in self._blocks:
-            found = rows.numbers(start, "u1", len(template))
-            if (found != template).any():
-                # Only now look bit by bit: padding and text that does not matter may differ.
-                equal &= ~((found ^ template) & mask).any(axis=1)
+            block = rows.numbers(start, "u1", len(template))
+            if (block != template).any():
+                # The mask is applied only here, for speed: padding and irrelevant text may differ.
+                equal &= ~((block ^ template) & mask).any(axis=1)
         return equal
 
 
 def _blocks(mask: NDArray[np.uint8]) -> list[tuple[int, int]]:
-    """Return stretches that cover the masked bytes."""
+    """Return (start, stop) of blocks that cover the masked bytes."""
     where = np.flatnonzero(mask)
     if not len(where):
         return []
@@ -144,7 +144,7 @@ def _blocks(mask: NDArray[np.uint8]) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True)
 class FieldRun:
-    """Numbers that stand side by side in a message and in the result."""
+    """Numbers that are adjacent in a message and in the result."""
 
     start: int
     code: str
@@ -154,13 +154,13 @@ class FieldRun:
 
 def runs(spans: Sequence[FieldSpan | float | None]) -> tuple[list[FieldRun], dict[int, float]]:
     """Return the runs of adjacent spans, and the columns that are constant (None: NaN)."""
-    found: list[FieldRun] = []
+    field_runs: list[FieldRun] = []
     constant: dict[int, float] = {}
     for column, span in enumerate(spans):
         if not isinstance(span, FieldSpan):
             constant[column] = float("nan") if span is None else float(span)
             continue
-        last = found[-1] if found else None
+        last = field_runs[-1] if field_runs else None
         if (
             last is not None
             and span.code != VARINT
@@ -168,22 +168,22 @@ def runs(spans: Sequence[FieldSpan | float | None]) -> tuple[list[FieldRun], dic
             and last.column + last.count == column
             and last.start + last.count * int(span.code[-1]) == span.start
         ):
-            found[-1] = FieldRun(last.start, last.code, last.count + 1, last.column)
+            field_runs[-1] = FieldRun(last.start, last.code, last.count + 1, last.column)
         else:
-            found.append(FieldRun(span.start, span.code, span.count, column))
-    return found, constant
+            field_runs.append(FieldRun(span.start, span.code, span.count, column))
+    return field_runs, constant
 
 
-def take(rows: MessageRows, found: Sequence[FieldRun], constant: dict[int, float], width: int) -> Array:
+def take(rows: MessageRows, field_runs: Sequence[FieldRun], constant: dict[int, float], width: int) -> Array:
     """Return (n, width) numbers of all rows."""
     result = np.empty((len(rows), width))
     for column, value in constant.items():
         result[:, column] = value
-    for run in found:
+    for run in field_runs:
         if run.code == VARINT:
             result[:, run.column] = rows.varint(run.start, run.count)
         else:
-            # Any bits may stand there, also those of a signalling NaN.
+            # The bits may be those of a signalling NaN.
             with np.errstate(invalid="ignore"):
                 result[:, run.column : run.column + run.count] = rows.numbers(run.start, run.code, run.count)
     return result

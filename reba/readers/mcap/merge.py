@@ -1,7 +1,7 @@
-"""Pieces of many messages to blocks: one row for each time, one column for each name.
+"""Pieces of many messages -> blocks: one row for each time, one column for each name.
 
-A message may hold a part of the signals (two publishers, one transform per message). Rows join what came at one time;
-what a row lacks is the last value of that signal if it is not older than `HOLD`, else NaN.
+A message may have a part of the signals (two publishers, one transform per message). A row joins the values of one
+time; an absent signal has its last value if that is not older than `HOLD`, else NaN.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from reba.readers.mcap.extract import POSE
 from reba.readers.recording.stream import Block, ReadLog
 
 HOLD: Final = 0.5
-"""A value is held for this long [s] for rows whose message does not bring the signal."""
+"""[s] How long the last value of a signal is used for rows without it."""
 TOGETHER: Final = 0.0004
-"""Transforms sent one by one with stamps closer than this [s] belong to one frame (drivers that stamp each one)."""
+"""[s] Transforms sent one by one with closer stamps belong to one frame (drivers that stamp each one)."""
 MOST_SIGNALS: Final = 2000
-"""Names kept in one stream; no body has more, and names that change with every message would fill the memory."""
+"""Largest number of names of a stream: protects memory from names that change with every message."""
 BLOCK_ROWS: Final = 4096
-"""Messages gathered before a block is handed out."""
+"""Messages in a block."""
 
 
 class Clock:
-    """Turns the times of pieces into seconds since the epoch of the stream.
+    """Converts the times of pieces to seconds since the epoch of the stream.
 
     Attributes:
         source: "header.stamp" or "log_time" (or "time" for rows of a posture table).
-        zero: what the clock of the source shows at time 0 [ns].
+        zero: time of the source clock at time 0 [ns].
         epoch: Unix time of time 0 [ns].
     """
 
@@ -42,20 +42,20 @@ class Clock:
         self._lag = 0
 
     def seconds(self, piece: Piece, log: ReadLog) -> Array:
-        """Return (n,) seconds; messages without a stamp get their log time, moved by the last known lag."""
+        """Return (n,) times [s]; messages without a stamp have their log time, shifted by the last known lag."""
         if self.source == "log_time":
             return np.asarray((piece.log - self.zero) / 1e9)
-        given = piece.stamp != NO_STAMP
-        if given.all():
-            if len(given):
+        stamped = piece.stamp != NO_STAMP
+        if stamped.all():
+            if len(stamped):
                 self._lag = int(piece.stamp[-1]) - int(piece.log[-1])
             return np.asarray((piece.stamp - self.zero) / 1e9)
-        log.warn("some messages carry no time stamp; their log time stands in, moved by the lag of the others")
-        return np.asarray((np.where(given, piece.stamp, piece.log + self._lag) - self.zero) / 1e9)
+        log.warn("some messages have no time stamp; their log time is used, shifted by the lag of the others")
+        return np.asarray((np.where(stamped, piece.stamp, piece.log + self._lag) - self.zero) / 1e9)
 
 
 class Merger:
-    """Gathers pieces and hands out blocks.
+    """Collects pieces and returns them as blocks.
 
     Args:
         names: first columns; others are added as they appear.
@@ -81,15 +81,15 @@ class Merger:
 
     @property
     def full(self) -> bool:
-        """Whether enough rows are gathered for a block."""
+        """Whether enough rows are collected for a block."""
         return self._rows >= BLOCK_ROWS
 
     def add(self, piece: Piece, *, static: bool = False) -> None:
-        """Add a piece; a static one fills its columns in every row from the next block on."""
+        """Add a piece; a static one fills its columns in all rows from the next block on."""
         columns = np.array([self._column(*pair) for pair in self._pairs(piece)], np.intp)
         values = piece.values.reshape(len(piece.log), len(piece.names), self._width)
         if self._frames:
-            # A quaternion of zeros is no rotation.
+            # A quaternion of zeros is not a rotation.
             with np.errstate(invalid="ignore"):
                 values[(values[..., 3:] == 0).all(axis=-1)] = np.nan
         if (columns < 0).any():
@@ -106,9 +106,9 @@ class Merger:
         return list(zip(piece.names, piece.parents or ("",) * len(piece.names), strict=True))
 
     def _column(self, name: str, parent: str) -> int:
-        """Return the column of a name, a new one if needed; -1 for too many, and for a frame under a second parent."""
+        """Return the column of a name, a new one if needed; -1 beyond `MOST_SIGNALS` and for a second parent."""
         if name not in self._columns and len(self._columns) >= MOST_SIGNALS:
-            self._log.warn(f"there are more than {MOST_SIGNALS} signals; those that come later are left out")
+            self._log.warn(f"more than {MOST_SIGNALS} signals; later ones are left out")
             return -1
         column = self._columns.setdefault(name, len(self._columns))
         if self._frames:
@@ -116,15 +116,15 @@ class Merger:
                 self._parents.append(parent)
             elif self._parents[column] != parent:
                 self._log.warn(
-                    f"frame {name!r} comes under {self._parents[column]!r} and under {parent!r}; only the first is used"
+                    f"frame {name!r} has the parents {self._parents[column]!r} and {parent!r}; only the first is used"
                 )
                 return -1
         return column
 
     def flush(self, *, last: bool = False) -> Block | None:
-        """Return the rows gathered, None if there are none.
+        """Return the collected rows as a block, None without rows.
 
-        The newest row stays back unless this is the `last` call: more of it may come.
+        The newest row is kept for the next block unless this is the `last` call: more of it may follow.
         """
         if not self._pieces:
             return None
@@ -137,7 +137,7 @@ class Merger:
         if not len(time):
             return None
         if time[0] < self._end:
-            self._log.warn("messages are out of the order of time by more than a block; sort the whole table")
+            self._log.warn("messages are out of the order of time by more than a block; sort the complete table")
         self._end = max(self._end, float(time[-1]))
         names = tuple(self._columns)
         for name, pose in self._static.items():
@@ -147,7 +147,7 @@ class Merger:
         )
 
     def newest_whole(self) -> bool:
-        """Return whether the newest row gathered has every signal; another message can only repeat it."""
+        """Return whether the newest row has every signal, so that further messages can only repeat it."""
         if not self._pieces:
             return False
         newest = max(float(times[-1]) for times, _, _ in self._pieces)
@@ -159,17 +159,17 @@ class Merger:
         return len(there) == len(self._columns)
 
     def _keep(self, time: float) -> None:
-        """Keep what came at this time or so for the next block: of each set of columns the last sample."""
-        kept: dict[bytes, tuple[Array, Indices, Array]] = {}
+        """Keep the samples from this time [s] on for the next block: of each set of columns the last."""
+        newest: dict[bytes, tuple[Array, Indices, Array]] = {}
         for times, columns, values in self._pieces:
             late = np.flatnonzero(times >= time)
             if len(late):
-                kept.pop(columns.tobytes(), None)
-                kept[columns.tobytes()] = (times[late[-1:]], columns, values[late[-1:]])
-        self._pieces, self._rows = list(kept.values()), len(kept)
+                newest.pop(columns.tobytes(), None)
+                newest[columns.tobytes()] = (times[late[-1:]], columns, values[late[-1:]])
+        self._pieces, self._rows = list(newest.values()), len(newest)
 
     def _complete(self) -> tuple[Array, Array] | None:
-        """Return time and values if every piece brings every column and time only grows: nothing to merge."""
+        """Return time and values if every piece has every column and time increases, so that no merge is needed."""
         wanted = np.arange(len(self._columns))
         if not all(np.array_equal(columns, wanted) for _, columns, _ in self._pieces):
             return None
@@ -181,7 +181,7 @@ class Merger:
         return time, values
 
     def _merged(self, last: bool) -> tuple[Array, Array]:
-        """Return time and values with one row for each distinct time, gaps held."""
+        """Return time and values with one row for each distinct time, last values held."""
         every = np.unique(np.concatenate([times for times, _, _ in self._pieces]))
         near = np.diff(every) < TOGETHER if self._frames else np.zeros(len(every) - 1, bool)
         row_of = np.concatenate([[0], np.cumsum(~near)])
@@ -195,12 +195,12 @@ class Merger:
             values[at[:, None], columns] = piece[order]
             present[at[:, None], columns] = True
         if sum(piece.shape[0] * piece.shape[1] for *_, piece in self._pieces) > np.count_nonzero(present):
-            self._log.warn("messages repeat the time of another; of those with one time the last one counts")
+            self._log.warn("messages repeat the time of another; of those with one time the last is used")
         self._hold(time, values, present, last)
         return time, values
 
     def _hold(self, time: Array, values: Array, present: Flags, last: bool) -> None:
-        """Fill what rows lack with the last value that is not too old; remember the newest of each column.
+        """Fill absent values with the last value not older than `HOLD`; store the newest of each column.
 
         The newest row is not complete yet unless this is the `last` block.
         """
@@ -211,7 +211,7 @@ class Merger:
         newest = np.where(present, np.arange(len(time))[:, None], -1)
         np.maximum.accumulate(newest, axis=0, out=newest)
         if not present[: len(time) - (not last), moving].all():
-            self._log.warn(f"messages hold a part of the signals; the last value of each is held for {HOLD} s")
+            self._log.warn(f"messages have a part of the signals; the last value of each is held for {HOLD} s")
             since = np.where(newest >= 0, time[newest], last_time)
             source = np.where((newest >= 0)[..., None], values[newest, np.arange(count)], last_value)
             age = time[:, None] - since

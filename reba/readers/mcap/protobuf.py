@@ -1,7 +1,7 @@
-"""Walking one protobuf message by the FileDescriptorSet that its MCAP schema holds.
+"""Walking one protobuf message by the FileDescriptorSet of its MCAP schema.
 
-Wire format: https://protobuf.dev/programming-guides/encoding. Only what a descriptor needs to be understood is read
-of descriptor.proto (field numbers in `_DESCRIPTOR`).
+Wire format: https://protobuf.dev/programming-guides/encoding. Of descriptor.proto only the fields of `_DESCRIPTOR` are
+read.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ Types = dict[str, dict[int, Field]]
 
 
 @dataclass(frozen=True)
-class _Piece:
-    """One field on the wire: `start` of its tag, `at` to `stop` its value (behind the length of bytes)."""
+class _WireField:
+    """One field on the wire: `start` of its tag, `at` to `stop` its value (after the length of bytes)."""
 
     number: int
     wire: int
@@ -72,7 +72,7 @@ def _varint(data: bytes, at: int, end: int) -> tuple[int, int]:
     raise Undecodable(f"byte {at}: a varint does not end")
 
 
-def _pieces(data: bytes, at: int, end: int) -> Iterator[_Piece]:
+def _wire_fields(data: bytes, at: int, end: int) -> Iterator[_WireField]:
     while at < end:
         tag, value_at = _varint(data, at, end)
         wire, value = tag & 7, 0
@@ -87,7 +87,7 @@ def _pieces(data: bytes, at: int, end: int) -> Iterator[_Piece]:
             raise Undecodable(f"byte {at}: wire type {wire} is not in use")
         if stop > end:
             raise Undecodable(f"byte {at}: a field of {stop - value_at} bytes exceeds the {end - value_at} left")
-        yield _Piece(tag >> 3, wire, at, value_at, stop, value)
+        yield _WireField(tag >> 3, wire, at, value_at, stop, value)
         at = stop
 
 
@@ -95,37 +95,37 @@ def parse(descriptor_set: bytes) -> Types:
     """Return the message types of a serialized FileDescriptorSet.
 
     Raises:
-        BadSchema: it is not one.
+        BadSchema: the descriptor is damaged.
     """
     types: Types = {}
     try:
-        for file in _pieces(descriptor_set, 0, len(descriptor_set)):
+        for file in _wire_fields(descriptor_set, 0, len(descriptor_set)):
             if file.number == _DESCRIPTOR["set.file"]:
                 package = _text(descriptor_set, file, "file.package")
-                for message in _inside(descriptor_set, file, "file.message"):
+                for message in _members(descriptor_set, file, "file.message"):
                     _add_type(types, descriptor_set, message, f".{package}" if package else "", 0)
     except (Undecodable, UnicodeDecodeError) as error:
         raise BadSchema(f"the protobuf descriptor is damaged ({error})") from error
     return types
 
 
-def _inside(data: bytes, piece: _Piece, what: str) -> list[_Piece]:
+def _members(data: bytes, piece: _WireField, what: str) -> list[_WireField]:
     if piece.wire != _BYTES:
         raise BadSchema("the protobuf descriptor is damaged")
-    return [found for found in _pieces(data, piece.at, piece.stop) if found.number == _DESCRIPTOR[what]]
+    return [member for member in _wire_fields(data, piece.at, piece.stop) if member.number == _DESCRIPTOR[what]]
 
 
-def _text(data: bytes, piece: _Piece, what: str) -> str:
-    found = _inside(data, piece, what)
-    return data[found[-1].at : found[-1].stop].decode() if found else ""
+def _text(data: bytes, piece: _WireField, what: str) -> str:
+    members = _members(data, piece, what)
+    return data[members[-1].at : members[-1].stop].decode() if members else ""
 
 
-def _value(data: bytes, piece: _Piece, what: str) -> int:
-    found = _inside(data, piece, what)
-    return found[-1].value if found else 0
+def _value(data: bytes, piece: _WireField, what: str) -> int:
+    members = _members(data, piece, what)
+    return members[-1].value if members else 0
 
 
-def _add_type(types: Types, data: bytes, message: _Piece, prefix: str, depth: int) -> None:
+def _add_type(types: Types, data: bytes, message: _WireField, prefix: str, depth: int) -> None:
     if depth > _MOST_DEPTH:
         raise BadSchema("the protobuf descriptor nests too deep")
     name = f"{prefix}.{_text(data, message, 'message.name')}"
@@ -136,19 +136,19 @@ def _add_type(types: Types, data: bytes, message: _Piece, prefix: str, depth: in
             _text(data, field, "field.type_name"),
             _value(data, field, "field.label") == _REPEATED,
         )
-        for field in _inside(data, message, "message.field")
+        for field in _members(data, message, "message.field")
     }
-    for nested in _inside(data, message, "message.nested"):
+    for nested in _members(data, message, "message.nested"):
         _add_type(types, data, nested, name, depth + 1)
 
 
 def walk(types: Types, name: str, message: bytes, texts: Collection[str]) -> Walked:
-    """Find the fields of a message of the type `name` ("foxglove.JointStates"); `texts` as in `cdr.walk`.
+    """Return the fields of a message of the type `name` ("foxglove.JointStates"); `texts` as `names` in `ros.walk`.
 
-    Fields that the message does not carry are absent from the tree.
+    Absent fields are absent from the tree.
 
     Raises:
-        Undecodable: the bytes are no such message.
+        Undecodable: the bytes are not such a message.
     """
     walked = Walked()
     walked.tree = _struct(types, f".{name}", message, 0, len(message), texts, walked, 0)
@@ -168,8 +168,8 @@ def _struct(
     if depth > _MOST_DEPTH or name not in types:
         raise Undecodable(f"type {name} is not in the descriptor or nests too deep")
     tree: dict[str, Tree] = {}
-    for piece in _pieces(message, at, end):
-        # Tag and length decide where everything behind them stands.
+    for piece in _wire_fields(message, at, end):
+        # Tag and length determine the places of all fields after them.
         walked.fixed.append((piece.start, piece.at))
         if piece.wire == _VARINT:
             walked.varints.append((piece.at, piece.stop))
@@ -190,7 +190,7 @@ def _struct(
     return tree
 
 
-def _leaf(field: Field, piece: _Piece, message: bytes, texts: Collection[str], walked: Walked) -> Tree:
+def _leaf(field: Field, piece: _WireField, message: bytes, texts: Collection[str], walked: Walked) -> Tree:
     if field.type == _STRING and piece.wire == _BYTES:
         if field.name not in texts:
             return ""

@@ -1,4 +1,4 @@
-"""MCAP records from bytes: https://mcap.dev/spec#records. Every length is checked against the bytes that exist."""
+"""MCAP records from bytes: https://mcap.dev/spec#records. Every length is checked against the bytes available."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 HEAD: Final = 9
-"""Opcode and length before the content of every record."""
+"""[bytes] Opcode and length before the content of every record."""
 MESSAGE_HEAD: Final = 22
-"""Channel, sequence, log time and publish time before the payload of a message."""
+"""[bytes] Channel, sequence, log time and publish time before the payload of a message."""
 INDEX_HEAD: Final = 6
-"""Channel and byte count at the head of a MessageIndex record."""
+"""[bytes] Channel and byte count at the head of a MessageIndex record."""
 _HEAD = struct.Struct("<BQ")
 _U16 = struct.Struct("<H")
 _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
 _PROBE: Final = 16
-_KEPT_IN_DATA: Final = (Opcode.SCHEMA, Opcode.CHANNEL)
+"""Records compared first: most runs are shorter."""
+_DEFINITIONS: Final = (Opcode.SCHEMA, Opcode.CHANNEL)
 
 
 class BadRecord(Exception):
-    """A record that cannot be as it says; `offset` counts from the start of the bytes that were parsed."""
+    """A record with an impossible length or content; `offset` counts from the start of the parsed bytes."""
 
     def __init__(self, offset: int, what: str) -> None:
         self.offset = offset
@@ -35,7 +36,7 @@ class BadRecord(Exception):
 
 @dataclass(frozen=True)
 class Schema:
-    """A message definition: its name, how it is written and its text or descriptor."""
+    """A message definition: name, encoding, and text or descriptor."""
 
     id: int
     name: str
@@ -47,7 +48,7 @@ class Schema:
 class Channel:
     """A topic of one publisher, the encoding of its messages and the id of their schema (0: none).
 
-    `described` are the bytes of its metadata, which reading does not need and a copy takes along.
+    `described` are the bytes of its metadata; reading does not need them, a copy includes them.
     """
 
     id: int
@@ -58,21 +59,21 @@ class Channel:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """Names and texts that describe it; none where they are damaged."""
-        found: dict[str, str] = {}
+        """Metadata by name; empty where it is damaged."""
+        metadata: dict[str, str] = {}
         try:
             pairs = Fields(Fields(self.described).data32())
             while pairs.at < len(pairs.data):
                 name = pairs.text()
-                found[name] = pairs.text()
+                metadata[name] = pairs.text()
         except BadRecord:
             return {}
-        return found
+        return metadata
 
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """What a chunk says of itself: log times [ns], sizes [bytes], CRC-32 (0: none) and where its records start."""
+    """Head of a chunk: log times [ns], sizes [bytes], CRC-32 (0: none) and the offset of its records."""
 
     start: int
     end: int
@@ -87,7 +88,7 @@ class Fields:
     """A cursor over the fields of one record.
 
     Raises:
-        BadRecord: a field reaches past the end of the record.
+        BadRecord: a field exceeds the end of the record.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -114,11 +115,11 @@ class Fields:
         return self._number(_U64)
 
     def data32(self) -> bytes:
-        """Return the bytes behind a four-byte length."""
+        """Return the bytes after a four-byte length."""
         length = self.u32()
         if self.at + length > len(self.data):
             raise BadRecord(
-                self.at, f"a field of {length} bytes stands in a record with {len(self.data) - self.at} left"
+                self.at, f"a field of {length} bytes in a record with {len(self.data) - self.at} bytes left"
             )
         self.at += length
         return self.data[self.at - length : self.at]
@@ -154,7 +155,7 @@ def chunk_head(content: bytes, length: int) -> ChunkHead:
     start, end, size, crc = fields.u64(), fields.u64(), fields.u64(), fields.u32()
     compression, records_size = fields.text(), fields.u64()
     if fields.at + records_size != length:
-        raise BadRecord(0, f"a chunk of {length} bytes says that its records take {records_size}")
+        raise BadRecord(0, f"a chunk of {length} bytes declares records of {records_size} bytes")
     return ChunkHead(start, end, size, crc, compression, fields.at, records_size)
 
 
@@ -185,12 +186,12 @@ class Scan:
     """The records of a chunk, or of a run of records outside chunks.
 
     Attributes:
-        payloads: (n,) where the payload of each message starts.
+        payloads: (n,) start of the payload of each message.
         lengths: (n,) bytes of each payload.
         channels: (n,) channel of each message.
         times: (n,) log time [ns].
         definitions: (opcode, start, stop) of schemas and channels among them.
-        end: where the scan stopped.
+        end: where the scan ended.
     """
 
     payloads: NDArray[np.int64]
@@ -201,39 +202,38 @@ class Scan:
     end: int
 
 
-def scan(data: bytes, *, whole: bool = True) -> Scan:
-    """Find the messages of a chunk (`whole`), or the complete ones at the head of a window of the data section.
+def scan(data: bytes, *, complete: bool = True) -> Scan:
+    """Return the messages of a `complete` chunk, or the complete messages at the head of a window of the data section.
 
-    Records of one size follow each other for long stretches in recordings of one topic, so a run of equal heads is
-    found by one comparison.
+    In recordings of one topic most records have one size, so a run of equal heads is detected by one comparison.
 
     Raises:
-        BadRecord: a record reaches past the end of the chunk, or a message is too short to be one.
+        BadRecord: a record exceeds the end of the chunk, or a message is shorter than its head.
     """
     starts: list[int] = []
     definitions: list[tuple[int, int, int]] = []
     at, end, last = 0, len(data), -1
     while at < end:
         if end - at < HEAD:
-            if whole:
-                raise BadRecord(at, f"{end - at} bytes are left, too few for a record")
+            if complete:
+                raise BadRecord(at, f"{end - at} bytes are left, fewer than the head of a record")
             break
         opcode, length = _HEAD.unpack_from(data, at)
         stop = at + HEAD + length
-        if not whole and (opcode not in (Opcode.MESSAGE, *_KEPT_IN_DATA) or stop > end):
+        if not complete and (opcode not in (Opcode.MESSAGE, *_DEFINITIONS) or stop > end):
             break
         if stop > end:
-            raise BadRecord(at, f"a record of {length} bytes stands where {end - at - HEAD} are left")
+            raise BadRecord(at, f"a record of {length} bytes where {end - at - HEAD} are left")
         if opcode == Opcode.MESSAGE:
             if length < MESSAGE_HEAD:
-                raise BadRecord(at, f"a message record of {length} bytes is too short")
+                raise BadRecord(at, f"a message record of {length} bytes, expected {MESSAGE_HEAD} or more")
             starts.append(at)
             if length == last:
                 run = _run(data, at, HEAD + length)
                 starts.extend(range(stop, stop + run * (HEAD + length), HEAD + length))
                 stop += run * (HEAD + length)
             last = length
-        elif opcode in _KEPT_IN_DATA:
+        elif opcode in _DEFINITIONS:
             definitions.append((opcode, at + HEAD, stop))
         at = stop
     return _fields_of(data, np.array(starts, np.int64), tuple(definitions), at)
@@ -261,7 +261,7 @@ def _fields_of(data: bytes, starts: NDArray[np.int64], definitions: tuple[tuple[
     heads = gather(np.frombuffer(data, np.uint8), starts, HEAD + MESSAGE_HEAD)
     lengths = heads[:, 1:HEAD].copy().view("<u8")[:, 0].astype(np.int64) - MESSAGE_HEAD
     channels = heads[:, HEAD : HEAD + 2].copy().view("<u2")[:, 0].astype(np.uint16)
-    # A log time beyond the year 2262 does not fit; it stands at the end of time.
+    # A log time beyond the year 2262 exceeds int64 and is set to its maximum.
     times = np.minimum(heads[:, HEAD + 6 : HEAD + 14].copy().view("<u8")[:, 0], np.uint64(2**63 - 1))
     return Scan(starts + HEAD + MESSAGE_HEAD, lengths, channels, times.astype(np.int64), definitions, end)
 

@@ -1,4 +1,4 @@
-"""ROS message definitions (ros1msg and ros2msg text) as a tree of fields.
+"""ROS messages: definitions (ros1msg and ros2msg text) as a tree of fields; walking one CDR or ROS 1 message by it.
 
 Grammar: https://design.ros2.org/articles/legacy_interface_definition.html and http://wiki.ros.org/msg; the
 concatenated form with `MSG:` sections: https://mcap.dev/spec/registry#ros2msg.
@@ -84,10 +84,10 @@ def parse(text: str, name: str, *, ros1: bool = False) -> Struct:
     Args:
         text: the definition, followed by those it needs.
         name: its type name, "sensor_msgs/msg/JointState" or "sensor_msgs/JointState".
-        ros1: whether it is written in the older dialect.
+        ros1: whether it is a ROS 1 definition.
 
     Raises:
-        BadSchema: a line is no field, a type is unknown, recursive or has no fixed layout (wstring).
+        BadSchema: a line is not a field, a type is unknown, recursive or without portable layout (wstring).
 
     >>> parse("int32[2] a", "x/Y").fields
     (('a', RosArray(element=Number(code='i4'), length=2)),)
@@ -119,7 +119,7 @@ def _struct(name: str, texts: Mapping[str, str], ros1: bool, depth: int) -> Stru
             continue
         match = _FIELD.match(stripped)
         if match is None:
-            raise BadSchema(f"{stripped[:60]!r} in {name} is no field")
+            raise BadSchema(f"{stripped[:60]!r} in {name} is not a field")
         if match["rest"].startswith("="):
             continue
         element = _type(match["type"], name, texts, ros1, depth)
@@ -157,11 +157,11 @@ _ENCAPSULATIONS: Final = {0: (">", 8), 1: ("<", 8), 6: (">", 4), 7: ("<", 4)}
 """Byte order and largest alignment of plain CDR by encapsulation kind (XTypes 1.3, table 60): XCDR1 and XCDR2."""
 _HEADER: Final = 4
 _SLACK: Final = 7
-"""Writers may pad a message; more bytes than this behind the last field mean that the schema does not fit."""
+"""[bytes] Writers may pad a message; more than this after the last field mean that the schema does not fit."""
 
 
 def walk(root: Struct, message: bytes, names: Collection[str], *, ros1: bool) -> Walked:
-    """Find the fields of a message.
+    """Return the fields of a message and the bytes that determine its layout.
 
     Args:
         root: its schema.
@@ -184,7 +184,7 @@ def walk(root: Struct, message: bytes, names: Collection[str], *, ros1: bool) ->
     walker.walked.tree = walker.struct(root)
     left = len(message) - walker.at
     if left > _SLACK:
-        raise Undecodable(f"byte {walker.at}: {left} bytes are left behind the last field")
+        raise Undecodable(f"byte {walker.at}: {left} bytes are left after the last field")
     return walker.walked
 
 
@@ -214,7 +214,7 @@ class _Walker:
         count = self.count() if kind.length is None else kind.length
         if isinstance(kind.element, Number):
             return self.numbers(kind.element.code, count, scalar=False)
-        # Every element takes at least one byte, so a count that cannot be is found before anything is made.
+        # Every element has at least one byte, so a false count is detected before memory is allocated.
         if count > len(self.message) - self.at:
             raise Undecodable(f"byte {self.at}: array of {count} elements exceeds the message")
         return [self.value(kind.element, name) for _ in range(count)]
@@ -247,7 +247,7 @@ class _Walker:
             return ""
         self.walked.fixed.append((start, stop))
         try:
-            # CDR counts a closing zero, which some writers leave out.
+            # CDR counts a terminating zero, which some writers omit.
             return self.message[start:stop].removesuffix(b"\0").decode()
         except UnicodeDecodeError as error:
             raise Undecodable(f"byte {start}: {name} is not UTF-8 text") from error

@@ -1,4 +1,4 @@
-"""Streams of a recording: channels of one topic joined, peeked for their names, read segment by segment."""
+"""Streams of a recording: the channels of one topic joined; names and clock by the first messages; read by segments."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
 if TYPE_CHECKING:
     import pandas as pd
 
-PEEK: Final = 1000
-"""Messages of each channel that are looked at on opening."""
-_PEEK_SEGMENTS: Final = 16
-_PEEK_BYTES: Final = 1 << 24
-"""So much is looked through on opening; a recording that is being written may stand in many small segments."""
+HEADER_MESSAGES: Final = 1000
+"""Messages of each channel that are decoded on opening."""
+_HEADER_SEGMENTS: Final = 16
+_HEADER_BYTES: Final = 1 << 24
+"""[bytes] Read at least on opening: a recording that is being written may have many small segments."""
 _JUMP_BACK: Final = 500_000_000
-"""Stamps that run back by more than this [ns] are not used as time; less is jitter between publishers."""
+"""[ns] Stamps that run back by more are not used as time; less is jitter between publishers."""
 
 
 @dataclass(frozen=True)
 class StreamHeader:
-    """What the first messages of the channels of a stream tell."""
+    """Names, parents and clock of a stream by the first messages of its channels."""
 
     names: tuple[str, ...]
     parents: tuple[str, ...]
     clock: Clock
 
 
-def first_look(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
-    """Peek into the first file that holds usable messages; None if there is none.
+def first_header(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
+    """Return the header of the first file with usable messages, None without any.
 
     Raises:
-        ReadError: a chunk is damaged and no other file is there.
+        ReadError: a chunk is damaged and no file follows.
     """
     containers = list(dict.fromkeys(part.container for part in parts))
     for container in containers:
         try:
-            found = peek([part for part in parts if part.container is container], kind, log)
+            header = read_header([part for part in parts if part.container is container], kind, log)
         except ReadError:
             if container is containers[-1]:
                 raise
             continue
-        if found is not None:
-            return found
+        if header is not None:
+            return header
     return None
 
 
-def peek(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
-    """Look at the first messages of each channel; None if none of them is of use, the log then says why.
+def read_header(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
+    """Return the header by the first messages of each channel, None if none is usable; the log then has the reason.
 
     Raises:
         ReadError: a chunk is damaged.
@@ -79,20 +79,19 @@ def peek(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamH
 
 
 def _first_pieces(part: DecodableChannel, decoder: Decoder, log: ReadLog) -> list[Piece]:
-    pieces, seen = [], 0
-    looked = 0
+    pieces, messages, size = [], 0, 0
     for number, segment in enumerate(segments_of(part.container, part.channel), 1):
         batch = batch_of(part.container, segment, part.channel)
         pieces.extend(decoder.decode(batch, log))
-        seen += len(batch.starts)
-        looked += segment.chunk.size if segment.chunk else segment.size
-        if seen >= PEEK or (number >= _PEEK_SEGMENTS and looked >= _PEEK_BYTES):
+        messages += len(batch.starts)
+        size += segment.chunk.size if segment.chunk else segment.size
+        if messages >= HEADER_MESSAGES or (number >= _HEADER_SEGMENTS and size >= _HEADER_BYTES):
             break
     return pieces
 
 
 def _clock(pieces: Sequence[Piece], stamped: str) -> Clock:
-    """Choose the time: the stamps in the messages if all are there and do not run back, else the log time."""
+    """Return the clock: the stamps in the messages if all have one and they increase, else the log time."""
     log = np.concatenate([piece.log for piece in pieces])
     stamps = np.concatenate([piece.stamp for piece in pieces])
     stamps = stamps[np.argsort(log, kind="stable")]
@@ -102,37 +101,37 @@ def _clock(pieces: Sequence[Piece], stamped: str) -> Clock:
         return Clock("log_time", int(log.min()), int(log.min()))
     first = int(stamps.min())
     if stamped == "time":
-        # Rows of a posture table keep the time they were written with; the log says when that was.
+        # Rows of a posture table keep their time; the log time gives the epoch.
         return Clock(stamped, 0, int(log.min()) - first)
     return Clock(stamped, first, first)
 
 
 class McapBlockDecoder:
-    """Turns segments of the channels of one stream into blocks, one segment after the other.
+    """Decodes the channels of one stream to blocks, segment by segment.
 
     Args:
         parts: channels.
         kind: as in `Stream`.
-        first: what peeking found.
-        log: where notes go.
-        wanted: names to keep, None for all.
+        header: names and clock of the stream.
+        log: receives notes.
+        wanted: names to read, None for all.
     """
 
     def __init__(
         self,
         parts: Sequence[DecodableChannel],
         kind: Kind,
-        first: StreamHeader,
+        header: StreamHeader,
         log: ReadLog,
         wanted: frozenset[str] | None,
     ) -> None:
-        kept = [at for at, name in enumerate(first.names) if wanted is None or name in wanted]
+        chosen = [at for at, name in enumerate(header.names) if wanted is None or name in wanted]
         self._parts = parts
         self._log = log
-        self._clock = Clock(first.clock.source, first.clock.zero, first.clock.epoch)
+        self._clock = Clock(header.clock.source, header.clock.zero, header.clock.epoch)
         self._merger = Merger(
-            [first.names[at] for at in kept],
-            [first.parents[at] for at in kept] if first.parents else [],
+            [header.names[at] for at in chosen],
+            [header.parents[at] for at in chosen] if header.parents else [],
             self._clock,
             log,
             frames=kind == "frames",
@@ -144,7 +143,7 @@ class McapBlockDecoder:
                     self._merger.add(piece, static=True)
 
     def take(self, container: Store, segment: ChunkRef) -> None:
-        """Take up the messages of a segment.
+        """Decode the messages of a segment.
 
         Raises:
             ReadError: it is damaged.
@@ -158,15 +157,15 @@ class McapBlockDecoder:
 
     @property
     def full(self) -> bool:
-        """Whether enough is gathered for a block."""
+        """Whether enough messages are decoded for a block."""
         return self._merger.full
 
     def flush(self, *, last: bool = False) -> Block | None:
-        """Return what is gathered as a block, but for the newest row unless this is the `last`, see `Merger`."""
+        """Return the decoded messages as a block, without the newest row unless this is the `last`, see `Merger`."""
         return self._merger.flush(last=last)
 
     def flush_whole(self) -> Block | None:
-        """Return what is gathered; the newest row only if it has every signal, so that no more of it can come."""
+        """Return the decoded messages as a block, with the newest row only if it has every signal."""
         return self._merger.flush(last=self._merger.newest_whole())
 
     def rows(self, container: Store, segment: ChunkRef) -> list[dict[str, Any]]:
@@ -197,33 +196,33 @@ class StreamReader:
     Args:
         parts: channels, of one or more files, by start time.
         kind: as in `Stream`.
-        first: what peeking found.
-        opened: what was noted on opening the recording.
+        header: names and clock of the stream.
+        opened: notes made on opening the recording.
         strict: whether a damaged file of several is an error.
     """
 
     def __init__(
-        self, parts: Sequence[DecodableChannel], kind: Kind, first: StreamHeader, opened: ReadLog, *, strict: bool
+        self, parts: Sequence[DecodableChannel], kind: Kind, header: StreamHeader, opened: ReadLog, *, strict: bool
     ) -> None:
         self._parts = parts
         self._kind = kind
-        self._first = first
+        self._header = header
         self._opened = opened
         self._strict = strict
 
     def stream(self, name: str) -> Stream:
-        """Return the stream under a name."""
+        """Return the stream with its name."""
         counts = [part.container.counts[part.channel] for part in self._parts if not part.static]
         formats = dict.fromkeys(part.format for part in self._parts if not part.static)
-        clock = self._first.clock
+        clock = self._header.clock
         return Stream(
             name,
             self._kind,
             ", ".join(formats),
-            self._first.names,
+            self._header.names,
             self.read,
             unit="rad" if self._kind == "joints" else "",
-            parents=self._first.parents,
+            parents=self._header.parents,
             epoch=clock.epoch / 1e9,
             count=sum(counts) if self._kind != "frames" and len(counts) == 1 else None,
             table=self.table if self._kind == "angles" else None,
@@ -231,37 +230,37 @@ class StreamReader:
         )
 
     def read(self, log: ReadLog, names: Sequence[str] | None) -> Iterator[Block]:
-        """Iterate over the blocks, holding one chunk and one block in memory."""
-        intake = self.follow(log, names)
+        """Iterate over the blocks; one chunk and one block are in memory."""
+        decoder = self.follow(log, names)
         for container, segment in self._segments(log):
-            intake.take(container, segment)
-            if intake.full and (block := intake.flush()) is not None:
+            decoder.take(container, segment)
+            if decoder.full and (block := decoder.flush()) is not None:
                 yield block
-        if (block := intake.flush(last=True)) is not None:
+        if (block := decoder.flush(last=True)) is not None:
             yield block
 
     def follow(self, log: ReadLog, names: Sequence[str] | None) -> McapBlockDecoder:
-        """Return what turns segments into blocks, for whoever hands it one segment after the other."""
+        """Return the decoder of a recording that is still being written."""
         self._begin(log)
-        return McapBlockDecoder(self._parts, self._kind, self._first, log, None if names is None else frozenset(names))
+        return McapBlockDecoder(self._parts, self._kind, self._header, log, None if names is None else frozenset(names))
 
     def table(self) -> pd.DataFrame:
         """Return all rows of posture tables, text columns included; `time` in seconds since the epoch."""
         import pandas as pd
 
-        intake = self.follow(ReadLog(), None)
+        decoder = self.follow(ReadLog(), None)
         return pd.DataFrame(
-            [row for container, segment in self._segments(ReadLog()) for row in intake.rows(container, segment)]
+            [row for container, segment in self._segments(ReadLog()) for row in decoder.rows(container, segment)]
         )
 
     def _begin(self, log: ReadLog) -> None:
-        log.time_source = self._first.clock.source
+        log.time_source = self._header.clock.source
         log.ended_abnormally = log.ended_abnormally or self._opened.ended_abnormally
         for warning in self._opened.warnings:
             log.warn(warning)
 
     def _segments(self, log: ReadLog) -> Iterator[tuple[Store, ChunkRef]]:
-        """Yield the segments of all files; a file of several that is damaged on the way is left there."""
+        """Yield the segments of all files; of several files a damaged one is read up to its damage."""
         containers = list(dict.fromkeys(part.container for part in self._parts))
         for container in containers:
             for segment in container.segments:

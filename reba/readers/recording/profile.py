@@ -1,47 +1,48 @@
-"""What the names in a recording mean: profiles, as data.
+"""Profiles: the meaning of the names in a recording, as data.
 
-A profile says for one kind of source which joints, frames or points it names, about which axes and with which sign they
-turn, what it cannot measure and why. The shipped ones are the TOML files in `profiles/`; a laboratory with its own
-names writes another one and gives its path (`--profile FILE.toml`).
+A profile states for one kind of source the names of its joints, frames or points, about which axes and with which sign
+they rotate, which columns it cannot measure and why. The shipped ones are the TOML files in `profiles/`; for other
+names, write a file like them and pass its path (`--profile FILE.toml`).
 
 A TOML file has `name`, `title`, `source`, `kind` and, as far as they apply:
 
-    patterns   how names are written: "{name}", "{name}_{id}", "{id}_{name}"; `{id}` tells bodies apart, `*` is anything
-    required   names (or segments, points) without which it is not this source; all others may be missing
-    [chains]   joints: segment = ["<sign><axis> <joint>", ...], turned in this order about the segment's own ISB axes
-               (x forward, y up, z right); a number instead of a joint is a fixed turn in degrees,
+    patterns   how names are written: "{name}", "{name}_{id}", "{id}_{name}"; `{id}` is a body, `*` any text
+    required   names (or segments, points) that identify this source; all others may be missing
+    [chains]   joints: segment = ["<sign><axis> <joint>", ...], rotations in this order about the ISB axes of the
+               segment (x forward, y up, z right); a number instead of a joint is a constant rotation [deg],
                "a|b" a joint that is called a or b
-    [columns]  joints: column = ["<sign><joint>", ..., <degrees>], a sum that is the angle itself
+    [columns]  joints: column = ["<sign><joint>", ..., <degrees>], a sum that is the angle of the column
     [segments] frames: segment = ["<frame>", ...], the first of them that is present
     [points]   points: point = ["<marker>", ...], the mean of them
-    [dummies]  joint (or column) = value [deg] that only fills the place of one that was not measured
+    [dummies]  joint (or column) = constant value [deg] of one that is not measured
     [cannot]   column (or "trunk", "neck", "arms", "wrists", "legs") = reason
 
 `{side}`, `{Side}`, `{s}`, `{S}` stand for left/right, Left/Right, l/r, L/R; the entry then holds for both sides.
-Chains are written for the right side; on the left x and y turn the other way, unless `mirror = false`.
+Chains are written for the right side; on the left the rotations about x and y change sign, unless `mirror = false`.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
 from reba.errors import ProfileError, did_you_mean
 from reba.posture.columns import ANGLES, COLUMNS, SIDES
+from reba.toml_table import TomlTable
 
 Kind = Literal["joints", "frames", "points"]
 KINDS: tuple[Kind, ...] = ("joints", "frames", "points")
 AXES = ("isb", "ros", "rest")
-"""isb: x forward, y up, z right; ros: x forward, y left, z up; rest: found from the rest pose of the recording."""
+"""isb: x forward, y up, z right; ros: x forward, y left, z up; rest: determined from the rest pose of the recording."""
 
 
 @dataclass(frozen=True)
 class ElementaryRotation:
-    """One elementary turn of a chain: about `axis` 0, 1 or 2, by `sign` times joint `name`, or by `degrees`."""
+    """Elementary rotation of a chain: about axis 0, 1 or 2 by `sign` times joint `name`, or by a constant [deg]."""
 
     axis: int
     sign: float
@@ -51,7 +52,7 @@ class ElementaryRotation:
 
 @dataclass(frozen=True)
 class Term:
-    """One summand of a directly measured column: `sign` times joint `name`, or `degrees` where the name is empty."""
+    """Summand of a directly measured column: `sign` times joint `name`, or a constant [deg] without name."""
 
     sign: float
     name: str
@@ -63,24 +64,24 @@ class Profile:
     """The meaning of the names of one kind of source; the fields are the keys of its TOML file.
 
     Attributes:
-        name, title, source: what it is called, for people, and where it is described.
+        name, title, source: short name, description, and where the source is documented.
         kind: "joints", "frames" or "points".
-        formats: readers it is usual with, for people.
+        formats: formats in which it is usual, for information.
         patterns: how names are written, see the module.
-        unit: unit of joints if the recording does not say: "rad", "deg" or "".
+        unit: unit of joints if the recording does not state it: "rad", "deg" or "".
         axes: axes of frames, one of `AXES`.
-        up: vertical axis of the world in the source's own axes, "" where it has to be found.
+        up: vertical axis of the world in the source's own axes, "" where the body decides.
         mirror: chains are written for the right side and mirrored for the left.
         trunk: "line" (hips to shoulders) or "thorax" (orientation of the chest).
         required: names, segments or points that must be present.
-        marks: further names that only this source has; all must be present.
-        chains, columns, segments, points, dummies, turns: see the module; `turns` are fixed turns of frames.
-        root: frames that carry the pose of the pelvis of a joints profile, if the recording holds them too.
+        marks: further names that identify this source; all must be present.
+        chains, columns, segments, points, dummies, turns: see the module; `turns` are constant rotations of frames.
+        root: frames with the pose of the pelvis of a joints profile, if they are recorded too.
         root_axes: axes of these frames.
-        sign_from_range: columns whose sign differs between models and is taken from the data.
-        needs_neutral: columns without a zero of their own, measured only after a neutral calibration.
+        sign_from_range: columns whose sign differs between models and is determined from the data.
+        needs_neutral: columns without anatomical zero, measured only with a neutral posture.
         cannot: column -> why it is not measured.
-        assumed: what a reader of the result must know.
+        assumed: assumptions to report with the result.
     """
 
     name: str
@@ -111,12 +112,12 @@ class Profile:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Every joint, frame or marker name it knows, each once."""
+        """All joint, frame or marker names, each once."""
         return tuple(dict.fromkeys(name for group in self.slots.values() for name in group))
 
     @property
     def slots(self) -> dict[str, tuple[str, ...]]:
-        """What can be present or missing -> its names: each joint, each segment, each point."""
+        """Joint, segment or point -> its names in a recording."""
         if self.kind != "joints":
             return dict(self.segments if self.kind == "frames" else self.points)
         joints = [step.name for chain in self.chains.values() for step in chain]
@@ -125,25 +126,24 @@ class Profile:
 
 
 SHIPPED = Path(__file__).parent / "profiles"
-"""Where the TOML files of the package are."""
+"""Folder of the profiles of the package."""
 
 
 @cache
 def profiles() -> tuple[Profile, ...]:
-    """Return the shipped profiles, by name."""
-
+    """Return the shipped profiles, sorted by name."""
     return tuple(load_profile(path) for path in sorted(SHIPPED.glob("*.toml")))
 
 
 def profile_text(name: str) -> str:
-    """Return the TOML file of a shipped profile, to start one's own from.
+    """Return the text of the TOML file of a shipped profile, as a start for another one.
 
     Raises:
-        ProfileError: there is no such profile.
+        ProfileError: no shipped profile has this name.
     """
     path = SHIPPED / f"{find_profile(name).name}.toml"
     if not path.is_file():
-        raise ProfileError(f"{name}: this is a file of your own already; name one of the shipped profiles")
+        raise ProfileError(f"{name} is a profile file, expected the name of a shipped profile; see `reba profiles`")
     return path.read_text(encoding="utf-8")
 
 
@@ -151,9 +151,8 @@ def find_profile(name: str | Path) -> Profile:
     """Return the shipped profile of a name, or the one in a TOML file.
 
     Raises:
-        ProfileError: there is no such profile or file, or the file is wrong.
+        ProfileError: no profile or file has this name, or the file is wrong.
     """
-
     known = {profile.name: profile for profile in profiles()}
     if str(name) in known:
         return known[str(name)]
@@ -186,91 +185,115 @@ def load_profile(path: Path) -> Profile:
     """Read and check a profile file.
 
     Raises:
-        ProfileError: the file is not there, is not TOML, or a key or value in it is not known.
+        ProfileError: the file does not exist, is not TOML, or has a wrong key or value.
     """
     try:
         with path.open("rb") as file:
-            given = tomllib.load(file)
+            content = tomllib.load(file)
     except OSError as error:
         raise ProfileError(f"profile {path}: {error.strerror or error}; give the path of a TOML file") from error
     except (ValueError, RecursionError) as error:
-        raise ProfileError(f"profile {path}: not TOML: {error}; mend the file") from error
-    return parse_profile(given, str(path))
+        raise ProfileError(f"profile {path}: not TOML: {error}; correct the file") from error
+    return parse_profile(content, str(path))
 
 
-def parse_profile(given: Mapping[str, Any], where: str) -> Profile:
-    """Check the content of a profile file and return the profile.
+def parse_profile(content: Mapping[str, Any], where: str) -> Profile:
+    """Return the profile of the content of a profile file.
 
     Args:
-        given: the parsed TOML.
+        content: the parsed TOML.
         where: the file, for messages.
 
     Raises:
         ProfileError: a key is missing or unknown, or a value is not what it should be.
     """
-    known = {entry.name: entry for entry in fields(Profile)}
-    _check_keys(given, known, where, "key")
-    for key in ("name", "title", "source", "kind"):
-        if key not in given:
-            raise ProfileError(f"profile {where}: key '{key}' is missing; add it")
-    values: dict[str, Any] = {}
-    for key, value in given.items():
-        values[key] = _value(key, value, where)
-    _choice(values["kind"], KINDS, "kind", where)
-    _choice(values.get("axes", "isb"), AXES, "axes", where)
-    _choice(values.get("root_axes", "ros"), AXES[:2], "root_axes", where)
-    _choice(values.get("trunk", "line"), ("line", "thorax"), "trunk", where)
-    _choice(values.get("unit", ""), ("rad", "deg", ""), "unit", where)
-    _choice(values.get("up", ""), ("", "x", "y", "z", "-x", "-y", "-z"), "up", where)
-    needed = {"joints": ("chains", "columns"), "frames": ("segments",), "points": ("points",)}[values["kind"]]
-    if not any(values.get(section) for section in needed):
-        raise ProfileError(f"profile {where}: kind '{values['kind']}' needs a section [{'] or ['.join(needed)}]")
-    profile = Profile(**values)
+    table = TomlTable(f"profile {where}", content, ProfileError)
+    keys = table.keys(_FIELDS)
+    for key in ("name", "title", "source"):
+        table.text(key)
+    kind = table.text("kind", choices=KINDS)
+    profile = Profile(**{key: _FIELDS[key](table, key) for key in keys})
+    needed = {"joints": ("chains", "columns"), "frames": ("segments",), "points": ("points",)}[kind]
+    if not any(getattr(profile, section) for section in needed):
+        raise ProfileError(f"{table.where}: kind '{kind}' needs a section [{'] or ['.join(needed)}]; add it")
     for pattern in profile.patterns:
         if pattern.count("{name}") != 1 or pattern.count("{id}") > 1:
-            raise ProfileError(f"profile {where}: pattern {pattern!r}, expected one {{name}}, like '{{id}}_{{name}}'")
+            raise ProfileError(f"{table.where}: pattern {pattern!r}, expected one {{name}}, like '{{id}}_{{name}}'")
     for name in profile.required:
         if name not in profile.slots:
-            hint = did_you_mean(name, profile.slots)
-            raise ProfileError(f"profile {where}: required {name!r} stands nowhere else in it{hint}")
+            hint = did_you_mean(name, profile.slots) or "; describe it in a section"
+            raise ProfileError(f"{table.where}: required {name!r} is in no section{hint}")
     return profile
 
 
-def _value(key: str, value: Any, where: str) -> Any:
-    """Return the checked value of a top-level key, with sides spelt out."""
-    angles = {angle.name for angle in ANGLES if angle.sided}
-    if key in ("chains", "turns"):
-        table = _sides(_table(key, value, where), SIDED)
-        _check_keys(table, _segment_names(), where, "segment")
-        return {name: tuple(_step(item, where) for item in _list(name, items, where)) for name, items in table.items()}
-    if key == "columns":
-        table = _sides(_table(key, value, where), angles)
-        _check_keys(table, COLUMNS, where, "column")
-        return {name: tuple(_term(item, where) for item in _list(name, items, where)) for name, items in table.items()}
-    if key in ("segments", "points"):
-        sided, middle = (SIDED, MIDDLE) if key == "segments" else (POINTS_SIDED, POINTS_MIDDLE)
-        table = _sides(_table(key, value, where), sided)
-        _check_keys(table, (*middle, *(f"{name}_{side}" for name in sided for side in SIDES)), where, key[:-1])
-        return {name: _texts(name, items, where) for name, items in table.items()}
-    if key == "dummies":
-        numbers = _table(key, value, where)
-        return {word: _number(name, item, where) for name, item in numbers.items() for word in _both(name)}
-    if key == "cannot":
-        return _reasons(_table(key, value, where), where)
-    if key in ("sign_from_range", "needs_neutral"):
-        columns = [column for name in _texts(key, value, where) for column in _columns_of(name)]
-        _check_keys(dict.fromkeys(columns), COLUMNS, where, "column")
-        return tuple(columns)
-    if key == "mirror":
-        if not isinstance(value, bool):
-            raise ProfileError(f"profile {where}: mirror is {value!r}, expected true or false")
-        return value
-    if key in ("formats", "patterns", "required", "marks", "root", "assumed"):
-        items = _texts(key, value, where)
-        return tuple(word for item in items for word in _both(item)) if key == "required" else items
-    if not isinstance(value, str):
-        raise ProfileError(f"profile {where}: {key} is {value!r}, expected text in quotes")
-    return value
+def _text(*choices: str) -> Callable[[TomlTable, str], str]:
+    return lambda table, key: table.text(key, choices=choices or None)
+
+
+def _chains(table: TomlTable, key: str) -> dict[str, tuple[ElementaryRotation, ...]]:
+    inner = table.table(key)
+    items = _by_side(inner, MIDDLE, SIDED, "segment", least=1)
+    return {name: tuple(_rotation(item, inner.where) for item in chain) for name, chain in items.items()}
+
+
+def _columns(table: TomlTable, key: str) -> dict[str, tuple[Term, ...]]:
+    inner = table.table(key)
+    middle = [angle.name for angle in ANGLES if not angle.sided]
+    items = _by_side(inner, middle, [angle.name for angle in ANGLES if angle.sided], "column", least=1)
+    return {name: tuple(_term(item, inner.where) for item in terms) for name, terms in items.items()}
+
+
+def _segments(table: TomlTable, key: str) -> dict[str, tuple[str, ...]]:
+    return {name: tuple(items) for name, items in _by_side(table.table(key), MIDDLE, SIDED, "segment").items()}
+
+
+def _points(table: TomlTable, key: str) -> dict[str, tuple[str, ...]]:
+    items = _by_side(table.table(key), POINTS_MIDDLE, POINTS_SIDED, "point")
+    return {name: tuple(markers) for name, markers in items.items()}
+
+
+def _dummies(table: TomlTable, key: str) -> dict[str, float]:
+    return {word: value for name, value in table.numbers(key).items() for word in _both(name)}
+
+
+def _cannot(table: TomlTable, key: str) -> dict[str, str]:
+    inner = table.table(key)
+    known = (*GROUPS, *(angle.name for angle in ANGLES), *COLUMNS)
+    return {column: inner.text(name) for name in inner.keys(known, "column") for column in _columns_of(name)}
+
+
+def _column_names(table: TomlTable, key: str) -> tuple[str, ...]:
+    columns = tuple(column for name in table.names(key) for column in _columns_of(name))
+    TomlTable(f"{table.where}: {key}", dict.fromkeys(columns), ProfileError).keys(COLUMNS, "column")
+    return columns
+
+
+def _sided_names(table: TomlTable, key: str) -> tuple[str, ...]:
+    return tuple(word for name in table.names(key) for word in _both(name))
+
+
+_FIELDS: dict[str, Callable[[TomlTable, str], Any]] = {
+    **dict.fromkeys(("name", "title", "source"), _text()),
+    "kind": _text(*KINDS),
+    **dict.fromkeys(("formats", "patterns", "marks", "root", "assumed"), TomlTable.names),
+    "unit": _text("rad", "deg", ""),
+    "axes": _text(*AXES),
+    "up": _text("", "x", "y", "z", "-x", "-y", "-z"),
+    "mirror": TomlTable.flag,
+    "trunk": _text("line", "thorax"),
+    "required": _sided_names,
+    "chains": _chains,
+    "columns": _columns,
+    "segments": _segments,
+    "points": _points,
+    "turns": _chains,
+    "dummies": _dummies,
+    "root_axes": _text(*AXES[:2]),
+    "sign_from_range": _column_names,
+    "needs_neutral": _column_names,
+    "cannot": _cannot,
+}
+"""Key of a profile file -> the function that reads and checks its value."""
 
 
 def _both(text: str) -> tuple[str, ...]:
@@ -285,19 +308,29 @@ def _with_side(text: str, side: str) -> str:
     return text
 
 
-def _sides(table: Mapping[str, Any], sided: Iterable[str]) -> dict[str, Any]:
-    """Spell out the entries of both sides: `forearm = "{side}_x"` -> `forearm_left`, `forearm_right`."""
-    result: dict[str, Any] = {}
-    for name, items in table.items():
-        for side in SIDES if name in set(sided) else ("",):
-            as_list = items if isinstance(items, list) else [items]
-            spelt = [_with_side(item, side) if side and isinstance(item, str) else item for item in as_list]
-            result[f"{name}_{side}" if side else name] = spelt
+def _by_side(
+    table: TomlTable, middle: Iterable[str], sided: Collection[str], what: str, least: int = 0
+) -> dict[str, list[Any]]:
+    """Return name -> items, an entry of both sides once per side: `forearm = "{side}_x"` gives forearm_left and _right.
+
+    Args:
+        middle, sided: names without and with a side.
+        what: what messages call a name.
+        least: items that a list of rotations or terms must have; 0: every item must be a name.
+    """
+    result: dict[str, list[Any]] = {}
+    for name in table.keys((*middle, *sided, *(f"{part}_{side}" for part in sided for side in SIDES)), what):
+        value = table.values[name]
+        items = value if isinstance(value, list) else [value]
+        if not least:
+            table.names(name)
+        elif len(items) < least:
+            raise ProfileError(f'{table.where}: {name} is {value!r}, expected a list like ["+z left_elbow"]')
+        for side in SIDES if name in sided else ():
+            result[f"{name}_{side}"] = [_with_side(item, side) if isinstance(item, str) else item for item in items]
+        if name not in sided:
+            result[name] = items
     return result
-
-
-def _segment_names() -> tuple[str, ...]:
-    return (*MIDDLE, *(f"{name}_{side}" for name in SIDED for side in SIDES))
 
 
 def _columns_of(name: str) -> tuple[str, ...]:
@@ -307,21 +340,10 @@ def _columns_of(name: str) -> tuple[str, ...]:
     return next((angle.columns for angle in ANGLES if angle.name == name), (name,))
 
 
-def _reasons(table: Mapping[str, Any], where: str) -> dict[str, str]:
-    result = {}
-    for name, reason in table.items():
-        columns = _columns_of(name)
-        _check_keys(dict.fromkeys(columns), COLUMNS, where, "column")
-        if not isinstance(reason, str):
-            raise ProfileError(f"profile {where}: cannot.{name} is {reason!r}, expected a reason in quotes")
-        result.update(dict.fromkeys(columns, reason))
-    return result
-
-
-def _step(item: Any, where: str) -> ElementaryRotation:
+def _rotation(item: Any, where: str) -> ElementaryRotation:
     words = item.split() if isinstance(item, str) else []
     if len(words) != 2 or words[0] not in ("+x", "-x", "+y", "-y", "+z", "-z"):
-        raise ProfileError(f"profile {where}: turn {item!r}, expected like '+z left_elbow' or '-x 90'")
+        raise ProfileError(f"{where}: rotation {item!r}, expected like '+z left_elbow' or '-x 90'")
     sign, axis = (-1.0 if words[0][0] == "-" else 1.0), "xyz".index(words[0][1])
     try:
         return ElementaryRotation(axis, sign, "", float(words[1]))
@@ -332,41 +354,6 @@ def _step(item: Any, where: str) -> ElementaryRotation:
 def _term(item: Any, where: str) -> Term:
     if isinstance(item, str) and item.strip("+- "):
         return Term(-1.0 if item[0] == "-" else 1.0, item[1:].strip() if item[0] in "+-" else item)
-    return Term(1.0, "", _number("columns", item, where))
-
-
-def _number(key: str, value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ProfileError(f"profile {where}: {key} holds {value!r}, expected a name or a number of degrees")
-    return float(value)
-
-
-def _table(key: str, value: Any, where: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise ProfileError(f"profile {where}: {key} is {value!r}, expected a section [{key}]")
-    return value
-
-
-def _list(key: str, value: Any, where: str) -> list[Any]:
-    if not isinstance(value, list) or not value:
-        raise ProfileError(f'profile {where}: {key} is {value!r}, expected a list like ["+z left_elbow"]')
-    return value
-
-
-def _texts(key: str, value: Any, where: str) -> tuple[str, ...]:
-    items = value if isinstance(value, list) else [value]
-    if not all(isinstance(item, str) and item for item in items):
-        raise ProfileError(f"profile {where}: {key} is {value!r}, expected names in quotes")
-    return tuple(items)
-
-
-def _choice(value: Any, choices: Iterable[str], key: str, where: str) -> None:
-    if value not in tuple(choices):
-        options = ", ".join(repr(choice) for choice in choices)
-        raise ProfileError(f"profile {where}: {key} is {value!r}, expected one of {options}")
-
-
-def _check_keys(given: Mapping[str, Any], known: Iterable[str], where: str, what: str) -> None:
-    for key in given:
-        if key not in tuple(known):
-            raise ProfileError(f"profile {where}: unknown {what} {key!r}{did_you_mean(key, known)}")
+    if isinstance(item, bool) or not isinstance(item, int | float):
+        raise ProfileError(f"{where}: term {item!r}, expected a joint like '-left_elbow' or a number of degrees")
+    return Term(1.0, "", float(item))

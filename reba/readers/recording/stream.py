@@ -1,8 +1,8 @@
-"""What a recording holds before any profile gives it meaning: named signals over time, in blocks.
+"""Recording: streams of named signals over time, before a profile states their meaning.
 
-A reader turns a file into streams. A stream is one source of named signals of one kind; it hands out its samples in
-blocks so that an hour of recording never stands in memory as a whole. The profile (`profile.py`) says what the names
-mean and the mapping (`mapping.py`) turns each block into posture angles.
+A reader turns a file into streams. A stream is one source of named signals of one kind; it is read block by block, so
+that memory does not grow with the duration. `profile` states the meaning of the names, `mapping` turns each block into
+posture angles.
 
     bytes -> reader -> Stream -> blocks -> mapping(profile) -> posture table
 """
@@ -25,29 +25,29 @@ Kind = Literal["joints", "frames", "points", "angles"]
 """joints: one number per name (joint coordinate, in `Stream.unit`).
 frames: a pose per name: x y z [m] and the quaternion qx qy qz qw, relative to the parent named beside it.
 points: x y z [m] per name, in one world frame.
-angles: columns of the posture table, already in degrees and by their contract names (and factor columns)."""
+angles: columns of the posture table [deg], and factor columns."""
 MOST_WARNINGS = 100
-"""Warnings of one recording that are kept; a damaged file can give one for each of its fields."""
+"""Largest number of warnings of one recording; a damaged file may cause one for each of its fields."""
 
 
 class BlockDecoder(Protocol):
-    """Turns a recording that is still being written into blocks, one segment of its file after the other.
+    """Decodes a recording that is still being written to blocks, segment by segment of its file.
 
-    `container` and `segment` are of the reader's own types; only the reader that made the decoder knows them.
+    `container` and `segment` have types of the reader that made the decoder.
     """
 
     @property
     def full(self) -> bool:
-        """Whether enough is gathered for a block."""
+        """Whether enough messages are decoded for a block."""
 
     def take(self, container: Any, segment: Any) -> None:
         """Decode the messages of a segment."""
 
     def flush(self, *, last: bool = False) -> Block | None:
-        """Return what is gathered as a block, without the newest row unless it is the `last`."""
+        """Return the decoded messages as a block, without the newest row unless it is the `last`."""
 
     def flush_whole(self) -> Block | None:
-        """Return what is gathered, with the newest row only if every signal of it is there."""
+        """Return the decoded messages as a block, with the newest row only if it has every signal."""
 
     def rows(self, container: Any, segment: Any) -> list[dict[str, Any]]:
         """Return the rows of posture tables in a segment, text columns included."""
@@ -59,7 +59,7 @@ class Block:
 
     Attributes:
         time: (n,) seconds since `Stream.epoch`; normally increasing, never NaN.
-        names: the k signal names of `values`; may grow during a recording when a late joint appears.
+        names: the k signal names of `values`; later blocks may have more.
         values: joints and angles (n, k); points (n, k, 3); frames (n, k, 7). NaN = no value at that time.
         parents: frames only: the parent frame of each name, "" for a pose that is already in the world.
     """
@@ -72,15 +72,15 @@ class Block:
 
 @dataclass
 class ReadLog:
-    """What happened while a recording was read; filled by readers, shown by `reba info` and in every report.
+    """Counts and notes of a reading; filled by readers, shown by `reba info` and in every report.
 
     Attributes:
-        messages: samples or messages seen for the stream (good or not).
-        skipped: of these, how many could not be decoded or held no usable value.
-        first_skipped: where and why the first one was skipped ("byte 676: string length 12 exceeds the message").
-        ended_abnormally: None, or how the recording ends ("cut inside a chunk at byte 81920 of 81920").
+        messages: samples or messages of the stream, usable or not.
+        skipped: of these, those that could not be decoded or had no usable value.
+        first_skipped: place and reason of the first one ("byte 676: string length 12 exceeds the message").
+        ended_abnormally: None, or where the recording is truncated ("inside a chunk at byte 81920 of 81920").
         time_source: "header.stamp", "log_time", "file", "frame rate" ...
-        warnings: other things a user must know, one sentence each.
+        warnings: further notes for the user, one sentence each.
     """
 
     messages: int = 0
@@ -91,13 +91,13 @@ class ReadLog:
     warnings: list[str] = field(default_factory=list)
 
     def skip(self, count: int, where: str) -> None:
-        """Count messages that gave nothing and remember where the first one stood."""
+        """Count messages without usable value and store the place of the first one."""
         if count > 0 and self.first_skipped is None:
             self.first_skipped = where
         self.skipped += count
 
     def warn(self, text: str) -> None:
-        """Note a warning once, and no more of them than anybody reads."""
+        """Note a warning once; of more than `MOST_WARNINGS` the rest is left out."""
         if len(self.warnings) < MOST_WARNINGS and text not in self.warnings:
             self.warnings.append(text if len(self.warnings) < MOST_WARNINGS - 1 else "further warnings are left out")
 
@@ -112,17 +112,17 @@ class Stream:
     Attributes:
         name: topic, or the file's stem.
         kind: what a value is, see `Kind`.
-        format: what was decoded, for people: "ROS 2 sensor_msgs/JointState (CDR)", "BVH", "OpenSim .mot".
-        names: signal names known without reading everything (a block may add late ones).
-        unit: unit of joints: "rad", "deg" or "" where the file does not say (the mapping then decides from the data).
+        format: what was decoded, for messages: "ROS 2 sensor_msgs/JointState (CDR)", "BVH", "OpenSim .mot".
+        names: signal names in the first messages (a block may add later ones).
+        unit: unit of joints: "rad", "deg" or "" where the file does not state it (then the range decides).
         parents: frames only, as in `Block`.
-        epoch: Unix time [s] of time 0, or 0.0 where the file does not say.
+        epoch: Unix time [s] of time 0, or 0.0 where the file does not state it.
         count: number of samples if known without reading, else None.
-        up: "x", "y", "z", "-y" ... if the format fixes the vertical axis, else "" (found from the body).
+        up: "x", "y", "z", "-y" ... if the format defines the vertical axis, else "" (the mapping determines it).
         rest: frames only: (k, 7) pose of each frame in its parent when all rotations are zero (BVH offsets), else None.
         read: `read(log, names)` iterates over blocks; `names` limits the signals (None: all).
-        follow: takes the segments of a recording one by one as they are written (MCAP), see `reba.live`.
-        table: angles only: the whole table, `time` in seconds since `epoch`, text and bool factor columns included.
+        follow: makes the decoder of a recording that is still being written (MCAP), see `reba.live`.
+        table: angles only: the complete table, `time` in seconds since `epoch`, text and bool factor columns included.
     """
 
     name: str
@@ -146,14 +146,14 @@ class Stream:
 
 @dataclass(frozen=True)
 class Topic:
-    """One line of `reba info`: a topic or signal group of a file, usable or not, and why.
+    """One line of `reba info`: a topic or signal group of a file, whether it is used, and why.
 
     Attributes:
         name: topic or group name.
         type: message type or format.
         count: messages or samples, None if unknown.
         usable: whether a stream was made of it.
-        why: what it was taken for, or why it was left out.
+        why: what it contains, or why it is not used.
     """
 
     name: str
@@ -165,14 +165,14 @@ class Topic:
 
 @dataclass(frozen=True)
 class Recording:
-    """An opened file: its streams and everything else it holds.
+    """An opened file with its streams.
 
     Attributes:
-        path: the file or folder given.
+        path: the file or folder.
         format: "mcap", "bvh", "csv" ... (the name of the reader).
         streams: candidates for scoring, in file order.
         topics: every topic or signal group, for `reba info`.
-        log: what was noticed on opening (abnormal end, missing summary ...).
+        log: notes made on opening (truncated, no summary ...).
     """
 
     path: str
@@ -183,7 +183,7 @@ class Recording:
 
 
 BLOCK = 20_000
-"""Samples handed out at once: a few tens of MB for a whole body."""
+"""Samples in a block: a few tens of MB for all segments of a body."""
 Values = Callable[[slice], Array]
 
 
@@ -198,23 +198,23 @@ def array_stream(
     opened: ReadLog,
     **more: Any,
 ) -> Stream:
-    """Return a stream that hands out `values` in blocks of `BLOCK` samples.
+    """Return a stream of `values` in blocks of `BLOCK` samples.
 
     Args:
         name, kind, format, names: as in `Stream`; k names.
         time: (n,) [s].
-        values: (n, k) or (n, k, 3) or (n, k, 7) as in `Block`, or a function of a slice of samples that gives them.
-        opened: what was noticed while the file was opened; every reading starts with it.
+        values: (n, k) or (n, k, 3) or (n, k, 7) as in `Block`, or a function from a slice of samples to them.
+        opened: notes made on opening; every reading starts with them.
         more: further fields of `Stream`.
     """
-    given = tuple(names)
+    signals = tuple(names)
     parents: tuple[str, ...] = more.get("parents", ())
 
     def read(log: ReadLog, wanted: Sequence[str] | None) -> Iterator[Block]:
-        keep = list(range(len(given)))
+        columns = list(range(len(signals)))
         if wanted is not None:
             chosen = set(wanted)
-            keep = [index for index, known in enumerate(given) if known in chosen]
+            columns = [index for index, signal in enumerate(signals) if signal in chosen]
         log.messages += len(time) + opened.skipped
         log.skip(opened.skipped, opened.first_skipped or "")
         log.ended_abnormally = log.ended_abnormally or opened.ended_abnormally
@@ -226,16 +226,16 @@ def array_stream(
             all_values = values(part) if callable(values) else values[part]
             yield Block(
                 time[part],
-                tuple(given[index] for index in keep),
-                all_values if wanted is None else all_values[:, keep],
-                tuple(parents[index] for index in keep) if parents else (),
+                tuple(signals[index] for index in columns),
+                all_values if wanted is None else all_values[:, columns],
+                tuple(parents[index] for index in columns) if parents else (),
             )
 
-    return Stream(name, kind, format, given, read, count=len(time), **more)
+    return Stream(name, kind, format, signals, read, count=len(time), **more)
 
 
 def unique_names(names: Sequence[str], log: ReadLog) -> tuple[str, ...]:
-    """Return the names with `_2`, `_3` ... behind those that come again, and note it.
+    """Return the names with `_2`, `_3` ... appended to repeated ones, and note it.
 
     >>> unique_names(["hip", "knee", "hip"], ReadLog())
     ('hip', 'knee', 'hip_2')
@@ -251,13 +251,13 @@ def unique_names(names: Sequence[str], log: ReadLog) -> tuple[str, ...]:
                 unique = f"{name}_{seen[name]}"
                 seen[name] += unique in taken
             taken.add(unique)
-            log.warn(f"the name {clip(name)} stands more than once; the later one is called {clip(unique)}")
+            log.warn(f"the name {clip(name)} occurs more than once; the later one is called {clip(unique)}")
         result.append(unique)
     return tuple(result)
 
 
 def clip(text: str, length: int = 40) -> str:
-    """Return the text quoted on one line and shortened, fit for a message.
+    """Return the text for a message: quoted, on one line and shortened.
 
     >>> clip("a" * 50, 8)
     "'aaaaaaaa...'"
@@ -266,7 +266,7 @@ def clip(text: str, length: int = 40) -> str:
 
 
 def check_time(time: Array, log: ReadLog) -> None:
-    """Note it when time stands still or runs backwards."""
+    """Note whether (n,) times [s] repeat or run backwards."""
     steps = np.diff(time)
     if np.any(steps < 0):
         log.warn(f"time runs backwards {int(np.sum(steps < 0))} times, first after {time[np.argmax(steps < 0)]:.6g} s")

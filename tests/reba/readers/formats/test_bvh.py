@@ -12,6 +12,7 @@ from reba.errors import ReadError
 from reba.readers.formats.bvh import MAX_JOINTS, open_bvh, sniff
 from reba.readers.recording.stream import ReadLog
 from tests.support.paths import RECORDINGS
+from tests.support.says import says
 
 SMALL = """HIERARCHY
 ROOT Hips
@@ -105,8 +106,8 @@ def test_a_cut_end_gives_the_whole_frames_and_a_warning(tmp_path: Path) -> None:
     path = write(tmp_path, SMALL[:-20])
     recording = open_bvh(path)
     assert recording.streams[0].count == 2
-    assert recording.log.ended_abnormally == "line 25 ends after 6 of 11 numbers; the rows before it were read"
-    assert any("states 3 frames and holds 2" in text for text in recording.log.warnings)
+    says(recording.log.ended_abnormally or "", "line 25", "6 of 11 numbers", "rows before it")
+    says(" ".join(recording.log.warnings), "3 frames", "has 2")
 
 
 @pytest.mark.parametrize(
@@ -123,7 +124,7 @@ def test_a_cut_end_gives_the_whole_frames_and_a_warning(tmp_path: Path) -> None:
         ("OFFSET 5 0 0", "OFFSET 5 0", "line 12: 'CHANNELS' is not a finite number"),
         ("OFFSET 5 0 0", "OFFSET 5 0 1e999", "line 11: '1e999' is not a finite number"),
         ("CHANNELS 2", "CHANNELS 99999999", "line 9: '99999999' channels, expected 0 to 6"),
-        ("CHANNELS 2 Xrotation", "CHANNELS 2 Wrotation", "line 9: 'Wrotation' is no channel"),
+        ("CHANNELS 2 Xrotation", "CHANNELS 2 Wrotation", "line 9: 'Wrotation' | Xposition"),
         ("CHANNELS 2 Xrotation", "CHANNELS 2 Yrotation", "line 9: joint 'Chest' has a channel twice"),
         ("JOINT Chest", "JOINT", "line 7: a joint has no name"),
         ("}\nMOTION", "MOTION", "joint 'Hips' is not closed"),
@@ -135,16 +136,16 @@ def test_damage_is_told_with_its_line(tmp_path: Path, old: str, new: str, what: 
     assert old in SMALL
     with pytest.raises(ReadError) as caught:
         open_bvh(write(tmp_path, SMALL.replace(old, new, 1)))
-    assert what in str(caught.value)
-    assert "\n" not in str(caught.value)
+    says(caught, *what.split(" | "))
 
 
 def test_deep_nesting_is_refused_without_recursion(tmp_path: Path) -> None:
     deep = "HIERARCHY\n" + "".join(
         f"{'JOINT' if index else 'ROOT'} j{index} {{ OFFSET 0 1 0\n" for index in range(100_000)
     )
-    with pytest.raises(ReadError, match=f"more than {MAX_JOINTS} joints"):
+    with pytest.raises(ReadError) as caught:
         open_bvh(write(tmp_path, deep))
+    says(caught, f"more than {MAX_JOINTS} joints")
 
 
 def test_equal_names_are_told_apart(tmp_path: Path) -> None:

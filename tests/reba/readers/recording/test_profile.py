@@ -15,6 +15,7 @@ from reba.posture.columns import COLUMNS, INDEX
 from reba.readers.mapping import block_angles, mapper_for, measurable_columns
 from reba.readers.recording.profile import Profile, find_profile, load_profile, parse_profile, profiles
 from reba.readers.recording.stream import Block, Stream
+from tests.support.says import says
 from tests.support.synthetic_bodies import joints_stream, quaternion, rotation, stream_of
 
 HANGING = {"jRightShoulder_rotx": 90.0, "jLeftShoulder_rotx": -90.0}
@@ -232,46 +233,53 @@ GOOD = {"name": "a", "title": "b", "source": "c", "kind": "joints", "columns": {
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "facts"),
     [
-        ({"titel": "x"}, "unknown key 'titel'; did you mean 'title'?"),
-        ({"columns": {"knee_flexoin_left": ["a"]}}, "did you mean 'knee_flexion_left'?"),
-        ({"chains": {"torax": ["+z a"]}}, "unknown segment 'torax'; did you mean 'thorax'?"),
-        ({"chains": {"thorax": ["z a"]}}, "turn 'z a', expected like"),
-        ({"chains": {"thorax": "+z a"}}, None),
-        ({"chains": {"thorax": []}}, "expected a list"),
-        ({"kind": "joint"}, "expected one of 'joints', 'frames', 'points'"),
-        ({"kind": "frames"}, "needs a section [segments]"),
-        ({"unit": "degrees"}, "unit is 'degrees'"),
-        ({"mirror": "no"}, "expected true or false"),
-        ({"required": ["nose"]}, "required 'nose'"),
-        ({"patterns": ["{id}_x"]}, "expected one {name}"),
-        ({"cannot": {"nek": "x"}}, "unknown column 'nek'"),
-        ({"columns": {"knee_flexion_left": [["a"]]}}, "expected a name or a number"),
-        ({"dummies": {"a": "b"}}, "expected a name or a number"),
-        ({"title": 3}, "expected text in quotes"),
+        ({"titel": "x"}, ("unknown key 'titel'", "did you mean 'title'?")),
+        ({"columns": {"knee_flexoin_left": ["a"]}}, ("columns", "did you mean 'knee_flexion_left'?")),
+        ({"chains": {"torax": ["+z a"]}}, ("unknown segment 'torax'", "did you mean 'thorax'?")),
+        ({"chains": {"thorax": ["z a"]}}, ("chains", "'z a'", "+z left_elbow")),
+        ({"chains": {"thorax": []}}, ("thorax is []", "a list")),
+        ({"points": {"hip": ["LHIP", ""]}}, ("points", "hip", "names in quotes")),
+        ({"kind": "joint"}, ("kind is 'joint'", "one of joints, frames, points")),
+        ({"kind": "frames"}, ("'frames'", "[segments]")),
+        ({"unit": "degrees"}, ("unit is 'degrees'", "rad, deg")),
+        ({"mirror": "no"}, ("mirror is 'no'", "true or false")),
+        ({"required": ["nose"]}, ("required 'nose'",)),
+        ({"patterns": ["{id}_x"]}, ("{id}_x", "one {name}")),
+        ({"cannot": {"nek": "x"}}, ("unknown column 'nek'", "did you mean 'neck'?")),
+        ({"needs_neutral": ["neck_flexoin"]}, ("needs_neutral", "neck_flexion")),
+        ({"columns": {"knee_flexion_left": [["a"]]}}, ("['a']", "a number of degrees")),
+        ({"dummies": {"a": "b"}}, ("dummies", "a is 'b'", "number")),
+        ({"title": 3}, ("title is 3", "text in quotes")),
     ],
 )
-def test_profile_files_are_checked(change: dict[str, object], message: str | None) -> None:
-    if message is None:
-        assert parse_profile({**GOOD, **change}, "mine.toml").chains
-        return
-    with pytest.raises(ProfileError, match=re.escape(message)):
+def test_profile_files_are_checked(change: dict[str, object], facts: tuple[str, ...]) -> None:
+    with pytest.raises(ProfileError) as error:
         parse_profile({**GOOD, **change}, "mine.toml")
+    says(error, "profile mine.toml", *facts)
+
+
+def test_a_chain_of_one_rotation_needs_no_list() -> None:
+    assert parse_profile({**GOOD, "chains": {"thorax": "+z a"}}, "mine.toml").chains["thorax"][0].name == "a"
 
 
 def test_unknown_profiles_and_broken_files(tmp_path: Path) -> None:
-    with pytest.raises(ProfileError, match="did you mean 'ros4hri'"):
+    with pytest.raises(ProfileError) as error:
         find_profile("ros4hir")
-    with pytest.raises(ProfileError, match="No such file"):
+    says(error, "'ros4hir'", "did you mean 'ros4hri'", "TOML")
+    with pytest.raises(ProfileError) as error:
         find_profile(tmp_path / "mine.toml")
+    says(error, "mine.toml", "No such file", "give the path")
     broken = tmp_path / "mine.toml"
     broken.write_text("name = ")
-    with pytest.raises(ProfileError, match="not TOML"):
+    with pytest.raises(ProfileError) as error:
         load_profile(broken)
+    says(error, "mine.toml", "not TOML")
     broken.write_text('name = "a"\ntitle = "b"\nsource = "c"\n')
-    with pytest.raises(ProfileError, match="'kind' is missing"):
+    with pytest.raises(ProfileError) as error:
         load_profile(broken)
+    says(error, "kind is missing")
 
 
 def test_a_profile_of_ones_own_reads_a_stream(tmp_path: Path) -> None:

@@ -10,15 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import zstandard
 
 from reba.errors import ReadError
-from reba.readers.mcap import bytes as compression
 from reba.readers.mcap import open_mcap, sniff
 from reba.readers.recording.stream import ReadLog
 from tests.support import hostile_mcap as hostile
 from tests.support import mcap_builder as make
 from tests.support.hostile_mcap import CASES
+from tests.support.says import says
 
 SLOW_BOMB = "bomb_that_declares_half"
 
@@ -37,12 +36,6 @@ def read(path: Path, **options: object) -> tuple[np.ndarray, np.ndarray, ReadLog
     return time[order], values[order], log, recording.log
 
 
-def check_error(error: ReadError, path: Path, words: str) -> None:
-    assert words in str(error)
-    assert str(error).startswith(str(path))
-    assert "\n" not in str(error)
-
-
 @pytest.mark.parametrize("name", [name for name in CASES if name != SLOW_BOMB])
 def test_case(name: str, tmp_path: Path) -> None:
     case = CASES[name]
@@ -50,7 +43,7 @@ def test_case(name: str, tmp_path: Path) -> None:
     if case.error:
         with pytest.raises(ReadError) as caught:
             read(path, limit_bytes=case.limit)
-        check_error(caught.value, path, case.error)
+        says(caught, path, case.error)
         return
     time, values, log, opened = read(path, limit_bytes=case.limit)
     rows = np.setdiff1d(np.arange(case.rows), case.without)
@@ -66,8 +59,9 @@ def test_case(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.ended])
 def test_strict_refuses_an_abnormal_end(name: str, tmp_path: Path) -> None:
-    with pytest.raises(ReadError, match="messages read"):
+    with pytest.raises(ReadError) as caught:
         open_mcap(hostile.write(name, tmp_path), strict=True)
+    says(caught, CASES[name].ended, "messages read", "without strict")
 
 
 @pytest.mark.parametrize("name", ["no_schema", "missing_schema"])
@@ -117,7 +111,7 @@ def test_bomb_stays_within_memory(name: str, tmp_path: Path) -> None:
     assert run.stdout.startswith("refused:"), run.stderr
 
 
-def test_every_cut_is_read_up_to_the_break(tmp_path: Path) -> None:
+def test_every_truncated_file_is_read_up_to_its_end(tmp_path: Path) -> None:
     data = make.build(make.whole(make.payloads()[:40]))
     path = tmp_path / "cut.mcap"
     for size in range(9, len(data), 97):
@@ -166,18 +160,6 @@ def test_any_damaged_message_is_decoded_or_counted(tmp_path: Path) -> None:
     assert log.skipped < 400
 
 
-@pytest.mark.parametrize("size", [0, 1])
-def test_a_large_chunk_grows_with_what_comes_out(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compression, "_AT_ONCE", 10)
-    data = bytes(range(256)) * 40
-    packed = zstandard.ZstdCompressor(write_content_size=False).compress(data)
-    if size:
-        with pytest.raises(compression.BadChunk, match="not to the"):
-            compression.unpack(packed, "zstd", len(data) - size)
-    else:
-        assert compression.unpack(packed, "zstd", len(data)) == data
-
-
 def test_sniff(tmp_path: Path) -> None:
     assert sniff(hostile.write("sound", tmp_path))
     assert sniff(hostile.write("packed_file", tmp_path))
@@ -187,5 +169,6 @@ def test_sniff(tmp_path: Path) -> None:
 
 
 def test_absent_file(tmp_path: Path) -> None:
-    with pytest.raises(ReadError, match="cannot be opened"):
+    with pytest.raises(ReadError) as caught:
         open_mcap(tmp_path / "absent.mcap")
+    says(caught, "absent.mcap", "cannot be opened", "check the path")
