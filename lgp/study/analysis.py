@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lgp.statistics.effect_sizes import effect, friedman, normality, sphericity, within_errors
-from lgp.statistics.paired_tests import Comparison, anova, compare, holm, mean_of, require
+from lgp.statistics.effect_sizes import effect_size, friedman, normality, sphericity, within_errors
+from lgp.statistics.paired_tests import Comparison, anova, compare, holm, mean_of, require_statsmodels
 from lgp.study.scoring import EXTRA, LEVELS, PARTS, TOTAL, by_condition
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def analyse(cells: pd.DataFrame, conditions: Sequence[str]) -> dict[str, Any]:
     Raises:
         LgpError: statsmodels is not installed.
     """
-    require()
+    require_statsmodels()
     pairs = list(combinations(conditions, 2))
     tables = {name: by_condition(cells, name, conditions) for name in (TOTAL, *PARTS, *EXTRA, *LEVELS)}
     found: dict[str, Any] = {TOTAL: measure(tables[TOTAL], pairs)}
@@ -97,7 +97,7 @@ def _pair(table: pd.DataFrame, one: Comparison, tested: bool) -> dict[str, Any]:
         dropped = ("t", "p", "p_holm", "wilcoxon_p", "wilcoxon_p_holm")
         found = {name: value for name, value in found.items() if name not in dropped}
     else:
-        found |= {**asdict(effect(known)), "normality": asdict(normality(known))}
+        found |= {**asdict(effect_size(known)), "normality": asdict(normality(known))}
     lower, higher = int((known < 0).sum()), int((known > 0).sum())
     return found | {"lower": lower, "higher": higher, "left_out": [str(name) for name in gap.index[gap.isna()]]}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from lgp.statistics.formatting import p_said, signed
+from lgp.statistics.formatting import p_text, signed
 from lgp.study.scoring import PARTS, TOTAL
 
 ALPHA: Final = 0.05
@@ -28,7 +28,7 @@ def verdict(found: Mapping[str, Any], conditions: list[str]) -> str:
         return f"No test can be made: {_people(one['n'])} with all of {', '.join(conditions)}."
     shrunk = one["epsilon"] or 1.0
     said = f"F({one['df'] * shrunk:.1f}, {one['df_error'] * shrunk:.1f}) = {one['f']:.2f}"
-    test = f"(repeated-measures ANOVA, {_people(one['n'])}, {said}, {p_said(one['p_corrected'])})"
+    test = f"(repeated-measures ANOVA, {_people(one['n'])}, {said}, {p_text(one['p_corrected'])})"
     if one["p_corrected"] >= ALPHA:
         return f"No difference in mean REBA between the {len(conditions)} conditions is shown {test}."
     clear = [_order(pair) for pair in total["pairs"] if _shown(pair["p_holm"])]
@@ -48,7 +48,7 @@ def _two(pair: Mapping[str, Any]) -> str:
     numbers = (
         f"{abs(gap):.2f} {word} with {pair['first']} than with {pair['second']} (95 % interval of the difference "
         f"{signed(pair['low'])} to {signed(pair['high'])}; {pair[word]} of {n} participants; paired t test "
-        f"{p_said(pair['p'])}, g = {signed(pair['g'])})"
+        f"{p_text(pair['p'])}, g = {signed(pair['g'])})"
     )
     if pair["p"] < ALPHA:
         return f"The mean REBA score is {numbers}."
@@ -81,14 +81,14 @@ def agreement(found: Mapping[str, Any]) -> list[str]:
         by_t, by_rank = pair["p_holm"], pair["wilcoxon_p_holm"]
         if by_t is not None and by_rank is not None and (by_t < ALPHA) != (by_rank < ALPHA):
             said.append(
-                f"{pair['first']} against {pair['second']}: the t test ({p_said(by_t)}) and the signed ranks "
-                f"({p_said(by_rank)}) decide differently; take the difference as not shown"
+                f"{pair['first']} against {pair['second']}: the t test ({p_text(by_t)}) and the signed ranks "
+                f"({p_text(by_rank)}) decide differently; take the difference as not shown"
             )
         shape = pair["normality"]["p"]
         if shape is not None and shape < ALPHA:
             said.append(
                 f"{pair['first']} against {pair['second']}: the differences are not normal (Shapiro-Wilk "
-                f"{p_said(shape)}); the signed ranks, which do not need that, give {p_said(by_rank)}"
+                f"{p_text(shape)}); the signed ranks, which do not need that, give {p_text(by_rank)}"
             )
     return said
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from lgp.errors import LgpError
-from lgp.statistics.paired_tests import require
+from lgp.statistics.paired_tests import require_statsmodels
 from lgp.study.analysis import analyse
 from lgp.study.conclusions import agreement, parts_sentence, verdict
 from lgp.study.recordings import Sources, find_sources
@@ -100,7 +100,7 @@ def study(
         'The mean REBA score is 0.84 lower with ergonomic than with non-ergonomic ...'
     """
 
-    require()
+    require_statsmodels()
     rules_of(options.rules)
     found = find_sources(logs, manifest, pattern, None if without is None else Path(without))
     sources, order, ignored = choose(found, conditions)

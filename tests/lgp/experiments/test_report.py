@@ -143,7 +143,7 @@ def test_findings_say_where_nothing_can_be_said():
     one = runs["run"] == 0
     found = findings(summarise(runs[one], paths[paths["run"] == 0]))
     assert {finding.shown for finding in found} <= {None, False}
-    assert "no test" in found[0].because
+    assert "no test" in found[0].evidence
 
 
 def test_bars_mark_every_comparison(summary):

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy import optimize, stats
 from statsmodels.stats.power import TTestPower
 
-from lgp.statistics.effect_sizes import effect, friedman, normality, sphericity, within_errors
-from lgp.statistics.formatting import p_said
+from lgp.statistics.effect_sizes import effect_size, friedman, normality, sphericity, within_errors
+from lgp.statistics.formatting import p_text
 from lgp.statistics.paired_tests import compare
 from lgp.study.analysis import analyse
 from lgp.study.labels import Label
@@ -109,7 +109,7 @@ def by(found: dict[str, Any], condition: str) -> list[float]:
 
 def test_interval_of_the_effect_size_is_that_of_the_noncentral_t() -> None:
     differences = np.random.default_rng(1).normal(0.7, 1.0, 12)
-    found = effect(differences)
+    found = effect_size(differences)
     t = found.dz * np.sqrt(12)
     for end, tail in ((found.dz_low, 0.975), (found.dz_high, 0.025)):
         centre = optimize.brentq(lambda nc, tail=tail: stats.nct.cdf(t, 11, nc) - tail, -20, 20)
@@ -119,10 +119,10 @@ def test_interval_of_the_effect_size_is_that_of_the_noncentral_t() -> None:
 
 
 def test_effect_sizes_that_cannot_be_given() -> None:
-    assert np.isnan(effect(np.array([1.0])).dz)
-    assert np.isnan(effect(np.full(5, 2.0)).dz)
-    assert effect(np.zeros(5)).dz == 0.0
-    assert effect(np.array([1.0, 2.0])).g == 0.0
+    assert np.isnan(effect_size(np.array([1.0])).dz)
+    assert np.isnan(effect_size(np.full(5, 2.0)).dz)
+    assert effect_size(np.zeros(5)).dz == 0.0
+    assert effect_size(np.array([1.0, 2.0])).g == 0.0
 
 
 @settings(max_examples=30, deadline=None)
@@ -269,7 +269,7 @@ def test_parts_are_those_of_the_arm_that_gives_the_total() -> None:
 
 
 def test_p_values_in_words() -> None:
-    assert [p_said(p) for p in (0.5, 0.0451, 1e-9, None)] == ["p = .500", "p = .045", "p < .001", "p not defined"]
+    assert [p_text(p) for p in (0.5, 0.0451, 1e-9, None)] == ["p = .500", "p = .045", "p < .001", "p not defined"]
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.35])
