@@ -39,7 +39,7 @@ from lgp.statistics.paired_tests import anova, compare
 from lgp.study.retarget import Retarget
 from lgp.study.scoring import PARTS, TOTAL, by_condition, part_scores
 from lgp.study.simulate import simulate, simulated
-from lgp.study.study import study
+from lgp.study.study import run_study
 
 ALPHA = 0.05
 RATE = 10.0
@@ -160,7 +160,7 @@ def through_files(plan: lgp.Plan, studies: int, people: int, seed: int, lean: fl
         with TemporaryDirectory() as folder:
             plans = {"lean": plan, "plan": plan}
             simulate(plans, folder, participants=people, seed=seed + number, rate=RATE, offsets=offsets)
-            pair = study([folder]).summary[TOTAL]["pairs"][0]
+            pair = run_study([folder]).summary[TOTAL]["pairs"][0]
             p.append(pair["p"])
             ranks.append(pair["wilcoxon_p"])
     return {"t": rate(p), "ranks": rate(ranks)}
