@@ -158,7 +158,7 @@ COMPARED: Final = ("non-ergonomic", "re-optimized")
 
 @dataclass(frozen=True)
 class Posture:
-    """Posture at the grasp as a figure: its condition, table, exact REBA score and SVG."""
+    """Posture at the grasp as a figure: its condition, table, true REBA score and SVG."""
 
     condition: str
     table: str

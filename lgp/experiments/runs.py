@@ -1,6 +1,6 @@
 """The two tables of the screwdriver experiment, and the folder that stores them run by run.
 
-`runs`: one row per run and condition with the choice, its cost and exact REBA scores. `paths`: one row per slice of
+`runs`: one row per run and condition with the choice, its cost and true REBA scores. `paths`: one row per slice of
 every human path, the grasp last; its posture columns are those of `reba`, so that `reba score` reads it. A finished run
 is first appended to a journal on disk and later merged into the tables, so that an interrupted experiment continues.
 """
@@ -36,8 +36,8 @@ RUN_COLUMNS: Final[dict[str, str]] = {
     "height_center": "float64",
     "height_right": "float64",
     "chosen_height": "float64",  # [m] of the chosen table, NaN if infeasible
-    "reba_grasp": "float64",  # exact score of the last slice
-    "reba_mean": "float64",  # mean exact score over all slices
+    "reba_grasp": "float64",  # true score of the last slice
+    "reba_mean": "float64",  # mean true score over all slices
     "cost": "float64",  # of the plan, by the cost terms of the condition
     "feasible": "bool",
     "seconds": "float64",  # of planning, without problems that an earlier condition of the run had solved
@@ -53,7 +53,7 @@ PATH_COLUMNS: Final[dict[str, str]] = {
     "slice": "int64",  # from 0 over the whole path
     "phase": "int64",  # from 0
     "time": "float64",  # [s]
-    "reba": "float64",  # exact score
+    "reba": "float64",  # true score
     "load": "float64",  # mass in the hands of the human [kg]
     **dict.fromkeys(COLUMNS, "float64"),  # [deg]
 }

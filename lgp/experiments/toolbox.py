@@ -214,7 +214,7 @@ def summarise_toolbox(
 
 
 def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[str, Any]:
-    """Results of one condition as plain data: actions, orders, cost terms, exact scores and search statistics."""
+    """Results of one condition as plain data: actions, orders, cost terms, true scores and search statistics."""
     weight, plan = float(name == "ergonomic"), condition.plan
     orders = {order: cost_terms(best, weight) for order, best in condition.orders.items()}
     first = plan.actions[0].rpartition(", ")[2].rstrip(")")
@@ -240,7 +240,7 @@ def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[s
 
 
 def scores_of(plan: Plan) -> dict[str, Any]:
-    """Exact REBA scores of the human path, time-weighted: total, per phase and by part; and the load of equation 4."""
+    """True REBA scores of the human path, time-weighted: total, per phase and by part; and the load of equation 4."""
     scores = plan.reba()
     if scores is None:
         raise LgpError(f"{plan.scene.name}: the plan has no human to score; plan a scene with a human")

@@ -1,4 +1,4 @@
-"""HTML report of the toolbox experiment: sequences beside the paper's, costs of the orders, exact scores by part."""
+"""HTML report of the toolbox experiment: sequences beside the paper's, costs of the orders, true scores by part."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def write_page(
 
 
 def over_time(plans: Mapping[str, Plan]) -> str:
-    """Exact REBA score of every slice over time, one stepped line per condition, as SVG."""
+    """True REBA score of every slice over time, one stepped line per condition, as SVG."""
     scores = {name: plan.reba() for name, plan in plans.items()}
     values = {name: np.asarray(table.reba, dtype=float) for name, table in scores.items() if table is not None}
     times = {name: np.concatenate([[0.0], plans[name].time]) for name in values}
