@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
+from statsmodels.stats.power import TTestPower
 
 from lgp.errors import LgpError
 from lgp.statistics.paired_tests import (
@@ -236,3 +237,20 @@ def test_a_missing_library_is_said_in_one_line(monkeypatch):
     with pytest.raises(LgpError) as error:
         require_statsmodels()
     says(error, "statsmodels", "pip install dreba[experiments]")
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.35])
+def test_error_rates_over_many_studies(gap):
+    """5 % without an effect, the power that theory gives with one, by both tests."""
+    studies, deviation = 300, 0.3 * np.sqrt(2)
+    rng = np.random.default_rng(11)
+    p = []
+    for differences in rng.normal(-gap, deviation, (studies, 10)):
+        base = rng.normal(4.0, 1.0, 10)
+        one = compare(pd.DataFrame({"a": base + differences, "b": base}), [("a", "b")])[0]
+        p.append((one.p, one.wilcoxon_p))
+    expected = TTestPower().power(gap / deviation, 10, 0.05) if gap else 0.05
+    found = (np.array(p) < 0.05).sum(axis=0)
+    assert stats.binomtest(int(found[0]), studies, expected).pvalue > 0.001
+    # Signed ranks of ten pairs come in steps: at most 5 %, and with an effect a few per cent less power.
+    assert stats.binomtest(int(found[1]), studies, expected - (0.05 if gap else 0.0)).pvalue > 0.001

@@ -5,32 +5,23 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pytest
 
 import lgp
 import reba
-from lgp.errors import LgpError
-from lgp.kinematics.world import World
-from lgp.scene.scene_file import read_scene
 from lgp.study.commands import simulate_study
 from lgp.study.commands import study as study_command
 from lgp.study.labels import Label, recorded_label
-from lgp.study.movement import VARIATION, MotionVariability, perform, person, smooth_noise
 from lgp.study.report import render
-from lgp.study.retarget import Retarget, hand_positions
-from lgp.study.simulate import simulate, simulated
+from lgp.study.simulate import simulate
 from lgp.study.study import run_study
 from reba.command_line import run
-from tests.lgp.study.test_labels import log
-from tests.support.lgp_worlds import HUMAN_ONLY
-from tests.support.says import says
+from tests.support.studies import log
 
 pytestmark = pytest.mark.slow
 
@@ -39,13 +30,6 @@ CONDITIONS = ("lean", "plan")
 LEAN = {"lean": {"trunk_flexion": 70.0, "upper_arm_flexion_right": 60.0}}
 PEOPLE = 6
 VOID = {"area", "base", "br", "col", "hr", "img", "input", "link", "meta"}
-
-
-@pytest.fixture(scope="module")
-def planned() -> lgp.Plan:
-    """A human alone who takes a box of 2 kg."""
-    scene = {**HUMAN_ONLY, "initial": ["on_table(box)", "free(human.right_hand)", "free(human.left_hand)"]}
-    return lgp.plan(read_scene(scene), slices=5)
 
 
 @pytest.fixture(scope="module")
@@ -252,65 +236,3 @@ def test_simulate_study_writes_labelled_logs(
     code, _, errors = call(capsys, simulate_study, *same, "-o", out)
     assert code == 2
     assert "other recordings" in errors
-
-
-def test_the_same_seed_gives_the_same_people(planned: lgp.Plan) -> None:
-    def draw(seed: int) -> Iterator[Any]:
-        return simulated(dict.fromkeys(CONDITIONS, planned), participants=2, seed=seed, rate=10.0)
-
-    first, again, other = list(draw(1)), list(draw(1)), list(draw(2))
-    assert all(np.array_equal(a.movement.angles, b.movement.angles) for a, b in zip(first, again, strict=True))
-    assert first[0].stature != other[0].stature
-    assert not np.array_equal(first[0].movement.angles[:5], first[1].movement.angles[:5])
-    with pytest.raises(LgpError) as error:
-        simulated({"a": planned}, offsets={"a": {"trunk": 1.0}})
-    says(error, "'trunk'", "expected a name of reba.COLUMNS")
-    with pytest.raises(LgpError) as error:
-        simulated({"a": planned}, offsets={"b": {"trunk_flexion": 1.0}})
-    says(error, "'b'", "expected a")
-
-
-@pytest.mark.parametrize("stature", [1.55, 1.90])
-def test_another_stature_reaches_the_same_place(planned: lgp.Plan, stature: float) -> None:
-    retarget = Retarget(planned)
-    assert retarget.motion(retarget.stature) is retarget.planned
-    motion = retarget.motion(stature)
-    assert motion.miss < 0.005
-    assert motion.posture.shape == planned.posture.shape
-    assert not np.allclose(motion.posture[-1], planned.posture[-1], atol=1.0)
-    positions, _ = hand_positions(World(retarget.scene), retarget.path)
-    assert positions == pytest.approx(retarget.hands)
-
-
-def test_without_variation_every_participant_follows_the_plan(planned: lgp.Plan) -> None:
-    still = MotionVariability(stature=1.75, stature_sd=0, habit=0, occasion=0, motor=0, speed=0, pace=0)
-    (log_,) = simulated({"a": planned}, participants=1, rate=10.0, vary=still)
-    assert log_.stature == planned.scene.human.stature  # type: ignore[union-attr]
-    slices = np.round(planned.time - planned.time[0], 6)
-    at = np.isin(np.round(log_.movement.time, 6), slices)
-    assert log_.movement.angles[at] == pytest.approx(planned.posture, abs=1e-6)
-    assert log_.movement.load[at].tolist() == planned.carried.tolist()
-
-
-def test_noise_is_smooth_and_of_unit_variance() -> None:
-    noise = smooth_noise(np.random.default_rng(0), 60_000, 30.0, 0.4)
-    assert noise.std(axis=0) == pytest.approx(np.ones(22), abs=0.1)
-    assert np.diff(noise, axis=0).std() < 0.15
-    assert noise[:100].std() == pytest.approx(1.0, abs=0.4)
-
-
-def test_people_differ_and_stay_adults() -> None:
-    people = [person(np.random.default_rng([0, n])) for n in range(300)]
-    statures = np.array([one.stature for one in people])
-    assert statures.mean() == pytest.approx(VARIATION.stature, abs=0.03)
-    assert statures.min() >= VARIATION.statures[0]
-    assert statures.max() <= VARIATION.statures[1]
-
-
-def test_an_offset_is_in_every_frame(planned: lgp.Plan) -> None:
-    body = Retarget(planned).planned
-    who = person(np.random.default_rng(0))
-    plain, shifted = (perform(body, who, np.random.default_rng(1), offset=shift) for shift in (0.0, np.full(22, 7.0)))
-    gap = shifted.angles - plain.angles
-    assert np.median(gap) == pytest.approx(7.0)
-    assert gap.min() >= -1e-9  # joints that end at straight
