@@ -171,6 +171,8 @@ class RunStore:
     """
 
     def __init__(self, folder: str | Path, settings: Mapping[str, Any]) -> None:
+        if not isinstance(folder, str | Path):
+            raise LgpError(f"folder is {folder!r}; expected the path of a folder for the results")
         self.folder = Path(folder)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)

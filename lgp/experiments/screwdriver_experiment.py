@@ -7,8 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lgp.errors import LgpError
 from lgp.experiments.report import write_results
-from lgp.experiments.runs import RunStore
+from lgp.experiments.runs import STARTS, RunStore
 from lgp.experiments.screwdriver import DEPTH, SCENE, plan_runs
 from lgp.experiments.sensitivity import sensitivity_table
 from lgp.kinematics.reachability import reachability
@@ -56,9 +57,14 @@ def experiment_screwdriver(
         The content of `summary.json`.
 
     Raises:
-        LgpError: the folder holds runs of other settings, a run cannot be planned, or statsmodels is not installed.
+        LgpError: an option is wrong, the folder holds runs of other settings, a run cannot be planned, or statsmodels
+            is not installed.
         RebaError: a file cannot be written, or the cluster cannot be used.
     """
+    if not isinstance(runs, int) or isinstance(runs, bool) or runs < 1:
+        raise LgpError(f"runs is {runs!r}; expected a whole number of 1 or more")
+    if initial not in STARTS:
+        raise LgpError(f"initial is {initial!r}; expected one of {', '.join(STARTS)}")
     require_statsmodels()
     settings = {
         "experiment": SCENE,

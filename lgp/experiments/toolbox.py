@@ -103,9 +103,11 @@ def experiment_toolbox(
         The content of `summary.json`.
 
     Raises:
-        LgpError: a condition has no feasible plan.
+        LgpError: an option is wrong, or a condition has no feasible plan.
         RebaError: a file cannot be written.
     """
+    if not isinstance(folder, str | Path):
+        raise LgpError(f"folder is {folder!r}; expected the path of a folder for the results")
     report = on_event or (lambda message: None)
     scene = load_scene(SCENE) if scene is None else scene
     task, world = task_of(scene), World(scene)

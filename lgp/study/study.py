@@ -110,10 +110,16 @@ def run_study(
         LgpError: a label or condition is missing or wrong, no recording can be scored, or statsmodels is not installed.
         RebaError: a file does not exist, or an option is wrong.
     """
+    paths = [logs] if isinstance(logs, str | Path) else logs
+    if not isinstance(paths, Sequence) or not all(isinstance(path, str | Path) for path in paths):
+        raise LgpError(f"logs is {logs!r}; expected a path of recordings, or a list of paths")
+    if isinstance(conditions, str) or not isinstance(conditions, Sequence):
+        raise LgpError(f"conditions is {conditions!r}; expected a list of names such as ['ergonomic', 'non-ergonomic']")
     require_statsmodels()
     rules_of(options.rules)
-    paths = [str(path) for path in ([logs] if isinstance(logs, str | Path) else logs)]
-    sources, order, ignored = choose(find_sources(paths, manifest, pattern, exclude), conditions)
+    sources, order, ignored = choose(
+        find_sources([str(path) for path in paths], manifest, pattern, exclude), conditions
+    )
     scored, failure = score_sources(sources, options, on_scored)
     if failure is not None:
         raise LgpError(f"none of the recordings can be scored; the first: {failure.error}")

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from lgp.errors import LgpError
 from lgp.experiments.runs import CONDITIONS, RunStore, check_paths, check_runs
 from lgp.experiments.screwdriver import plan_run
 from lgp.experiments.screwdriver_experiment import experiment_screwdriver
 from tests.support.lgp_worlds import needs_robots
+from tests.support.says import says
 
 pytestmark = [pytest.mark.slow, needs_robots]
 
@@ -54,3 +57,18 @@ def test_an_experiment_reports_the_runs_of_its_folder(made: Tables, tmp_path: Pa
     assert set(summary["starts"]) == {"rest"}
     assert len(pd.read_parquet(tmp_path / "runs.parquet")) == 9
     assert (tmp_path / "report.html").is_file()
+
+
+@pytest.mark.parametrize(
+    ("options", "facts"),
+    [
+        ({"folder": None}, ("folder", "None", "path")),
+        ({"runs": 0}, ("runs", "0", "1 or more")),
+        ({"runs": "x"}, ("runs", "'x'")),
+        ({"initial": "lying"}, ("'lying'", "rest, random")),
+    ],
+)
+def test_wrong_options_are_named(tmp_path: Path, options: dict[str, Any], facts: tuple[str, ...]) -> None:
+    with pytest.raises(LgpError) as error:
+        experiment_screwdriver(**{"folder": tmp_path, **options})
+    says(error, *facts)
