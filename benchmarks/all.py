@@ -1,12 +1,12 @@
 """Run every benchmark and write one table: machine, versions, key figures and their ratios to peers and targets.
 
     python benchmarks/all.py                       everything; needs an idle machine
-    python benchmarks/all.py --quick               small sizes, some minutes; shows that everything runs
-    python benchmarks/all.py --only scoring path   some
+    python benchmarks/all.py --quick               small sizes, some minutes; checks that all scripts run
+    python benchmarks/all.py --only scoring path   selected scripts
     python benchmarks/all.py --komo PYTHON         interpreter with `robotic`, for the comparison with KOMO
 
-Writes OUT/benchmarks.md and OUT/benchmarks.json, and beside them what each script printed. Each script runs as a
-process of its own on one thread. One that fails is a row of its own, and the exit code is 1.
+Writes OUT/benchmarks.md and OUT/benchmarks.json, and the output of each script beside them. Each script runs in its own
+process on one thread. A script that fails has a row with the reason, and the exit code is 1.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from machine import machine, stamp
 
 HERE = Path(__file__).resolve().parent
 LIMIT = 3600.0
-"""[s] That one script may take."""
+"""Longest time of one script [s]."""
 
 
 def run(script: Script, folder: Path, words: list[str]) -> dict[str, Any]:
-    """Run one script; return seconds, figures and, if it failed or was left out, why."""
+    """Run one script: seconds, key figures, and the reason if it failed or was left out."""
     source = HERE / f"{script.name}.py"
     row: dict[str, Any] = {"name": script.name, "words": words, "seconds": 0.0, "figures": [], "why": script.needs}
     if script.needs:
@@ -38,7 +38,7 @@ def run(script: Script, folder: Path, words: list[str]) -> dict[str, Any]:
         return row | {"why": "there is no such script"}
     written = folder / f"{script.name}.json"
     written.unlink(missing_ok=True)
-    # Not every script has figures to write; what it prints is kept either way.
+    # Some scripts write no figures; their output is stored in any case.
     target = ["--json", str(written)] if '"--json"' in source.read_text(encoding="utf-8") else []
     began = time.perf_counter()
     try:
@@ -58,16 +58,16 @@ def run(script: Script, folder: Path, words: list[str]) -> dict[str, Any]:
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         return row | {"why": f"failed: {last}"}
     if written.is_file():
-        found = json.loads(written.read_text(encoding="utf-8"))
-        row["figures"] = [figure._asdict() for figure in script.figures(found)]
+        output = json.loads(written.read_text(encoding="utf-8"))
+        row["figures"] = [figure._asdict() for figure in script.figures(output)]
     return row
 
 
 def markdown(rows: list[dict[str, Any]], quick: bool) -> str:
-    """Return the table as Markdown."""
+    """Table of all key figures as Markdown."""
     lines = ["# Benchmarks", "", stamp(), ""]
     if quick:
-        lines += ["Small sizes: this shows that everything runs; ratios of a full run differ.", ""]
+        lines += ["Small sizes: a check that all scripts run; ratios of a full run differ.", ""]
     lines += ["| benchmark | what | figure | against | ratio |", "|---|---|---:|---|---:|"]
     for row in rows:
         name = f"{row['name']} ({row['seconds']:.0f} s)" if row["seconds"] else row["name"]
@@ -85,25 +85,25 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="small sizes")
     parser.add_argument("--only", nargs="+", choices=[script.name for script in SCRIPTS], metavar="NAME")
-    parser.add_argument("--komo", metavar="PYTHON", help="interpreter that has `robotic`")
+    parser.add_argument("--komo", metavar="PYTHON", help="interpreter with `robotic`")
     parser.add_argument("-o", "--output", type=Path, default=Path("out"))
-    given = parser.parse_args()
-    folder = given.output / "benchmarks"
+    options = parser.parse_args()
+    folder = options.output / "benchmarks"
     folder.mkdir(parents=True, exist_ok=True)
     rows = []
     for script in SCRIPTS:
-        if given.only and script.name not in given.only:
+        if options.only and script.name not in options.only:
             continue
-        words = list(script.quick) if given.quick else []
-        if given.komo and script.name == "path":
-            words += ["--komo", given.komo]
+        words = list(script.quick) if options.quick else []
+        if options.komo and script.name == "path":
+            words += ["--komo", options.komo]
         rows.append(run(script, folder, words))
         print(f"{script.name:18}{rows[-1]['seconds']:7.1f} s  {rows[-1]['why'] or 'done'}", flush=True)
-    text = markdown(rows, given.quick)
-    (given.output / "benchmarks.md").write_text(text, encoding="utf-8")
-    figures = {"machine": machine(), "quick": given.quick, "benchmarks": rows}
-    (given.output / "benchmarks.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-    print(f"\n{text}\nwritten: {given.output / 'benchmarks.md'}, {given.output / 'benchmarks.json'}")
+    text = markdown(rows, options.quick)
+    (options.output / "benchmarks.md").write_text(text, encoding="utf-8")
+    figures = {"machine": machine(), "quick": options.quick, "benchmarks": rows}
+    (options.output / "benchmarks.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    print(f"\n{text}\nwritten: {options.output / 'benchmarks.md'}, {options.output / 'benchmarks.json'}")
     return 1 if any(row["why"].startswith("failed") for row in rows) else 0
 
 

@@ -1,12 +1,12 @@
-"""How often another package gives another REBA score than the tables of the paper, and which angles do it.
+"""Share of postures for which another package's REBA score differs from the tables of the paper, and their angles.
 
     python benchmarks/correctness.py [--json FILE] [--postures 20000] [--seed 20260101]
 
 Postures are drawn uniformly over the joint limits of the domain `human`, with a load of 0, 5 or 12 kg. Both get the
-same yes-or-no answers (twisted, raised, abducted), no coupling and no activity, and both arms are scored, the worse one
-counts. A score only counts as different where it differs from both readings of what the paper calls upright: within 5
-degrees, as the preset `measured` has it, and 0 degrees to the letter. `ergonomics-metrics` is the one package with a
-REBA score that pip installs.
+same binary inputs (twisted, raised, abducted), no coupling and no activity; both arms are scored, and the worse one is
+the result. A score is counted as different if it differs from both interpretations of "upright" in the paper: within 5
+degrees, as in the preset `measured`, and exactly 0 degrees. `ergonomics-metrics` is the only package with a REBA score
+that pip installs.
 """
 
 from __future__ import annotations
@@ -35,36 +35,36 @@ PARTS = {
     "lower_arm": ("lower_arm_flexion",),
     "wrist": ("wrist_flexion",),
 }
-"""Part -> what its score hangs on besides the answers, which both are given."""
+"""Part -> columns of its score besides the binary inputs, which are equal for both."""
 
 Array = NDArray[np.float64]
 
 
 def main() -> None:
-    """Score random postures with both and print what differs."""
+    """Score random postures with both packages and print the differences."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--postures", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=20260101)
-    given = parser.parse_args()
-    rng = np.random.default_rng(given.seed)
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
     domain = dreba.domain_of("human")
-    angles = rng.uniform(domain.low, domain.high, (given.postures, len(reba.COLUMNS)))
-    load = rng.choice(LOADS, given.postures)
+    angles = rng.uniform(domain.low, domain.high, (options.postures, len(reba.COLUMNS)))
+    load = rng.choice(LOADS, options.postures)
     table = compare(angles, load)
     if table is None:
         parser.exit(1, "ergonomics-metrics is not installed; pip install ergonomics-metrics\n")
-    print(f"{stamp()}; {given.postures:,} postures, ergonomics-metrics against reba")
+    print(f"{stamp()}; {options.postures:,} postures, ergonomics-metrics against reba")
     print(f"{'score':12}{'differs':>9}  where")
     for row in table:
         print(f"{row['score']:12}{row['share']:9.1%}  {row['where']}")
-    if given.json:
-        figures = {"machine": machine(), "postures": given.postures, "seed": given.seed, "rows": table}
-        given.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    if options.json:
+        figures = {"machine": machine(), "postures": options.postures, "seed": options.seed, "rows": table}
+        options.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
 
 def compare(angles: Array, load: Array) -> list[dict[str, Any]] | None:
-    """Return one row for the final score and each part: share that differs, and where; None without the package."""
+    """One row for the final score and each part: share of differences and their angles; None without the package."""
     theirs = peer(angles, load)
     if theirs is None:
         return None
@@ -79,13 +79,13 @@ def compare(angles: Array, load: Array) -> list[dict[str, Any]] | None:
 
 
 def exact(angles: Array, load: Array, rules: reba.Rules) -> dict[str, Array]:
-    """Return the final score and the part scores, (n,) or (n, 2) for both arms."""
+    """Final score and part scores of `reba`, (n,) or (n, 2) for both arms."""
     scores = reba.score_array(angles, {"load": load}, rules)
-    found: dict[str, Array] = {"reba": np.asarray(scores.reba)}
+    columns: dict[str, Array] = {"reba": np.asarray(scores.reba)}
     for part in PARTS:
         sided = [f"{part}_{side}" for side in SIDES]
-        found[part] = scores[part] if part in ("neck", "trunk", "legs", "load_force") else _both(scores, sided)
-    return found
+        columns[part] = scores[part] if part in ("neck", "trunk", "legs", "load_force") else _both(scores, sided)
+    return columns
 
 
 def _both(scores: Any, names: list[str]) -> Array:
@@ -93,7 +93,7 @@ def _both(scores: Any, names: list[str]) -> Array:
 
 
 def peer(angles: Array, load: Array) -> dict[str, Array] | None:
-    """Return the same of ergonomics-metrics; its load has no score of its own, so Score A shows what it adds."""
+    """The same of ergonomics-metrics; its load score is the difference of Score A with and without load."""
     try:
         from ergonomics.reba import RebaScore
     except ImportError:
@@ -107,8 +107,8 @@ def peer(angles: Array, load: Array) -> dict[str, Array] | None:
     }
     score = RebaScore()
     count = len(angles)
-    found: dict[str, Array] = {name: np.zeros(count) for name in ("reba", "neck", "trunk", "legs", "load_force")}
-    found |= {name: np.zeros((count, 2)) for name in ("upper_arm", "lower_arm", "wrist")}
+    columns: dict[str, Array] = {name: np.zeros(count) for name in ("reba", "neck", "trunk", "legs", "load_force")}
+    columns |= {name: np.zeros((count, 2)) for name in ("upper_arm", "lower_arm", "wrist")}
     for row, posture in enumerate(angles):
         knee = max(posture[at["knee_flexion_left"]], posture[at["knee_flexion_right"]])
         body = [posture[at["neck_flexion"]], bent["neck"][row], posture[at["trunk_flexion"]], bent["trunk"][row]]
@@ -116,8 +116,8 @@ def peer(angles: Array, load: Array) -> dict[str, Array] | None:
         without, parts = score.compute_score_a()
         score.set_body([*body, False, knee, load[row]])
         score_a, _ = score.compute_score_a()
-        found["neck"][row], found["trunk"][row], found["legs"][row] = parts
-        found["load_force"][row] = score_a - without
+        columns["neck"][row], columns["trunk"][row], columns["legs"][row] = parts
+        columns["load_force"][row] = score_a - without
         finals = []
         for number, side in enumerate(SIDES):
             arm = {name: posture[at[f"{name}_{side}"]] for name in ARM}
@@ -139,10 +139,10 @@ def peer(angles: Array, load: Array) -> dict[str, Array] | None:
             )
             score_b, parts = score.compute_score_b()
             for name, value in zip(("upper_arm", "lower_arm", "wrist"), parts, strict=True):
-                found[name][row, number] = value
+                columns[name][row, number] = value
             finals.append(score.compute_score_c(score_a, score_b)[0])
-        found["reba"][row] = max(finals)
-    return found
+        columns["reba"][row] = max(finals)
+    return columns
 
 
 ARM = (
@@ -152,7 +152,7 @@ ARM = (
 
 
 def _where(part: str, differs: NDArray[np.bool_], values: dict[str, Array], theirs: Array, ours: Array) -> str:
-    """Return between which values a part differs, for each pair of scores that it is given and should be given."""
+    """Range of the angle or load in which a part differs, for each pair of its score and the expected one."""
     if not differs.any():
         return "nowhere"
     if part == "legs":
@@ -162,11 +162,11 @@ def _where(part: str, differs: NDArray[np.bool_], values: dict[str, Array], thei
     else:
         cause = values[PARTS[part][0]]
     unit = "kg" if part == "load_force" else "deg"
-    found = []
+    ranges = []
     for pair in sorted({(int(a), int(b)) for a, b in zip(theirs[differs], ours[differs], strict=True)}):
         rows = differs & (theirs == pair[0]) & (ours == pair[1])
-        found.append(f"{cause[rows].min():.0f} to {cause[rows].max():.0f} {unit}: {pair[0]}, not {pair[1]}")
-    return f"{' and '.join(PARTS[part])}: {'; '.join(found)}"
+        ranges.append(f"{cause[rows].min():.0f} to {cause[rows].max():.0f} {unit}: {pair[0]}, not {pair[1]}")
+    return f"{' and '.join(PARTS[part])}: {'; '.join(ranges)}"
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""What a surrogate is for: the true REBA reached when it is minimised on reach tasks.
+"""True REBA score at the minimum of each surrogate on reach tasks.
 
 Usage: python benchmarks/enabler.py [--tasks 40] [--seed 100] [--space bench|wide] [--json FILE]
 
 Every method solves the same generated tasks (one hand at a point, two hands on a box) from the same random and neutral
-starts with the same SLSQP; the exact score judges the result. A task that is not reached counts as 12. "Best known" is
-the best score that any of the methods reached on a task from any start: a pool, not a proof.
+initial postures with the same SLSQP; the result is scored with the tables. An infeasible task counts as 12. "Best
+known" is the lowest score of any method and initial posture on a task, and not a proven optimum.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ NET_POSES = 100_000
 
 
 def methods(net_poses: int) -> list[reach.Method]:
-    """Return the methods: the shipped models, a net of DEBA's size, and stages with and without a free start."""
+    """Compared methods: shipped models, a net of DEBA's size, continuation with and without an unconstrained start."""
     graduated, quadratic, convex = (dreba.load(name) for name in ("graduated", "quadratic", "convex"))
     poses = dreba.sample(net_poses, rng=1)
     net = dreba.NetModel().fit(poses.angles, poses.reba)
@@ -46,27 +46,27 @@ def methods(net_poses: int) -> list[reach.Method]:
 
 
 def table(
-    kind: reach.Starts, chosen: Sequence[reach.Method], given: Sequence[reach.ReachTask], seed: int
+    kind: reach.Starts, compared: Sequence[reach.Method], tasks: Sequence[reach.ReachTask], seed: int
 ) -> list[dict[str, object]]:
-    """Return one row per method."""
+    """One row per method."""
     count = STARTS[kind]
-    beginnings = reach.starts(kind, len(given) * count, seed).reshape(len(given), count, -1)
-    outcomes = [reach.run(method, given, beginnings) for method in chosen]
+    beginnings = reach.starts(kind, len(tasks) * count, seed).reshape(len(tasks), count, -1)
+    outcomes = [reach.run(method, tasks, beginnings) for method in compared]
     best = reach.best_known(outcomes)
-    print(f"\n{kind} starts: {len(given)} tasks x {count}, best known mean {best.mean():.2f}")
+    print(f"\n{kind} starts: {len(tasks)} tasks x {count}, best known mean {best.mean():.2f}")
     print(f"{'method':28}{'REBA':>6}{'= best':>8}{'best of':>9}{'infeas.':>9}{'evals':>7}{'figure':>8}{'ms':>7}")
     rows = []
-    for method, found in zip(chosen, outcomes, strict=True):
-        share, of_starts = found.share_best(best), found.share_best_of_starts(best)
+    for method, outcome in zip(compared, outcomes, strict=True):
+        share, of_starts = outcome.share_best(best), outcome.share_best_of_starts(best)
         print(
-            f"{method.name:28}{found.mean:6.2f}{share:8.2f}{of_starts:9.2f}{found.infeasible:9.3f}"
-            f"{found.evaluations:7.0f}{found.constraint_evaluations:8.0f}{found.seconds * 1e3:7.0f}"
+            f"{method.name:28}{outcome.mean:6.2f}{share:8.2f}{of_starts:9.2f}{outcome.infeasible:9.3f}"
+            f"{outcome.evaluations:7.0f}{outcome.constraint_evaluations:8.0f}{outcome.seconds * 1e3:7.0f}"
         )
         rows.append(
             {
-                "starts": kind, "method": method.name, "mean": found.mean, "best": share, "best_of_starts": of_starts,
-                "infeasible": found.infeasible, "evaluations": found.evaluations,
-                "figure_evaluations": found.constraint_evaluations, "seconds": found.seconds,
+                "starts": kind, "method": method.name, "mean": outcome.mean, "best": share, "best_of_starts": of_starts,
+                "infeasible": outcome.infeasible, "evaluations": outcome.evaluations,
+                "figure_evaluations": outcome.constraint_evaluations, "seconds": outcome.seconds,
                 "best_known": float(best.mean()),
             }
         )  # fmt: skip
@@ -82,10 +82,10 @@ def main() -> None:
     parser.add_argument("--json", type=Path, default=None)
     options = parser.parse_args()
     print(stamp())
-    given = reach.tasks(options.tasks, options.seed, options.space)
-    chosen = methods(options.net_poses)
+    tasks = reach.tasks(options.tasks, options.seed, options.space)
+    compared = methods(options.net_poses)
     kinds: tuple[reach.Starts, ...] = ("random", "neutral")
-    rows = [row for kind in kinds for row in table(kind, chosen, given, options.seed)]
+    rows = [row for kind in kinds for row in table(kind, compared, tasks, options.seed)]
     if options.json:
         options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n", encoding="utf-8")
 

@@ -2,9 +2,9 @@
 
     python benchmarks/komo.py TASK.json SCENE.g
 
-The task says which hand works when, weights and tolerances; a JSON line per solve goes to stdout. Modes are `stable`
-(how an object is held is one free pose for the whole stretch), switches as KOMO makes them, rows scaled by 10, and the
-start is KOMO's own interpolation of its own key frames, which start from ours: there are many local optima.
+The task file holds the switches, weights and tolerances; each solve prints a JSON line. Modes are `stable` (the pose of
+an object in the hand is one free variable of the mode), switches are those of KOMO, constraints are scaled by 10, and
+the initial guess is KOMO's interpolation of its own keyframes, which are solved from ours: there are many local optima.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SCALE = [1e1]
 
 
 def make(config: Any, task: dict[str, Any], slices: int, order: int) -> Any:
-    """Return the KOMO problem with some slices a phase, of order 1 for key frames and 2 for paths."""
+    """KOMO problem with `slices` per phase, of order 1 for keyframes and 2 for paths."""
     komo = ry.KOMO(config, float(len(task["switches"])), slices, order, False)
     seconds, home = task["seconds"], np.array(task["home"])
     # KOMO counts phases as seconds: accelerations are divided by seconds^2, integrals multiplied by seconds.
@@ -51,7 +51,7 @@ def make(config: Any, task: dict[str, Any], slices: int, order: int) -> Any:
 
 
 def add_place(komo: Any, switch: dict[str, Any], thing: str, time_: list[float], end: float) -> None:
-    """Put the object level onto a table top, anywhere within its borders."""
+    """Constrain the object to lie level on a table top, within its borders."""
     table, (x, y), z = switch["table"], switch["reach"], switch["above"]
     komo.addModeSwitch([time_[0], end], ry.SY.stable, [table, thing], False)
     rows = np.array([[0.0, 0.0, 1e1]])
@@ -64,20 +64,20 @@ def add_place(komo: Any, switch: dict[str, Any], thing: str, time_: list[float],
 
 
 def solve(config: Any, task: dict[str, Any], tolerance: float | None, order: np.ndarray) -> dict[str, Any]:
-    """Return the times and the path of one solve, warm from KOMO's key frames."""
+    """Times and path of one solve, warm-started from KOMO's keyframes."""
     begin = time.perf_counter()
     keys = make(config, task, 1, 1)
     keys.initWithPath(np.array(task["keys"])[:, np.argsort(order)])
     ry.NLP_Solver(keys.nlp(), verbose=0).solve(0)
-    way = keys.getPath_qAll()
+    waypoints = keys.getPath_qAll()
     between = time.perf_counter()
     komo = make(config, task, task["slices"], 2)
     nlp = komo.nlp()
-    komo.initWithWaypoints(way, 1, True)
+    komo.initWithWaypoints(waypoints, 1, True)
     solver = ry.NLP_Solver(nlp, verbose=0)
     solver.setOptions(verbose=0, **({} if tolerance is None else {"stopTolerance": tolerance}))
     ready = time.perf_counter()
-    found = solver.solve(0)
+    result = solver.solve(0)
     done = time.perf_counter()
     path = np.array(komo.getPath())[:, order]
     return {
@@ -85,15 +85,15 @@ def solve(config: Any, task: dict[str, Any], tolerance: float | None, order: np.
         "keys_ms": 1e3 * (between - begin),
         "setup_ms": 1e3 * (ready - between),
         "ms": 1e3 * (done - ready),
-        "evaluations": int(found.evals),
-        "feasible": bool(found.feasible),
-        "scaled_equality": float(found.eq),
+        "evaluations": int(result.evals),
+        "feasible": bool(result.feasible),
+        "scaled_equality": float(result.eq),
         "path": path.tolist(),
     }
 
 
 def main() -> None:
-    """Solve the task at each tolerance, a few times each."""
+    """Solve the task several times with each tolerance."""
     task = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     config = ry.Config()
     config.addFile(sys.argv[2])
@@ -104,8 +104,8 @@ def main() -> None:
     config.setJointState(home)
     task["home"] = home.tolist()
     for name, tolerance in task["tolerances"].items():
-        # Its answers differ from run to run. At its default the fastest counts, feasible or not; where a tolerance asks
-        # for more, the fastest that is feasible, if any is.
+        # Results differ between runs. With the default the fastest run is reported, feasible or not; with a tighter
+        # tolerance the fastest feasible one, if any.
         runs = [solve(config, task, tolerance, order) for _ in range(task["repeat"])]
         best = min(runs, key=lambda row, asked=tolerance is not None: (asked and not row["feasible"], row["ms"]))
         good = sum(row["feasible"] for row in runs)

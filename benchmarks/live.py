@@ -1,11 +1,11 @@
-"""How long `reba live` takes from the bytes of a frame being there to its line being there, and how much it can take.
+"""Latency of `reba live`, from the bytes of a frame to its line, and its throughput.
 
     python benchmarks/live.py [--seconds 20] [--rate 100] [--budget 10] [--json FILE]
 
-The command runs as a process of its own. Paced: frames are written one by one at the rate, and each line is timed where
-it arrives (the pipe and the wake-up of the reader count). At once: everything is there already; frames a second are
-counted between the first and the last line. Frames that settling holds back, and those of the two seconds after it that
-catch up with what the decision took, are left out of the times; how late the latest of these came stands apart.
+The command runs in its own process. Paced: frames are written at the rate, and the arrival of each line is timed (the
+pipe and the wake-up of the reader included). At once: all frames exist already; the throughput is measured between the
+first and the last line. Frames that are delayed by the decision on signs and units (settling), and those of the
+following two seconds, are left out of the latencies; the largest latency of these is listed separately.
 """
 
 from __future__ import annotations
@@ -33,39 +33,39 @@ DATA = Path(__file__).resolve().parents[1] / "datasets" / "simulated_palletising
 COMMAND = [str(Path(sys.executable).parent / "reba"), "live"]
 EPOCH = 1_700_000_000 * 10**9
 STAMP_AT = {"sensor_msgs/msg/JointState": 4, "tf2_msgs/msg/TFMessage": 8}
-"""Where the first time stamp stands in a message in CDR."""
+"""Byte offset of the first time stamp in a CDR message."""
 SETTLE = 2.0
-"""[s] Held back by default."""
+"""Delay of the first frames by default [s]."""
 CATCH_UP = 2.0
-"""[s] After it."""
+"""Time after it in which the delay decreases [s]."""
 
 Put = Callable[[int], None]
 
 
 def messages() -> dict[str, list[tuple[str, bytes, bytes]]]:
-    """Return topic -> (schema name, schema, payload) of every message of the data set."""
-    found: dict[str, list[tuple[str, bytes, bytes]]] = {}
+    """Topic -> (schema name, schema, payload) of every message of the data set."""
+    by_topic: dict[str, list[tuple[str, bytes, bytes]]] = {}
     with DATA.open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():
-            found.setdefault(channel.topic, []).append((schema.name, schema.data, message.data))
-    return found
+            by_topic.setdefault(channel.topic, []).append((schema.name, schema.data, message.data))
+    return by_topic
 
 
 def file_writer(path: Path, rate: float) -> Put:
-    """Return what appends frame k to an MCAP file without chunks: the pelvis on /tf, then the joints."""
-    given = messages()
+    """Function that appends frame k to an MCAP file without chunks: the pelvis on /tf, then the joints."""
+    recorded = messages()
     stream = path.open("wb")
     writer = Writer(stream, use_chunking=False)
     writer.start(profile="ros2", library="benchmarks/live.py")
     channels = {}
     for topic in ("/tf", "/joint_states"):
-        name, text, _ = given[topic][0]
+        name, text, _ = recorded[topic][0]
         channels[topic] = writer.register_channel(topic, "cdr", writer.register_schema(name, "ros2msg", text))
 
     def put(number: int) -> None:
         moment = EPOCH + round(number / rate * 1e9)
         for topic, channel in channels.items():
-            name, _, payload = given[topic][number % len(given[topic])]
+            name, _, payload = recorded[topic][number % len(recorded[topic])]
             data = bytearray(payload)
             struct.pack_into("<iI", data, STAMP_AT[name], *divmod(moment, 10**9))
             writer.add_message(channel, moment, bytes(data), moment)
@@ -76,7 +76,7 @@ def file_writer(path: Path, rate: float) -> Put:
 
 
 def line_texts(kind: str, rate: float, count: int) -> list[bytes]:
-    """Return frames as JSON lines: rows of the posture table, or joint states."""
+    """Frames as JSON lines: rows of the posture table, or joint states."""
     if kind == "rows":
         table = reba.read(DATA).data
         rows = [json.dumps(row)[1:] for row in table.drop(columns="time").to_dict(orient="records")]
@@ -86,7 +86,7 @@ def line_texts(kind: str, rate: float, count: int) -> list[bytes]:
 
 
 def line_writer(pipe: IO[bytes] | None, texts: list[bytes]) -> Put:
-    """Return what writes line k into a pipe."""
+    """Function that writes line k into a pipe."""
 
     def put(number: int) -> None:
         if pipe is not None:
@@ -105,7 +105,7 @@ def _joint_states() -> Iterator[dict[str, object]]:
 
 
 class Arrivals(threading.Thread):
-    """Notes when each line arrives, and keeps the last."""
+    """Thread that records the arrival time of each line, and the last line."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         super().__init__(daemon=True)
@@ -120,13 +120,13 @@ class Arrivals(threading.Thread):
             self.last = line
 
     def latencies(self, written: list[float], held: int) -> np.ndarray:
-        """Return [ms] of each frame after those held back; the last line is the summary."""
+        """Latency [ms] of each frame after the delayed ones; the last line is the summary."""
         arrived = np.array(self.times[: len(written)])
         return 1000 * (arrived - np.array(written))[held:]
 
 
 def paced(kind: str, rate: float, seconds: float) -> tuple[np.ndarray, dict[str, object]]:
-    """Return the latency of every frame [ms], and the summary."""
+    """Latency of every frame [ms], and the summary."""
     count = round(rate * seconds)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "live.mcap"
@@ -145,7 +145,7 @@ def paced(kind: str, rate: float, seconds: float) -> tuple[np.ndarray, dict[str,
         assert running.stdout is not None
         arrivals = Arrivals(running.stdout)
         arrivals.start()
-        # Starting Python is no latency of a frame.
+        # The start of Python is not part of the latency of a frame.
         time.sleep(3.0)
         written = []
         start = time.perf_counter()
@@ -162,18 +162,18 @@ def paced(kind: str, rate: float, seconds: float) -> tuple[np.ndarray, dict[str,
 
 
 def at_once(kind: str, rate: float, count: int) -> float:
-    """Return frames per second."""
+    """Throughput [frames/s]."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "live"
         if kind == "mcap":
             put = file_writer(path, rate)
             for number in range(count):
                 put(number)
-            command, given = [*COMMAND, str(path), "--until-idle", "0"], subprocess.DEVNULL
+            command, source = [*COMMAND, str(path), "--until-idle", "0"], subprocess.DEVNULL
         else:
             path.write_bytes(b"".join(line_texts(kind, rate, count)))
-            command, given = [*COMMAND, "-"], path.open("rb")  # type: ignore[assignment]
-        with subprocess.Popen(command, stdin=given, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as running:
+            command, source = [*COMMAND, "-"], path.open("rb")  # type: ignore[assignment]
+        with subprocess.Popen(command, stdin=source, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as running:
             assert running.stdout is not None
             arrivals = Arrivals(running.stdout)
             arrivals.start()
@@ -182,7 +182,7 @@ def at_once(kind: str, rate: float, count: int) -> float:
 
 
 def main() -> None:
-    """Print the table."""
+    """Run the benchmark and print its table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=20.0, help="length of the paced run")
     parser.add_argument("--rate", type=float, default=100.0, help="frames a second")
@@ -190,27 +190,27 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=20_000, help="frames of the run at once")
     parser.add_argument("--kinds", nargs="+", default=["mcap", "rows", "joints"], choices=["mcap", "rows", "joints"])
     parser.add_argument("--json", type=Path, help="write the figures to this file")
-    chosen = parser.parse_args()
+    options = parser.parse_args()
     rows = []
     print(stamp())
-    print(f"{chosen.rate:g} frames a second for {chosen.seconds:g} s; budget {chosen.budget:g} ms a frame\n")
+    print(f"{options.rate:g} frames a second for {options.seconds:g} s; budget {options.budget:g} ms a frame\n")
     print(f"{'source':<8}{'p50 ms':>9}{'p99 ms':>9}{'max ms':>9}{'in budget':>11}{'settling ms':>13}{'inside p50':>12}"
           f"{'frames/s at once':>18}")  # fmt: skip
-    for kind in chosen.kinds:
-        times, summary = paced(kind, chosen.rate, chosen.seconds)
-        fast = at_once(kind, chosen.rate, chosen.frames)
-        settling, times = np.split(times, [round(chosen.rate * CATCH_UP)])
+    for kind in options.kinds:
+        times, summary = paced(kind, options.rate, options.seconds)
+        fast = at_once(kind, options.rate, options.frames)
+        settling, times = np.split(times, [round(options.rate * CATCH_UP)])
         middle, late = np.percentile(times, [50, 99])
         inside = summary["latency"]
-        share = float(np.mean(times <= chosen.budget))
+        share = float(np.mean(times <= options.budget))
         assert isinstance(inside, dict)
         print(f"{kind:<8}{middle:>9.2f}{late:>9.2f}{times.max():>9.2f}{share:>11.1%}{settling.max():>13.0f}"
               f"{inside['p50_ms']:>12.2f}{fast:>18,.0f}", flush=True)  # fmt: skip
         row = {"source": kind, "p50_ms": middle, "p99_ms": late, "most_ms": times.max(), "in_budget": share}
         rows.append({key: value if key == "source" else float(value) for key, value in row.items()} | {"at_once": fast})
-    if chosen.json:
-        written = {"machine": machine(), "rate": chosen.rate, "budget_ms": chosen.budget, "rows": rows}
-        chosen.json.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")
+    if options.json:
+        written = {"machine": machine(), "rate": options.rate, "budget_ms": options.budget, "rows": rows}
+        options.json.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

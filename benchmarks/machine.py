@@ -1,4 +1,4 @@
-"""What a benchmark ran on: the machine and the versions, stamped on every table of figures."""
+"""Machine and package versions of a benchmark, printed with every table of figures."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ PACKAGES = ("dreba", "numpy", "pandas", "scipy", "mcap", "ergonomics-metrics")
 
 
 def machine() -> dict[str, Any]:
-    """Return processor, cores, system and the versions of Python and the packages that are installed."""
+    """Processor, cores, system and versions of Python and the installed packages."""
     return {
         "processor": processor(),
         "cores": os.cpu_count(),
         "system": platform.platform(),
         "python": platform.python_version(),
-        "versions": {name: found for name in PACKAGES if (found := _version(name))},
+        "versions": {name: number for name in PACKAGES if (number := _version(name))},
     }
 
 
 def processor() -> str:
-    """Return the name of the processor."""
+    """Name of the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -33,14 +33,14 @@ def processor() -> str:
 
 
 def stamp() -> str:
-    """Return the machine as one line of text."""
+    """The machine as one line of text."""
     on = machine()
     versions = ", ".join(f"{name} {number}" for name, number in on["versions"].items())
     return f"{on['processor']}, {on['cores']} cores, {on['system']}, Python {on['python']}; {versions}"
 
 
 def pin_to_one_core() -> int | None:
-    """Keep this process on the last core it may use; return its number, None where the system cannot do it."""
+    """Pin this process to its last available core; return its number, None if the system does not support it."""
     if not hasattr(os, "sched_setaffinity"):
         return None
     core = max(os.sched_getaffinity(0))

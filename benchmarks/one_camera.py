@@ -1,10 +1,10 @@
-"""How far scores from one camera alone are from those of four cameras, on the recorded data set.
+"""Difference of scores from one camera to those from four cameras, on the recorded data set.
 
     python benchmarks/one_camera.py FOLDER
 
-FOLDER holds what `datasets/balancing.py --alone FOLDER` wrote: one file of keypoints for each camera, with the depth
-that the estimator guesses. Angles that nobody measured are held at their best, activity is left out; differences are
-medians over the frames, of scores means.
+FOLDER is the output of `datasets/balancing.py --alone FOLDER`: one file of keypoints for each camera, with the depth of
+the pose estimator. Unmeasured angles are neutral, activity is left out; differences of angles are medians over the
+frames, those of scores means.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ RECORDED = Path(__file__).resolve().parents[1] / "datasets" / "balancing_keypoin
 
 
 def main() -> None:
-    """Print one row for each camera."""
+    """Print one row per camera."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    given = parser.parse_args()
-    files = sorted(given.folder.glob("*.trc"))
+    options = parser.parse_args()
+    files = sorted(options.folder.glob("*.trc"))
     if not files:
-        parser.exit(2, f"{given.folder}: no .trc file there; run datasets/balancing.py --alone {given.folder}\n")
+        parser.exit(2, f"{options.folder}: no .trc file there; run datasets/balancing.py --alone {options.folder}\n")
     together = reba.read(RECORDED)
     measured = [name for name in reba.COLUMNS if name not in together.unmeasured]
     exact = reba.score(together, missing="neutral", activity="none").data

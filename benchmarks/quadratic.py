@@ -1,10 +1,10 @@
-"""The paper's model refitted: time from nothing, error per REBA class beside Table I, speed of value and gradient.
+"""Refit of the model of the paper: time, error per REBA class beside Table I, speed of value and gradient.
 
     python benchmarks/quadratic.py [--json FILE] [--poses 10000] [--repeat 7]
 
-Pinned to one core. Every model is fitted to balanced poses with seed 1 and judged on as many with seed 2. "refit from
-nothing" draws the poses and fits, in a process that has only imported the package. Speeds are the best of `--repeat`
-rounds in which all kinds take turns; the net has the size of DEBA (3 x 124 + 7 ReLU units).
+Pinned to one core. Every model is fitted to balanced poses with seed 1 and evaluated on as many with seed 2. "refit
+from nothing" draws the poses and fits, in a process that has only imported the package. Speeds are the best of
+`--repeat` rounds in which all kinds take turns; the net has the size of DEBA (3 x 124 + 7 ReLU units).
 """
 
 from __future__ import annotations
@@ -31,30 +31,32 @@ SINGLES = 2_000
 
 
 def main() -> None:
-    """Run everything and print the tables."""
+    """Run the benchmark and print its tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--poses", type=int, default=10_000)
     parser.add_argument("--repeat", type=int, default=7)
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     core = pin_to_one_core()
     print(f"{stamp()}; pinned to core {core}")
-    sampling, refit = times(given.poses)
-    print(f"100,000 balanced poses drawn in {sampling:.2f} s; refit of {given.poses:,} from nothing in {refit:.2f} s")
-    rows = errors(given.poses)
+    sampling, refit = times(arguments.poses)
+    print(
+        f"100,000 balanced poses drawn in {sampling:.2f} s; refit of {arguments.poses:,} from nothing in {refit:.2f} s"
+    )
+    rows = errors(arguments.poses)
     show_errors(rows)
-    speeds = speed(given.repeat)
+    speeds = speed(arguments.repeat)
     for row in speeds:
         print(
             f"{row['kind']:28}{row['batch_per_second']:14,.0f} poses/s in a batch{row['single_us']:10.1f} us one pose"
         )
-    if given.json:
+    if arguments.json:
         figures = {"machine": machine(), "sampling_s": sampling, "refit_s": refit, "errors": rows, "speed": speeds}
-        given.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        arguments.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
 
 def times(poses: int) -> tuple[float, float]:
-    """Return seconds to draw 100,000 poses, and to draw `poses` and fit the paper's form; the refit comes first."""
+    """Seconds to draw 100,000 poses, and to draw `poses` and fit the paper's form; the refit comes first."""
     import dreba
     import dreba.surrogates.library
 
@@ -68,7 +70,7 @@ def times(poses: int) -> tuple[float, float]:
 
 
 def errors(poses: int) -> list[dict[str, Any]]:
-    """Return RMSE and bias per class of every form in every domain, and the distance to Table I."""
+    """RMSE and bias per class of every form in every domain, and the distance to Table I."""
     import dreba
     from dreba.surrogates.metrics import distance_to_published
 
@@ -77,8 +79,10 @@ def errors(poses: int) -> list[dict[str, Any]]:
         train, held_out = (dreba.sample(poses, domain=domain, rng=seed) for seed in (1, 2))
         for name, options in FORMS.items():
             model = dreba.QuadraticModel(domain=domain, **options).fit(train.angles, train.reba)
-            found = dreba.evaluate(model, held_out)
-            rows.append({"domain": domain, "form": name, "distance": distance_to_published(found), **found.to_dict()})
+            evaluation = dreba.evaluate(model, held_out)
+            rows.append(
+                {"domain": domain, "form": name, "distance": distance_to_published(evaluation), **evaluation.to_dict()}
+            )
     return rows
 
 
@@ -97,7 +101,7 @@ def show_errors(rows: list[dict[str, Any]]) -> None:
 
 
 def speed(repeat: int) -> list[dict[str, Any]]:
-    """Return poses per second and microseconds per pose of value and gradient, for the quadratics and a net."""
+    """Poses per second and microseconds per pose of value and gradient, for the quadratics and a net."""
     import dreba
 
     poses = dreba.sample(BATCH, rng=1)

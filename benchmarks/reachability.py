@@ -1,4 +1,4 @@
-"""Draw who reaches what in a scene: the tables from above, and the share of each top by hand and height.
+"""Reachability of a scene as figure: the tables from above, and the reached share of each top by hand and height.
 
 python benchmarks/reachability.py screwdriver -o out/reachability.svg
 """
@@ -25,40 +25,40 @@ HEIGHTS = tuple(np.linspace(0.6, 1.6, 11).round(2).tolist())
 
 
 def main() -> None:
-    """Make the map, print its shares, draw it."""
+    """Compute the map, print its shares, draw it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scene", nargs="?", default="screwdriver")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/reachability.svg"))
     parser.add_argument("--json", type=Path)
-    given = parser.parse_args()
+    options = parser.parse_args()
     matplotlib.use("Agg")
-    world = World(load_scene(given.scene))
+    world = World(load_scene(options.scene))
     began = time.perf_counter()
-    found = reachability(world, HEIGHTS, spots=5)
+    reach_map = reachability(world, HEIGHTS, spots=5)
     seconds = time.perf_counter() - began
-    shares = found.shares()
-    print(f"{len(found.data)} questions of reach in {seconds:.2f} s")
+    shares = reach_map.shares()
+    print(f"{len(reach_map.data)} questions of reach in {seconds:.2f} s")
     print(shares.round(2).to_string(na_rep="-"))
     for thing in world.scene.things:
         carried = transport_reachability(world, thing, HEIGHTS, spots=3)
         print(f"\n{thing}, picked up where it lies and put down by the same hand:")
         table = carried.pivot_table(index=["hand", "table"], columns="height", values="reached", aggfunc="mean")
         print(table.round(2).to_string())
-    given.output.parent.mkdir(parents=True, exist_ok=True)
-    draw(world, found).savefig(given.output)
-    print(f"\n{given.output}; {stamp()}")
-    if given.json:
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    draw(world, reach_map).savefig(options.output)
+    print(f"\n{options.output}; {stamp()}")
+    if options.json:
         rows = [{"hand": hand, "table": name, **row} for (hand, name), row in shares.T.to_dict().items()]
-        given.json.parent.mkdir(parents=True, exist_ok=True)
-        given.json.write_text(json.dumps({"seconds": seconds, "shares": rows}, default=str))
+        options.json.parent.mkdir(parents=True, exist_ok=True)
+        options.json.write_text(json.dumps({"seconds": seconds, "shares": rows}, default=str))
 
 
-def draw(world: World, found: Reachability) -> plt.Figure:
-    """Return a row per hand: the scene from above, spots coloured by the heights they are reached at, and shares."""
+def draw(world: World, reach_map: Reachability) -> plt.Figure:
+    """Figure with a row per hand: the scene from above, points coloured by the share of reached heights, and shares."""
     hands = list(world.scene.hands)
     figure, axes = plt.subplots(len(hands), 2, figsize=(10, 3.4 * len(hands)), squeeze=False, layout="constrained")
     for (above, shares), hand in zip(axes, hands, strict=True):
-        mine = found.data[found.data["hand"] == hand]
+        mine = reach_map.data[reach_map.data["hand"] == hand]
         _from_above(above, world, mine.groupby(["x", "y"])["reached"].mean().reset_index())
         above.set_title(f"{hand}: share of heights reached")
         for name, rows in mine.groupby("table", sort=False):

@@ -1,10 +1,10 @@
-"""Reading MCAP recordings: this reader beside the official Python packages, on one core, in one run.
+"""Speed of reading MCAP recordings compared with the official Python packages, on one core, in one run.
 
     python benchmarks/reading.py [--json FILE] [--messages 60000] [--repeat 5]
 
-Two recordings are made with a seed: joint states (36 joints, positions and velocities, 100 Hz) and /tf with 23
-transforms in each message (100 Hz), both in zstd chunks of 1 MiB. The slow peer reads a part of the recording; its
-time is given per message of that part, as is ours per message of the whole.
+Two recordings are generated with a fixed seed: joint states (36 joints, positions and velocities, 100 Hz) and /tf with
+23 transforms in each message (100 Hz), both in zstd chunks of 1 MiB. The slower peer reads a part of the recording; its
+time is per message of that part, ours per message of the complete recording.
 """
 
 from __future__ import annotations
@@ -46,18 +46,18 @@ CHAIN = ("world", *SEGMENTS)
 
 
 def stamped(stamp: int, frame: str) -> Any:
-    """Return a std_msgs/Header."""
+    """A std_msgs/Header."""
     time_of = TYPES.types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
     return TYPES.types["std_msgs/msg/Header"](time_of, frame)
 
 
 def joint_state(stamp: int, positions: np.ndarray, velocities: np.ndarray) -> Any:
-    """Return one sensor_msgs/JointState."""
+    """One sensor_msgs/JointState."""
     return TYPES.types[JOINT_STATE](stamped(stamp, ""), list(JOINTS), positions, velocities, np.zeros(0))
 
 
 def tf_message(stamp: int, poses: np.ndarray) -> Any:
-    """Return one tf2_msgs/TFMessage with a transform for each segment."""
+    """One tf2_msgs/TFMessage with a transform for each segment."""
     of = TYPES.types
     return of[TF_MESSAGE](
         [
@@ -88,7 +88,7 @@ def write(path: Path, topic: str, name: str, message: Callable[[int, int], Any],
 
 
 def best(run: Callable[[], Any], repeat: int) -> float:
-    """Return the shortest of several runs [s]."""
+    """Shortest time of several runs [s]."""
     times = []
     for _ in range(repeat):
         start = time.perf_counter()
@@ -98,7 +98,7 @@ def best(run: Callable[[], Any], repeat: int) -> float:
 
 
 def read_ours(path: Path) -> np.ndarray:
-    """Return the values of the only stream; every row is one message."""
+    """Values of the only stream; every row is one message."""
     recording = open_mcap(path)
     (stream,), (topic,) = recording.streams, recording.topics
     result, row = None, 0
@@ -111,7 +111,7 @@ def read_ours(path: Path) -> np.ndarray:
 
 
 def read_peer(path: Path, count: int, values: Callable[[Any], list[Any]]) -> np.ndarray:
-    """Return the values of the first messages by mcap and mcap-ros2-support."""
+    """Values of the first messages by mcap and mcap-ros2-support."""
     rows = []
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
@@ -123,13 +123,13 @@ def read_peer(path: Path, count: int, values: Callable[[Any], list[Any]]) -> np.
 
 
 def chunks(path: Path) -> list[Chunk]:
-    """Return the chunks of a recording, packed."""
+    """Compressed chunks of a recording."""
     with path.open("rb") as file:
         return [record for record in StreamReader(file, emit_chunks=True).records if isinstance(record, Chunk)]
 
 
 def poses_of(message: Any) -> list[Any]:
-    """Return the poses of a decoded TFMessage."""
+    """Poses of a decoded TFMessage."""
     return [
         [
             getattr(part, axis)
@@ -141,7 +141,7 @@ def poses_of(message: Any) -> list[Any]:
 
 
 def unpack(packed: list[Chunk], decompressor: zstandard.ZstdDecompressor) -> None:
-    """Unpack all chunks and do nothing else."""
+    """Decompress all chunks only."""
     for chunk in packed:
         decompressor.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
 
@@ -149,7 +149,7 @@ def unpack(packed: list[Chunk], decompressor: zstandard.ZstdDecompressor) -> Non
 def measure(
     path: Path, count: int, peer_count: int, values: Callable[[Any], list[Any]], truth: np.ndarray, repeat: int
 ) -> dict[str, Any]:
-    """Return the times of one recording, after comparing what was read with what was written."""
+    """Times of one recording, after comparing the values read with those written."""
     if not np.array_equal(read_ours(path), truth):
         raise SystemExit(f"{path.name}: our reader returns other values than were written")
     if not np.array_equal(read_peer(path, peer_count, values), truth[:peer_count]):
@@ -158,7 +158,7 @@ def measure(
     decompressor = zstandard.ZstdDecompressor()
     rounds = []
     for _ in range(repeat):
-        # Taken in turn, so that a busy moment of the machine meets all three.
+        # Alternating, so that other load on the machine affects all three.
         peer = best(lambda: read_peer(path, peer_count, values), 1)
         ours = best(lambda: read_ours(path), 3)
         rounds.append((ours, best(lambda: unpack(packed, decompressor), 3), peer))
@@ -178,7 +178,7 @@ def measure(
 
 
 def run(count: int, repeat: int) -> dict[str, Any]:
-    """Make both recordings and measure them."""
+    """Write both recordings and measure them."""
     rng = np.random.default_rng(SEED)
     with tempfile.TemporaryDirectory() as folder:
         joints, tf = Path(folder) / "joint_states.mcap", Path(folder) / "tf.mcap"
@@ -212,7 +212,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     parser.add_argument("--messages", type=int, default=60_000)
     parser.add_argument("--repeat", type=int, default=5)
-    given = parser.parse_args()
+    options = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     packages = ("numpy", "mcap", "mcap-ros2-support", "zstandard")
@@ -220,7 +220,7 @@ def main() -> None:
         "machine": {"processor": processor(), "system": platform.platform(), "cores_used": 1},
         "versions": {"python": platform.python_version(), **{name: version(name) for name in packages}},
         "seed": SEED,
-        "recordings": run(given.messages, given.repeat),
+        "recordings": run(options.messages, options.repeat),
     }
     print(f"{result['machine']['processor']}, one core; {result['versions']}")
     print(
@@ -234,12 +234,12 @@ def main() -> None:
             f"{row['speed_up']:>9.1f}x"
         )
     print("peer: mcap + mcap-ros2-support on the first messages of the same file (see peer_messages), per message")
-    if given.json:
-        given.json.write_text(json.dumps(result, indent=2) + "\n")
+    if options.json:
+        options.json.write_text(json.dumps(result, indent=2) + "\n")
 
 
 def processor() -> str:
-    """Return the name of the processor."""
+    """Name of the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

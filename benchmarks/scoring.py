@@ -1,11 +1,11 @@
-"""How fast postures are scored, against one pass over the same memory and against another package.
+"""Speed of scoring postures, compared with one pass over the same memory and with another package.
 
     python benchmarks/scoring.py [--json FILE] [--frames 1000000] [--repeat 9]
 
 Pinned to one core. `reba.score_array` scores frames x 22 float64 angles (both arms, every column of the score table);
-`numpy.sum` of the same array is the least that reading it costs. The two are timed in turns and the best of each is
-taken. `ergonomics-metrics` (one frame a call, no range) scores the same kind of frames after a warm-up: body once and
-both arms, which is the same work, and one arm alone.
+`numpy.sum` of the same array is the lower limit of reading it. The two are timed alternately, and the shortest time of
+each is taken. `ergonomics-metrics` (one frame a call, no range) scores the same kind of frames after a warm-up: body
+once and both arms, which is the same work, and one arm alone.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SEED = 20250101
 
 
 def main() -> None:
-    """Run every comparison and print the table."""
+    """Run the benchmark and print its table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--frames", type=int, default=1_000_000)
@@ -47,7 +47,7 @@ def main() -> None:
 
 
 def measure(frames: int, repeat: int) -> list[dict[str, Any]]:
-    """Return one row of figures for each thing measured, np.sum first; times scaled to `frames`."""
+    """One row of figures for each thing measured, np.sum first; times scaled to `frames`."""
     import numpy as np
 
     import reba
@@ -87,7 +87,7 @@ def seconds(job: Callable[[], object]) -> float:
 
 
 def peer_seconds(angles: Any, sides: Sequence[str]) -> float | None:
-    """Return seconds a frame of ergonomics-metrics, angles to the score of some arms; None if it is not installed."""
+    """Seconds a frame of ergonomics-metrics, angles to the score of some arms; None if it is not installed."""
     try:
         from ergonomics.reba import RebaScore
     except ImportError:

@@ -25,7 +25,7 @@ DRAWN = ("load", "coupling_left", "coupling_right", "static", "repeated", "unsta
 
 
 def both(plain: dreba.Poses, loaded: dreba.Poses) -> dreba.Poses:
-    """Return the poses of both, factors included."""
+    """Poses of both, factors included."""
 
     def column(name: str) -> np.ndarray:
         values = np.asarray(getattr(loaded.factors, name))
@@ -41,10 +41,10 @@ def both(plain: dreba.Poses, loaded: dreba.Poses) -> dreba.Poses:
 
 
 def loaded_error(model: dreba.Surrogate) -> str:
-    """Return the error per REBA class 1 to 15 on held-out poses with factors."""
+    """Error per REBA class 1 to 15 on held-out poses with factors."""
     held_out = dreba.sample(HELD_OUT, range(1, 16), factors=["load", "coupling", "activity"], rng=(SEED, 4))
-    found = dreba.evaluate(model, held_out)
-    return " ".join(f"{error.rmse:.2f}" for error in found.classes.values())
+    evaluation = dreba.evaluate(model, held_out)
+    return " ".join(f"{error.rmse:.2f}" for error in evaluation.classes.values())
 
 
 def brief(poses: dreba.Poses) -> dict[str, object]:
@@ -66,9 +66,9 @@ def main() -> None:
     dreba.fit_to(soft, train, held_out, weights, command=command)
     soft.save(SHIPPED / "soft.json")
     for temperature in soft.temperatures_:
-        found = dreba.evaluate(soft, held_out, temperature=temperature)
-        rmse = " ".join(f"{error.rmse:.2f}" for error in found.classes.values())
-        print(f"T = {temperature:4g} deg: {rmse}  all {found.rmse:.3f}")
+        evaluation = dreba.evaluate(soft, held_out, temperature=temperature)
+        rmse = " ".join(f"{error.rmse:.2f}" for error in evaluation.classes.values())
+        print(f"T = {temperature:4g} deg: {rmse}  all {evaluation.rmse:.3f}")
     loads = loaded_error(soft)
     print(f"with load, coupling and activity, T = {soft.temperature:g} deg: {loads}")
     first = dreba.ConvexModel()

@@ -46,11 +46,11 @@ def main() -> None:
     print(f"{'Table I':10}" + "".join(f"{rmse:6.2f}" for rmse in dreba.PUBLISHED.values()))
     rows = []
     for temperature in model.temperatures_:
-        found = dreba.evaluate(model, held_out, temperature=temperature)
-        rmse = [error.rmse for error in found.classes.values()]
-        rows.append({"temperature": temperature, "rmse": found.rmse, "worst_class": max(rmse)})
+        evaluation = dreba.evaluate(model, held_out, temperature=temperature)
+        rmse = [error.rmse for error in evaluation.classes.values()]
+        rows.append({"temperature": temperature, "rmse": evaluation.rmse, "worst_class": max(rmse)})
         text = "".join(f"{value:6.2f}" for value in rmse)
-        print(f"T = {temperature:4g}  {text}{found.rmse:7.3f}{max(rmse):7.3f}{found.rounded_accuracy:7.3f}")
+        print(f"T = {temperature:4g}  {text}{evaluation.rmse:7.3f}{max(rmse):7.3f}{evaluation.rounded_accuracy:7.3f}")
     if options.domain != "paper":  # whose score is not that of any rules
         exact = dreba.SoftModel(learn=False).fit(held_out.angles, held_out.reba)
         off = np.abs(exact.value(held_out.angles, temperature=COLD) - held_out.reba) > 0.01

@@ -1,13 +1,13 @@
-"""What the statistics of a study find when nothing is there, and when something of known size is.
+"""False positive rate and power of the tests of a study, without an effect and with effects of known size.
 
 Usage: python benchmarks/study_nulls.py [--studies 1000] [--files 40] [--people 10] [--seed 0] [--json FILE]
 
-Simulated studies of a planned motion (screwdriver scene, planned without ergonomics): people of varying stature, habit,
-speed and motor noise. Without an effect both conditions follow the same plan, and a test at 5 % must err in 5 % of the
-studies. With an effect one condition leans forward by some degrees more in every frame; the true difference of the mean
-REBA score is then that of all simulated people together. `--files` studies go the whole way through MCAP logs and
-`lgp study`; the others skip the files and score postures and loads alone, without the
-activity points, which last for a minute and are not met in these seconds. Intervals are Wilson's at 95 %.
+Simulated studies of a planned motion (screwdriver scene, planned without ergonomics): persons of varying stature,
+habit, speed and motor noise. Without an effect both conditions follow the same plan, and a test at 5 % must be
+significant in 5 % of the studies. With an effect one condition has some degrees more trunk flexion in every frame; the
+true difference of the mean REBA score is that of all simulated persons. `--files` studies include MCAP logs and `lgp
+study`; the others score postures and loads without files and without activity points, whose criteria of a minute are
+not met in these seconds. Intervals are Wilson's at 95 %.
 """
 
 from __future__ import annotations
@@ -39,135 +39,135 @@ from lgp.statistics.paired_tests import anova, compare
 from lgp.study.retarget import Retarget
 from lgp.study.scoring import PARTS, TOTAL, by_condition, part_scores
 from lgp.study.simulate import simulate, simulated
-from lgp.study.study import study
+from lgp.study.study import run_study
 
 ALPHA = 0.05
 RATE = 10.0
 BATCH = 400
 """Recordings scored at once."""
 LEANS = (4.0, 8.0, 16.0, 24.0)
-"""[deg] Known effects: more flexion of the trunk."""
+"""Known effects: additional trunk flexion [deg]."""
 FILE_LEAN = 24.0
-"""[deg] The one that goes the whole way through files."""
+"""Effect of the studies through files [deg]."""
 HEIGHTS = {"left": 1.55, "center": 1.5, "right": 1.5}
-"""[m] High tables: postures that score, so that there is something to compare."""
+"""High tables [m]: postures with scores above the minimum."""
 
 
 def planned() -> lgp.Plan:
-    """Return the plan that everybody follows."""
+    """Plan that all participants follow."""
     return lgp.plan(lgp.load_scene("screwdriver").with_heights(HEIGHTS), None)
 
 
-def population(body: Retarget, people: int, seed: int, leans: Mapping[str, float]) -> pd.DataFrame:
-    """Return participants x (measure, condition) of many people, scored without files; activity is left out.
+def population(retarget: Retarget, people: int, seed: int, leans: Mapping[str, float]) -> pd.DataFrame:
+    """Participants x (measure, condition) of many persons, scored without files and without activity points.
 
     Args:
-        body: the plan.
-        people: how many.
+        retarget: the plan.
+        people: number of persons.
         seed: of all draws.
         leans: condition -> degrees that the trunk leans forward more.
     """
     offsets = {name: {"trunk_flexion": degrees} for name, degrees in leans.items() if degrees}
-    logs = simulated(dict.fromkeys(leans, body), participants=people, seed=seed, rate=RATE, offsets=offsets)
+    logs = simulated(dict.fromkeys(leans, retarget), participants=people, seed=seed, rate=RATE, offsets=offsets)
     rows: list[dict[str, Any]] = []
     while batch := list(islice(logs, BATCH)):
         angles = np.concatenate([log.movement.angles for log in batch])
         load = np.concatenate([log.movement.load for log in batch])
         scores = reba.score_array(angles, {"load": load}, "measured", "neutral")
         values = {TOTAL: np.asarray(scores[TOTAL], float), **part_scores(scores)}
-        # Frames are equally long: a plain mean is weighted by time.
+        # Frames are equidistant: the mean over frames is the time-weighted mean.
         starts = np.cumsum([0, *(len(log.movement.time) for log in batch)])
         means = {name: np.diff(np.r_[0.0, np.cumsum(of)][starts]) / np.diff(starts) for name, of in values.items()}
         rows += [
             {"participant": log.label.participant, "condition": log.label.condition}
-            | {name: of[place] for name, of in means.items()}
-            for place, log in enumerate(batch)
+            | {name: of[index] for name, of in means.items()}
+            for index, log in enumerate(batch)
         ]
     table = pd.DataFrame(rows)
     return pd.concat({name: by_condition(table, name, list(leans)) for name in (TOTAL, *PARTS)}, axis=1)
 
 
 def split(table: pd.DataFrame, people: int) -> list[pd.DataFrame]:
-    """Return studies of so many people each, nobody in two of them."""
+    """Disjoint studies of `people` participants each."""
     return [table.iloc[first : first + people] for first in range(0, len(table) - people + 1, people)]
 
 
 def decide(one: pd.DataFrame, conditions: Sequence[str]) -> dict[str, float]:
-    """Return the p values of a study by test, and difference and interval of the first pair."""
+    """P values of a study by test, and difference and interval of the first pair."""
     pairs = list(combinations(conditions, 2))
     total = [compare(one[TOTAL], [pair])[0] for pair in pairs]
     first = total[0]
-    found = {"t": first.p, "ranks": first.wilcoxon_p, "difference": first.difference}
-    found |= {"low": first.low, "high": first.high, "any pair": least([pair.p for pair in total])}
+    decision = {"t": first.p, "ranks": first.wilcoxon_p, "difference": first.difference}
+    decision |= {"low": first.low, "high": first.high, "any pair": least([pair.p for pair in total])}
     of_parts = [compare(one[part], [pair])[0] for part in PARTS for pair in pairs]
-    found["any part"] = least([pair.p for pair in of_parts if pair.ties < pair.n])
+    decision["any part"] = least([pair.p for pair in of_parts if pair.ties < pair.n])
     if len(conditions) > 2:
         ranks = friedman(one[TOTAL].to_numpy(float))
-        found |= {"anova": anova(one[TOTAL]).p_corrected, "friedman": ranks.p if ranks else np.nan}
-    return found
+        decision |= {"anova": anova(one[TOTAL]).p_corrected, "friedman": ranks.p if ranks else np.nan}
+    return decision
 
 
 def least(p: Sequence[float]) -> float:
-    """Return the least p value after Holm: it is the least one times the number of tests, 1 without any test."""
+    """Smallest p value after Holm: the smallest one times the number of tests; 1 without any test."""
     known = [value for value in p if np.isfinite(value)]
     return min([1.0, *(value * len(known) for value in known)])
 
 
 def rate(p: Sequence[float]) -> dict[str, Any]:
-    """Return the share of p values below 5 % with its interval."""
+    """Share of p values below 5 % with its interval."""
     return share(int(np.sum(np.asarray(p, float) < ALPHA)), len(p))
 
 
 def share(count: int, n: int) -> dict[str, Any]:
-    """Return a count as a share with its interval."""
+    """Count as a share with its interval."""
     interval = binomtest(count, n).proportion_ci(method="wilson")
     return {"studies": n, "rate": count / n, "low": float(interval.low), "high": float(interval.high)}
 
 
-def nulls(body: Retarget, studies: int, people: int, seed: int, conditions: int) -> dict[str, Any]:
-    """Return false positive rates by test where every condition is the same."""
+def nulls(retarget: Retarget, studies: int, people: int, seed: int, conditions: int) -> dict[str, Any]:
+    """False positive rates by test if all conditions are equal."""
     names = [f"c{number}" for number in range(conditions)]
-    table = population(body, studies * people, seed, dict.fromkeys(names, 0.0))
-    found = pd.DataFrame([decide(one, names) for one in split(table, people)])
+    table = population(retarget, studies * people, seed, dict.fromkeys(names, 0.0))
+    decisions = pd.DataFrame([decide(one, names) for one in split(table, people)])
     tests = ("anova", "friedman", "any pair", "any part") if conditions > 2 else ("t", "ranks", "any part")
-    return {name: rate(found[name].tolist()) for name in tests}
+    return {name: rate(decisions[name].tolist()) for name in tests}
 
 
-def effects(body: Retarget, studies: int, people: int, seed: int) -> list[dict[str, Any]]:
-    """Return, by size of the effect, power, coverage of the interval, and what theory gives."""
+def effects(retarget: Retarget, studies: int, people: int, seed: int) -> list[dict[str, Any]]:
+    """Power, coverage of the interval and theoretical power by size of the effect."""
     rows = []
     for lean in LEANS:
-        table = population(body, studies * people, seed, {"lean": lean, "plan": 0.0})
+        table = population(retarget, studies * people, seed, {"lean": lean, "plan": 0.0})
         differences = table[TOTAL]["lean"] - table[TOTAL]["plan"]
         true, dz = float(differences.mean()), float(differences.mean() / differences.std())
-        found = pd.DataFrame([decide(one, ["lean", "plan"]) for one in split(table, people)])
-        covered = int(((found["low"] <= true) & (true <= found["high"])).sum())
+        decisions = pd.DataFrame([decide(one, ["lean", "plan"]) for one in split(table, people)])
+        covered = int(((decisions["low"] <= true) & (true <= decisions["high"])).sum())
         rows.append(
             {
-                "lean": lean, "true": true, "dz": dz, "t": rate(found["t"].tolist()),
-                "ranks": rate(found["ranks"].tolist()), "theory": float(TTestPower().power(dz, people, ALPHA)),
-                "coverage": share(covered, len(found)),
+                "lean": lean, "true": true, "dz": dz, "t": rate(decisions["t"].tolist()),
+                "ranks": rate(decisions["ranks"].tolist()), "theory": float(TTestPower().power(dz, people, ALPHA)),
+                "coverage": share(covered, len(decisions)),
             }
         )  # fmt: skip
     return rows
 
 
 def through_files(plan: lgp.Plan, studies: int, people: int, seed: int, lean: float) -> dict[str, Any]:
-    """Return rates over studies that go through MCAP logs and the command's own function."""
+    """Rates over studies through MCAP logs and `lgp.study.study.run_study`."""
     offsets = {"lean": {"trunk_flexion": lean}}
     p, ranks = [], []
     for number in range(studies):
         with TemporaryDirectory() as folder:
             plans = {"lean": plan, "plan": plan}
             simulate(plans, folder, participants=people, seed=seed + number, rate=RATE, offsets=offsets)
-            pair = study([folder]).summary[TOTAL]["pairs"][0]
+            pair = run_study([folder]).summary[TOTAL]["pairs"][0]
             p.append(pair["p"])
             ranks.append(pair["wilcoxon_p"])
     return {"t": rate(p), "ranks": rate(ranks)}
 
 
-def line(name: str, found: Mapping[str, Any]) -> str:
-    return f"{name:34}{found['studies']:8d}{found['rate']:8.3f}   {found['low']:.3f} to {found['high']:.3f}"
+def line(name: str, rates: Mapping[str, Any]) -> str:
+    return f"{name:34}{rates['studies']:8d}{rates['rate']:8.3f}   {rates['low']:.3f} to {rates['high']:.3f}"
 
 
 def main() -> None:
@@ -177,27 +177,27 @@ def main() -> None:
     parser.add_argument("--people", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)
-    given = parser.parse_args()
+    options = parser.parse_args()
     begin = time.perf_counter()
     plan = planned()
-    body = Retarget(plan)
+    retarget = Retarget(plan)
     print(stamp())
-    print(f"{given.people} people a study, {RATE:g} frames a second, tests at {ALPHA:.0%}\n")
+    print(f"{options.people} people a study, {RATE:g} frames a second, tests at {ALPHA:.0%}\n")
     print(f"{'no effect: share that finds one':34}{'studies':>8}{'share':>8}   95 % interval")
-    result: dict[str, Any] = {"machine": machine(), "people": given.people, "seed": given.seed, "null": {}}
+    result: dict[str, Any] = {"machine": machine(), "people": options.people, "seed": options.seed, "null": {}}
     for conditions in (2, 3):
-        found = nulls(body, given.studies, given.people, given.seed, conditions)
-        result["null"][conditions] = found
-        for name, one in found.items():
+        rates = nulls(retarget, options.studies, options.people, options.seed, conditions)
+        result["null"][conditions] = rates
+        for name, one in rates.items():
             print(line(f"  {conditions} conditions, {name}", one))
-    for lean in (0.0, FILE_LEAN) if given.files else ():
-        found = through_files(plan, given.files, given.people, given.seed + 10_000, lean)
-        result[f"files_{lean:g}"] = found
-        for name, one in found.items():
+    for lean in (0.0, FILE_LEAN) if options.files else ():
+        rates = through_files(plan, options.files, options.people, options.seed + 10_000, lean)
+        result[f"files_{lean:g}"] = rates
+        for name, one in rates.items():
             print(line(f"  through MCAP, {lean:g} deg, {name}", one))
     print("\nknown effect: trunk leans forward more")
     print(f"{'deg':>5}{'true':>8}{'d_z':>7}{'power t':>9}{'theory':>8}{'ranks':>7}   truth in 95 % interval")
-    result["effects"] = effects(body, given.studies, given.people, given.seed + 20_000)
+    result["effects"] = effects(retarget, options.studies, options.people, options.seed + 20_000)
     for one in result["effects"]:
         inside = one["coverage"]
         print(
@@ -206,8 +206,8 @@ def main() -> None:
         )
     result["seconds"] = time.perf_counter() - begin
     print(f"\n{result['seconds']:.0f} s")
-    if given.json:
-        given.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    if options.json:
+        options.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ int main(void)
 
 
 def best(work: Callable[[], object], times: int) -> float:
-    """Return seconds per call, the best of several rounds."""
+    """Shortest time per call of several rounds [s]."""
     rounds = []
     for _ in range(REPEATS):
         began = perf_counter()
@@ -67,7 +67,7 @@ def best(work: Callable[[], object], times: int) -> float:
 
 
 def native(model: dreba.Surrogate, poses: np.ndarray, flags: str) -> float | None:
-    """Return nanoseconds per call of the exported C function in a native loop, None without a compiler."""
+    """Time per call of the exported C function in a native loop [ns], None without a compiler."""
     compiler = shutil.which("gcc")
     if compiler is None:
         return None
@@ -85,13 +85,13 @@ def native(model: dreba.Surrogate, poses: np.ndarray, flags: str) -> float | Non
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", type=Path, help="write the figures to this file")
-    given = parser.parse_args()
+    options = parser.parse_args()
     print(stamp())
     rows = []
     poses = dreba.sample(BATCH, rng=3).angles
-    some = dreba.sample(NET_POSES, rng=4)
+    few = dreba.sample(NET_POSES, rng=4)
     models = {name: dreba.load(name) for name in ("quadratic", "convex", "soft")}
-    models["net of DEBA's size"] = dreba.NetModel(epochs=2).fit(some.angles, some.reba)
+    models["net of DEBA's size"] = dreba.NetModel(epochs=2).fit(few.angles, few.reba)
     print(f"{'':20}{'batch, poses/s':>16}{'single, us':>12}{'C -O2, ns':>11}{'C -O3 -ffast-math, ns':>23}")
     for name, model in models.items():
         batch = BATCH / best(lambda model=model: model.value_and_gradient(poses), 3)
@@ -100,12 +100,12 @@ def main() -> None:
         text = f"{name:20}{batch:16,.0f}{single:12.0f}"
         if name in ("quadratic", "convex", "soft"):
             for width, flags in ((11, "-O2"), (23, "-O3 -ffast-math -march=native")):
-                found = native(model, poses[:1000], flags)
-                rows[-1][f"c_ns {flags}"] = found
-                text += f"{found:{width}.0f}" if found is not None else f"{'-':>{width}}"
+                nanoseconds = native(model, poses[:1000], flags)
+                rows[-1][f"c_ns {flags}"] = nanoseconds
+                text += f"{nanoseconds:{width}.0f}" if nanoseconds is not None else f"{'-':>{width}}"
         print(text)
-    if given.json:
-        given.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n", encoding="utf-8")
+    if options.json:
+        options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

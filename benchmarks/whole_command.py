@@ -1,10 +1,10 @@
-"""The whole command: an hour of JointState at 100 Hz from MCAP to Parquet with a summary, in one process on one core.
+"""The complete command: an hour of JointState at 100 Hz from MCAP to Parquet and a summary, in one process on one core.
 
     python benchmarks/whole_command.py [--json FILE]
 
-Makes recordings of 6, 15, 30 and 60 minutes (36 joints of human.urdf, positions and velocities, zstd) in a temporary
-folder, runs `reba score FILE -o OUT.parquet --json` on each in a fresh process, and reports seconds and peak memory.
-Memory should grow by no more than the posture table itself (23 float64 columns a frame).
+Writes recordings of 6, 15, 30 and 60 minutes (36 joints of human.urdf, positions and velocities, zstd) in a temporary
+folder, runs `reba score FILE -o OUT.parquet --json` on each in a new process, and reports seconds and peak memory.
+The target is a growth of memory of at most the posture table itself (23 float64 columns per frame).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def make_recording(path: Path, minutes: float) -> int:
 
 
 def run(path: Path, output: Path) -> tuple[float, float]:
-    """Score a recording in a fresh process; return seconds and peak resident MB."""
+    """Score a recording in a new process; return seconds and peak resident memory [MB]."""
     code = "import sys; from reba.cli import main; sys.argv = ['reba', *sys.argv[1:]]; main()"
     script = (
         "import os, sys, resource, subprocess; os.sched_setaffinity(0, {0});"
@@ -71,13 +71,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--minutes", type=float, nargs="+", default=MINUTES)
-    given = parser.parse_args()
+    options = parser.parse_args()
     rows = []
     print(
         f"{'minutes':>8} {'frames':>8} {'file MB':>8} {'seconds':>8} {'x real time':>12} {'peak MB':>8} {'table MB':>9}"
     )
     with tempfile.TemporaryDirectory() as folder:
-        for minutes in given.minutes:
+        for minutes in options.minutes:
             path = Path(folder) / f"{minutes:g}min.mcap"
             frames = make_recording(path, minutes)
             seconds, peak = run(path, path.with_suffix(".parquet"))
@@ -92,8 +92,8 @@ def main() -> None:
         frames = rows[-1]["frames"] - rows[0]["frames"]
         growth = (rows[-1]["peak_mb"] - rows[0]["peak_mb"]) * 1024 * 1024 / frames
         print(f"memory grows by {growth:.0f} bytes a frame; a row of the posture table has {TABLE_BYTES}")
-    if given.json:
-        given.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1))
+    if options.json:
+        options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1))
 
 
 if __name__ == "__main__":

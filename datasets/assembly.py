@@ -1,6 +1,6 @@
-"""A simulated person who assembles parts at a bench and above the head, as a posture table in degrees.
+"""Simulated assembly at a bench and above the head, as a posture table in degrees.
 
-Nobody was measured. The table has no wrist columns: a camera that does not see the hands gives such a table.
+No person was measured. The table has no wrist columns, as that of a camera that does not see the hands.
 """
 
 from __future__ import annotations
@@ -61,20 +61,20 @@ STEPS: tuple[tuple[float, tuple[int, ...], float], ...] = (
     (2.0, STAND, 0.0),
     (5.0, STAND, 0.0),
 )
-"""(seconds to get there, angles of `COLUMNS`, load [kg] from then on)."""
+"""(seconds of the movement, angles of `COLUMNS` at its end, load [kg] after it)."""
 
 
 def simulate(rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Return time (n,) [s], angles (n, 16) [deg, one decimal] and load (n,) [kg]."""
-    keys = np.array([STAND, *(angles for _, angles, _ in STEPS)], dtype=float)
-    keys += rng.normal(scale=1.5, size=keys.shape)
+    """Time (n,) [s], angles (n, 16) [deg, one decimal] and load (n,) [kg]."""
+    keyframes = np.array([STAND, *(angles for _, angles, _ in STEPS)], dtype=float)
+    keyframes += rng.normal(scale=1.5, size=keyframes.shape)
     seconds = np.array([duration for duration, _, _ in STEPS])
-    angles = minimum_jerk(keys, seconds, RATE)
+    angles = minimum_jerk(keyframes, seconds, RATE)
     angles += tremor(rng, angles.shape, 0.4, width=3)
     time = np.arange(len(angles)) / RATE
     arrived = np.searchsorted(np.cumsum(seconds), time, side="right") - 1
     load = np.where(arrived >= 0, np.array([kg for _, _, kg in STEPS])[arrived], 0.0)
-    # A knee or an elbow does not bend backwards.
+    # Knees and elbows have no negative flexion.
     hinges = [index for index, name in enumerate(COLUMNS) if name.startswith(("knee", "lower_arm"))]
     angles[:, hinges] = np.maximum(angles[:, hinges], 0.0)
     return time, np.round(angles, 1) + 0.0, load

@@ -1,15 +1,15 @@
-"""Make `balancing_keypoints.trc`: a real person balancing on a beam, from four videos by a pose estimator.
+"""Make `balancing_keypoints.trc`: a person balancing on a beam, recorded by four cameras and a pose estimator.
 
 The videos and the calibration of the cameras are the demo of Pose2Sim (BSD-3-Clause), inside its wheel on PyPI; the
-estimator is MediaPipe Pose (Apache-2.0), whose wheel carries its model. Its numpy is older than ours, so this script
-has an environment of its own and imports nothing of this project:
+estimator is MediaPipe Pose (Apache-2.0), whose wheel contains its model. It needs an older numpy, so this script
+runs in its own environment and does not import this project:
 
     pip download --no-deps pose2sim==0.10.49
     python -m venv keypoints && keypoints/bin/pip install mediapipe==0.10.14 "numpy<2" scipy
     keypoints/bin/python datasets/balancing.py pose2sim-0.10.49-py3-none-any.whl
 
-videos -> 33 keypoints in each image -> shifts in time between the cameras -> triangulation that trusts a camera less
-the farther its keypoint is from where the others see it -> low-pass filter -> TRC in metres, z up.
+videos -> 33 keypoints in each image -> shifts in time between the cameras -> triangulation with weights that
+decrease with the reprojection error -> low-pass filter -> TRC in metres, z up.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ DEMO = "Pose2Sim/Demo_SinglePerson/"
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 RATE = 60.0
 CUTOFF = 6.0
-"""[Hz] Of the zero-lag Butterworth filter of order 4: the default of Pose2Sim and common for walking."""
+"""Cut-off frequency of the zero-lag Butterworth filter of order 4 [Hz]: default of Pose2Sim, common for walking."""
 LARGEST_SHIFT = 12
-"""Frames by which the start of two videos may differ."""
+"""Largest time shift between two videos [frames]."""
 TRUST = 10.0
-"""[pixel] A keypoint this far from where the others see it counts half as much."""
+"""Reprojection error at which the weight of a keypoint is halved [pixel]."""
 
 NAMES = (
     "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer",
@@ -48,7 +48,7 @@ NAMES = (
 
 @dataclass(frozen=True)
 class Camera:
-    """A calibrated camera: a point X in the world [m] is seen in the direction rotation @ X + shift.
+    """Calibrated camera: a point X in the world [m] has the camera coordinates rotation @ X + shift.
 
     Attributes:
         rotation, shift: (3, 3) and (3,).
@@ -67,12 +67,12 @@ class Camera:
 
 
 def read_cameras(text: str) -> list[Camera]:
-    """Return the cameras of a Qualisys calibration: millimetres, 64ths of a pixel, a camera looks along -z."""
-    found = []
+    """Cameras of a Qualisys calibration: millimetres, 64ths of a pixel, view direction -z."""
+    cameras = []
     for entry in ElementTree.fromstring(text).iter("camera"):
         place, lens = entry.find("transform"), entry.find("intrinsic")
         if place is None or lens is None:
-            raise SystemExit("the calibration names a camera without its place or lens")
+            raise SystemExit("the calibration has a camera without transform or intrinsic; give a complete calibration")
         turn = np.array([[float(place.attrib[f"r{row}{column}"]) for column in (1, 2, 3)] for row in (1, 2, 3)])
         rotation = np.diag([1.0, -1.0, -1.0]) @ turn
         centre = np.array([float(place.attrib[axis]) for axis in "xyz"]) / 1000.0
@@ -81,18 +81,18 @@ def read_cameras(text: str) -> list[Camera]:
         matrix[:2, 2] = number["centerPointU"] / 64.0, number["centerPointV"] / 64.0
         bent = ("radialDistortion1", "radialDistortion2", "tangentalDistortion1", "tangentalDistortion2")
         distortion = np.array([*(number[name] for name in bent), number["radialDistortion3"]])
-        found.append(Camera(rotation, -rotation @ centre, matrix, distortion))
-    return found
+        cameras.append(Camera(rotation, -rotation @ centre, matrix, distortion))
+    return cameras
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What the estimator makes of T images.
+    """Result of the pose estimator for T images.
 
     Attributes:
         places: (T, 33, 2) [pixel].
-        visible: (T, 33) 0 to 1.
-        guessed: (T, 33, 3) [m] in space as one camera alone suggests: from the hips, y up.
+        visible: (T, 33) visibility, 0 to 1.
+        guessed: (T, 33, 3) [m] positions estimated from this camera alone: relative to the hips, y up.
     """
 
     places: Any
@@ -101,31 +101,33 @@ class Seen:
 
 
 def see(video: Path) -> Seen:
-    """Return the keypoints of every image of a video."""
+    """Keypoints of every image of a video."""
     import cv2
     import mediapipe
 
     images = cv2.VideoCapture(str(video))
     places, visible, guessed = [], [], []
-    # Unsmoothed: the filter below has no lag, the estimator's own has.
+    # Without the smoothing of the estimator, which has a lag; the filter below has none.
     with mediapipe.solutions.pose.Pose(model_complexity=1, smooth_landmarks=False) as estimator:
         while True:
             there, image = images.read()
             if not there:
                 break
             result = estimator.process(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
-            found = result.pose_landmarks
-            if found is None:
-                raise SystemExit(f"{video.name}: nobody is seen in image {len(places)}")
+            landmarks = result.pose_landmarks
+            if landmarks is None:
+                raise SystemExit(
+                    f"{video.name}: no person detected in image {len(places)}; give a video with one person"
+                )
             height, width = image.shape[:2]
-            places.append([(point.x * width, point.y * height) for point in found.landmark])
-            visible.append([point.visibility for point in found.landmark])
+            places.append([(point.x * width, point.y * height) for point in landmarks.landmark])
+            visible.append([point.visibility for point in landmarks.landmark])
             guessed.append([(point.x, -point.y, -point.z) for point in result.pose_world_landmarks.landmark])
     return Seen(np.array(places), np.array(visible), np.array(guessed))
 
 
 def straighten(places: Any, camera: Camera) -> Any:
-    """Return (T, 33, 2) directions (x / z, y / z) without the distortion of the lens."""
+    """Directions (T, 33, 2) (x / z, y / z) without lens distortion."""
     import cv2
 
     flat = np.ascontiguousarray(places.reshape(-1, 1, 2))
@@ -133,7 +135,7 @@ def straighten(places: Any, camera: Camera) -> Any:
 
 
 def triangulate(seen: list[Any], weights: list[Any], cameras: list[Camera]) -> tuple[Any, Any]:
-    """Return points (T, 33, 3) [m] and by how much each camera sees them elsewhere (4, T, 33) [pixel]."""
+    """Points (T, 33, 3) [m] and the reprojection error of each camera (4, T, 33) [pixel], by iterative reweighting."""
     trust = [np.asarray(weight) for weight in weights]
     points, away = np.empty(0), np.empty(0)
     for _ in range(8):
@@ -155,14 +157,14 @@ def _away(points: Any, direction: Any, camera: Camera) -> Any:
 
 
 def shifted(tables: list[Any], shifts: list[int]) -> list[Any]:
-    """Return the images that all cameras share, each camera `shifts` images late."""
+    """Images common to all cameras, each shifted by its delay in images."""
     first = [shift - min(shifts) for shift in shifts]
     count = min(len(table) - start for table, start in zip(tables, first, strict=True))
     return [table[start : start + count] for table, start in zip(tables, first, strict=True)]
 
 
 def align(seen: list[Any], weights: list[Any], cameras: list[Camera]) -> list[int]:
-    """Return by how many images each camera is late, the shifts under which the rays of all cameras meet best."""
+    """Delay of each camera in images: the shifts of the smallest median reprojection error."""
     shifts = [0] * len(seen)
     while True:
         before = list(shifts)
@@ -194,32 +196,30 @@ def write_trc(path: Path, points: Any) -> None:
 
 
 def main() -> None:
-    """Make the file and say how well the cameras agree."""
+    """Write the file and print the reprojection error and the segment lengths."""
     from scipy.signal import butter, filtfilt
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("wheel", type=Path, help="wheel of pose2sim")
     parser.add_argument("--folder", type=Path, default=HERE, help="where to write (default: beside the script)")
-    parser.add_argument("--alone", type=Path, help="write what each camera alone suggests into this folder as well")
-    given = parser.parse_args()
-    with TemporaryDirectory() as there, zipfile.ZipFile(given.wheel) as wheel:
+    parser.add_argument("--alone", type=Path, help="also write the estimate of each camera alone into this folder")
+    options = parser.parse_args()
+    with TemporaryDirectory() as there, zipfile.ZipFile(options.wheel) as wheel:
         cameras = read_cameras(wheel.read(f"{DEMO}calibration/Calib.qca.txt").decode("ascii"))
-        found = [see(Path(wheel.extract(f"{DEMO}videos/{name}.mp4", there))) for name in CAMERAS]
-    seen = [straighten(one.places, camera) for one, camera in zip(found, cameras, strict=True)]
-    weights = [one.visible for one in found]
+        detections = [see(Path(wheel.extract(f"{DEMO}videos/{name}.mp4", there))) for name in CAMERAS]
+    seen = [straighten(one.places, camera) for one, camera in zip(detections, cameras, strict=True)]
+    weights = [one.visible for one in detections]
     shifts = align(seen, weights, cameras)
     points, away = triangulate(shifted(seen, shifts), shifted(weights, shifts), cameras)
     low_pass = butter(4, CUTOFF / (RATE / 2.0))
     smooth = filtfilt(*low_pass, points, axis=0)
-    write_trc(given.folder / FILE, smooth)
-    if given.alone:
-        given.alone.mkdir(parents=True, exist_ok=True)
-        for name, guess in zip(CAMERAS, shifted([one.guessed for one in found], shifts), strict=True):
-            write_trc(given.alone / f"{name}.trc", filtfilt(*low_pass, guess, axis=0))
-    print(f"{len(points)} images; cameras late by {shifts} images; a camera sees a keypoint {np.median(away):.1f} px")
-    print(
-        f"from where the others see it (median); the filter moves it {1000 * np.median(np.abs(smooth - points)):.1f} mm"
-    )
+    write_trc(options.folder / FILE, smooth)
+    if options.alone:
+        options.alone.mkdir(parents=True, exist_ok=True)
+        for name, guess in zip(CAMERAS, shifted([one.guessed for one in detections], shifts), strict=True):
+            write_trc(options.alone / f"{name}.trc", filtfilt(*low_pass, guess, axis=0))
+    print(f"{len(points)} images; delays of the cameras: {shifts} images; reprojection error {np.median(away):.1f} px")
+    print(f"(median); change by the filter {1000 * np.median(np.abs(smooth - points)):.1f} mm")
     for first, second in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle")):
         for side in ("left", "right"):
             ends = [smooth[:, NAMES.index(f"{side}_{name}")] for name in (first, second)]

@@ -1,7 +1,7 @@
-"""Make every simulated data set of this folder and its catalogue: `python datasets/make_datasets.py`.
+"""Make the simulated data sets of this folder and their catalogue: `python datasets/make_datasets.py`.
 
-They are simulated from the seed below; running the script again gives the same bytes. The one real recording has a
-script of its own, `balancing.py`; its section of the catalogue is written here.
+The seed below makes the bytes reproducible. The recorded data set has its own script, `balancing.py`; its section of
+the catalogue is written here.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ros2_messages import NANOSECONDS, Transform
 HERE = Path(__file__).resolve().parent
 SEED = 20260101
 EPOCH = 1_767_261_600 * NANOSECONDS
-"""Stamp of the first frame: 2026-01-01 10:00 UTC, chosen freely."""
+"""Arbitrary time stamp of the first frame: 2026-01-01 10:00 UTC."""
 COMMAND = "python datasets/make_datasets.py"
 LICENCE = "Apache-2.0"
 BOX_KG = 9.0
@@ -34,13 +34,13 @@ class Entry:
 
     Attributes:
         file: its name.
-        shows: what is to be seen in it, one sentence.
+        shows: content, one sentence.
         frames: number of frames.
         rate: frames per second.
-        contents: (what, how) lines: topics or columns with their units.
+        contents: (topic or column, description with unit).
         source: where the motion comes from.
-        made_by: command, and how to repeat it.
-        licence: under which it may be passed on.
+        made_by: command that reproduces it.
+        licence: of the file.
     """
 
     file: str
@@ -71,7 +71,7 @@ RECORDED = Entry(
     made_by="`datasets/balancing.py`, which says how",
     licence="BSD-3-Clause, as the videos: see LICENSE.pose2sim; no image of them is here",
 )
-"""The recording that `balancing.py` makes."""
+"""The recording of `balancing.py`."""
 
 
 def make_palletising(folder: Path) -> Entry:
@@ -146,7 +146,7 @@ def make_assembly(folder: Path) -> Entry:
 
 
 def describe(data: bytes, entry: Entry, seed: int | None = None) -> str:
-    """Return the section of one data set for the catalogue."""
+    """Section of one data set in the catalogue."""
     lines = [
         f"## {entry.file}",
         "",
@@ -175,8 +175,8 @@ def make(folder: Path) -> None:
     ]
     head = (
         "# Data sets\n\n"
-        "Small recordings to try the commands on. One is real, from videos; the others are simulated: nobody was "
-        "measured, and nothing about real work may be concluded from them.\n"
+        "Small recordings to try the commands on. One is real, from videos; the others are simulated: no person was "
+        "measured, and they allow no conclusions about real work.\n"
         f"This page and the simulated files are written by `{COMMAND}` (the same seed gives the same bytes; the bytes "
         "of an MCAP file depend on the version of the zstandard package as well, which its metadata name).\n\n"
     )

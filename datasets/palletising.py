@@ -1,6 +1,7 @@
-"""A simulated person who palletises boxes, as joint coordinates of the model `human_36dof_ISB_model`.
+"""Simulated palletising of boxes, as joint coordinates of the model `human_36dof_ISB_model`.
 
-Nobody was measured: key postures (standing, reaching down, carrying, placing) are joined by minimum-jerk movements.
+No person was measured: key postures (standing, reaching down, carrying, placing) are connected by minimum-jerk
+movements.
 The joint names and their signs are those of human.urdf in the package example-robot-data (BSD-2-Clause, Gepetto):
 flexion, abduction, internal rotation, pronation, bending to the right and turning to the left are positive, and an
 arm that hangs with the palm forward is zero.
@@ -158,7 +159,7 @@ def _box(lift: str, place: str) -> Iterator[tuple[float, Pose]]:
 
 
 def _keys(rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return the key postures (k, 17) and the (k - 1,) seconds between them, each a little different."""
+    """Key postures (k, 17) and the (k - 1,) seconds between them, each a little different."""
     steps = [(0.0, STAND), (2.0, STAND), *(step for box in BOXES for step in _box(*box))]
     keys = np.array([[getattr(pose, field) for field in _FIELDS] for _, pose in steps])
     keys += rng.normal(size=keys.shape) * _VARIATION
@@ -167,7 +168,7 @@ def _keys(rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def _gait(x: Array, time: Array) -> Array:
-    """Return (n, 2, 3) degrees that walking adds to thigh and shank inclination and arm swing, left and right."""
+    """Angles (n, 2, 3) [deg] that walking adds to thigh and shank inclination and arm swing, left and right."""
     speed = np.abs(np.gradient(x, time))
     effort = np.clip(speed / 0.9, 0.0, 1.0)
     phase = 2.0 * np.pi * 0.9 * time
@@ -214,7 +215,7 @@ def _coordinates(pose: dict[str, Array], gait: Array) -> dict[str, Array]:
 
 
 def _root(pose: dict[str, Array], degrees: dict[str, Array]) -> Array:
-    """Return the pose (n, 7) of the pelvis with the lower foot on the floor.
+    """Pose (n, 7) of the pelvis with the lower foot on the floor.
 
     The axes of the model are x forward, y up, z right; `map` is z up (REP 103). The root therefore carries the
     quarter turn about x that stands the model up, before its own pitch and after its heading.

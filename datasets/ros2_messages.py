@@ -119,7 +119,7 @@ def joint_state(
     effort: ArrayLike = (),
     frame: str = "",
 ) -> bytes:
-    """Return a sensor_msgs/msg/JointState.
+    """A sensor_msgs/msg/JointState.
 
     Args:
         stamp: header.stamp [ns since 1970].
@@ -144,7 +144,7 @@ def joint_state(
 
 
 def tf_message(stamp: int, transforms: Sequence[Transform]) -> bytes:
-    """Return a tf2_msgs/msg/TFMessage whose transforms share one stamp [ns since 1970].
+    """A tf2_msgs/msg/TFMessage whose transforms share one stamp [ns since 1970].
 
     >>> len(tf_message(0, [Transform("map", "pelvis", [0, 0, 1, 0, 0, 0, 1])]))
     100

@@ -31,7 +31,7 @@ def minimum_jerk(keys: Array, durations: Array, rate: float) -> Array:
 
 
 def tremor(rng: np.random.Generator, shape: tuple[int, int], amount: float, width: int = 5) -> Array:
-    """Return smooth noise (n, d) with standard deviation `amount` and a correlation of about `width` samples."""
+    """Smooth noise (n, d) with standard deviation `amount` and a correlation of about `width` samples."""
     window = np.hanning(width + 2)[1:-1]
     window *= amount / np.sqrt((window**2).sum())
     white = rng.standard_normal((shape[0] + width - 1, shape[1]))

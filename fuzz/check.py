@@ -1,4 +1,4 @@
-"""One input: what became of it, and the process that tries inputs under a bound of memory."""
+"""Outcome of one input, and the process that tests inputs under a memory limit."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from targets import TARGETS, Target
 from reba.errors import RebaError
 
 MEMORY = 1 << 30
-"""[bytes] That a process may map beyond what it has mapped once all seeds are read."""
+"""Memory limit of a process beyond its mapping after reading all seeds [bytes]."""
 
 Outcome = Literal["read", "refused", "finding"]
 
 
 class Result(NamedTuple):
-    """What became of one input; `what` names the error."""
+    """Outcome of one input; `what` names the error."""
 
     outcome: Outcome
     what: str
@@ -46,7 +46,7 @@ def check(target: Target, data: bytes) -> Result:
                 "finding", f"{type(error).__name__} of {len(text)} characters, {text.count(chr(10))} newlines"
             )
         return Result("refused", type(error).__name__)
-    except BaseException as error:  # whatever else passes through is what is looked for
+    except BaseException as error:  # every other exception is a finding
         if isinstance(error, KeyboardInterrupt):
             raise
         place = traceback.extract_tb(error.__traceback__)
@@ -59,11 +59,11 @@ def check(target: Target, data: bytes) -> Result:
 
 
 def work(name: str, seed: int, numbers: range, memory: int, pipe: Connection) -> None:
-    """Try inputs one after another; tell the number before each, its result after it, and the memory at the end."""
+    """Test inputs one after another; send the number before each, its result after it, and the memory at the end."""
     target = TARGETS[name]
-    # Libraries in C complain on their own about damaged files.
-    with open(os.devnull, "w") as nowhere:
-        os.dup2(nowhere.fileno(), sys.stderr.fileno())
+    # Libraries in C print messages about damaged files.
+    with open(os.devnull, "w") as null:
+        os.dup2(null.fileno(), sys.stderr.fileno())
     for data in target.seeds:
         check(target, data)
     before = peak()
@@ -76,7 +76,7 @@ def work(name: str, seed: int, numbers: range, memory: int, pipe: Connection) ->
 
 
 def limit(memory: int) -> None:
-    """Let this process map so many bytes more than it has now, where the system can do it."""
+    """Limit the mapping of this process to `memory` bytes more than now, if the system supports it."""
     with contextlib.suppress(ImportError, OSError, ValueError):
         import resource
 
@@ -85,7 +85,7 @@ def limit(memory: int) -> None:
 
 
 def peak() -> int:
-    """Return the most memory that this process ever held [bytes], 0 where the system does not say."""
+    """Peak resident memory of this process [bytes], 0 if the system does not report it."""
     try:
         import resource
     except ImportError:

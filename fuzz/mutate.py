@@ -1,4 +1,4 @@
-"""Mutations of valid inputs that know what they change: bytes, words of a text, nodes of JSON, records of MCAP.
+"""Structure-aware mutations of valid inputs: bytes, words of a text, nodes of JSON, records of MCAP.
 
 Each takes a `random.Random` and a valid input and returns a damaged one; the same generator state gives the same input.
 """
@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 LONGEST = 1 << 18
-"""[bytes] Inputs are cut to this length, so that time and memory are those of the reader and not of its input."""
+"""Inputs are cut to this length [bytes], so that time and memory depend on the reader and not on the input."""
 
 INTEGERS = (0, 1, 2, -1, 127, 255, 256, 0x7FFF, 0xFFFF, 0x7FFF_FFFF, 0xFFFF_FFFF, 1 << 45, (1 << 62) + 7, (1 << 64) - 1)
 FLOATS = (float("nan"), float("inf"), -float("inf"), 1e308, -1e308, 1e-308, 5e-324, -1.0, 0.0, 1e30)
@@ -45,7 +45,7 @@ Mutation = Callable[[random.Random, bytes, Sequence[bytes]], bytes]
 
 
 def mutate_bytes(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Return the data after one to four changes of bytes, numbers, lengths and order.
+    """Data after one to four changes of bytes, numbers, lengths and order.
 
     Args:
         rng: of all choices.
@@ -61,7 +61,7 @@ def mutate_bytes(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> byt
 
 
 def mutate_text(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Return a text after one to four changes of numbers, words, lines and nesting; now and then of its bytes."""
+    """Text after one to four changes of numbers, words, lines and nesting; sometimes of its bytes."""
     if rng.random() < 0.1:
         return mutate_bytes(rng, data, seeds)
     text = data.decode("utf-8", "surrogateescape")
@@ -71,7 +71,7 @@ def mutate_text(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> byte
 
 
 def mutate_json(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Return a JSON text after one to three changes of its tree; now and then of its text."""
+    """JSON text after one to three changes of its tree; sometimes of its text."""
     if rng.random() < 0.15:
         return mutate_text(rng, data, seeds)
     tree = json.loads(data)
@@ -86,7 +86,7 @@ def mutate_json(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> byte
 
 
 def mutate_json_lines(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Return a text of JSON lines with one of them changed, taken out, doubled or cut."""
+    """Text of JSON lines with one of them changed, removed, repeated or cut."""
     lines = data.splitlines(keepends=True)
     at = rng.randrange(len(lines))
     kind = rng.randrange(5)
@@ -100,7 +100,7 @@ def mutate_json_lines(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -
 
 
 def mutate_mcap(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Return an MCAP file with damage inside its chunks behind right checksums, or anywhere in its bytes."""
+    """MCAP file damaged inside its chunks, with correct checksums, or anywhere in its bytes."""
     if rng.random() < 0.4:
         return mutate_bytes(rng, data, seeds)
     records = [
@@ -117,16 +117,16 @@ def mutate_mcap(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> byte
 
 _CHUNK = 6
 _KEPT = (1, 3, 4, 5, _CHUNK, 12, 15)
-"""Records of the data section; the index that follows is left out, a reader does without it."""
+"""Records of the data section; the index after it is left out, because readers do not need it."""
 
 
 def _records(data: bytes) -> list[tuple[int, bytes]]:
-    found, at = [], 0
+    records, at = [], 0
     while at + 9 <= len(data):
         opcode, length = struct.unpack_from("<BQ", data, at)
-        found.append((opcode, data[at + 9 : at + 9 + length]))
+        records.append((opcode, data[at + 9 : at + 9 + length]))
         at += 9 + length
-    return found
+    return records
 
 
 def _record(opcode: int, content: bytes) -> bytes:
@@ -134,7 +134,7 @@ def _record(opcode: int, content: bytes) -> bytes:
 
 
 def _changed_chunk(rng: random.Random, content: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Return a chunk stored unpacked, with some of its records changed and its checksum right."""
+    """Chunk stored unpacked, with some of its records changed and a correct checksum."""
     import lz4.frame
     import zstandard
 
@@ -256,10 +256,10 @@ def _swap_words(rng: random.Random, text: str) -> str:
 
 
 def _replace_value(rng: random.Random, text: str) -> str:
-    found = list(_ASSIGNED.finditer(text))
-    if not found:
+    assignments = list(_ASSIGNED.finditer(text))
+    if not assignments:
         return _replace_number(rng, text)
-    one = rng.choice(found)
+    one = rng.choice(assignments)
     return text[: one.start(2)] + rng.choice((*VALUES, *NUMBERS)) + text[one.end(2) :]
 
 
@@ -312,44 +312,44 @@ def _json_value(rng: random.Random) -> str:
 
 
 def _change_node(rng: random.Random, tree: Any) -> Any:
-    """Return the tree with one node replaced, taken out, renamed, repeated or exchanged."""
-    holders = list(_holders(tree))
+    """Tree with one node replaced, removed, renamed, repeated or exchanged."""
+    holders = list(_containers(tree))
     if not holders:
         return rng.choice(_NODES)
-    holder = rng.choice(holders) if rng.random() < 0.7 else holders[0]
-    key = rng.choice(list(holder)) if isinstance(holder, dict) else rng.randrange(len(holder))
+    container = rng.choice(holders) if rng.random() < 0.7 else holders[0]
+    key = rng.choice(list(container)) if isinstance(container, dict) else rng.randrange(len(container))
     kind = rng.randrange(8)
     if kind == 0:
-        del holder[key]
-    elif kind == 1 and isinstance(holder, dict):
-        holder[rng.choice([*WORDS, f"{key}x"])] = holder.pop(key)
+        del container[key]
+    elif kind == 1 and isinstance(container, dict):
+        container[rng.choice([*WORDS, f"{key}x"])] = container.pop(key)
     elif kind == 1:
-        holder[:] = holder * rng.choice([2, 100])
+        container[:] = container * rng.choice([2, 100])
     elif kind == 2:
         other = rng.choice(holders)
-        holder[key] = json.loads(json.dumps(other))
-    elif kind == 3 and isinstance(holder[key], int | float):
-        holder[key] = -holder[key]
-    elif kind == 4 and isinstance(holder, dict):
-        holder[rng.choice([*WORDS, "extra"])] = rng.choice(_NODES)
+        container[key] = json.loads(json.dumps(other))
+    elif kind == 3 and isinstance(container[key], int | float):
+        container[key] = -container[key]
+    elif kind == 4 and isinstance(container, dict):
+        container[rng.choice([*WORDS, "extra"])] = rng.choice(_NODES)
     else:
-        holder[key] = rng.choice(_NODES)
+        container[key] = rng.choice(_NODES)
     return tree
 
 
-def _holders(tree: Any) -> list[Any]:
-    """Return every object and list of a tree that holds something."""
-    found, waiting = [], [tree]
+def _containers(tree: Any) -> list[Any]:
+    """Non-empty objects and lists of a tree."""
+    nodes, waiting = [], [tree]
     while waiting:
         node = waiting.pop(0)
         if isinstance(node, dict | list) and node:
-            found.append(node)
+            nodes.append(node)
             waiting += node.values() if isinstance(node, dict) else node
-    return found
+    return nodes
 
 
 _NODES: tuple[Any, ...] = (
     *(None, True, False, 0, 1, 2, -1, 1.5, 1e308, -1e308, float("nan"), float("inf"), 1 << 63, 1 << 70, 10**400),
     *("", "x", "nan", "\x00", "\ud800", "y" * 5000, "../../x", NEST, NEST),
 )
-"""What stands in for a node; lists and objects are made anew where they are used."""
+"""Replacements of a node; lists and objects are created at every use."""

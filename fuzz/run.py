@@ -1,14 +1,14 @@
-"""Feed every reader and loader with damaged files: each must read the file or refuse it with one error of the package.
+"""Fuzz every reader and loader with damaged files: each must read a file or refuse it with one error of the package.
 
     python fuzz/run.py --inputs 2000 --seed 0 --jobs 2           all targets
-    python fuzz/run.py --targets mcap c3d --inputs 10000         some
+    python fuzz/run.py --targets mcap c3d --inputs 10000         selected targets
     python fuzz/run.py --targets mcap --seed 0 --only 1234       one input again, with its traceback
     python fuzz/run.py --replay FILE --targets mcap              a saved input again, with its traceback
 
-Inputs are small valid files with structure-aware mutations; number and seed say which. Each is used in a process that
-may map 1 GiB beyond what the imports took and is stopped after `--seconds`. Another error than one of the package's
-own, a message of several lines, a crash, a hang and too much memory are findings: the input is saved, and the exit
-code is 1.
+Inputs are small valid files with structure-aware mutations, determined by seed and number. Each is used in a process
+that may map 1 GiB beyond the memory of the imports and is stopped after `--seconds`. An error of another class than the
+package's, a message of several lines, a crash, a timeout and exceeded memory are findings: the input is saved, and the
+exit code is 1.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from targets import TARGETS
 
 SECONDS = 20.0
 BATCH = 1000
-"""Inputs of one process; a fresh one follows, so that jobs share the work evenly."""
+"""Inputs per process, small enough that jobs share the work evenly."""
 START = 120.0
-"""[s] That a process may take to import and read the seeds."""
+"""Time limit of a process for imports and seeds [s]."""
 
 
 @dataclass
 class Tally:
-    """What became of the inputs of one target; `findings` are (number, what); `grown` is memory [bytes]."""
+    """Outcomes of the inputs of one target; `findings` are (number, error); `grown` is memory [bytes]."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     findings: list[tuple[int, str]] = field(default_factory=list)
@@ -55,14 +55,14 @@ class Tally:
             self.findings.append((number, result.what))
 
     def join(self, other: Tally) -> None:
-        """Count those of another part of the same target."""
+        """Add the counts of another part of the same target."""
         self.outcomes += other.outcomes
         self.findings += other.findings
         self.grown, self.slowest = max(self.grown, other.grown), max(self.slowest, other.slowest)
 
 
 def run_batch(name: str, seed: int, numbers: range, seconds: float = SECONDS, memory: int = MEMORY) -> Tally:
-    """Try inputs in processes of their own; one that crashes or hangs is replaced and its input is a finding."""
+    """Test inputs in separate processes; one that crashes or hangs is replaced, and its input is a finding."""
     tally = Tally()
     context = multiprocessing.get_context("spawn")
     while len(numbers):
@@ -77,14 +77,14 @@ def run_batch(name: str, seed: int, numbers: range, seconds: float = SECONDS, me
                 if not ours.poll(allowed):
                     failed = f"no end after {allowed:g} s"
                     break
-                number, told = ours.recv()
+                number, message = ours.recv()
             except (EOFError, OSError):
                 failed = "" if current == -1 else "the process ended"
                 break
             if number == -1:
-                tally.grown = max(tally.grown, told)
-            elif told is not None:
-                tally.add(number, told, time.monotonic() - began)
+                tally.grown = max(tally.grown, message)
+            elif message is not None:
+                tally.add(number, message, time.monotonic() - began)
             current, began, allowed = number, time.monotonic(), seconds
         if failed:
             process.kill()
@@ -100,25 +100,25 @@ def run_batch(name: str, seed: int, numbers: range, seconds: float = SECONDS, me
 
 
 def run(names: list[str], seed: int, inputs: int, jobs: int, seconds: float = SECONDS) -> dict[str, Tally]:
-    """Return what became of the first `inputs` inputs of each target."""
+    """Outcomes of the first `inputs` inputs of each target."""
     parts = [(name, range(first, min(first + BATCH, inputs))) for first in range(0, inputs, BATCH) for name in names]
     with ThreadPoolExecutor(jobs) as pool:
         tallies = list(pool.map(lambda part: run_batch(part[0], seed, part[1], seconds), parts))
-    found = {name: Tally() for name in names}
+    totals = {name: Tally() for name in names}
     for (name, _), tally in zip(parts, tallies, strict=True):
-        found[name].join(tally)
-    return found
+        totals[name].join(tally)
+    return totals
 
 
-def show(found: dict[str, Tally], took: float) -> str:
-    """Return the table of all targets."""
+def show(tallies: dict[str, Tally], took: float) -> str:
+    """Table of all targets."""
     lines = [f"{'target':10} {'inputs':>8} {'read':>8} {'refused':>8} {'findings':>8} {'slowest s':>9} {'grown MB':>8}"]
     total: Counter[str] = Counter()
-    for name, tally in found.items():
-        some = tally.outcomes
-        total += some
+    for name, tally in tallies.items():
+        outcomes = tally.outcomes
+        total += outcomes
         lines.append(
-            f"{name:10} {some.total():8} {some['read']:8} {some['refused']:8} {some['finding']:8} "
+            f"{name:10} {outcomes.total():8} {outcomes['read']:8} {outcomes['refused']:8} {outcomes['finding']:8} "
             f"{tally.slowest:9.2f} {tally.grown / 1e6:8.0f}"
         )
     lines.append(f"{'all':10} {total.total():8} {total['read']:8} {total['refused']:8} {total['finding']:8}")
@@ -127,7 +127,7 @@ def show(found: dict[str, Tally], took: float) -> str:
 
 
 def replay(name: str, data: bytes) -> None:
-    """Use one input in this process and let every error pass through."""
+    """Use one input in this process, without handling its errors."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / TARGETS[name].file
         path.write_bytes(data)
@@ -145,27 +145,27 @@ def main() -> int:
     parser.add_argument("--replay", type=Path, help="file to use again")
     parser.add_argument("--save", type=Path, default=Path("out/fuzz"), help="folder of the inputs that were findings")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
-    given = parser.parse_args()
-    if given.only is not None or given.replay is not None:
-        name = given.targets[0]
-        replay(name, given.replay.read_bytes() if given.replay else TARGETS[name].input(given.seed, given.only))
+    options = parser.parse_args()
+    if options.only is not None or options.replay is not None:
+        name = options.targets[0]
+        replay(name, options.replay.read_bytes() if options.replay else TARGETS[name].input(options.seed, options.only))
         return 0
     began = time.monotonic()
-    found = run(given.targets, given.seed, given.inputs, given.jobs, given.seconds)
-    print(show(found, time.monotonic() - began))
-    for name, tally in found.items():
+    tallies = run(options.targets, options.seed, options.inputs, options.jobs, options.seconds)
+    print(show(tallies, time.monotonic() - began))
+    for name, tally in tallies.items():
         for number, what in tally.findings:
-            given.save.mkdir(parents=True, exist_ok=True)
-            saved = given.save / f"{name}-{given.seed}-{number}{Path(TARGETS[name].file).suffix}"
-            saved.write_bytes(TARGETS[name].input(given.seed, number))
+            options.save.mkdir(parents=True, exist_ok=True)
+            saved = options.save / f"{name}-{options.seed}-{number}{Path(TARGETS[name].file).suffix}"
+            saved.write_bytes(TARGETS[name].input(options.seed, number))
             print(f"{name} {number}: {what}; again: python fuzz/run.py --targets {name} --replay {saved}")
-    if given.json:
+    if options.json:
         table = {
             name: {**tally.outcomes, "slowest_s": tally.slowest, "grown_bytes": tally.grown}
-            for name, tally in found.items()
+            for name, tally in tallies.items()
         }
-        given.json.write_text(json.dumps({"seed": given.seed, "memory": MEMORY, "targets": table}, indent=1) + "\n")
-    return 1 if any(tally.findings for tally in found.values()) else 0
+        options.json.write_text(json.dumps({"seed": options.seed, "memory": MEMORY, "targets": table}, indent=1) + "\n")
+    return 1 if any(tally.findings for tally in tallies.values()) else 0
 
 
 if __name__ == "__main__":

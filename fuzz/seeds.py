@@ -29,7 +29,7 @@ def mcap() -> list[bytes]:
 
     plan = make.whole(make.payloads()[:FRAMES])
     stored = {"compression": "", "pack": bytes}
-    found = [make.build(plan), make.build(make.replace(plan, **stored)), make.build(make.replace(plan, chunked=False))]
+    files = [make.build(plan), make.build(make.replace(plan, **stored)), make.build(make.replace(plan, chunked=False))]
     names = tuple(dict.fromkeys(["pelvis", *PARENTS.values(), *PARENTS]))
     rng = np.random.default_rng(0)
     motion = BodyMotion(
@@ -49,8 +49,8 @@ def mcap() -> list[bytes]:
         for number, write in enumerate(writers):
             path = Path(folder) / f"{number}.mcap"
             write(path, motion)
-            found.append(path.read_bytes())
-    return found
+            files.append(path.read_bytes())
+    return files
 
 
 def _points(profile: str) -> list[str]:
@@ -131,13 +131,13 @@ def table() -> list[bytes]:
 
 def parquet() -> list[bytes]:
     """The tables, packed and plain."""
-    found = []
+    files = []
     for packing in ("snappy", None):
         for data in (table()[0], table()[2]):
             buffer = io.BytesIO()
             pd.read_csv(io.BytesIO(data)).to_parquet(buffer, compression=packing, index=False)
-            found.append(buffer.getvalue())
-    return found
+            files.append(buffer.getvalue())
+    return files
 
 
 def rules() -> list[bytes]:
@@ -172,13 +172,13 @@ def poses() -> list[bytes]:
     """Poses with and without factors, as `dreba sample` writes them."""
     import dreba
 
-    found = []
+    files = []
     with TemporaryDirectory() as folder:
         for number, domain in enumerate(("human", "paper")):
             path = Path(folder) / f"{number}.parquet"
             dreba.sample(20, domain=domain, rng=number).save(path)
-            found.append(path.read_bytes())
-    return found
+            files.append(path.read_bytes())
+    return files
 
 
 HUMAN_ONLY = """

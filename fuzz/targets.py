@@ -1,4 +1,4 @@
-"""What is fuzzed: for each reader and loader its seeds, how they are changed, and what is done with the file."""
+"""Targets of fuzzing: for each reader and loader its seeds, its mutations, and the use of the file."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class Target:
 
     Attributes:
         name: of the target.
-        file: name that the input gets; readers see it.
+        file: name of the input file.
         make: returns the valid seeds.
-        mutation: changes one of them.
-        use: reads the file in a folder, as far as a command would; raises what the reader raises.
+        mutation: damages one of them.
+        use: reads the file and uses it as a command would; raises the errors of the reader.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Target:
         return self.make()
 
     def input(self, seed: int, number: int) -> bytes:
-        """Return input `number` of a seed; the first ones are the valid seeds themselves."""
+        """Input `number` of a seed; the first ones are the valid seeds themselves."""
         if number < len(self.seeds):
             return self.seeds[number]
         rng = random.Random(zlib.crc32(self.name.encode()) + (seed << 32) + (number << 64))

@@ -121,14 +121,14 @@ def experiment(
     if name == "toolbox":
         _toolbox(output, cost, as_json)
         return
-    from lgp.experiments.screwdriver_experiment import experiment as make
+    from lgp.experiments.screwdriver_experiment import experiment_screwdriver
 
     def progress(done: int, wanted: int) -> None:
         click.echo(f"{name}: {done} of {wanted} runs", err=True)
 
-    summary = make(
+    summary = experiment_screwdriver(
         output,
-        runs,
+        runs=runs,
         seed=seed,
         initial=initial,
         cost=cost,
@@ -137,7 +137,7 @@ def experiment(
         collisions=collisions,
         sensitivity=sensitivity,
         progress=progress,
-        tell=lambda words: click.echo(f"{name}: {words}", err=True),
+        on_event=lambda event: click.echo(f"{name}: {event}", err=True),
         command=command_line("lgp"),
     )
     if as_json:
@@ -147,10 +147,13 @@ def experiment(
 
 
 def _toolbox(output: str, cost: str, as_json: bool) -> None:
-    from lgp.experiments.toolbox import experiment as make
+    from lgp.experiments.toolbox import experiment_toolbox
 
-    summary = make(
-        output, cost=cost, tell=lambda words: click.echo(f"toolbox: {words}", err=True), command=command_line("lgp")
+    summary = experiment_toolbox(
+        output,
+        cost=cost,
+        on_event=lambda event: click.echo(f"toolbox: {event}", err=True),
+        command=command_line("lgp"),
     )
     if as_json:
         print_json(summary)

@@ -1,11 +1,8 @@
-"""The paper's Figs. 5 to 7 as plain SVG: bars with standard errors and significance, and the profile of a plan.
-
-Drawn 420 units wide, so that the text is readable on a telephone and the files stand alone.
-"""
+"""Figures of the screwdriver experiment as SVG: Figs. 5 to 8 of the paper, and the scene with its reachability."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -14,7 +11,20 @@ import numpy as np
 from lgp.experiments.runs import CONDITIONS, STARTS, pivot
 from lgp.scene.model import Scene
 from lgp.statistics.paired_tests import stars
-from lgp.svg import INK, LINE, SOFT, line, points, svg, text, ticks
+from lgp.svg import (
+    INK,
+    LINE,
+    SOFT,
+    error_bar,
+    horizontal_grid,
+    legend_line,
+    line,
+    points,
+    svg,
+    text,
+    ticks,
+    vertical_title,
+)
 from reba.arrays import Array
 from reba.method.scoring import score_array
 from reba.method.tables import PART_MAXIMA
@@ -25,66 +35,66 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COLOURS: Final = {"non-ergonomic": "#b4540a", "ergonomic": "#1f6fa8", "re-optimized": "#7a68b5"}
-"""One per condition; each also has its name beside it."""
+"""Condition -> colour; the name of the condition stands beside it, so that colour is not the only sign."""
 DASHES: Final = {"rest": "none", "random": "6 4"}
-"""As in the paper's Fig. 7."""
+"""Initial posture -> dash pattern of its lines, as in Fig. 7 of the paper."""
 HEIGHT = 320.0
-_LEFT, _RIGHT, _DOWN = 44.0, 412.0, 272.0
-_BARS_UP, _PROFILE_UP = 96.0, 62.0
-"""Room above the bars for the brackets, above the lines for the key."""
+_LEFT, _RIGHT, _BOTTOM = 44.0, 412.0, 272.0
+_BARS_TOP, _PROFILE_TOP = 96.0, 62.0
+"""Tops of the plot areas: space for the brackets above the bars, for the legend above the lines."""
 _BRACKET = 26.0
-_KEY = (_LEFT, _LEFT + 140.0, _LEFT + 256.0)
-"""Where the entries of the key begin."""
-_LEVEL = {(0, 1): 1, (1, 2): 1, (0, 2): 2}
-"""How high the bracket over a pair of bars stands."""
+"""Vertical distance of two brackets."""
+_LEGEND = (_LEFT, _LEFT + 140.0, _LEFT + 256.0)
+"""x of the legend entries."""
+_BRACKET_LEVEL = {(0, 1): 1, (1, 2): 1, (0, 2): 2}
+"""Pair of bars -> level of its bracket, so that brackets do not cross."""
 
 
 def bars(scores: Mapping[str, Any], label: str) -> str:
-    """Return mean scores per condition with standard errors, and a bracket over every compared pair.
+    """Bar chart of mean scores per condition with standard errors, and a bracket over every compared pair (Figs. 5, 6).
 
     Args:
-        scores: `reba_grasp` or `reba_mean` of one start of a summary.
-        label: text for people who cannot see it.
+        scores: `reba_grasp` or `reba_mean` of one initial posture in a summary.
+        label: text for screen readers.
     """
     conditions = scores["conditions"]
     means = [_number(conditions[name]["mean"]) for name in CONDITIONS]
     errors = [_number(conditions[name]["se"]) for name in CONDITIONS]
     top = max((mean + error for mean, error in zip(means, errors, strict=True)), default=0.0) or 1.0
-    scale = (_DOWN - _BARS_UP) / top
+    scale = (_BOTTOM - _BARS_TOP) / top
     step = (_RIGHT - _LEFT) / len(CONDITIONS)
-    centres = [_LEFT + step * (place + 0.5) for place in range(len(CONDITIONS))]
-    parts = _grid(ticks(0.0, top), lambda value: _DOWN - value * scale, "mean REBA score")
+    centres = [_LEFT + step * (index + 0.5) for index in range(len(CONDITIONS))]
+    parts = _grid(ticks(0.0, top), lambda value: _BOTTOM - value * scale)
     for name, centre, mean, error in zip(CONDITIONS, centres, means, errors, strict=True):
-        parts.append(text(centre, _DOWN + 18, name))
+        parts.append(text(centre, _BOTTOM + 18, name))
         n = conditions[name]["n"]
-        said = f"{mean:.2f} (n = {n})" if n else "n = 0"
-        parts.append(text(centre, _DOWN + 36, said, size=13, colour=SOFT))
+        note = f"{mean:.2f} (n = {n})" if n else "n = 0"
+        parts.append(text(centre, _BOTTOM + 36, note, size=13, colour=SOFT))
         if not n:
             continue
-        y = _DOWN - mean * scale
-        parts.append(f'<rect x="{centre - 36:.1f}" y="{y:.1f}" width="72" height="{_DOWN - y:.1f}" '
+        y = _BOTTOM - mean * scale
+        parts.append(f'<rect x="{centre - 36:.1f}" y="{y:.1f}" width="72" height="{_BOTTOM - y:.1f}" '
                      f'fill="{COLOURS[name]}"/>')  # fmt: skip
-        low, high = y + error * scale, y - error * scale
-        parts += [line(centre, low, centre, high), *(line(centre - 7, end, centre + 7, end) for end in (low, high))]
+        parts += error_bar(centre, y + error * scale, y - error * scale, 7.0)
     for pair in scores["pairs"]:
         parts += _bracket(pair, centres)
     return svg(parts, label, HEIGHT)
 
 
 def _bracket(pair: Mapping[str, Any], centres: Sequence[float]) -> list[str]:
-    places = CONDITIONS.index(pair["first"]), CONDITIONS.index(pair["second"])
-    y = _BARS_UP - 10 - _LEVEL[places] * _BRACKET + 6
-    a, b = centres[places[0]] + 6, centres[places[1]] - 6
+    bars_ = CONDITIONS.index(pair["first"]), CONDITIONS.index(pair["second"])
+    y = _BARS_TOP - 10 - _BRACKET_LEVEL[bars_] * _BRACKET + 6
+    a, b = centres[bars_[0]] + 6, centres[bars_[1]] - 6
     mark = "not tested" if pair["p_holm"] is None else stars(pair["p_holm"]) or "n.s."
     return [line(a, y, b, y), line(a, y, a, y + 7), line(b, y, b, y + 7), text((a + b) / 2, y - 5, mark)]
 
 
 def profile(paths: pd.DataFrame, label: str) -> str:
-    """Return the mean score over the time of the plans, per condition and start, with its standard error as a band.
+    """Mean REBA score over time per condition and initial posture, its standard error as a band (Fig. 7).
 
     Args:
-        paths: with `lgp.experiments.runs.PATH_COLUMNS`.
-        label: text for people who cannot see it.
+        paths: columns `PATH_COLUMNS`.
+        label: text for screen readers.
     """
     means = paths.groupby(["initial", "condition", "time"])["reba"].agg(["mean", "sem"]).fillna({"sem": 0.0})
     means = means.reset_index()
@@ -97,9 +107,9 @@ def profile(paths: pd.DataFrame, label: str) -> str:
         return _LEFT + np.asarray(time) / end * (_RIGHT - _LEFT)
 
     def y(score: Any) -> Any:
-        return _DOWN - (np.asarray(score) - bottom) / (top - bottom) * (_DOWN - _PROFILE_UP)
+        return _BOTTOM - (np.asarray(score) - bottom) / (top - bottom) * (_BOTTOM - _PROFILE_TOP)
 
-    parts = _grid(sorted({bottom, *ticks(bottom, top)}), lambda value: float(y(value)), "mean REBA score")
+    parts = _grid(sorted({bottom, *ticks(bottom, top)}), lambda value: float(y(value)))
     parts += _phases(paths, x)
     for start in starts:
         for condition in CONDITIONS:
@@ -109,39 +119,33 @@ def profile(paths: pd.DataFrame, label: str) -> str:
             parts.append(f'<polygon points="{band}" fill="{COLOURS[condition]}" fill-opacity="0.16"/>')
             parts.append(f'<polyline points="{points(px, y(mean))}" fill="none" stroke="{COLOURS[condition]}" '
                          f'stroke-width="2.2" stroke-dasharray="{DASHES[start]}"/>')  # fmt: skip
-    return svg([*parts, *_key(starts)], label, HEIGHT)
+    return svg([*parts, *_legend(starts)], label, HEIGHT)
 
 
 def _phases(paths: pd.DataFrame, x: Any) -> list[str]:
-    """Return dividers between the phases and their numbers; plans of unlike lengths share the longest one's."""
+    """Dividers between the phases, with their numbers; plans of different lengths share those of the longest."""
     ends = paths.groupby("phase")["time"].max()
-    parts, before = [], 0.0
+    parts, begin = [], 0.0
     for phase, end in zip(ends.index.tolist(), ends.tolist(), strict=True):
-        parts.append(line(float(x(end)), _PROFILE_UP, float(x(end)), _DOWN, LINE, 1.0))
-        parts.append(text(float(x((before + end) / 2)), _DOWN + 18, f"phase {phase + 1}"))
-        parts.append(text(float(x(end)), _DOWN + 36, f"{end:g} s", size=12, colour=SOFT, anchor="end"))
-        before = float(end)
+        parts.append(line(float(x(end)), _PROFILE_TOP, float(x(end)), _BOTTOM, LINE, 1.0))
+        parts.append(text(float(x((begin + end) / 2)), _BOTTOM + 18, f"phase {phase + 1}"))
+        parts.append(text(float(x(end)), _BOTTOM + 36, f"{end:g} s", size=12, colour=SOFT, anchor="end"))
+        begin = float(end)
     return parts
 
 
-def _key(starts: Sequence[str]) -> list[str]:
+def _legend(starts: Sequence[str]) -> list[str]:
     parts = []
-    for at, name in zip(_KEY, CONDITIONS, strict=True):
-        parts += [line(at, 14, at + 22, 14, COLOURS[name], 4.0), text(at + 28, 19, name, anchor="start")]
-    for at, start in zip(_KEY, starts, strict=False):
-        parts.append(line(at, 38, at + 22, 38, INK, 2.2, DASHES[start]))
-        parts.append(text(at + 28, 43, f"{start} start", anchor="start"))
+    for x, name in zip(_LEGEND, CONDITIONS, strict=True):
+        parts += legend_line(x, 14, name, COLOURS[name])
+    for x, start in zip(_LEGEND, starts, strict=False):
+        parts += legend_line(x, 38, f"{start} start", width=2.2, dash=DASHES[start])
     return parts
 
 
-def _grid(at: Sequence[float], y: Any, title: str) -> list[str]:
-    parts = []
-    for tick in at:
-        parts.append(line(_LEFT, y(tick), _RIGHT, y(tick), LINE, 1.0))
-        parts.append(text(_LEFT - 6, y(tick) + 4.5, f"{tick:g}", anchor="end"))
-    middle = (_DOWN + _PROFILE_UP) / 2
-    turned = f'<g transform="translate(13 {middle:.1f}) rotate(-90)">{text(0, 0, title, size=13, colour=SOFT)}</g>'
-    return [*parts, turned]
+def _grid(values: Sequence[float], y: Callable[[float], float]) -> list[str]:
+    title = vertical_title(13, (_BOTTOM + _PROFILE_TOP) / 2, "mean REBA score")
+    return [*horizontal_grid(values, y, _LEFT, _RIGHT), title]
 
 
 def _number(value: float | None) -> float:
@@ -149,12 +153,12 @@ def _number(value: float | None) -> float:
 
 
 COMPARED: Final = ("non-ergonomic", "re-optimized")
-"""Conditions of the two figures: the same sequence of actions, planned without and with the ergonomic cost."""
+"""Conditions of Fig. 8: the same sequence of actions, planned without and with the ergonomic cost."""
 
 
 @dataclass(frozen=True)
 class Posture:
-    """A drawn posture: its condition, table, true REBA score, and SVG."""
+    """Posture at the grasp as a figure: its condition, table, true REBA score and SVG."""
 
     condition: str
     table: str
@@ -164,12 +168,12 @@ class Posture:
 
 @dataclass(frozen=True)
 class Example:
-    """The run that stands for all: of median difference in score between the two conditions.
+    """Representative run: the one of median difference in REBA score between the two conditions of `COMPARED`.
 
     Attributes:
-        run, start: which one.
-        of: runs it was chosen from.
-        difference: its score without minus its score with the ergonomic cost.
+        run, start: number and initial posture of the run.
+        of: number of runs it was chosen from.
+        difference: score without minus score with the ergonomic cost [points].
         postures: one per condition of `COMPARED`.
     """
 
@@ -181,24 +185,23 @@ class Example:
 
 
 def example(runs: pd.DataFrame, paths: pd.DataFrame) -> Example | None:
-    """Return the run of median difference, of random starts if there are any; None where none has both conditions."""
+    """Run of median difference, from the random start if it has runs; None if no run has both conditions."""
     for start in reversed(STARTS):
         scores = pivot(runs, "reba_grasp", start)[list(COMPARED)].dropna()
         if not len(scores):
             continue
         differences = (scores[COMPARED[0]] - scores[COMPARED[1]]).sort_values(kind="stable")
         run = int(differences.index[len(differences) // 2])
-        here = runs[(runs["run"] == run) & (runs["initial"] == start)].set_index("condition")["table"]
-        mine = paths[(paths["run"] == run) & (paths["initial"] == start)]
-        if not set(COMPARED) <= set(mine["condition"]):
+        tables = runs[(runs["run"] == run) & (runs["initial"] == start)].set_index("condition")["table"]
+        path = paths[(paths["run"] == run) & (paths["initial"] == start)]
+        if not set(COMPARED) <= set(path["condition"]):
             continue
-        postures = tuple(_posture(mine[mine["condition"] == name], name, str(here[name])) for name in COMPARED)
+        postures = tuple(_posture(path[path["condition"] == name], name, str(tables[name])) for name in COMPARED)
         return Example(run, start, len(scores), float(differences.loc[run]), postures)
     return None
 
 
 def _posture(path: pd.DataFrame, condition: str, table: str) -> Posture:
-
     last = path.sort_values("slice").iloc[-1]
     angles = last[list(COLUMNS)].to_numpy(dtype=float)
     scores = score_array(angles[None], {"load": float(last["load"])})
@@ -206,7 +209,7 @@ def _posture(path: pd.DataFrame, condition: str, table: str) -> Posture:
     for name in SPOTS:
         part = next((name.removesuffix(f"_{side}") for side in SIDES if name.endswith(side)), name)
         value = int(scores[name][0])
-        # 255 stands for a score that the angles leave open.
+        # 255 marks a score that unmeasured angles leave undetermined.
         if 1 < value <= PART_MAXIMA[part]:
             marks[name] = Mark(str(value), (value - 1) / (PART_MAXIMA[part] - 1))
     reba = int(np.rint(last["reba"]))
@@ -214,48 +217,49 @@ def _posture(path: pd.DataFrame, condition: str, table: str) -> Posture:
 
 
 SCALE: Final = 200.0
-"""Units of the drawing per metre."""
+"""View box units per metre."""
 MARGIN: Final = 0.22
-"""Floor drawn around everything [m]."""
+"""Floor around the outermost table or agent [m]."""
 
 
 def reach_map(scene: Scene, spots: pd.DataFrame) -> str:
-    """Return the drawing; the human's forward direction (x) points up, so its left is on the left.
+    """Scene from above with the share of table heights that are reached; the human's forward axis x points up.
 
     Args:
         scene: the scene.
-        spots: rows of `hand table height x y reached`, as `lgp.kinematics.reachability.Reachability.data`.
+        spots: rows of `hand table height x y reached`, see `lgp.kinematics.reachability.Reachability.data`.
     """
     corners = {name: _corners(table.position, table.size, table.yaw) for name, table in scene.tables.items()}
     feet = np.array([agent.position[:2] for agent in scene.agents])
-    everything = np.concatenate([*corners.values(), feet])
-    low, high = everything.min(axis=0) - MARGIN, everything.max(axis=0) + MARGIN
+    outline = np.concatenate([*corners.values(), feet])
+    low, high = outline.min(axis=0) - MARGIN, outline.max(axis=0) + MARGIN
 
-    def at(points: Array) -> Array:
-        """Floor [m] (n, 2) -> drawing (n, 2)."""
-        return np.stack([high[1] - points[:, 1], high[0] - points[:, 0]], axis=1) * SCALE
+    def to_view(positions: Array) -> Array:
+        """Positions on the floor (n, 2) [m] -> view box (n, 2)."""
+        return np.stack([high[1] - positions[:, 1], high[0] - positions[:, 0]], axis=1) * SCALE
 
     width, height = (high - low)[::-1] * SCALE
     parts = []
     for name, edge in corners.items():
-        outline = " ".join(f"{x:.0f},{y:.0f}" for x, y in at(edge))
-        parts.append(f'<polygon points="{outline}" fill="#ffffff" stroke="{SOFT}"/>')
-        x, y = at(edge).mean(axis=0)
-        top = at(edge)[:, 1].min()
+        border = " ".join(f"{x:.0f},{y:.0f}" for x, y in to_view(edge))
+        parts.append(f'<polygon points="{border}" fill="#ffffff" stroke="{SOFT}"/>')
+        x, y = to_view(edge).mean(axis=0)
+        top = to_view(edge)[:, 1].min()
         parts.append(_text(x, top - 6, name.removeprefix("table."), INK))
-    for (x, y), share in zip(at(_spots(spots)[["x", "y"]].to_numpy()), _spots(spots)["share"], strict=True):
+    shares = _reached_shares(spots)
+    for (x, y), share in zip(to_view(shares[["x", "y"]].to_numpy()), shares["share"], strict=True):
         parts.append(
             f'<circle cx="{x:.0f}" cy="{y:.0f}" r="5" fill="#1f6fa8" fill-opacity="{0.08 + 0.82 * share:.2f}" '
             f'stroke="{SOFT}" stroke-width="0.6"><title>{100 * share:.0f} % of the heights</title></circle>'
         )
-    for agent, (x, y) in zip(scene.agents, at(feet), strict=True):
-        ahead = np.radians(agent.yaw)
-        nose = at(np.array([agent.position[:2]]) + 0.12 * np.array([[np.cos(ahead), np.sin(ahead)]]))[0]
+    for agent, (x, y) in zip(scene.agents, to_view(feet), strict=True):
+        yaw = np.radians(agent.yaw)
+        nose = to_view(np.array([agent.position[:2]]) + 0.12 * np.array([[np.cos(yaw), np.sin(yaw)]]))[0]
         parts.append(f'<circle cx="{x:.0f}" cy="{y:.0f}" r="11" fill="{INK}"/>')
         parts.append(
             f'<line x1="{x:.0f}" y1="{y:.0f}" x2="{nose[0]:.0f}" y2="{nose[1]:.0f}" stroke="{INK}" stroke-width="5"/>'
         )
-        # The name stands behind the back.
+        # Behind the back, where the name does not cover the reached area.
         parts.append(_text(x, y + 28 if nose[1] <= y else y - 18, agent.name, INK))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
@@ -264,23 +268,23 @@ def reach_map(scene: Scene, spots: pd.DataFrame) -> str:
     )
 
 
-def _spots(spots: pd.DataFrame) -> pd.DataFrame:
-    """Return `x y share`: how many of the heights the human and some hand of a robot reach; one side where it is fixed.
+def _reached_shares(spots: pd.DataFrame) -> pd.DataFrame:
+    """Columns `x y share`: share of the heights at which both the human and a hand of a robot reach the spot.
 
-    Tables of a given height are where objects lie at first, which only robots need to reach.
+    On tables of fixed height, where objects lie initially, only the robots count: the human need not reach them.
     """
     heights = spots.groupby("table")["height"].transform("nunique")
     human = spots["hand"].str.startswith("human.")
     wanted = spots[(heights > 1) | ~human].assign(human=human)
-    somebody = wanted.groupby(["table", "x", "y", "height", "human"])["reached"].max()
-    both = somebody.groupby(level=["table", "x", "y", "height"]).min()
+    by_agent = wanted.groupby(["table", "x", "y", "height", "human"])["reached"].max()
+    both = by_agent.groupby(level=["table", "x", "y", "height"]).min()
     return both.groupby(level=["table", "x", "y"]).mean().rename("share").reset_index()
 
 
 def _corners(position: tuple[float, float], size: tuple[float, float], yaw: float) -> Array:
-    turn = np.radians(yaw)
+    angle = np.radians(yaw)
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(size) / 2.0
-    rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     return np.asarray(corners @ rotation + position)
 
 

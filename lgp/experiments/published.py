@@ -1,7 +1,7 @@
-"""What the paper reports of its experiments: the screwdriver's Tables II and III and heights, the toolbox's sequences.
+"""Published results of both experiments: Tables II and III and heights (screwdriver), action sequences (toolbox).
 
 Source: Busch, Toussaint & Lopes, Planning Ergonomic Sequences of Actions in Human-Robot Interaction, ICRA 2018,
-section III. Figures 5 to 7 print no numbers, so none are given here.
+section III. Figures 5 to 7 print no numbers; only the order of their means is used.
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ SOURCE: Final = (
     "Busch, Toussaint & Lopes, Planning Ergonomic Sequences of Actions in Human-Robot Interaction, ICRA 2018, "
     "section III"
 )
-RUNS: Final = 100
-"""Runs behind every percentage."""
 CHOICE_PERCENT: Final[dict[str, dict[str, dict[str, int]]]] = {
     "rest": {
         "non-ergonomic": {"left": 89, "center": 7, "right": 4},
@@ -24,18 +22,18 @@ CHOICE_PERCENT: Final[dict[str, dict[str, dict[str, int]]]] = {
         "ergonomic": {"left": 26, "center": 40, "right": 34},
     },
 }
-"""Start -> condition -> table -> share of runs that chose it [%]: Table II (rest), Table III (random)."""
+"""Initial posture -> condition -> table -> share of 100 runs that chose it [%]: Table II (rest), III (random)."""
 TABLE_NUMBER: Final = {"rest": "Table II", "random": "Table III"}
-"""Where the choices of a start are printed."""
+"""Initial posture -> table of the paper with its choices."""
 CHOSEN_HEIGHT: Final[dict[str, dict[str, tuple[float, float]]]] = {
     "rest": {"non-ergonomic": (1.08, 0.22), "ergonomic": (0.95, 0.15)},
     "random": {"non-ergonomic": (1.02, 0.20)},
 }
-"""Start -> condition -> mean and standard deviation of the chosen table's height [m]."""
+"""Initial posture -> condition -> mean and standard deviation of the chosen table's height [m]."""
 DRAWN_HEIGHT: Final = (1.10, 0.30)
-"""Mean and standard deviation of the heights of all three tables [m]."""
+"""Mean and standard deviation of the drawn heights of all three tables [m]."""
 EXPECTED_ORDER: Final = ("ergonomic", "re-optimized", "non-ergonomic")
-"""Conditions by their mean REBA score at the grasp, lowest first, with both starts (Figs. 5 and 6)."""
+"""Conditions by their mean REBA score at the grasp, lowest first, from both initial postures (Figs. 5 and 6)."""
 TOOLBOX_SOURCE: Final = (
     "Busch, Toussaint & Lopes, Planning Ergonomic Sequences of Actions in Human-Robot Interaction, ICRA 2018, "
     "section IV, with its names baxterL, baxterR, handR and tableC written as they are called here"
@@ -62,6 +60,6 @@ TOOLBOX_SEQUENCES: Final[dict[str, tuple[str, ...]]] = {
         "screw(8, human.right_hand, toolbox/side.left, toolbox/handle)",
     ),
 }
-"""Condition -> sequence of the toolbox experiment. Of the ergonomic one the paper prints the first four actions and
-says that the rest is alike. Its last line names the parts in another order than its goal and its operator do, which
-hold and screw the first part: `screw(8, human.right_hand, toolbox/handle, toolbox/side.left)` is meant."""
+"""Condition -> action sequence of the toolbox experiment. Of the ergonomic sequence the paper prints the first four
+actions and states that the rest is equal. The last action names the parts in another order than the goal and the
+operator of the paper, by which it is `screw(8, human.right_hand, toolbox/handle, toolbox/side.left)`."""

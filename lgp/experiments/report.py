@@ -1,4 +1,4 @@
-"""The page of the screwdriver experiment, and everything else that is written once the runs are made."""
+"""Results of the screwdriver experiment: `summary.json`, the figures as SVG, and the HTML report."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FIGURE_NUMBER = {"rest": 5, "random": 6}
-"""The paper's figure with the bars of a start."""
+"""Initial posture -> number of the paper's figure."""
 
 
 def write_results(
@@ -38,36 +38,36 @@ def write_results(
     """Write `summary.json`, `figure_5.svg` to `figure_7.svg` and `report.html` into a folder; return the summary.
 
     Args:
-        folder: that holds the runs.
-        runs, paths: as `RunStore.finish` returns them, of one start or both.
-        scene: what was planned for; its free choices are shown with their reasons.
-        settings: how the runs were made, shown and kept in the summary.
-        command: command line to show, so that the page can be made again.
-        reach: who reaches what in the scene.
-        sensitivity: as `lgp.experiments.sensitivity.sensitivity` returns it.
+        folder: of the results.
+        runs, paths: tables of `RunStore.finish`, of one initial posture or both.
+        scene: the planned scene; its free choices are listed with their reasons.
+        settings: of the experiment, shown and kept in the summary.
+        command: command line that reproduces the results, shown on the page.
+        reach: reachability of the table tops by each hand.
+        sensitivity: table of `lgp.experiments.sensitivity.sensitivity_table`.
 
     Raises:
-        LgpError: a table is not as expected, or statsmodels is not installed.
+        LgpError: a table has wrong columns or values, or statsmodels is not installed.
         RebaError: a file cannot be written.
     """
     summary = summarise(runs, paths, settings, sensitivity)
-    place = Path(folder)
-    write_summary(place / "summary.json", summary)
+    output = Path(folder)
+    write_summary(output / "summary.json", summary)
     plots = plots_of(summary, check_paths(paths))
     for name, svg in plots.items():
-        _write(place / f"{name}.svg", svg + "\n")
+        _write(output / f"{name}.svg", svg + "\n")
     html = render(summary, runs, paths, scene, plots, command=command, reach=reach)
-    _write(place / "report.html", html)
+    _write(output / "report.html", html)
     return summary
 
 
 def plots_of(summary: Mapping[str, Any], paths: pd.DataFrame) -> dict[str, str]:
-    """Return the figures that stand as files: name -> SVG."""
+    """Figures that are written as files: name -> SVG."""
     plots = {
         f"figure_{FIGURE_NUMBER[start]}": bars(
-            found["reba_grasp"], f"Bars: mean REBA score at the grasp per condition, {start} start"
+            results["reba_grasp"], f"Bars: mean REBA score at the grasp per condition, {start} start"
         )
-        for start, found in summary["starts"].items()
+        for start, results in summary["starts"].items()
     }
     if len(paths):
         plots["figure_7"] = profile(paths, "Lines: mean REBA score over the phases per condition and start")
@@ -84,7 +84,7 @@ def render(
     command: str = "",
     reach: Reachability | None = None,
 ) -> str:
-    """Return the page as HTML; arguments as in `write_results`, `plots` as `plots_of` returns them."""
+    """Report as HTML text; arguments as in `write_results`, `plots` from `plots_of`."""
     from markupsafe import Markup
 
     filters = {"p": p_value, "number": number, "stars": _stars}
@@ -101,7 +101,7 @@ def render(
         example=example(check_runs(runs), check_paths(paths)),
         Markup=Markup,
         scene=scene,
-        reach=None if reach is None else _reach(reach.shares()),
+        reach=None if reach is None else _reach_rows(reach.shares()),
         map=None if reach is None else Markup(reach_map(scene, reach.data)),
         sensitivity=summary["sensitivity"] or [],
         command=command,
@@ -112,8 +112,8 @@ def _stars(value: float | None) -> str:
     return "" if value is None else stars(value) or "n.s."
 
 
-def _reach(shares: pd.DataFrame) -> dict[str, Any]:
-    """Return heights, and rows of hand, table and shares."""
+def _reach_rows(shares: pd.DataFrame) -> dict[str, Any]:
+    """Table heights [m], and rows of hand, table and the reached share at each height."""
     rows: Sequence[tuple[Any, Any]] = list(shares.iterrows())
     return {
         "heights": [float(height) for height in shares.columns],

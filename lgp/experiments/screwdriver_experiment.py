@@ -1,30 +1,28 @@
-"""The screwdriver experiment (section III of the paper): which table, at what height, in which posture.
-
-One run draws the heights of the tables and plans three times: without ergonomics, with, and with ergonomics but the
-actions of the plan without ("re-optimized"). Heights depend on seed and run alone, so conditions and starts are paired.
-"""
+"""The screwdriver experiment (section III of the paper) from planning to report."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lgp.errors import LgpError
 from lgp.experiments.report import write_results
-from lgp.experiments.runs import RunStore
+from lgp.experiments.runs import STARTS, RunStore
 from lgp.experiments.screwdriver import DEPTH, SCENE, plan_runs
-from lgp.experiments.sensitivity import sensitivity as vary
+from lgp.experiments.sensitivity import sensitivity_table
 from lgp.kinematics.reachability import reachability
 from lgp.kinematics.world import World
 from lgp.planner import COST
 from lgp.scene.scene_file import load_scene
-from lgp.statistics.paired_tests import require
+from lgp.statistics.paired_tests import require_statsmodels
 
 
-def experiment(
+def experiment_screwdriver(
     folder: str | Path,
-    runs: int = 100,
     *,
+    runs: int = 100,
     seed: int = 0,
     initial: str = "rest",
     cost: str = COST,
@@ -33,36 +31,53 @@ def experiment(
     collisions: bool = False,
     sensitivity: int = 0,
     progress: Callable[[int, int], None] | None = None,
-    tell: Callable[[str], None] | None = None,
+    on_event: Callable[[str], None] | None = None,
     command: str = "",
 ) -> dict[str, Any]:
-    """Make the runs that a folder lacks, write its tables, figures and page, and return the summary.
+    """Reproduce the screwdriver experiment: plan its runs, write tables, figures and report, and return the summary.
+
+    Each run draws the heights of three tables and plans the conditions non-ergonomic, ergonomic and re-optimized.
+    Written are `runs.parquet`, `paths.parquet`, `summary.json`, `figure_5.svg` to `figure_7.svg` and `report.html`.
 
     Args:
-        folder: of the results; runs that are in it stay, so a stopped experiment goes on.
-        runs: how many there shall be.
-        seed, initial, cost, jobs, scheduler, collisions: as for `plan_runs`.
-        sensitivity: runs of each variation of a free choice, 0 for no variations.
-        progress: told how many runs there are and how many there shall be, after each.
-        tell: told which variation is made.
-        command: that made the results, for the page.
+        folder: of the results. Finished runs in it are kept, so that an interrupted experiment continues.
+        runs: number of runs in total.
+        seed: of all random draws.
+        initial: initial posture of the human: "rest" or "random".
+        cost: dREBA model of the conditions with ergonomics: a file or a shipped name.
+        jobs: processes on this computer.
+        scheduler: address of a Dask scheduler, which then replaces `jobs`.
+        collisions: whether paths are collision-free; takes several times as long.
+        sensitivity: runs of each variation of a free choice of the scene, 0 for no variations.
+        progress: called after each run with the number of finished runs and `runs`.
+        on_event: called with one line for each variation that is planned.
+        command: command line that reproduces the results, shown in the report.
+
+    Returns:
+        The content of `summary.json`.
 
     Raises:
-        LgpError: the folder holds runs of other settings, or something that is needed is missing.
+        LgpError: an option is wrong, the folder holds runs of other settings, a run cannot be planned, or statsmodels
+            is not installed.
+        RebaError: a file cannot be written, or the cluster cannot be used.
     """
-
-    require()
-    settings = {"experiment": SCENE, "scene": SCENE, "seed": seed, "cost": cost, "depth": DEPTH}
-    settings["collisions"] = collisions
+    if not isinstance(runs, int) or isinstance(runs, bool) or runs < 1:
+        raise LgpError(f"runs is {runs!r}; expected a whole number of 1 or more")
+    if initial not in STARTS:
+        raise LgpError(f"initial is {initial!r}; expected one of {', '.join(STARTS)}")
+    require_statsmodels()
+    settings = {
+        "experiment": SCENE,
+        "scene": SCENE,
+        "seed": seed,
+        "cost": cost,
+        "depth": DEPTH,
+        "collisions": collisions,
+    }
     store = RunStore(folder, settings)
-    missing = sorted(set(range(runs)) - store.done(initial))
-    planned = plan_runs(missing, seed, initial, cost, jobs, scheduler=scheduler, collisions=collisions)
-    for number, made in enumerate(planned, 1):
-        store.append(*made)
-        if progress is not None:
-            progress(runs - len(missing) + number, runs)
-    tables = store.finish()
-    varied = vary(folder, sensitivity, settings, jobs, tell, scheduler) if sensitivity else None
+    plan = partial(plan_runs, seed=seed, cost=cost, jobs=jobs, scheduler=scheduler, collisions=collisions)
+    tables = store.complete(runs, initial, partial(plan, initial=initial), progress)
+    varied = sensitivity_table(folder, sensitivity, settings, plan, on_event=on_event) if sensitivity else None
     world = World(load_scene(SCENE))
     return write_results(
         folder,

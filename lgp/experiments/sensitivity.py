@@ -1,13 +1,14 @@
-"""The sensitivity of the screwdriver experiment: how the choice of table moves when a free choice of the scene does.
+"""Sensitivity of the screwdriver experiment: shares of the chosen tables under variations of the scene's free choices.
 
-Each variation is a folder of runs of its own, on the same heights as the experiment's first runs, so a stopped one goes
-on. Where a variation takes the task its meaning - the human reaches the screwdriver without help, no hand of a robot
-does - the table says so.
+Each variation has a folder of its own with the same table heights as the first runs of the experiment, so that an
+interrupted analysis continues. A remark names variations that change the task itself: the human reaches the screwdriver
+without help, or no robot hand reaches it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -15,10 +16,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from lgp.experiments.runs import CONDITIONS, TABLES, RunStore
-from lgp.experiments.screwdriver import GOAL_THING, SCENE, plan_runs
+from lgp.experiments.screwdriver import GOAL_OBJECT, SCENE
 from lgp.experiments.variations import BASELINE, SceneVariation, variations
 from lgp.kinematics.reachability import CLOSE, reach, reachability
 from lgp.kinematics.world import World
+from lgp.scene.model import Scene, Table
 from lgp.scene.scene_file import load_scene
 
 if TYPE_CHECKING:
@@ -27,61 +29,60 @@ if TYPE_CHECKING:
 FOLDER: Final = "sensitivity"
 """Folder of the variations, below that of the experiment."""
 STARTS: Final = 6
-"""Of the inverse kinematics behind a remark."""
-FULL: Final = 0.995
+"""Initial guesses of the inverse kinematics of a remark."""
+FULL_SHARE: Final = 0.995
+"""Share of heights from which on a table counts as reached at all heights: below 1 by the resolution of the map."""
 
 
-def sensitivity(
+def sensitivity_table(
     folder: str | Path,
     runs: int,
     settings: Mapping[str, Any],
-    jobs: int = 1,
-    progress: Callable[[str], None] | None = None,
-    scheduler: str | None = None,
+    plan: Callable[..., Iterable[tuple[pd.DataFrame, pd.DataFrame]]],
+    *,
+    varied: Sequence[SceneVariation] | None = None,
+    on_event: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
-    """Make the runs that the variations lack; return one row per variation and condition.
+    """Plan the missing runs of every variation from the rest posture; one row per variation and condition.
 
     Args:
         folder: of the experiment.
-        runs: of every variation.
-        settings: of the experiment, with its `seed`, `cost` and `collisions`; all runs start at rest.
-        jobs, scheduler: where they are made, see `reba.batch.parallel.run_parallel`.
-        progress: told what is made next.
+        runs: of each variation.
+        settings: of the experiment.
+        plan: plans the runs of these numbers with `variation=`, see `lgp.experiments.screwdriver.plan_runs`.
+        varied: variations, by default all of the scene.
+        on_event: called with one line for each variation that lacks runs.
 
     Returns:
-        Columns `choice factor condition left center right n of remark`: shares of the tables [%] of the n feasible of
-        all runs. They add to less than 100 where the human takes the screwdriver from where it lies at first.
+        Columns `choice factor condition left center right n of remark`: shares of the tables [%] in the n feasible of
+        all runs. They add up to less than 100 if the human takes the screwdriver from its initial table.
 
     Raises:
         LgpError: a folder holds runs of other settings.
     """
     rows = []
-    for variation in variations(load_scene(SCENE)):
+    for variation in variations(load_scene(SCENE)) if varied is None else varied:
         own = {**settings, "choice": variation.choice, "factor": variation.factor}
         store = RunStore(Path(folder) / FOLDER / variation.name, own)
-        missing = sorted(set(range(runs)) - store.done("rest"))
-        if missing and progress is not None:
-            progress(f"{variation.choice} x {variation.factor:g}: {len(missing)} runs")
-        common = settings["seed"], "rest", settings["cost"], jobs
-        for made in plan_runs(missing, *common, variation, scheduler, settings["collisions"]):
-            store.append(*made)
-        found, _ = store.finish()
-        rows += _rows(variation, found[found["run"] < runs])
+        missing = set(range(runs)) - store.done("rest")
+        if missing and on_event is not None:
+            on_event(f"{variation.choice} x {variation.factor:g}: {len(missing)} runs")
+        planned, _ = store.complete(runs, "rest", partial(plan, variation=variation))
+        rows += _rows(variation, planned[planned["run"] < runs])
     return _table(rows)
 
 
 def _rows(variation: SceneVariation, runs: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return a row per condition; the re-optimized one has the tables of the one without ergonomics."""
-
+    """One row per searched condition; the re-optimized one has the tables of the non-ergonomic one by definition."""
     changed = variation.changes != BASELINE.changes
     remark = "; ".join(remarks(World(variation.scene(SCENE)))) if changed else ""
     rows = []
     for condition in CONDITIONS[:2]:
-        here = runs[runs["condition"] == condition]
-        tables = here.loc[here["feasible"], "table"]
+        selected = runs[runs["condition"] == condition]
+        tables = selected.loc[selected["feasible"], "table"]
         shares = {table: 100.0 * float((tables == table).mean()) if len(tables) else np.nan for table in TABLES}
-        first = {"choice": variation.choice, "factor": variation.factor, "condition": condition}
-        rows.append({**first, **shares, "n": len(tables), "of": len(here), "remark": remark})
+        key = {"choice": variation.choice, "factor": variation.factor, "condition": condition}
+        rows.append({**key, **shares, "n": len(tables), "of": len(selected), "remark": remark})
     return rows
 
 
@@ -92,36 +93,48 @@ def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
 
 
 def remarks(world: World) -> list[str]:
-    """Return what takes the task its meaning, or part of it, in words; nothing where all is as it should be."""
-
+    """Properties of a scene that change the task or restrict its choices, one sentence each."""
     scene = world.scene
-    item = scene.things[GOAL_THING]
-    lies = scene.tables[item.on]
-    spot = np.array([[*lies.position, lies.height + item.size[2] / 2.0]])
-    near = {
+    item = scene.things[GOAL_OBJECT]
+    table = scene.tables[item.on]
+    spot = np.array([[*table.position, table.height + item.size[2] / 2.0]])
+    reached = {
         hand.full: float(reach(world, hand, spot, STARTS, np.random.default_rng(0))[0]) < CLOSE
         for hand in scene.hands.values()
     }
     human = {hand.full for hand in scene.hands.values() if hand.agent == "human"}
-    found = []
-    if any(near[hand] for hand in human):
-        found.append(f"the human reaches the {GOAL_THING} without help")
-    if not any(reached for hand, reached in near.items() if hand not in human):
-        found.append(f"no robot hand reaches the {GOAL_THING}")
+    robot = set(reached) - human
     tops = [scene.tables[f"table.{name}"] for name in TABLES]
+    notes = []
+    if any(reached[hand] for hand in human):
+        notes.append(f"the human reaches the {GOAL_OBJECT} without help")
+    if not any(reached[hand] for hand in robot):
+        notes.append(f"no robot hand reaches the {GOAL_OBJECT}")
+    return [*notes, *_overlaps(scene, tops), *_unreached(world, tops, {"the human": human, "the robot": robot})]
+
+
+def _overlaps(scene: Scene, tops: Sequence[Table]) -> list[str]:
+    """Tables that overlap each other or a robot's base in the plan view."""
+    notes = []
     for first, second in pairwise(tops):
         gap = np.abs(np.subtract(first.position, second.position)) - np.add(first.size, second.size) / 2.0
         if gap.max() < 0.0:
-            found.append(f"the tables {first.name} and {second.name} overlap where they are of one height")
+            notes.append(f"the tables {first.name} and {second.name} overlap where they are of one height")
     for robot in scene.robots.values():
         for top in tops:
             if (np.abs(np.subtract(robot.position[:2], top.position)) < np.array(top.size) / 2.0).all():
-                found.append(f"{robot.name} stands in the table {top.name}")
-    somewhere = reachability(world, starts=STARTS).somewhere().dropna(axis=1).astype(float)
-    for who, hands in (("the human", human), ("the robot", set(near) - human)):
+                notes.append(f"{robot.name} stands in the table {top.name}")
+    return notes
+
+
+def _unreached(world: World, tops: Sequence[Table], agents: Mapping[str, set[str]]) -> list[str]:
+    """Tables that an agent, given as name -> hands, does not reach at all of their heights."""
+    notes = []
+    reached = reachability(world, starts=STARTS).somewhere().dropna(axis=1).astype(float)
+    for agent, hands in agents.items():
         for top in tops:
-            rows = [key for key in somewhere.index if key[0] in hands and key[1] == top.full]
-            part = float(somewhere.loc[rows].max().mean())
-            if part < FULL:
-                found.append(f"{who} reaches the table {top.name} at {100 * part:.0f} % of its heights")
-    return found
+            rows = [key for key in reached.index if key[0] in hands and key[1] == top.full]
+            share = float(reached.loc[rows].max().mean())
+            if share < FULL_SHARE:
+                notes.append(f"{agent} reaches the table {top.name} at {100 * share:.0f} % of its heights")
+    return notes

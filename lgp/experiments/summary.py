@@ -1,6 +1,7 @@
-"""`summary.json` of the screwdriver experiment: the paper's tables and tests, ours beside theirs, as plain data.
+"""Summary of the screwdriver experiment: tables and tests of the paper and of these runs side by side, as plain data.
 
-Every test says its n, statistic, exact p and effect size. Shares of tables are of feasible runs.
+Every test has its n, statistic, exact p and effect size. Shares of tables refer to feasible runs. `findings` decides
+which claims of the paper these runs support.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from lgp.experiments import published
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs, pivot
-from lgp.statistics.paired_tests import anova, change, compare, mean_of, require
+from lgp.statistics.paired_tests import anova, compare, compare_choices, mean_of, require_statsmodels
 from reba.files import write_atomic, write_text
 
 if TYPE_CHECKING:
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 FORMAT: Final = "lgp-experiment"
 VERSION: Final = 1
 PAIRS: Final = tuple(combinations(CONDITIONS, 2))
-"""Comparisons after an ANOVA."""
-PLAIN, ERGONOMIC = "non-ergonomic", "ergonomic"
+"""Post-hoc comparisons after an ANOVA."""
+NON_ERGONOMIC, ERGONOMIC = "non-ergonomic", "ergonomic"
 
 
 def summarise(
@@ -36,21 +37,21 @@ def summarise(
     settings: Mapping[str, Any] | None = None,
     sensitivity: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
-    """Return the summary as plain data; NaN is None.
+    """Summary as plain data, with None for NaN.
 
     Args:
-        runs: with `lgp.experiments.runs.RUN_COLUMNS`, of one start or both.
-        paths: with `PATH_COLUMNS`.
-        settings: how the runs were made, kept as they are.
-        sensitivity: as `lgp.experiments.sensitivity.sensitivity` returns it, kept as it is.
+        runs: columns `RUN_COLUMNS`, of one initial posture or both.
+        paths: columns `PATH_COLUMNS`.
+        settings: of the experiment, copied.
+        sensitivity: table of `lgp.experiments.sensitivity.sensitivity_table`, copied.
 
     Raises:
-        LgpError: a table is not as `check_runs` and `check_paths` expect, or statsmodels is not installed.
+        LgpError: `check_runs` or `check_paths` refuses a table, or statsmodels is not installed.
     """
-    require()
+    require_statsmodels()
     runs, paths = check_runs(runs), check_paths(paths)
     starts = [start for start in STARTS if (runs["initial"] == start).any()]
-    found: dict[str, Any] = {
+    summary: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "experiment": "screwdriver",
@@ -60,7 +61,7 @@ def summarise(
         "between_starts": _between(runs) if len(starts) == len(STARTS) else None,
         "sensitivity": None if sensitivity is None else sensitivity.to_dict("records"),
     }
-    plain: dict[str, Any] = _plain(found)
+    plain: dict[str, Any] = _plain(summary)
     return plain
 
 
@@ -75,48 +76,48 @@ def write_summary(path: str | Path, summary: Mapping[str, Any]) -> None:
 
 
 def _start(runs: pd.DataFrame, paths: pd.DataFrame, start: str) -> dict[str, Any]:
-    """Return everything about the runs with one start."""
-    here = runs[runs["initial"] == start]
-    heights = here.drop_duplicates("run")[[f"height_{table}" for table in TABLES]].to_numpy()
+    """Results of the runs from one initial posture."""
+    selected = runs[runs["initial"] == start]
+    heights = selected.drop_duplicates("run")[[f"height_{table}" for table in TABLES]].to_numpy()
     tables = pivot(runs, "table", start)
     tables = tables.where(tables.isin(TABLES))
     scores = {column: pivot(runs, column, start) for column in ("reba_grasp", "reba_mean", "chosen_height")}
     return {
-        "runs": int(here["run"].nunique()),
-        "infeasible": _infeasible(here),
-        "drawn_height": {**asdict(mean_of(heights.ravel())), "published": _pair(published.DRAWN_HEIGHT)},
-        "table_choice": {condition: _choice(here, start, condition) for condition in CONDITIONS},
-        "table_change": asdict(change(tables[PLAIN], tables[ERGONOMIC], TABLES)),
+        "runs": int(selected["run"].nunique()),
+        "infeasible": _infeasible(selected),
+        "drawn_height": {**asdict(mean_of(heights.ravel())), "published": _mean_sd(published.DRAWN_HEIGHT)},
+        "table_choice": {condition: _choice(selected, start, condition) for condition in CONDITIONS},
+        "table_change": asdict(compare_choices(tables[NON_ERGONOMIC], tables[ERGONOMIC], TABLES)),
         "chosen_height": _heights(scores["chosen_height"], start),
         "reba_grasp": _scores(scores["reba_grasp"]),
         "reba_mean": _scores(scores["reba_mean"]),
         "reba_phases": _phases(paths[paths["initial"] == start]),
-        "seconds": {name: asdict(mean_of(rows["seconds"])) for name, rows in here.groupby("condition")},
+        "seconds": {name: asdict(mean_of(rows["seconds"])) for name, rows in selected.groupby("condition")},
     }
 
 
 def _infeasible(runs: pd.DataFrame) -> dict[str, Any]:
-    """Return per condition how many runs have no plan, and which with why."""
-    found = {}
+    """Infeasible runs per condition: their count, numbers and reasons."""
+    infeasible = {}
     for condition in CONDITIONS:
-        here = runs[runs["condition"] == condition]
-        failed = here[~here["feasible"]]
+        selected = runs[runs["condition"] == condition]
+        failed = selected[~selected["feasible"]]
         reasons = [
             {"run": int(run), "reason": str(reason)}
             for run, reason in zip(failed["run"], failed["reason"], strict=True)
         ]
-        found[condition] = {"n": len(failed), "of": len(here), "runs": reasons}
-    return found
+        infeasible[condition] = {"n": len(failed), "of": len(selected), "runs": reasons}
+    return infeasible
 
 
 def _choice(runs: pd.DataFrame, start: str, condition: str) -> dict[str, Any]:
-    """Return how often each table was chosen, with Wilson's 95 % interval, beside the paper."""
+    """Counts and shares of each chosen table [%] with Wilson's 95 % interval, and those of the paper."""
     from scipy.stats import binomtest
 
     chosen = runs[(runs["condition"] == condition) & runs["feasible"]]["table"]
     n = len(chosen)
     counts = {table: int((chosen == table).sum()) for table in TABLES}
-    theirs = published.CHOICE_PERCENT[start].get(condition)
+    reference = published.CHOICE_PERCENT[start].get(condition)
     intervals = {
         table: [100 * end for end in binomtest(count, n).proportion_ci(method="wilson")] if n else [None, None]
         for table, count in counts.items()
@@ -126,28 +127,28 @@ def _choice(runs: pd.DataFrame, start: str, condition: str) -> dict[str, Any]:
         "counts": counts,
         "percent": {table: 100 * count / n if n else None for table, count in counts.items()},
         "interval": intervals,
-        "published": theirs,
-        "against_published": _against(counts, theirs) if n and theirs else None,
+        "published": reference,
+        "against_published": _against_published(counts, reference) if n and reference else None,
     }
 
 
-def _against(ours: Mapping[str, int], theirs: Mapping[str, int]) -> dict[str, Any]:
-    """Return the chi-square test that our choices and the paper's (in percent of 100 runs) have the same shares."""
+def _against_published(counts: Mapping[str, int], reference: Mapping[str, int]) -> dict[str, Any]:
+    """Chi-square test of homogeneity of our counts and those of the paper (percent of 100 runs, so counts)."""
     from scipy.stats import chi2_contingency
 
-    counts = np.array([[side[table] for table in TABLES] for side in (ours, theirs)])
-    used = counts[:, counts.sum(axis=0) > 0]
+    both = np.array([[source[table] for table in TABLES] for source in (counts, reference)])
+    used = both[:, both.sum(axis=0) > 0]
     result: Any = chi2_contingency(used, correction=False)
     smallest = min(used.shape) - 1
     cramer = math.sqrt(float(result.statistic) / (used.sum() * smallest)) if smallest else 0.0
-    return {"test": "chi-square of homogeneity", "n": counts.sum(axis=1).tolist(), "statistic": float(result.statistic),
+    return {"test": "chi-square of homogeneity", "n": both.sum(axis=1).tolist(), "statistic": float(result.statistic),
             "df": int(result.dof), "p": float(result.pvalue), "cramer_v": cramer}  # fmt: skip
 
 
 def _heights(table: pd.DataFrame, start: str) -> dict[str, Any]:
-    theirs = published.CHOSEN_HEIGHT[start]
-    means = {name: {**asdict(mean_of(table[name])), "published": _pair(theirs.get(name))} for name in CONDITIONS}
-    return {"conditions": means, "pairs": [asdict(one) for one in compare(table, [(PLAIN, ERGONOMIC)])]}
+    reference = published.CHOSEN_HEIGHT[start]
+    means = {name: {**asdict(mean_of(table[name])), "published": _mean_sd(reference.get(name))} for name in CONDITIONS}
+    return {"conditions": means, "pairs": [asdict(one) for one in compare(table, [(NON_ERGONOMIC, ERGONOMIC)])]}
 
 
 def _scores(table: pd.DataFrame) -> dict[str, Any]:
@@ -163,7 +164,7 @@ def _scores(table: pd.DataFrame) -> dict[str, Any]:
 
 
 def _phases(paths: pd.DataFrame) -> dict[str, list[dict[str, Any]]]:
-    """Return per condition and phase the mean over runs of the mean score in that phase."""
+    """Mean over runs of the mean score in a phase, per condition and phase."""
     per_run = paths.groupby(["condition", "phase", "run"])["reba"].mean()
     return {
         condition: [
@@ -176,15 +177,15 @@ def _phases(paths: pd.DataFrame) -> dict[str, list[dict[str, Any]]]:
 
 
 def _between(runs: pd.DataFrame) -> dict[str, Any]:
-    """Return what the random start does to the score at the grasp, per condition on the same heights."""
-    rest, moved = (pivot(runs, "reba_grasp", start).add_suffix(f", {start}") for start in STARTS)
-    both = rest.join(moved, how="outer")
+    """Score at the grasp from the random minus that from the rest posture, per condition on the same heights."""
+    rest, random = (pivot(runs, "reba_grasp", start).add_suffix(f", {start}") for start in STARTS)
+    both = rest.join(random, how="outer")
     pairs = [(f"{condition}, random", f"{condition}, rest") for condition in CONDITIONS]
-    found = [asdict(one) for one in compare(both, pairs)]
-    return {"reba_grasp": dict(zip(CONDITIONS, found, strict=True))}
+    comparisons = [asdict(one) for one in compare(both, pairs)]
+    return {"reba_grasp": dict(zip(CONDITIONS, comparisons, strict=True))}
 
 
-def _pair(value: tuple[float, float] | None) -> dict[str, float] | None:
+def _mean_sd(value: tuple[float, float] | None) -> dict[str, float] | None:
     return None if value is None else {"mean": value[0], "sd": value[1]}
 
 
@@ -202,94 +203,99 @@ def _plain(value: Any) -> Any:
 
 
 ALPHA: Final = 0.05
-"""Corrected p below which a difference counts."""
+"""Significance level of a corrected p value."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A finding of the paper.
+    """Claim of the paper, tested with these runs.
 
     Attributes:
-        claim: what the paper found.
-        shown: whether these runs show it; None where they cannot say.
-        because: the numbers.
+        claim: statement of the paper.
+        shown: whether these runs support it; None if a test is not defined.
+        evidence: differences, tests and n.
     """
 
     claim: str
     shown: bool | None
-    because: str
+    evidence: str
 
 
 def findings(summary: Mapping[str, Any]) -> list[Finding]:
-    """Return the findings of the paper against a summary."""
-    found = []
-    for start, here in summary["starts"].items():
-        found += [
-            _order(start, here["reba_grasp"]),
-            _choice_findings(start, here),
-            _height(start, here["chosen_height"]),
+    """Claims of the paper, each tested with the runs of a summary."""
+    tested = []
+    for start, results in summary["starts"].items():
+        tested += [
+            _order_finding(start, results["reba_grasp"]),
+            _choice_finding(start, results),
+            _height_finding(start, results["chosen_height"]),
         ]
     if summary["between_starts"] is not None:
-        found.append(_random(summary["between_starts"]["reba_grasp"]))
-    return found
+        tested.append(_random_start_finding(summary["between_starts"]["reba_grasp"]))
+    return tested
 
 
-def _order(start: str, scores: Mapping[str, Any]) -> Finding:
-    """The three means in the paper's order, and every step significant."""
+def _order_finding(start: str, scores: Mapping[str, Any]) -> Finding:
+    """The three means have the order of the paper, every step significant."""
     order = " < ".join(published.EXPECTED_ORDER)
     steps = {frozenset((pair["first"], pair["second"])): pair for pair in scores["pairs"]}
-    said: list[str] = []
+    evidence: list[str] = []
     shown: list[bool | None] = []
     for low, high in zip(published.EXPECTED_ORDER, published.EXPECTED_ORDER[1:], strict=False):
         pair = steps[frozenset((low, high))]
         if pair["p_holm"] is None or pair["difference"] is None:
             shown.append(None)
-            said.append(f"{high} against {low}: no test (n = {pair['n']})")
+            evidence.append(f"{high} against {low}: no test (n = {pair['n']})")
             continue
         difference = pair["difference"] * (1 if pair["first"] == high else -1)
         shown.append(difference > 0 and pair["p_holm"] < ALPHA)
-        said.append(f"{high} minus {low} {difference:+.2f} (p = {pair['p_holm']:.2g}, n = {pair['n']})")
-    return Finding(f"{start} start: REBA at the grasp {order}", _all(shown), "; ".join(said) + ", t tests after Holm")
+        evidence.append(f"{high} minus {low} {difference:+.2f} (p = {pair['p_holm']:.2g}, n = {pair['n']})")
+    return Finding(
+        f"{start} start: REBA at the grasp {order}", _all(shown), "; ".join(evidence) + ", t tests after Holm"
+    )
 
 
-def _choice_findings(start: str, here: Mapping[str, Any]) -> Finding:
-    """Fewer choose the left table with the ergonomic cost, and more the one in the centre."""
-    change, percent = here["table_change"], {name: part["percent"] for name, part in here["table_choice"].items()}
+def _choice_finding(start: str, results: Mapping[str, Any]) -> Finding:
+    """With the ergonomic cost fewer runs choose the left table, and more the one in the centre."""
+    change = results["table_change"]
+    percent = {name: part["percent"] for name, part in results["table_choice"].items()}
     claim = f"{start} start: with the ergonomic cost the choice moves from the left table to the centre"
-    plain, ergonomic = percent["non-ergonomic"], percent["ergonomic"]
+    plain, ergonomic = percent[NON_ERGONOMIC], percent[ERGONOMIC]
     if change["p"] is None or not change["n"]:
         return Finding(claim, None, f"no test (n = {change['n']})")
     moved = plain["left"] > ergonomic["left"] and plain["center"] < ergonomic["center"]
-    said = ", ".join(f"{table} {plain[table]:.0f} to {ergonomic[table]:.0f} %" for table in ("left", "center", "right"))
+    shares = ", ".join(
+        f"{table} {plain[table]:.0f} to {ergonomic[table]:.0f} %" for table in ("left", "center", "right")
+    )
     test = f"Stuart-Maxwell {change['statistic']:.1f}, df {change['df']}, p = {change['p']:.2g}, n = {change['n']}"
-    return Finding(claim, moved and change["p"] < ALPHA, f"{said} ({test})")
+    return Finding(claim, moved and change["p"] < ALPHA, f"{shares} ({test})")
 
 
-def _height(start: str, heights: Mapping[str, Any]) -> Finding:
+def _height_finding(start: str, heights: Mapping[str, Any]) -> Finding:
     """The chosen table is lower with the ergonomic cost."""
     pair = heights["pairs"][0]
     claim = f"{start} start: with the ergonomic cost the chosen table is lower"
     if pair["p_holm"] is None:
         return Finding(claim, None, f"no test (n = {pair['n']})")
-    said = f"non-ergonomic minus ergonomic {pair['difference']:+.2f} m (p = {pair['p_holm']:.2g}, n = {pair['n']})"
-    return Finding(claim, pair["difference"] > 0 and pair["p_holm"] < ALPHA, said)
+    evidence = f"non-ergonomic minus ergonomic {pair['difference']:+.2f} m (p = {pair['p_holm']:.2g}, n = {pair['n']})"
+    return Finding(claim, pair["difference"] > 0 and pair["p_holm"] < ALPHA, evidence)
 
 
-def _random(pairs: Mapping[str, Any]) -> Finding:
-    """The random start raises the score of the non-ergonomic condition, and of no other one."""
+def _random_start_finding(pairs: Mapping[str, Any]) -> Finding:
+    """The random start raises the score of the non-ergonomic condition only."""
     claim = "A random start raises the score at the grasp of the non-ergonomic condition only"
-    said: list[str] = []
+    evidence: list[str] = []
     shown: list[bool | None] = []
     for condition, pair in pairs.items():
         if pair["p_holm"] is None or pair["difference"] is None:
             shown.append(None)
-            said.append(f"{condition} no test (n = {pair['n']})")
+            evidence.append(f"{condition} no test (n = {pair['n']})")
             continue
         raised = pair["difference"] > 0 and pair["p_holm"] < ALPHA
-        shown.append(raised == (condition == "non-ergonomic"))
+        shown.append(raised == (condition == NON_ERGONOMIC))
         interval = "" if pair["low"] is None else f", 95 % {pair['low']:+.2f} to {pair['high']:+.2f}"
-        said.append(f"{condition} {pair['difference']:+.2f} (p = {pair['p_holm']:.2g}{interval}, n = {pair['n']})")
-    return Finding(claim, _all(shown), "; ".join(said) + ", random minus rest")
+        evidence.append(f"{condition} {pair['difference']:+.2f} (p = {pair['p_holm']:.2g}{interval}, n = {pair['n']})")
+    return Finding(claim, _all(shown), "; ".join(evidence) + ", random minus rest")
 
 
 def _all(shown: list[bool | None]) -> bool | None:

@@ -1,13 +1,14 @@
 """The toolbox experiment (section IV of the paper): which order of actions, with and without the ergonomic cost.
 
-Both conditions search the same tree, each by its own cost. A search starts every sequence from the best motion known of
-its actions and is repeated until no better plan turns up, so that orders are compared by their best motions.
+Both conditions search the same tree, each with its own cost. The initial guess of a sequence is the best known motion
+of the same actions, and the search is repeated until its cost no longer improves, so that orders are compared by their
+best motions.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -23,8 +24,8 @@ from lgp.experiments.toolbox_orders import (
     ORDERS,
     PLACE_FIRST,
     best_of,
-    heaviest,
-    parts_of,
+    break_even_mass,
+    cost_terms,
     sequences,
     skeleton_of,
 )
@@ -44,206 +45,230 @@ from reba.files import write_atomic
 SCENE: Final = "toolbox"
 CONDITIONS: Final = ("non-ergonomic", "ergonomic")
 ROUNDS: Final = 3
-"""Searches at most; the last ones confirm the best plan."""
-BETTER: Final = 1e-3
-"""Relative fall of the cost that asks for another round."""
-FACTORS: Final = (2.0, 4.0)
+"""Most repetitions of a search; the last ones confirm the best plan."""
+IMPROVEMENT: Final = 1e-3
+"""Relative decrease of the cost from which on a search is repeated."""
+ERGONOMIC_WEIGHTS: Final = (2.0, 4.0)
 """Weights of the ergonomic cost, besides 1, for which both orders are planned."""
 PARTS: Final = ("trunk", "neck", "legs", "load_force", "upper_arm_right", "lower_arm_right", "wrist_right",
                 "upper_arm_left", "lower_arm_left", "wrist_left")  # fmt: skip
-"""Part scores that are shown; the right arm is the one that works."""
+"""Part scores that are reported; the right arm is the working one."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What was found in one condition: the plan, the sequences its search met, the best plan of each order, rounds, and
-    orders for which no path with bodies apart was found, with the reason."""
+    """Results of one condition.
+
+    Attributes:
+        plan: of lowest cost.
+        sequences: complete sequences that the search visited, see `lgp.experiments.toolbox_orders.sequences`.
+        orders: order -> its plan of lowest cost.
+        rounds: cost of each repetition of the search.
+        infeasible_orders: order -> reason why no collision-free path was obtained.
+    """
 
     plan: Plan
-    met: list[dict[str, Any]]
+    sequences: list[dict[str, Any]]
     orders: dict[str, Plan]
     rounds: list[float]
-    lost: dict[str, str] = field(default_factory=dict)
+    infeasible_orders: dict[str, str] = field(default_factory=dict)
 
 
-def experiment(
+def experiment_toolbox(
     folder: str | Path,
     *,
     scene: Scene | None = None,
     cost: str = COST,
-    factors: tuple[float, ...] = FACTORS,
+    ergonomic_weights: tuple[float, ...] = ERGONOMIC_WEIGHTS,
     slices: int | None = None,
     collisions: bool = True,
-    tell: Callable[[str], None] | None = None,
+    on_event: Callable[[str], None] | None = None,
     command: str = "",
 ) -> dict[str, Any]:
-    """Plan both conditions, write their plans, `summary.json`, `runs.parquet` and `report.html`; return the summary.
+    """Reproduce the toolbox experiment: plan both conditions, write plans, tables and report, and return the summary.
+
+    Written are the plans (folders `ergonomic` and `non-ergonomic`), `summary.json`, `runs.parquet` and `report.html`.
 
     Args:
-        folder: of the results; the plans go to `ergonomic` and `non-ergonomic` in it.
-        scene: another scene than the shipped one.
+        folder: of the results.
+        scene: the shipped scene `toolbox` by default.
         cost: dREBA model of the ergonomic condition: a file or a shipped name.
-        factors: further weights of the ergonomic cost.
+        ergonomic_weights: further weights of the ergonomic cost for which both orders are planned.
         slices: per phase, the scene's by default.
-        collisions: whether bodies are kept apart in the best plan of each order; searches let them pass.
-        tell: told what is done.
-        command: that made the results, for the page.
+        collisions: whether the best plan of each order is collision-free; the search itself ignores collisions.
+        on_event: called with one line for each step of the computation.
+        command: command line that reproduces the results, shown in the report.
+
+    Returns:
+        The content of `summary.json`.
 
     Raises:
-        LgpError: a condition has no plan, or something cannot be written.
-
-    Example:
-        >>> experiment("results")["conditions"]["ergonomic"]["actions"]         # doctest: +SKIP
+        LgpError: an option is wrong, or a condition has no feasible plan.
+        RebaError: a file cannot be written.
     """
-
-    say = tell or (lambda words: None)
-    chosen = load_scene(SCENE) if scene is None else scene
-    task, world = task_of(chosen), World(chosen)
+    if not isinstance(folder, str | Path):
+        raise LgpError(f"folder is {folder!r}; expected the path of a folder for the results")
+    report = on_event or (lambda message: None)
+    scene = load_scene(SCENE) if scene is None else scene
+    task, world = task_of(scene), World(scene)
     ergonomics = Ergonomics(world, dreba.load(Path(cost) if Path(cost).is_file() else cost))
-    found: dict[str, Condition] = {}
+    conditions: dict[str, Condition] = {}
     for name in CONDITIONS:
         bounds = PathBounds(world, ergonomics if name == "ergonomic" else None, slices=slices)
-        say(f"{name}: searching")
-        found[name] = _condition(bounds, task, chosen.depth, collisions, say)
-        found[name].plan.save(Path(folder) / name)
+        report(f"{name}: searching")
+        conditions[name] = _plan_condition(bounds, task, scene.depth, collisions, report)
+        conditions[name].plan.save(Path(folder) / name)
+
+    def weighted(weights: Weights) -> PathBounds:
+        return PathBounds(world, ergonomics, weights, slices=slices, collisions=collisions)
+
+    rows = _vary_weight(weighted, task, conditions["ergonomic"].orders, ergonomic_weights, report)
+    settings = {
+        "scene": scene.name,
+        "cost": cost,
+        "depth": scene.depth,
+        "slices": slices or scene.slices,
+        "collisions": collisions,
+    }
+    summary = summarise_toolbox(conditions, scene, settings, rows)
+    _write(Path(folder), summary, conditions, scene)
+    write_page(folder, summary, {name: one.plan for name, one in conditions.items()}, scene, command)
+    return summary
+
+
+def _plan_condition(
+    bounds: PathBounds, task: Task, depth: int, collisions: bool, report: Callable[[str], None]
+) -> Condition:
+    """Repeat the search until its cost no longer improves, then plan the best sequence of each order, collision-free.
+
+    Every repetition starts from the best known motions of the same actions: the path problems are not convex.
+    """
+    costs: list[float] = []
+    best: Plan | None = None
+    visited: list[dict[str, Any]] = []
+    for _ in range(ROUNDS):
+        first = () if best is None else skeleton_of(task, best)
+        plan = plan_within(bounds, task, None, Budget(depth=depth), first)
+        if not plan.feasible:
+            raise LgpError(f"{plan.scene.name}: no plan: {plan.reason}")
+        costs.append(plan.costs["total"])
+        report(f"round {len(costs)}: cost {costs[-1]:.4f}, {plan.search['seconds']:.0f} s")
+        if best is None or costs[-1] < best.costs["total"]:
+            best, visited = plan, sequences(plan)
+        if len(costs) > 1 and costs[-2] - costs[-1] < IMPROVEMENT * costs[-2]:
+            break
+        bounds.reconsider()
+    best = best or plan
+    orders = {order: plan for order in ORDERS if (plan := best_of(bounds, task, visited, order)) is not None}
+    infeasible: dict[str, str] = {}
+    if collisions:
+        bounds.collisions = True
+        bounds.reconsider()
+        free = {order: plan_within(bounds, task, skeleton_of(task, plan)) for order, plan in orders.items()}
+        orders = {order: plan for order, plan in free.items() if plan.feasible}
+        infeasible = {order: plan.reason for order, plan in free.items() if not plan.feasible}
+        if not orders:
+            raise LgpError(f"{best.scene.name}: no plan: {next(iter(free.values())).reason}")
+        cheapest = min(orders.values(), key=lambda plan: plan.costs["total"])
+        report(f"collision-free: cost {cheapest.costs['total']:.4f}")
+        best = replace(cheapest, status=best.status, search=best.search, tree=best.tree)
+    return Condition(best, visited, orders, costs, infeasible)
+
+
+def _vary_weight(
+    bounds_of: Callable[[Weights], PathBounds],
+    task: Task,
+    orders: dict[str, Plan],
+    weights: tuple[float, ...],
+    report: Callable[[str], None],
+) -> list[dict[str, Any]]:
+    """Cost terms of both orders for weight 1 and further weights of the ergonomic cost, one row each."""
+    rows = [{"weight": 1.0, "order": order, **cost_terms(plan)} for order, plan in orders.items()]
+    for weight in weights:
+        bounds = bounds_of(Weights(ergonomics=weight))
+        for order, plan in orders.items():
+            keyframes = plan.path[np.flatnonzero(np.diff(plan.phase, append=plan.phase[-1] + 1))]
+            skeleton = skeleton_of(task, plan)
+            bounds.suggest(skeleton, keyframes, np.array(list(plan.variables.values())))
+            weighted = plan_within(bounds, task, skeleton)
+            if weighted.feasible:
+                rows.append({"weight": weight, "order": order, **cost_terms(weighted, weight)})
+                report(f"weight {weight:g}, {order}: cost {weighted.costs['total']:.4f}")
+    return rows
+
+
+def summarise_toolbox(
+    conditions: Mapping[str, Condition], scene: Scene, settings: Mapping[str, Any], weights: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """Content of `summary.json`: results of both conditions beside the paper's, and costs by ergonomic weight."""
     summary: dict[str, Any] = {
         "experiment": SCENE,
         "published": published.TOOLBOX_SOURCE,
-        "settings": {
-            "scene": chosen.name,
-            "cost": cost,
-            "depth": chosen.depth,
-            "slices": slices or chosen.slices,
-            "collisions": collisions,
-        },
-        "conditions": {name: _summary(name, one, chosen) for name, one in found.items()},
-        "weights": _weights(
-            lambda weights: PathBounds(world, ergonomics, weights, slices=slices, collisions=collisions),
-            task,
-            found["ergonomic"].orders,
-            factors,
-            say,
-        ),
+        "settings": dict(settings),
+        "conditions": {name: summarise_condition(name, one, scene) for name, one in conditions.items()},
+        "weights": weights,
     }
     summary["paper_order_found"] = {
         name: None if summary["conditions"][name]["orders_lost"] else summary["conditions"][name]["order"] == expected
         for name, expected in zip(CONDITIONS, (GRASP_FIRST, PLACE_FIRST), strict=True)
     }
-    _write(Path(folder), summary, found, chosen)
-    write_page(folder, summary, {name: one.plan for name, one in found.items()}, chosen, command)
     return summary
 
 
-def _condition(bounds: PathBounds, task: Task, depth: int, collisions: bool, tell: Callable[[str], None]) -> Condition:
-    """Search until no better plan turns up, then plan the best sequence of each order with bodies kept apart."""
-    costs: list[float] = []
-    best: Plan | None = None
-    met: list[dict[str, Any]] = []
-    for _ in range(ROUNDS):
-        first = () if best is None else skeleton_of(task, best)
-        again = plan_within(bounds, task, None, Budget(depth=depth), first)
-        if not again.feasible:
-            raise LgpError(f"{again.scene.name}: no plan: {again.reason}")
-        costs.append(again.costs["total"])
-        tell(f"round {len(costs)}: cost {costs[-1]:.4f}, {again.search['seconds']:.0f} s")
-        if best is None or costs[-1] < best.costs["total"]:
-            best, met = again, sequences(again)
-        if len(costs) > 1 and costs[-2] - costs[-1] < BETTER * costs[-2]:
-            break
-        bounds.reconsider()
-    found = best or again
-    orders = {order: plan for order in ORDERS if (plan := best_of(bounds, task, met, order)) is not None}
-    lost: dict[str, str] = {}
-    if collisions:
-        bounds.collisions = True
-        bounds.reconsider()
-        apart = {order: plan_within(bounds, task, skeleton_of(task, plan)) for order, plan in orders.items()}
-        orders = {order: plan for order, plan in apart.items() if plan.feasible}
-        lost = {order: plan.reason for order, plan in apart.items() if not plan.feasible}
-        if not orders:
-            raise LgpError(f"{found.scene.name}: no plan: {next(iter(apart.values())).reason}")
-        kept = min(orders.values(), key=lambda plan: plan.costs["total"])
-        tell(f"bodies apart: cost {kept.costs['total']:.4f}")
-        found = replace(kept, status=found.status, search=found.search, tree=found.tree)
-    return Condition(found, met, orders, costs, lost)
-
-
-def _weights(
-    bounds_of: Callable[[Weights], PathBounds],
-    task: Task,
-    orders: dict[str, Plan],
-    factors: tuple[float, ...],
-    tell: Callable[[str], None],
-) -> list[dict[str, Any]]:
-    """Plan the two orders with other weights of the ergonomic cost: one row each."""
-
-    rows = [{"weight": 1.0, "order": order, **parts_of(plan)} for order, plan in orders.items()]
-    for factor in factors:
-        bounds = bounds_of(Weights(ergonomics=factor))
-        for order, plan in orders.items():
-            keys = plan.path[np.flatnonzero(np.diff(plan.phase, append=plan.phase[-1] + 1))]
-            skeleton = skeleton_of(task, plan)
-            bounds.suggest(skeleton, keys, np.array(list(plan.variables.values())))
-            again = plan_within(bounds, task, skeleton)
-            if again.feasible:
-                rows.append({"weight": factor, "order": order, **parts_of(again, factor)})
-                tell(f"weight {factor:g}, {order}: cost {again.costs['total']:.4f}")
-    return rows
-
-
-def _summary(name: str, found: Condition, scene: Scene) -> dict[str, Any]:
-    weight = float(name == "ergonomic")
-    orders = {order: parts_of(plan, weight) for order, plan in found.orders.items()}
-    first = found.plan.actions[0].rpartition(", ")[2].rstrip(")")
+def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[str, Any]:
+    """Results of one condition as plain data: actions, orders, cost terms, true scores and search statistics."""
+    weight, plan = float(name == "ergonomic"), condition.plan
+    orders = {order: cost_terms(best, weight) for order, best in condition.orders.items()}
+    first = plan.actions[0].rpartition(", ")[2].rstrip(")")
     mass = None
     if weight and len(orders) == len(ORDERS):
-        mass = heaviest(orders[PLACE_FIRST], orders[GRASP_FIRST], scene.things[first].mass, weight)
+        mass = break_even_mass(orders[PLACE_FIRST], orders[GRASP_FIRST], scene.things[first].mass, weight)
     return {
-        "actions": list(found.plan.actions),
+        "actions": list(plan.actions),
         "published_actions": list(published.TOOLBOX_SEQUENCES[name]),
-        "order": next(row["order"] for row in found.met if row["actions"] == list(found.plan.actions)),
-        "cost": parts_of(found.plan, weight),
+        "order": next(row["order"] for row in condition.sequences if row["actions"] == list(plan.actions)),
+        "cost": cost_terms(plan, weight),
         "orders": orders,
-        "orders_lost": found.lost,
+        "orders_lost": condition.infeasible_orders,
         "first_part": {"name": first, "mass": scene.things[first].mass, "mass_for_place_first": mass},
-        "rounds": found.rounds,
-        "sequences": found.met,
-        **scores_of(found.plan),
-        "residuals": found.plan.residuals,
-        "status": found.plan.status,
-        "search": found.plan.search,
-        "solver": found.plan.solver,
+        "rounds": condition.rounds,
+        "sequences": condition.sequences,
+        **scores_of(plan),
+        "residuals": plan.residuals,
+        "status": plan.status,
+        "search": plan.search,
+        "solver": plan.solver,
     }
 
 
-def scores_of(found: Plan) -> dict[str, Any]:
-    """Return true REBA scores of the human path, mean over time: total, by part, per phase, and equation 4's load."""
-    scores = found.reba()
+def scores_of(plan: Plan) -> dict[str, Any]:
+    """True REBA scores of the human path, time-weighted: total, per phase and by part; and the load of equation 4."""
+    scores = plan.reba()
     if scores is None:
-        raise LgpError(f"{found.scene.name}: no human is scored")
+        raise LgpError(f"{plan.scene.name}: the plan has no human to score; plan a scene with a human")
     total = np.asarray(scores.reba, dtype=float)
     reba: dict[str, Any] = {"mean": float(total.mean()), "max": float(total.max()), "last": float(total[-1])}
-    reba |= {"per_phase": [float(total[found.phase == phase].mean()) for phase in range(len(found.actions))]}
+    reba |= {"per_phase": [float(total[plan.phase == phase].mean()) for phase in range(len(plan.actions))]}
     parts = {part: float(np.mean(scores[part])) for part in PARTS}
-    return {"reba": reba, "parts": parts, "load_points": float(np.mean(found.carried)) / 5.0}
+    return {"reba": reba, "parts": parts, "load_points": float(np.mean(plan.carried)) / 5.0}
 
 
-def _write(folder: Path, summary: dict[str, Any], found: dict[str, Condition], scene: Scene) -> None:
-    """Write the summary and one row a condition; columns of the contract that say nothing here are empty."""
+def _write(folder: Path, summary: dict[str, Any], conditions: dict[str, Condition], scene: Scene) -> None:
+    """Write `summary.json`, and `runs.parquet` with one row per condition and the columns of the other experiment."""
     import pandas as pd
 
     write_summary(folder / "summary.json", _plain(summary))
     height = scene.tables["table.center"].height
     rows = []
-    for name, one in found.items():
-        taken = [step for step, action in enumerate(one.plan.actions) if action.startswith("handover(")]
+    for name, one in conditions.items():
+        handovers = [step for step, action in enumerate(one.plan.actions) if action.startswith("handover(")]
         scores = summary["conditions"][name]["reba"]
-        ends = [np.flatnonzero(one.plan.phase == step)[-1] for step in taken]
-        true = one.plan.reba()
+        ends = [np.flatnonzero(one.plan.phase == step)[-1] for step in handovers]
+        exact = one.plan.reba()
         rows.append({
             "run": 0, "seed": 0, "condition": name, "table": "center", "height_left": np.nan, "height_center": height,
             "height_right": np.nan, "chosen_height": height,
-            "reba_grasp": float(np.mean(np.asarray(true.reba, float)[ends])) if true is not None else np.nan,
+            "reba_grasp": float(np.mean(np.asarray(exact.reba, float)[ends])) if exact is not None else np.nan,
             "reba_mean": scores["mean"], "cost": one.plan.costs["total"], "feasible": True,
             "seconds": one.plan.search["seconds"], "actions": "; ".join(one.plan.actions),
         })  # fmt: skip

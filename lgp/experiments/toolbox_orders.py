@@ -1,4 +1,4 @@
-"""Orders of the toolbox sequence: is a part put down before the robot takes the next one, and what does that cost?"""
+"""Orders of the toolbox sequence and their costs: is a part placed before or after the robot grasps the next one?"""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from lgp.search.tree_search import Skeleton
 PLACE_FIRST: Final = "place, then grasp"
 GRASP_FIRST: Final = "grasp, then place"
 ORDERS: Final = (PLACE_FIRST, GRASP_FIRST)
-"""What happens to the first part before the second is on its way: the paper's ergonomic and non-ergonomic order."""
+"""The ergonomic order of the paper, in which the first part is placed before the second is grasped, and the other."""
 
 
 def order_of(actions: Sequence[Action]) -> str:
-    """Return one of `ORDERS`; the robot's second grasp and the first place count."""
-    taken = [step for step, action in enumerate(actions) if action.name == "grasp"]
+    """Order of a sequence, one of `ORDERS`, by the second grasp and the first place; "" for shorter sequences."""
+    grasped = [step for step, action in enumerate(actions) if action.name == "grasp"]
     placed = [step for step, action in enumerate(actions) if action.name == "place"]
-    if len(taken) < 2 or not placed:
+    if len(grasped) < 2 or not placed:
         return ""
-    return PLACE_FIRST if placed[0] < taken[1] else GRASP_FIRST
+    return PLACE_FIRST if placed[0] < grasped[1] else GRASP_FIRST
 
 
-def sequences(found: Plan) -> list[dict[str, Any]]:
-    """Return the whole sequences that a search met: actions, order, costs of levels (None if not solved), verdict."""
+def sequences(plan: Plan) -> list[dict[str, Any]]:
+    """Complete sequences visited by the search, cheapest first: actions, order, costs (None if not solved), reason."""
     rows = [
         {
             "actions": [action.at(step + 1) for step, action in enumerate(node.skeleton)],
@@ -41,79 +41,80 @@ def sequences(found: Plan) -> list[dict[str, Any]]:
             "verdict": node.verdict or "solved",
             "reason": node.reason,
         }
-        for node in found.tree
+        for node in plan.tree
         if node.goal and (node.costs or node.verdict == "infeasible")
     ]
     return sorted(rows, key=lambda row: (row["path"] is None, row["path"] or row["sequence"] or np.inf))
 
 
 def best_of(bounds: PathBounds, task: Task, rows: Iterable[dict[str, Any]], order: str) -> Plan | None:
-    """Return the plan of least cost of an order, None if no sequence of it is feasible.
+    """Plan of lowest cost of an order, None if no sequence of it is feasible.
 
     Args:
-        bounds: that searched; what it solved is not solved again.
+        bounds: of the search, with its table of solved problems.
         task: of the scene.
-        rows: as `sequences` returns them.
+        rows: from `sequences`.
         order: one of `ORDERS`.
     """
     best: Plan | None = None
-    open_ = [row for row in rows if row["order"] == order and row["sequence"] is not None]
-    for row in sorted(open_, key=lambda row: row["path"] or row["sequence"]):
-        lowest = row["path"] or row["sequence"]
-        if best is not None and lowest >= best.costs["total"]:
+    candidates = [row for row in rows if row["order"] == order and row["sequence"] is not None]
+    for row in sorted(candidates, key=lambda row: row["path"] or row["sequence"]):
+        lower_bound = row["path"] or row["sequence"]
+        if best is not None and lower_bound >= best.costs["total"]:
             break
-        found = plan_within(bounds, task, parse_sequence(task, row["actions"]))
-        if found.feasible and (best is None or found.costs["total"] < best.costs["total"]):
-            best = found
+        plan = plan_within(bounds, task, parse_sequence(task, row["actions"]))
+        if plan.feasible and (best is None or plan.costs["total"] < best.costs["total"]):
+            best = plan
     return best
 
 
-def parts_of(found: Plan, weight: float = 1.0) -> dict[str, float]:
-    """Return what a plan's cost is made of, and how much is carried.
+def cost_terms(plan: Plan, weight: float = 1.0) -> dict[str, float]:
+    """Terms of a plan's cost, and the carried load.
 
-    Keys: total, acceleration, one `acceleration of NAME` for each agent, posture and load (parts of the ergonomic cost,
-    load by equation 4), and carried [kg s].
+    Keys: total, acceleration, `acceleration of NAME` for each agent, posture and load (terms of the ergonomic cost,
+    load by equation 4 of the paper), and carried [kg s].
 
     Args:
-        found: a feasible plan.
+        plan: a feasible plan.
         weight: of the ergonomic cost, 0 without it.
     """
-    tau = float(found.time[0])
-    away = found.path - found.start
-    each = np.einsum("tj,ts,sj->j", away, quadratic(len(away), tau, stop=True), away)
-    agents = dict.fromkeys(name.partition(".")[0] for name in found.joints)
-    carried = tau * float(found.carried.sum())
+    tau = float(plan.time[0])
+    deviation = plan.path - plan.start
+    by_joint = np.einsum("tj,ts,sj->j", deviation, quadratic(len(deviation), tau, stop=True), deviation)
+    agents = dict.fromkeys(name.partition(".")[0] for name in plan.joints)
+    carried = tau * float(plan.carried.sum())
     load = weight * carried / OMEGA_LOAD
     return {
-        "total": found.costs["total"],
-        "acceleration": found.costs["acceleration"],
+        "total": plan.costs["total"],
+        "acceleration": plan.costs["acceleration"],
         **{
-            f"acceleration of {agent}": float(sum(each[[name.startswith(f"{agent}.") for name in found.joints]]))
+            f"acceleration of {agent}": float(sum(by_joint[[name.startswith(f"{agent}.") for name in plan.joints]]))
             for agent in agents
         },
-        "posture": found.costs["ergonomics"] - load,
+        "posture": plan.costs["ergonomics"] - load,
         "load": load,
         "carried": carried,
     }
 
 
-def heaviest(place: dict[str, float], grasp: dict[str, float], mass: float, weight: float) -> float | None:
-    """Return the mass [kg] of the first part from which on it pays to put it down first, None if no mass does that.
+def break_even_mass(place: dict[str, float], grasp: dict[str, float], mass: float, weight: float) -> float | None:
+    """Mass of the first part [kg] from which on placing it first costs less; None if no mass does.
 
-    Exact: loads add to the cost and move nothing. The orders differ in how long the first part is held, not the others.
+    Exact, because the load term does not depend on the path: the orders differ in the time for which the first part is
+    held, and only in that.
 
     Args:
-        place, grasp: parts of the cost of the two orders.
+        place, grasp: cost terms of the two orders.
         mass: of the first part [kg].
         weight: of the ergonomic cost.
     """
-    longer = (grasp["carried"] - place["carried"]) / mass
+    longer = (grasp["carried"] - place["carried"]) / mass  # [s]
     if longer < 1e-9:
         return None
-    missing = (place["total"] - place["load"]) - (grasp["total"] - grasp["load"])
-    return max(0.0, missing * OMEGA_LOAD / (weight * longer))
+    difference = (place["total"] - place["load"]) - (grasp["total"] - grasp["load"])
+    return max(0.0, difference * OMEGA_LOAD / (weight * longer))
 
 
-def skeleton_of(task: Task, found: Plan) -> Skeleton:
-    """Return the actions of a plan."""
-    return parse_sequence(task, found.actions)
+def skeleton_of(task: Task, plan: Plan) -> Skeleton:
+    """Ground actions of a plan."""
+    return parse_sequence(task, plan.actions)

@@ -1,7 +1,7 @@
-"""What if the scene's free choices were others: each one, and the weight of the ergonomic cost, 20 % less and more.
+"""Scene variations of the sensitivity analysis: each free parameter and the ergonomic weight, 20 % lower and higher.
 
-Every choice that the scene file lists with its keys is varied; keys that say the same of several things (the positions
-of the three tables) are varied together.
+Every choice that the scene file lists with its keys is varied, one at a time; equal keys of several objects (the
+positions of the three tables) are varied together.
 """
 
 from __future__ import annotations
@@ -15,17 +15,19 @@ from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 
 FACTORS: Final = (0.8, 1.2)
+"""Factors on a varied value."""
 WEIGHT: Final = "weight of the ergonomic cost"
+"""Label of the variation that changes no scene parameter."""
 
 
 @dataclass(frozen=True)
 class SceneVariation:
-    """One choice multiplied by a factor.
+    """One free choice of the scene multiplied by a factor.
 
     Attributes:
-        choice: what is varied, in words.
-        factor: by which.
-        changes: dotted key of the scene file -> value, as JSON text (so that a variation can be a key).
+        choice: label of the varied parameters.
+        factor: on their values.
+        changes: dotted key of the scene file -> value, as JSON text (so that a variation is hashable).
         weight: of the ergonomic cost.
     """
 
@@ -36,37 +38,38 @@ class SceneVariation:
 
     @property
     def name(self) -> str:
-        """A name for its folder."""
+        """Folder name of its runs."""
         words = "".join(letter if letter.isalnum() else " " for letter in self.choice).split()
         return "_".join([*words, f"{self.factor:g}"])
 
     def scene(self, name: str) -> Scene:
-        """Return a shipped scene with the changes."""
+        """Shipped scene with the changes."""
         return load_scene(name, json.loads(self.changes))
 
 
 BASELINE: Final = SceneVariation("as it is", 1.0)
+"""The unchanged scene."""
 
 
 def variations(scene: Scene) -> tuple[SceneVariation, ...]:
-    """Return the scene as it is, then every free choice by every factor.
+    """Baseline, then every free choice of the scene by every factor.
 
     Example:
         >>> [one.name for one in variations(load_scene("screwdriver"))][:3]
         ['as_it_is_1', 'tables_left_center_right_position_0.8', 'tables_left_center_right_position_1.2']
     """
-    found = [BASELINE]
+    varied = [BASELINE]
     for label, keys in _groups(scene).items():
         values = {key: _value(scene.values, key) for key in keys}
         for factor in FACTORS:
-            changes = {key: _times(value, factor) for key, value in values.items()}
-            found.append(SceneVariation(label, factor, json.dumps(changes)))
-    return (*found, *(SceneVariation(WEIGHT, factor, weight=factor) for factor in FACTORS))
+            changes = {key: _scaled(value, factor) for key, value in values.items()}
+            varied.append(SceneVariation(label, factor, json.dumps(changes)))
+    return (*varied, *(SceneVariation(WEIGHT, factor, weight=factor) for factor in FACTORS))
 
 
 def _groups(scene: Scene) -> dict[str, list[str]]:
-    """Return what is varied together: words -> keys that differ in one part only."""
-    found: dict[str, list[str]] = {}
+    """Parameters that are varied together: label -> keys that differ in one part only."""
+    groups: dict[str, list[str]] = {}
     for choice in scene.choices:
         by_end: dict[str, list[str]] = {}
         for key in choice.keys:
@@ -74,10 +77,11 @@ def _groups(scene: Scene) -> dict[str, list[str]]:
         for end, keys in by_end.items():
             parts = [key.split(".")[:-1] for key in keys]
             shared = [
-                ", ".join(dict.fromkeys(part[at] for part in parts)) for at in range(min(len(part) for part in parts))
+                ", ".join(dict.fromkeys(part[depth] for part in parts))
+                for depth in range(min(len(part) for part in parts))
             ]
-            found[": ".join([" ".join(shared), end]) if shared else end] = keys
-    return found
+            groups[": ".join([" ".join(shared), end]) if shared else end] = keys
+    return groups
 
 
 def _value(values: Mapping[str, Any], key: str) -> Any:
@@ -87,7 +91,7 @@ def _value(values: Mapping[str, Any], key: str) -> Any:
     return inner
 
 
-def _times(value: Any, factor: float) -> Any:
+def _scaled(value: Any, factor: float) -> Any:
     if isinstance(value, list):
-        return [_times(part, factor) for part in value]
+        return [_scaled(part, factor) for part in value]
     return round(value * factor, 6)

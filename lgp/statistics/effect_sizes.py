@@ -1,7 +1,7 @@
-"""Effect sizes with intervals, error bars within people, and whether the data fit what the tests assume.
+"""Effect sizes with confidence intervals, standard errors within participants, and tests of assumptions.
 
-What statsmodels and scipy have is taken from there: Shapiro & Wilk (1965) for the normality of differences, Bartlett's
-form of Mauchly's test for the sphericity of three and more conditions, Friedman's test, quantiles of the noncentral t.
+By statsmodels and scipy: the Shapiro-Wilk test (1965) of the normality of differences, Bartlett's form of Mauchly's
+test of the sphericity of three and more conditions, Friedman's test, and quantiles of the noncentral t distribution.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lgp.statistics.paired_tests import SAME, epsilon
+from lgp.statistics.paired_tests import TIE_TOLERANCE, greenhouse_geisser_epsilon
 from reba.arrays import Array
 
-LEVEL = 0.95
-"""Confidence of intervals."""
+CONFIDENCE = 0.95
+"""Confidence level of the intervals."""
 
 
 @dataclass(frozen=True)
 class EffectSize:
-    """A standardised effect of paired data; NaN where it cannot be given.
+    """Standardised mean difference of paired data; NaN where it is not defined.
 
     Attributes:
-        dz, dz_low, dz_high: mean difference over the standard deviation of differences, and its interval.
-        g, g_low, g_high: the same after Hedges (1981), without the bias of few pairs.
+        dz, dz_low, dz_high: Cohen's d_z, mean over standard deviation of the differences, and its 95 % interval.
+        g, g_low, g_high: Hedges' g (1981): d_z corrected for the bias of small samples.
     """
 
     dz: float
@@ -37,7 +37,7 @@ class EffectSize:
 
 @dataclass(frozen=True)
 class AssumptionTest:
-    """A test of an assumption: its name, statistic and p; NaN where there are too few data or no spread."""
+    """Test of an assumption: its name, sample size, statistic and p value; NaN for too few data or no dispersion."""
 
     name: str
     n: int
@@ -45,37 +45,37 @@ class AssumptionTest:
     p: float
 
 
-def effect(differences: Array) -> EffectSize:
-    """Return the effect size of (n,) paired differences.
+def effect_size(differences: Array) -> EffectSize:
+    """Effect size of (n,) paired differences.
 
-    The interval is exact for normal differences: sqrt(n) d_z follows a noncentral t with n - 1 degrees of freedom
-    (Cumming & Finch 2001, Educational and Psychological Measurement 61). Hedges' factor is that of his eq. 6e.
+    The interval is exact for normal differences: sqrt(n) d_z follows a noncentral t distribution with n - 1 degrees of
+    freedom (Cumming & Finch 2001, Educational and Psychological Measurement 61). Hedges' correction is his eq. 6e.
 
-    >>> found = effect(np.array([1.0, 2.0, 3.0, 4.0]))
-    >>> round(found.dz, 3), round(found.g, 3)
+    >>> effect = effect_size(np.array([1.0, 2.0, 3.0, 4.0]))
+    >>> round(effect.dz, 3), round(effect.g, 3)
     (1.936, 1.401)
     """
     from scipy import special
 
     n = len(differences)
-    nothing = float("nan")
-    if n < 2 or np.ptp(differences) <= SAME:
-        flat = 0.0 if n and np.abs(differences).max() <= SAME else nothing
-        return EffectSize(flat, nothing, nothing, flat, nothing, nothing)
+    nan = float("nan")
+    if n < 2 or np.ptp(differences) <= TIE_TOLERANCE:
+        constant = 0.0 if n and np.abs(differences).max() <= TIE_TOLERANCE else nan
+        return EffectSize(constant, nan, nan, constant, nan, nan)
     df = n - 1
     d = float(differences.mean() / differences.std(ddof=1))
-    tails = [(1.0 + LEVEL) / 2.0, (1.0 - LEVEL) / 2.0]
+    tails = [(1.0 + CONFIDENCE) / 2.0, (1.0 - CONFIDENCE) / 2.0]
     low, high = special.nctdtrinc(df, tails, d * np.sqrt(n)) / np.sqrt(n)
-    # Of one degree of freedom the factor is 0: two pairs say nothing about the size of an effect.
+    # With one degree of freedom the factor is 0: two pairs do not determine the size of an effect.
     factor = float(np.exp(special.gammaln(df / 2) - special.gammaln((df - 1) / 2)) / np.sqrt(df / 2)) if df > 1 else 0.0
     return EffectSize(d, float(low), float(high), factor * d, factor * float(low), factor * float(high))
 
 
 def within_errors(table: Array) -> Array:
-    """Return (k,) standard errors within people of a table (n, k) without gaps.
+    """Standard errors within participants (k,) of a complete table (n, k), after Cousineau and Morey.
 
-    Differences between people are taken out by centring each person (Cousineau 2005), what that takes out of the
-    spread is given back (Morey 2008, Tutorials in Quantitative Methods for Psychology 4:61).
+    Centring each participant removes the differences between participants (Cousineau 2005); the factor k / (k - 1)
+    corrects the variance for the centring (Morey 2008, Tutorials in Quantitative Methods for Psychology 4:61).
 
     >>> within_errors(np.array([[1.0, 2.0], [5.0, 6.0], [9.0, 10.0]])).tolist()
     [0.0, 0.0]
@@ -91,46 +91,46 @@ def within_errors(table: Array) -> Array:
 
 
 def normality(differences: Array) -> AssumptionTest:
-    """Return the Shapiro-Wilk test of (n,) differences; it needs three that are not all the same."""
+    """Shapiro-Wilk test that (n,) differences are normal; NaN for fewer than three or equal differences."""
     from scipy import stats
 
     n = len(differences)
-    if n < 3 or np.ptp(differences) <= SAME:
+    if n < 3 or np.ptp(differences) <= TIE_TOLERANCE:
         return AssumptionTest("Shapiro-Wilk", n, float("nan"), float("nan"))
-    found = stats.shapiro(differences)
-    return AssumptionTest("Shapiro-Wilk", n, float(found.statistic), float(found.pvalue))
+    result = stats.shapiro(differences)
+    return AssumptionTest("Shapiro-Wilk", n, float(result.statistic), float(result.pvalue))
 
 
 def sphericity(table: Array) -> AssumptionTest | None:
-    """Return Mauchly's test on (n, k) without gaps: whether all differences vary alike; None for two conditions.
+    """Mauchly's test of a complete table (n, k): all differences have the same variance; None for two conditions.
 
-    The contrasts are the rows of the Helmert matrix; any orthonormal ones give the same.
+    The contrasts are the rows of the Helmert matrix; the result is the same for any orthonormal contrasts.
     """
     n, k = table.shape
     if k < 3:
         return None
     name = "Mauchly, chi-square"
-    if n < k + 1 or not epsilon(table) > 1.0 / (k - 1) + SAME:
+    if n < k + 1 or not greenhouse_geisser_epsilon(table) > 1.0 / (k - 1) + TIE_TOLERANCE:
         return AssumptionTest(name, n, float("nan"), float("nan"))
     from scipy.linalg import helmert
     from statsmodels.stats.multivariate import test_cov_spherical
 
     contrasts = table @ helmert(k).T
-    found = test_cov_spherical(np.cov(contrasts, rowvar=False), n)
-    return AssumptionTest(name, n, float(found.statistic), float(found.pvalue))
+    result = test_cov_spherical(np.cov(contrasts, rowvar=False), n)
+    return AssumptionTest(name, n, float(result.statistic), float(result.pvalue))
 
 
 def friedman(table: Array) -> AssumptionTest | None:
-    """Return Friedman's test on (n, k) without gaps, which needs no normal differences; None for two conditions."""
+    """Friedman's rank test of a complete table (n, k), without assuming normality; None for two conditions."""
     n, k = table.shape
     if k < 3:
         return None
     from scipy import stats
 
-    if n < 2 or np.ptp(table, axis=1).max() <= SAME:
+    if n < 2 or np.ptp(table, axis=1).max() <= TIE_TOLERANCE:
         return AssumptionTest("Friedman", n, float("nan"), float("nan"))
     with warnings.catch_warnings():
-        # Ties everywhere leave nothing to divide by; NaN says so.
+        # If all ranks are tied, scipy divides by zero and returns NaN.
         warnings.simplefilter("ignore", RuntimeWarning)
-        found = stats.friedmanchisquare(*table.T)
-    return AssumptionTest("Friedman", n, float(found.statistic), float(found.pvalue))
+        result = stats.friedmanchisquare(*table.T)
+    return AssumptionTest("Friedman", n, float(result.statistic), float(result.pvalue))

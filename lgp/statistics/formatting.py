@@ -1,15 +1,15 @@
-"""The page of the screwdriver experiment, and everything else that is written once the runs are made."""
+"""Statistics as text: numbers, p values and signed differences, as reports and conclusions print them."""
 
 from __future__ import annotations
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """Return a number in words, a dash where there is none."""
+    """Number with a fixed count of decimals and a true minus sign; a dash for None."""
     return "–" if value is None else f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def p_value(value: float | None) -> str:
-    """Return an exact p value: two digits that count.
+    """P value with two significant digits, for tables; a dash for None.
 
     Example:
         >>> p_value(0.0123), p_value(1.24e-9), p_value(None)
@@ -18,15 +18,15 @@ def p_value(value: float | None) -> str:
     return "–" if value is None else f"{value:.2g}" if value < 0.0995 else f"{value:.2f}"
 
 
-def p_said(p: float | None) -> str:
-    """Return a p value as it is written in a sentence.
+def p_text(p: float | None) -> str:
+    """P value in the style of the American Psychological Association, for sentences.
 
-    >>> p_said(0.0312), p_said(0.00002), p_said(None)
+    >>> p_text(0.0312), p_text(0.00002), p_text(None)
     ('p = .031', 'p < .001', 'p not defined')
     """
     return "p not defined" if p is None else "p < .001" if p < 0.001 else f"p = {p:.3f}".replace("0.", ".")
 
 
 def signed(value: float | None) -> str:
-    """Return a number with its sign."""
+    """Number with its sign and two decimals; "not defined" for None."""
     return "not defined" if value is None else f"{value:+.2f}".replace("-", "\N{MINUS SIGN}")

@@ -1,7 +1,7 @@
-"""Studies with people: recordings of participants in several conditions -> scores, paired statistics and a page.
+"""Studies with participants: recordings in several conditions -> exact scores, paired statistics, HTML report.
 
-labels, manifest -> sources -> scoring -> analysis (assumptions) -> verdict, missing -> study -> page, figures.
-Simulated studies: retarget, movement -> simulate.
+labels -> recordings -> scoring -> analysis -> conclusions -> study -> report. Simulated studies: retarget, movement ->
+simulate.
 """
 
 from __future__ import annotations

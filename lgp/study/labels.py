@@ -1,7 +1,7 @@
-"""Whose recording of what: labels from a metadata record in the recording itself, or from the name of its file.
+"""Labels of recordings - participant, condition, trial - from a metadata record, the file name or a manifest.
 
 The record is an MCAP metadata record (https://mcap.dev/spec#metadata-op0x0c) named `study` with the keys `participant`
-and `condition`, and where there are several recordings of both, `trial`; `simulated` = "true" marks data of no person.
+and `condition`, and `trial` if there are several recordings of both; `simulated` = "true" marks simulated data.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from reba.readers.mcap.channels import recording_files
 from reba.readers.mcap.records import HEAD
 
 RECORD: Final = "study"
-"""Name of the metadata record."""
+"""Name of the metadata record with the label."""
 FIELDS: Final = ("participant", "condition", "trial")
-"""What a label says; the first two it must."""
+"""Fields of a label; the first two are required."""
 _LIMIT: Final = 1 << 32
-"""[bytes] Largest compressed recording that is unpacked to look for its record."""
+"""Largest compressed recording that is decompressed to read its record [bytes]."""
 _ENDING: Final = re.compile(r"\.mcap\.zstd$|\.[A-Za-z0-9]+$")
 
 
 @dataclass(frozen=True, order=True)
 class Label:
-    """A recording's place in a study.
+    """Label of a recording in a study.
 
     Attributes:
-        participant: who.
-        condition: doing what.
-        trial: which of several recordings of both, "" for the only one.
-        simulated: whether it is data of no person.
+        participant: name of the participant.
+        condition: name of the condition.
+        trial: name of one of several recordings of both, "" for the only one.
+        simulated: whether the data are simulated.
     """
 
     participant: str
@@ -51,18 +51,18 @@ class Label:
         return f"{self.participant} / {self.condition}" + (f" / {self.trial}" if self.trial else "")
 
     def record(self) -> dict[str, str]:
-        """Return the content of the metadata record."""
-        found = {"participant": self.participant, "condition": self.condition}
-        found |= {"trial": self.trial} if self.trial else {}
-        return found | ({"simulated": "true"} if self.simulated else {})
+        """Content of the metadata record."""
+        content = {"participant": self.participant, "condition": self.condition}
+        content |= {"trial": self.trial} if self.trial else {}
+        return content | ({"simulated": "true"} if self.simulated else {})
 
 
 def label_of(values: dict[str, str | None], where: str) -> Label:
-    """Return the label that named values give.
+    """Label from named values.
 
     Args:
-        values: text by name, as in a record or a line of a manifest; blanks around it do not count.
-        where: what holds them, for the error.
+        values: text by field name, as in a record or a manifest row; surrounding blanks are removed.
+        where: their source, for error messages.
 
     Raises:
         LgpError: participant or condition is missing or empty.
@@ -73,66 +73,69 @@ def label_of(values: dict[str, str | None], where: str) -> Label:
     text = {name: (values.get(name) or "").strip() for name in (*FIELDS, "simulated")}
     for name in FIELDS[:2]:
         if not text[name]:
-            known = ", ".join(values) or "nothing"
-            raise LgpError(f"{where}: {name} is {'empty' if name in values else f'missing (it holds {known})'}; add it")
+            present = ", ".join(values) or "no field"
+            problem = "empty" if name in values else f"missing (present: {present})"
+            raise LgpError(f"{where}: {name} is {problem}; add it")
     return Label(text["participant"], text["condition"], text["trial"], text["simulated"].lower() == "true")
 
 
 def recorded_label(path: Path) -> Label | None:
-    """Return the label in the `study` record of an MCAP recording, None without one or for another format.
+    """Label in the `study` record of an MCAP recording; None without a record or for another format.
 
     Raises:
-        LgpError: the record lacks a name, cannot be read, or the parts of a recording contradict each other.
+        LgpError: the record lacks a field or cannot be read, or the files of a recording have different labels.
         ReadError: the file cannot be opened as a recording.
     """
     if not sniff(path):
         return None
-    found: Label | None = None
+    recorded: Label | None = None
     for file in recording_files(path):
         values = _metadata(file)
         if values is None:
             continue
         label = label_of(values, f"{file}: metadata record {RECORD!r}")
-        if found is not None and label != found:
-            raise LgpError(f"{path}: its files are labelled {found} and {label}; put them into folders of their own")
-        found = label
-    return found
+        if recorded is not None and label != recorded:
+            raise LgpError(
+                f"{path}: its files are labelled {recorded} and {label}; put each recording into its own folder"
+            )
+        recorded = label
+    return recorded
 
 
 def _metadata(path: Path) -> dict[str, str | None] | None:
-    """Return the `study` record of one file: its records are stepped over, chunks are not unpacked."""
+    """Content of the `study` record of one file; other records are skipped, chunks are not decompressed."""
     from mcap.data_stream import ReadDataStream
     from mcap.exceptions import McapError
     from mcap.opcode import Opcode
     from mcap.records import Metadata
 
     source = ByteSource(path, _LIMIT)
-    at = len(MAGIC)
-    while len(head := source.read_at(at, HEAD)) == HEAD:
+    offset = len(MAGIC)
+    while len(head := source.read_at(offset, HEAD)) == HEAD:
         opcode, length = head[0], int.from_bytes(head[1:], "little")
-        if opcode in (0, Opcode.DATA_END, Opcode.FOOTER) or at + HEAD + length > source.size:
+        if opcode in (0, Opcode.DATA_END, Opcode.FOOTER) or offset + HEAD + length > source.size:
             return None
         if opcode == Opcode.METADATA:
-            content = source.read_at(at + HEAD, length)
+            content = source.read_at(offset + HEAD, length)
             try:
                 record = Metadata.read(ReadDataStream(BytesIO(content)))
             except (McapError, struct.error, ValueError) as error:
-                raise LgpError(f"{path}: at byte {at}: its metadata is damaged; give a manifest") from error
+                raise LgpError(f"{path}: at byte {offset}: its metadata is damaged; give a manifest") from error
             if record.name == RECORD:
                 return dict(record.metadata)
-        at += HEAD + length
+        offset += HEAD + length
     return None
 
 
 class Pattern:
-    """File names that say whose recording they are.
+    """Pattern of file names that hold the label.
 
     Args:
-        text: such as `{participant}_{condition}_{trial}`, to fit the whole name without its ending; `/` stands for
-            folders, as in `{participant}/{condition}`. What stands first is as short as it can be.
+        text: such as `{participant}_{condition}_{trial}`, matched against the complete name without its extension; `/`
+            separates folders, as in `{participant}/{condition}`. Earlier fields match as few characters as possible.
 
     Raises:
-        LgpError: participant or condition is not in it, or something else is.
+        LgpError: participant or condition is missing, or a field is unknown.
 
     >>> str(Pattern("{participant}_{condition}").label("logs/p01_non_ergonomic.mcap"))
     'p01 / non_ergonomic'
@@ -148,60 +151,60 @@ class Pattern:
         if len(set(names)) < len(names) or not {*FIELDS[:2]} <= set(names):
             raise LgpError(f"--pattern {text!r}: expected {{participant}} and {{condition}} once each; use {_USE}")
         fields = (f"(?P<{part}>[^/]+?)" if odd % 2 else re.escape(part) for odd, part in enumerate(parts))
-        self._fits = re.compile("".join(fields))
+        self._regex = re.compile("".join(fields))
         self._depth = text.count("/") + 1
 
     def label(self, path: str) -> Label | None:
-        """Return the label that a file's name gives, None where it does not fit."""
+        """Label from a file name, None if it does not match."""
         parts = PurePath(path.replace("\\", "/")).parts[-self._depth :]
-        found = self._fits.fullmatch(_ENDING.sub("", "/".join(parts)))
-        return None if found is None else label_of(dict(found.groupdict()), path)
+        match = self._regex.fullmatch(_ENDING.sub("", "/".join(parts)))
+        return None if match is None else label_of(dict(match.groupdict()), path)
 
 
 _USE: Final = "{participant}_{condition} or {participant}/{condition}_{trial}"
 COLUMNS: Final = ("file", *FIELDS, "simulated")
-"""Columns that are read."""
-_NEEDED: Final = COLUMNS[:3]
+"""Columns of a manifest."""
+_REQUIRED: Final = COLUMNS[:3]
 
 
 @dataclass(frozen=True)
 class ManifestRow:
-    """One line: the file, None for a recording that was not made, and its label."""
+    """Row of a manifest: the file, None for a planned recording that was not made, and its label."""
 
     file: Path | None
     label: Label
 
 
 def read_manifest(path: str | Path) -> list[ManifestRow]:
-    """Return the lines of a manifest.
+    """Rows of a manifest.
 
     Raises:
-        LgpError: it cannot be read, a column or a name is missing, or a file stands twice.
+        LgpError: it cannot be read, a column or a field is missing, or a file is listed more than once.
     """
-    place = Path(path)
+    file = Path(path)
     try:
-        text = place.read_text(encoding="utf-8-sig")
+        text = file.read_text(encoding="utf-8-sig")
         rows = list(_rows(text))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise LgpError(f"{path}: cannot be read ({error}); give a CSV file with {', '.join(_NEEDED)}") from error
+        raise LgpError(f"{path}: cannot be read ({error}); give a CSV file with {', '.join(_REQUIRED)}") from error
     if not rows:
         raise LgpError(f"{path}: the manifest is empty; its first line names the columns {', '.join(COLUMNS)}")
     header = [name.strip().lower() for name in rows[0][1]]
     _check(path, header)
-    lines = [_line(place, number, header, row) for number, row in rows[1:]]
+    lines = [_line(file, number, header, row) for number, row in rows[1:]]
     if not lines:
-        raise LgpError(f"{path}: the manifest names no recording; add a line for each")
-    seen: dict[Path, Label] = {}
+        raise LgpError(f"{path}: the manifest names no recording; add a row for each")
+    labels: dict[Path, Label] = {}
     for line in lines:
-        if line.file is not None and line.file in seen:
-            raise LgpError(f"{path}: {line.file} is {seen[line.file]} and {line.label}; name each file once")
+        if line.file is not None and line.file in labels:
+            raise LgpError(f"{path}: {line.file} is {labels[line.file]} and {line.label}; name each file once")
         if line.file is not None:
-            seen[line.file] = line.label
+            labels[line.file] = line.label
     return lines
 
 
 def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield number and fields of every line that is not blank; fields are parted by commas or semicolons."""
+    """Yield line number and fields of every non-blank line; the delimiter is a comma or a semicolon."""
     first = text.split("\n", 1)[0]
     delimiter = ";" if first.count(";") > first.count(",") else ","
     reader = csv.reader(text.splitlines(), delimiter=delimiter, strict=True)
@@ -211,12 +214,12 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def _check(path: str | Path, header: list[str]) -> None:
-    for name in _NEEDED:
+    for name in _REQUIRED:
         if name not in header:
             near = did_you_mean(name, header) or f"; it has {', '.join(header)}"
             raise LgpError(f"{path}: column {name!r} is missing{near}; expected {', '.join(COLUMNS)}")
-    if twice := [name for name in COLUMNS if header.count(name) > 1]:
-        raise LgpError(f"{path}: column {twice[0]!r} stands twice; keep one of them")
+    if repeated := [name for name in COLUMNS if header.count(name) > 1]:
+        raise LgpError(f"{path}: {header.count(repeated[0])} columns are named {repeated[0]!r}; keep one of them")
 
 
 def _line(manifest: Path, number: int, header: list[str], row: list[str]) -> ManifestRow:
@@ -224,6 +227,6 @@ def _line(manifest: Path, number: int, header: list[str], row: list[str]) -> Man
     if len(row) != len(header):
         raise LgpError(f"{where}: {len(row)} fields, expected {len(header)} as in its first line; correct it")
     values: dict[str, str | None] = dict(zip(header, row, strict=True))
-    named = label_of({name: values[name] for name in COLUMNS[1:] if name in values}, where)
+    label = label_of({name: values[name] for name in COLUMNS[1:] if name in values}, where)
     file = (values["file"] or "").strip()
-    return ManifestRow(manifest.parent / file if file else None, named)
+    return ManifestRow(manifest.parent / file if file else None, label)

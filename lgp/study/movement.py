@@ -1,10 +1,10 @@
-"""How people differ when they do the same: habits, occasions, motor noise and speed, as a seeded model.
+"""Random model of human motion variability: between persons, between recordings, within a recording, and in duration.
 
-A recording is the course of the plan for the person's stature, each action stretched in time, plus three offsets of
-every angle: a habit (the same in all of a person's recordings), an occasion (drawn for each recording) and smooth noise
-within it. All are normal, independent over angles and without regard to the condition, so two conditions with the same
-course differ by chance alone. The numbers are free choices, in the size of what repeated reaches of people vary by;
-they serve to try the statistics, not to predict people.
+A recording is the planned motion for the stature of the person, with the duration of each action scaled, plus three
+offsets of every angle: habit (equal in all recordings of a person), occasion (drawn for each recording) and smooth
+noise within it. All are normal, independent over angles and equally distributed in all conditions, so that two
+conditions with the same motion differ by chance only. The standard deviations are free choices in the order of those of
+repeated reaching; they serve to test the statistics, not to predict people.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ if TYPE_CHECKING:
     import pandas as pd
 
 STEADY: Final = ("trunk_flexion", "trunk_side_bend", "trunk_twist", "knee_flexion", "shoulder_elevation")
-"""Angles of heavy or stiff parts, which vary by half as much as others."""
-NEVER_BACKWARDS: Final = ("knee_flexion", "lower_arm_flexion")
-"""Joints that end at straight."""
+"""Angles of heavy or stiff parts of the body, with half the standard deviation of the others."""
+NOT_NEGATIVE: Final = ("knee_flexion", "lower_arm_flexion")
+"""Joints whose range ends at 0 degrees (straight)."""
 
 
 @dataclass(frozen=True)
 class MotionVariability:
-    """How much people vary.
+    """Parameters of the motion variability.
 
     Attributes:
-        stature, stature_sd: [m] mean and spread; drawn within `statures`.
-        statures: [m] shortest and tallest.
-        habit: [deg] spread between people.
-        occasion: [deg] spread between recordings of one person.
-        motor: [deg] spread of the noise within a recording.
-        memory: [s] time constant of the noise.
-        speed: spread of the logarithm of durations between people.
-        pace: the same between the actions of a recording.
+        stature, stature_sd: mean and standard deviation [m]; drawn values are clipped to `statures`.
+        statures: shortest and tallest [m].
+        habit: standard deviation between persons [deg].
+        occasion: standard deviation between recordings of a person [deg].
+        motor: standard deviation of the noise within a recording [deg].
+        memory: time constant of the noise [s].
+        speed: standard deviation between persons of the logarithm of durations.
+        pace: standard deviation between the actions of a recording of the logarithm of durations.
     """
 
     stature: float = 1.70
@@ -54,12 +54,12 @@ class MotionVariability:
 
 
 VARIATION: Final = MotionVariability()
-"""The default."""
+"""Default parameters."""
 
 
 @dataclass(frozen=True)
 class Person:
-    """A simulated participant: stature [m], habit (22,) [deg], and factor on all durations."""
+    """Simulated participant: stature [m], habit (22,) [deg], and factor on all durations."""
 
     stature: float
     habit: Array
@@ -68,14 +68,14 @@ class Person:
 
 @dataclass(frozen=True)
 class Movement:
-    """A simulated recording: time (n,) [s], angles (n, 22) [deg], load held (n,) [kg]."""
+    """Simulated recording: time (n,) [s], angles (n, 22) [deg], load in the hands (n,) [kg]."""
 
     time: Array
     angles: Array
     load: Array
 
     def table(self) -> pd.DataFrame:
-        """Return it as a posture table with a `load` column."""
+        """Posture table with a `load` column."""
         import pandas as pd
 
         table = pd.DataFrame(np.column_stack([self.time, self.angles, self.load]))
@@ -83,70 +83,71 @@ class Movement:
 
 
 def person(rng: np.random.Generator, vary: MotionVariability = VARIATION) -> Person:
-    """Draw a participant; stature is known to the centimetre, as it is measured."""
+    """Draw a participant; the stature is rounded to a centimetre, as it is measured."""
     stature = float(np.clip(rng.normal(vary.stature, vary.stature_sd), *vary.statures))
-    return Person(round(stature, 2), _spread(rng, vary.habit), float(np.exp(rng.normal(0.0, vary.speed))))
+    return Person(round(stature, 2), _angle_offsets(rng, vary.habit), float(np.exp(rng.normal(0.0, vary.speed))))
 
 
 def perform(
-    course: RetargetedMotion,
-    who: Person,
+    motion: RetargetedMotion,
+    participant: Person,
     rng: np.random.Generator,
     *,
     rate: float = 30.0,
     vary: MotionVariability = VARIATION,
     offset: Array | float = 0.0,
 ) -> Movement:
-    """Return one recording.
+    """Simulate one recording of a participant.
 
     Args:
-        course: for the person's stature.
-        who: the participant.
+        motion: planned motion for the stature of the participant.
+        participant: with habit and speed.
         rng: of this recording alone.
-        rate: frames a second.
-        vary: how much this recording varies.
+        rate: frames per second.
+        vary: motion variability.
         offset: (22,) [deg] added to every frame: an effect of known size.
     """
     from scipy.interpolate import PchipInterpolator
 
-    stretched = stretch(course, who.slowness * np.exp(rng.normal(0.0, vary.pace, int(course.phase.max()) + 1)))
-    time = np.arange(0.0, stretched[-1] + 1e-9, 1.0 / rate)
-    angles = PchipInterpolator(stretched, course.posture)(time)
-    angles += who.habit + _spread(rng, vary.occasion) + offset
+    pace = np.exp(rng.normal(0.0, vary.pace, int(motion.phase.max()) + 1))
+    scaled = scale_durations(motion, participant.slowness * pace)
+    time = np.arange(0.0, scaled[-1] + 1e-9, 1.0 / rate)
+    angles = PchipInterpolator(scaled, motion.posture)(time)
+    angles += participant.habit + _angle_offsets(rng, vary.occasion) + offset
     angles += smooth_noise(rng, len(time), rate, vary.memory) * vary.motor * WEIGHTS
-    for name in NEVER_BACKWARDS:
+    for name in NOT_NEGATIVE:
         for column in (INDEX[f"{name}_left"], INDEX[f"{name}_right"]):
             angles[:, column] = np.maximum(angles[:, column], 0.0)
-    held = course.carried[np.clip(np.searchsorted(stretched, time, side="left"), 0, len(stretched) - 1)]
-    return Movement(time, angles, held)
+    load = motion.carried[np.clip(np.searchsorted(scaled, time, side="left"), 0, len(scaled) - 1)]
+    return Movement(time, angles, load)
 
 
-def stretch(course: RetargetedMotion, factors: Array) -> Array:
-    """Return the times (T,) [s] of a course whose actions take longer by (actions,) factors.
+def scale_durations(motion: RetargetedMotion, factors: Array) -> Array:
+    """Times (T,) [s] of a motion with the durations of its actions multiplied by (actions,) factors.
 
-    >>> course = Course(np.arange(4.0), np.array([0, 0, 1, 1]), np.zeros((4, 22)), np.zeros(4))
-    >>> stretch(course, np.array([1.0, 2.0])).tolist()
+    >>> motion = RetargetedMotion(np.arange(4.0), np.array([0, 0, 1, 1]), np.zeros((4, 22)), np.zeros(4))
+    >>> scale_durations(motion, np.array([1.0, 2.0])).tolist()
     [0.0, 1.0, 3.0, 5.0]
     """
-    steps = np.diff(course.time) * factors[course.phase[1:]]
+    steps = np.diff(motion.time) * factors[motion.phase[1:]]
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def smooth_noise(rng: np.random.Generator, frames: int, rate: float, memory: float) -> Array:
-    """Return (frames, 22) smooth noise of unit variance: white noise through two equal first-order low passes.
+    """Smooth noise (frames, 22) of unit variance: white noise through two equal first-order low-pass filters.
 
-    Once filtered it is an Ornstein-Uhlenbeck process, which jumps about; twice, its path has a velocity, as a limb has.
-    It starts as it goes on: what precedes the recording is drawn too and dropped.
+    One filter gives an Ornstein-Uhlenbeck process, whose velocity is not defined; a second one makes the path of the
+    noise differentiable, as that of a limb is. Ten time constants before the first frame are drawn and discarded.
     """
     from scipy.signal import lfilter
 
-    keep = float(np.exp(-1.0 / (rate * memory)))
-    before = int(np.ceil(10.0 * rate * memory))
-    white = rng.normal(size=(before + frames, len(COLUMNS)))
-    # The impulse response is (k + 1) keep^k, whose squares add up to (1 + keep^2) / (1 - keep^2)^3.
-    scale = np.sqrt((1.0 - keep**2) ** 3 / (1.0 + keep**2))
-    found: Array = scale * lfilter([1.0], [1.0, -2.0 * keep, keep**2], white, axis=0)[before:]
-    return found
+    decay = float(np.exp(-1.0 / (rate * memory)))
+    warm_up = int(np.ceil(10.0 * rate * memory))
+    white = rng.normal(size=(warm_up + frames, len(COLUMNS)))
+    # Impulse response (k + 1) decay^k, with the sum of squares (1 + decay^2) / (1 - decay^2)^3.
+    scale = np.sqrt((1.0 - decay**2) ** 3 / (1.0 + decay**2))
+    noise: Array = scale * lfilter([1.0], [1.0, -2.0 * decay, decay**2], white, axis=0)[warm_up:]
+    return noise
 
 
 def _weights() -> Array:
@@ -154,8 +155,8 @@ def _weights() -> Array:
 
 
 WEIGHTS: Final[Array] = _weights()
-"""(22,) factor on all spreads of an angle."""
+"""Factors (22,) on the standard deviations of the angles."""
 
 
-def _spread(rng: np.random.Generator, degrees: float) -> Array:
+def _angle_offsets(rng: np.random.Generator, degrees: float) -> Array:
     return rng.normal(0.0, degrees, len(COLUMNS)) * WEIGHTS

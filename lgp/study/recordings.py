@@ -1,6 +1,7 @@
-"""What a study is made of: every recording with its label, and those that were planned and not made.
+"""Recordings of a study with their labels, and planned recordings that were not made.
 
-files, folders, manifest, pattern -> `Sources`; a recording without a label is a failure of its own and stops no other.
+files, folders, manifest, pattern -> `Sources`. A recording without a label is reported as a failure; the others are
+used.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from reba.errors import RebaError
 
 @dataclass(frozen=True)
 class Failure:
-    """A recording that could not be used: its file, why, and its label where that is known."""
+    """Recording that could not be used: its file, the error, and its label if it is known."""
 
     input: str
     error: str
@@ -30,9 +31,10 @@ class Sources:
 
     Attributes:
         named: (file, label) of each.
-        unnamed: those without a label.
-        absent: labels of recordings that the manifest plans and that were not made or not given.
-        by_manifest: whether a manifest gave the labels, and so the order of the conditions.
+        unnamed: recordings without a label.
+        absent: labels of recordings in the manifest that were not made or not given.
+        by_manifest: whether labels, and the order of the conditions, are those of a manifest.
+        conditions: in their order.
     """
 
     named: tuple[tuple[str, Label], ...]
@@ -48,38 +50,37 @@ class Sources:
 
 
 def find_sources(
-    logs: Sequence[str], manifest: str | Path | None = None, pattern: str | None = None, without: Path | None = None
+    logs: Sequence[str],
+    manifest: str | Path | None = None,
+    pattern: str | None = None,
+    exclude: str | Path | None = None,
 ) -> Sources:
-    """Return the recordings with their labels.
+    """Recordings with their labels.
 
     Args:
         logs: files and folders of recordings; may be empty with a manifest, which then names them all.
-        manifest: CSV file with the labels, in place of those in the recordings.
-        pattern: file names with the labels, in place of those in the recordings.
-        without: a folder for results; recordings in it are no inputs.
+        manifest: CSV file with the labels, instead of those in the recordings.
+        pattern: of file names with the labels, instead of those in the recordings.
+        exclude: folder of results, which is not searched for recordings.
 
     Raises:
-        LgpError: nothing is given, the manifest or pattern is wrong, no recording has a label, two have the same one.
+        LgpError: there is no input, the manifest or pattern is wrong, no recording has a label, or two have the same.
         RebaError: a file or folder does not exist.
-
-    Example:
-        >>> find_sources(["logs"], pattern="{participant}_{condition}").conditions      # doctest: +SKIP
-        ('ergonomic', 'non-ergonomic')
     """
     if manifest is not None and pattern is not None:
         raise LgpError("--manifest and --pattern were both given; choose one of them")
     if not logs and manifest is None:
         raise LgpError("no recording was given; name files or folders, or a --manifest")
     inputs = find_inputs(logs) if logs else []
-    if without is not None:
-        inside = without.resolve()
-        inputs = [one for one in inputs if inside not in Path(one).resolve().parents]
-    found = _by_manifest(inputs, manifest) if manifest is not None else _by_name(inputs, pattern)
-    if not found.named:
-        first = f"; the first: {found.unnamed[0].error}" if found.unnamed else ""
-        raise LgpError(f"none of the {len(found.unnamed)} recordings is labelled{first}")
-    _check([*found.named, *(("", label) for label in found.absent)])
-    return found
+    if exclude is not None:
+        results = Path(exclude).resolve()
+        inputs = [one for one in inputs if results not in Path(one).resolve().parents]
+    sources = _by_manifest(inputs, manifest) if manifest is not None else _by_name(inputs, pattern)
+    if not sources.named:
+        first = f"; the first: {sources.unnamed[0].error}" if sources.unnamed else ""
+        raise LgpError(f"none of the {len(sources.unnamed)} recordings is labelled{first}")
+    _check([*sources.named, *(("", label) for label in sources.absent)])
+    return sources
 
 
 def _by_manifest(inputs: Sequence[str], manifest: str | Path) -> Sources:
@@ -89,14 +90,14 @@ def _by_manifest(inputs: Sequence[str], manifest: str | Path) -> Sources:
     if not inputs:
         named = [(str(line.file), line.label) for line in lines if line.file is not None]
         return Sources(tuple(named), (), tuple(absent), by_manifest=True)
-    places = {one: Path(one).resolve() for one in inputs}
-    given = set(places.values())
-    named = [(one, labels[place]) for one, place in places.items() if place in labels]
+    paths = {one: Path(one).resolve() for one in inputs}
+    existing = set(paths.values())
+    named = [(one, labels[path]) for one, path in paths.items() if path in labels]
     order = list(labels)
-    named.sort(key=lambda pair: order.index(places[pair[0]]))
-    skipped = [one for one, place in places.items() if place not in labels and place != Path(manifest).resolve()]
-    unnamed = [Failure(one, f"{one}: {manifest} does not name it; add a line for it") for one in skipped]
-    absent += [label for place, label in labels.items() if place not in given]
+    named.sort(key=lambda pair: order.index(paths[pair[0]]))
+    skipped = [one for one, path in paths.items() if path not in labels and path != Path(manifest).resolve()]
+    unnamed = [Failure(one, f"{one}: {manifest} does not name it; add a row for it") for one in skipped]
+    absent += [label for path, label in labels.items() if path not in existing]
     return Sources(tuple(named), tuple(unnamed), tuple(absent), by_manifest=True)
 
 
@@ -114,23 +115,23 @@ def _by_name(inputs: Sequence[str], pattern: str | None) -> Sources:
             named.append((one, label))
         elif names is None:
             hint = "give --manifest FILE.csv or --pattern {participant}_{condition}"
-            unnamed.append(Failure(one, f"{one}: it holds no metadata record {RECORD!r}; {hint}"))
+            unnamed.append(Failure(one, f"{one}: no metadata record {RECORD!r}; {hint}"))
         else:
-            unnamed.append(Failure(one, f"{one}: its name does not fit {names.text}; rename it or give a manifest"))
+            unnamed.append(Failure(one, f"{one}: its name does not match {names.text}; rename it or give a manifest"))
     return Sources(tuple(named), tuple(unnamed))
 
 
 def _check(named: Iterable[tuple[str, Label]]) -> None:
-    """Refuse two recordings with the same label, and names that differ only in case."""
+    """Refuse two recordings with the same label, and names that differ only in upper and lower case."""
     files: dict[tuple[str, str, str], str] = {}
     spelled: dict[tuple[str, str], str] = {}
     for file, label in named:
         key = (label.participant, label.condition, label.trial)
         if key in files:
-            both = " and ".join(filter(None, (files[key], file))) or "two lines"
+            both = " and ".join(filter(None, (files[key], file))) or "two rows"
             raise LgpError(f"{label} is the label of {both}; give each a trial, or leave one out")
         files[key] = file
         for kind, name in (("participant", label.participant), ("condition", label.condition)):
             first = spelled.setdefault((kind, name.casefold()), name)
             if first != name:
-                raise LgpError(f"{kind} is spelled {first!r} and {name!r}; spell it in one way")
+                raise LgpError(f"{kind} is spelled {first!r} and {name!r}; use one spelling")

@@ -1,4 +1,4 @@
-"""The page of a study: one HTML file that needs no network, in the style of the reports of `reba`."""
+"""HTML report of a study: one file without network access, in the style of the reports of `reba`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from lgp.statistics.formatting import number, p_value
 from lgp.statistics.paired_tests import stars
 from lgp.study.scoring import EXTRA, LEVELS, PARTS, SIDED, TOTAL
-from lgp.svg import INK, LINE, SOFT, line, svg, text, ticks
+from lgp.svg import INK, SOFT, error_bar, horizontal_grid, line, svg, text, ticks, vertical_title
 from reba.method.tables import ACTION_LEVELS
 from reba.report.page import template
 
@@ -20,19 +20,19 @@ SOURCE: Final = (
     "Busch, Toussaint & Lopes, Planning Ergonomic Sequences of Actions in Human-Robot Interaction, ICRA 2018, "
     "section IV-C"
 )
-"""Where the figure and the analysis of variance are from."""
+"""Source of the figure and of the analysis of variance."""
 
 
-def render(found: Mapping[str, Any], *, command: str = "") -> str:
-    """Return the page as HTML.
+def render(summary: Mapping[str, Any], *, command: str = "") -> str:
+    """Report as HTML text.
 
     Args:
-        found: the summary of a study.
-        command: command line to show, so that the page can be made again.
+        summary: of a study, see `lgp.study.study.summarise`.
+        command: command line that reproduces the report, shown on the page.
     """
     from markupsafe import Markup
 
-    files = [one["input"] for one in (*found["recordings"], *found["failed"])]
+    files = [one["input"] for one in (*summary["recordings"], *summary["failed"])]
     filters: dict[str, Callable[..., str]] = {
         "p": p_value,
         "number": number,
@@ -41,17 +41,17 @@ def render(found: Mapping[str, Any], *, command: str = "") -> str:
         "percent": _percent,
         "short": lambda text: _short(text, files),
     }
-    conditions = found["conditions"]
+    conditions = summary["conditions"]
     return template("lgp.study", "study.html", filters).render(
-        found=found,
+        summary=summary,
         conditions=conditions,
-        total=found[TOTAL],
-        parts={PARTS[name]: one for name, one in found["parts"].items()},
+        total=summary[TOTAL],
+        parts={PARTS[name]: one for name, one in summary["parts"].items()},
         sided=[PARTS[name].split(" (")[0].lower() for name in SIDED],
-        described={EXTRA[name]: one for name, one in found["described"].items()},
-        levels=[(level, ACTION_LEVELS[level][0], found["levels"][name]) for level, name in enumerate(LEVELS)],
-        bars=Markup(bars(found, conditions)),
-        paired=Markup(paired(found, conditions)),
+        described={EXTRA[name]: one for name, one in summary["described"].items()},
+        levels=[(level, ACTION_LEVELS[level][0], summary["levels"][name]) for level, name in enumerate(LEVELS)],
+        bars=Markup(bars(summary, conditions)),
+        paired=Markup(paired(summary, conditions)),
         source=SOURCE,
         command=command,
     )
@@ -66,171 +66,155 @@ def _percent(share: float | None) -> str:
 
 
 def _name(path: str) -> str:
-    """Return the name of a file with its folder, which may hold the participant; not where it lies on a machine."""
+    """Name of a file with its folder, which may name the participant; folders of the computer are left out."""
     return "/".join(PurePath(path.replace("\\", "/")).parts[-2:])
 
 
 def _short(text: str, files: Sequence[str]) -> str:
-    """Return text with the names of files instead of where they lie."""
+    """Text with the full paths of `files` shortened to their names."""
     for file in sorted(files, key=len, reverse=True):
         text = text.replace(file, _name(file))
     return text
 
 
 COLOURS: Final = ("#1f6fa8", "#b4540a", "#7a68b5", "#2e7d4f", "#8c6d1f", "#a33b66")
-"""One per condition in their order, from the first again after the last; each also has its name beside it."""
+"""Colours of the conditions in their order, repeated from the seventh on; each has its name beside it."""
 MOST_NAMED: Final = 16
-"""Participants whose lines carry their names; more would lie over each other."""
+"""Most participants whose lines are labelled; more labels would overlap."""
 _LEFT, _RIGHT = 40.0, 412.0
-_KEY_STEP, _KEY_LETTER = 22.0, 7.6
-_BARS_HIGH, _FOOT, _LINES_HIGH = 200.0, 74.0, 250.0
-_NAME_STEP = 13.0
+_LEGEND_STEP, _LETTER_WIDTH = 22.0, 7.6
+_BARS_HEIGHT, _FOOT_HEIGHT, _LINES_HEIGHT = 200.0, 74.0, 250.0
+_LABEL_STEP = 13.0
 
 
-def colour(place: int) -> str:
-    """Return the colour of a condition."""
-    return COLOURS[place % len(COLOURS)]
+def colour(index: int) -> str:
+    """Colour of the condition of this index."""
+    return COLOURS[index % len(COLOURS)]
 
 
-def bars(found: Mapping[str, Any], conditions: Sequence[str]) -> str:
-    """Return mean REBA and mean part scores per condition with standard errors, as Fig. 11 of the paper.
+def bars(summary: Mapping[str, Any], conditions: Sequence[str]) -> str:
+    """Bar chart of mean REBA and mean part scores per condition with standard errors, as Fig. 11 of the paper.
 
-    Thin whiskers are standard errors between people (the paper's), thick ones within. A star over a group: the largest
-    difference in it holds after Holm.
-
-    Args:
-        found: a summary.
-        conditions: in their order.
+    Thin error bars are standard errors between participants (as in the paper), thick ones within participants. Stars
+    over a group mark the smallest p value of its pairs after Holm's correction.
     """
-    groups = [("REBA", found[TOTAL])]
-    groups += [(PARTS[name].split(" (")[0], one) for name, one in found["parts"].items() if not one.get("constant")]
-    key, up = _key(conditions)
-    up += 24.0
-    down = up + _BARS_HIGH
+    groups = [("REBA", summary[TOTAL])]
+    groups += [(PARTS[name].split(" (")[0], one) for name, one in summary["parts"].items() if not one.get("constant")]
+    legend, legend_end = _legend(conditions)
+    bottom = legend_end + 24.0 + _BARS_HEIGHT
     shown = [one["conditions"][name] for _, one in groups for name in conditions]
     top = max((_or(one["mean"]) + _or(one["se"]) for one in shown), default=0.0) or 1.0
-    scale = _BARS_HIGH / top
+    scale = _BARS_HEIGHT / top
     step = (_RIGHT - _LEFT) / len(groups)
     width = min(step * 0.8 / len(conditions), 46.0)
-    parts = [*key, *_grid(top, down, scale)]
+    parts = [*legend, *_grid(top, bottom, scale)]
     for index, (title, one) in enumerate(groups):
         middle = _LEFT + step * (index + 0.5)
-        for place, name in enumerate(conditions):
-            at = middle + (place - (len(conditions) - 1) / 2) * width
-            parts += _bar(one["conditions"][name], at, width * 0.88, down, scale, colour(place))
+        for position, name in enumerate(conditions):
+            x = middle + (position - (len(conditions) - 1) / 2) * width
+            parts += _bar(one["conditions"][name], x, width * 0.88, bottom, scale, colour(position))
         mark = _stars(one["pairs"])
         high = max((_or(one["conditions"][name]["mean"]) + _or(one["conditions"][name]["se"])) for name in conditions)
-        parts += [text(middle, down - high * scale - 6, mark, size=15)] if mark else []
+        parts += [text(middle, bottom - high * scale - 6, mark, size=15)] if mark else []
         turned = text(0, 0, title, size=13, anchor="end")
-        parts.append(f'<g transform="translate({middle + 5:.1f} {down + 16:.1f}) rotate(-38)">{turned}</g>')
+        parts.append(f'<g transform="translate({middle + 5:.1f} {bottom + 16:.1f}) rotate(-38)">{turned}</g>')
     label = f"Bars: mean REBA score and mean part scores in {', '.join(conditions)}, with standard errors"
-    return svg(parts, label, down + _FOOT)
+    return svg(parts, label, bottom + _FOOT_HEIGHT)
 
 
-def _bar(one: Mapping[str, Any], at: float, width: float, down: float, scale: float, fill: str) -> list[str]:
+def _bar(one: Mapping[str, Any], x: float, width: float, bottom: float, scale: float, fill: str) -> list[str]:
     if one["mean"] is None:
         return []
-    y = down - one["mean"] * scale
-    box = f'x="{at - width / 2:.1f}" y="{y:.1f}" width="{width:.1f}" height="{down - y:.1f}"'
+    y = bottom - one["mean"] * scale
+    box = f'x="{x - width / 2:.1f}" y="{y:.1f}" width="{width:.1f}" height="{bottom - y:.1f}"'
     parts = [f'<rect {box} fill="{fill}"/>']
     if one["se"] is not None:
-        low, high = y + one["se"] * scale, y - one["se"] * scale
-        cap = min(width / 3, 6.0)
-        parts += [line(at, low, at, high), *(line(at - cap, end, at + cap, end) for end in (low, high))]
+        parts += error_bar(x, y + one["se"] * scale, y - one["se"] * scale, min(width / 3, 6.0))
     if one["se_within"] is not None:
-        parts.append(line(at, y + one["se_within"] * scale, at, y - one["se_within"] * scale, width=4.0))
+        parts.append(line(x, y + one["se_within"] * scale, x, y - one["se_within"] * scale, width=4.0))
     return parts
 
 
-def paired(found: Mapping[str, Any], conditions: Sequence[str]) -> str:
-    """Return one line per participant over the conditions, dots for those who lack one, and the means.
+def paired(summary: Mapping[str, Any], conditions: Sequence[str]) -> str:
+    """Mean REBA score of each participant as a line over the conditions, and the means of the conditions.
 
-    Args:
-        found: a summary.
-        conditions: in their order.
+    Participants who lack a condition have a dashed line and hollow dots.
     """
-    people: Mapping[str, Mapping[str, Any]] = found[TOTAL]["participants"]
+    people: Mapping[str, Mapping[str, Any]] = summary[TOTAL]["participants"]
     known = [value for row in people.values() for value in row.values() if value is not None]
     low, high = (min(known), max(known)) if known else (0.0, 1.0)
     margin = max((high - low) * 0.08, 0.05)
     low, high = low - margin, high + margin
-    parts, up = _key(conditions)
-    up += 14.0
-    down = up + _LINES_HIGH
+    parts, legend_end = _legend(conditions)
+    bottom = legend_end + 14.0 + _LINES_HEIGHT
     named = len(people) <= MOST_NAMED
     right = _RIGHT - (70.0 if named else 20.0)
     step = (right - _LEFT - 40.0) / max(len(conditions) - 1, 1)
-    places = [_LEFT + 40.0 + step * number for number in range(len(conditions))]
+    columns = [_LEFT + 40.0 + step * number for number in range(len(conditions))]
 
     def y(value: float) -> float:
-        return down - (value - low) / (high - low) * _LINES_HIGH
+        return bottom - (value - low) / (high - low) * _LINES_HEIGHT
 
-    for tick in ticks(low, high):
-        parts += [line(_LEFT, y(tick), right + 8, y(tick), LINE, 1.0)]
-        parts += [text(_LEFT - 6, y(tick) + 4.5, f"{tick:g}", size=13, anchor="end")]
+    parts += horizontal_grid(ticks(low, high), y, _LEFT, right + 8, 13)
     for name, row in people.items():
-        parts.append(_person(name, [row[condition] for condition in conditions], places, y))
+        parts.append(_person(name, [row[condition] for condition in conditions], columns, y))
     if named:
         parts += _names(people, conditions, right + 19, y)
     for index, condition in enumerate(conditions):
-        one = found[TOTAL]["conditions"][condition]
+        one = summary[TOTAL]["conditions"][condition]
         if one["mean"] is not None:
             middle = y(one["mean"])
-            parts.append(line(places[index] - 15, middle, places[index] + 15, middle, colour(index), 5.0))
+            parts.append(line(columns[index] - 15, middle, columns[index] + 15, middle, colour(index), 5.0))
     label = f"Lines: mean REBA score of each participant in {', '.join(conditions)}; thick bars are the means"
-    return svg(parts, label, down + 12)
+    return svg(parts, label, bottom + 12)
 
 
-def _person(name: str, values: Sequence[float | None], places: Sequence[float], y: Any) -> str:
+def _person(name: str, values: Sequence[float | None], columns: Sequence[float], y: Any) -> str:
     from markupsafe import escape
 
-    dots = [(x, y(value)) for x, value in zip(places, values, strict=True) if value is not None]
-    whole = len(dots) == len(values)
-    drawn = [line(*a, *b, SOFT, 1.4, "" if whole else "3 4") for a, b in pairwise(dots)]
-    fill = SOFT if whole else "#fff"
-    drawn += [f'<circle cx="{x:.1f}" cy="{at:.1f}" r="3.4" fill="{fill}" stroke="{SOFT}"/>' for x, at in dots]
-    said = ", ".join("no recording" if value is None else f"{value:.2f}" for value in values)
-    return f"<g><title>{escape(name)}: {escape(said)}</title>{''.join(drawn)}</g>"
+    dots = [(x, y(value)) for x, value in zip(columns, values, strict=True) if value is not None]
+    complete = len(dots) == len(values)
+    parts = [line(*a, *b, SOFT, 1.4, "" if complete else "3 4") for a, b in pairwise(dots)]
+    fill = SOFT if complete else "#fff"
+    parts += [f'<circle cx="{x:.1f}" cy="{height:.1f}" r="3.4" fill="{fill}" stroke="{SOFT}"/>' for x, height in dots]
+    scores = ", ".join("no recording" if value is None else f"{value:.2f}" for value in values)
+    return f"<g><title>{escape(name)}: {escape(scores)}</title>{''.join(parts)}</g>"
 
 
 def _names(people: Mapping[str, Mapping[str, Any]], conditions: Sequence[str], x: float, y: Any) -> list[str]:
-    """Return the names beside the last dots, moved apart where they would touch."""
+    """Names of participants beside their last dots, shifted so that they do not overlap."""
     from scipy.optimize import isotonic_regression
 
     last = {name: row[conditions[-1]] for name, row in people.items() if row[conditions[-1]] is not None}
     order = sorted(last, key=lambda name: y(last[name]))
-    # The nearest heights that are a step apart: without the steps, the nearest that never fall.
-    steps = _NAME_STEP * np.arange(len(order))
+    # Least-squares heights with a distance of at least one step: isotonic regression after subtracting the steps.
+    steps = _LABEL_STEP * np.arange(len(order))
     heights = isotonic_regression([y(last[name]) for name in order] - steps).x + steps if order else []
     short = [name if len(name) <= 9 else f"{name[:8]}…" for name in order]
     return [
-        text(x, at + 4, name, size=12, colour=SOFT, anchor="start") for name, at in zip(short, heights, strict=True)
+        text(x, height + 4, name, size=12, colour=SOFT, anchor="start")
+        for name, height in zip(short, heights, strict=True)
     ]
 
 
-def _key(conditions: Sequence[str]) -> tuple[list[str], float]:
-    """Return the names of the conditions with their colours, in as many rows as they need, and where they end."""
+def _legend(conditions: Sequence[str]) -> tuple[list[str], float]:
+    """Legend of the conditions in as many rows as they need, and the y coordinate where it ends."""
     parts: list[str] = []
     x, y = _LEFT, 12.0
-    for place, name in enumerate(conditions):
-        wide = 34.0 + _KEY_LETTER * len(name)
-        if x > _LEFT and x + wide > _RIGHT:
-            x, y = _LEFT, y + _KEY_STEP
-        parts.append(f'<rect x="{x:.1f}" y="{y - 7:.1f}" width="14" height="14" fill="{colour(place)}"/>')
+    for index, name in enumerate(conditions):
+        width = 34.0 + _LETTER_WIDTH * len(name)
+        if x > _LEFT and x + width > _RIGHT:
+            x, y = _LEFT, y + _LEGEND_STEP
+        parts.append(f'<rect x="{x:.1f}" y="{y - 7:.1f}" width="14" height="14" fill="{colour(index)}"/>')
         parts.append(text(x + 20, y + 5, name, anchor="start"))
-        x += wide
+        x += width
     return parts, y + 10.0
 
 
-def _grid(top: float, down: float, scale: float) -> list[str]:
-    parts = []
-    for tick in ticks(0.0, top):
-        y = down - tick * scale
-        parts += [line(_LEFT, y, _RIGHT, y, LINE, 1.0), text(_LEFT - 6, y + 4.5, f"{tick:g}", size=13, anchor="end")]
-    middle = down - _BARS_HIGH / 2
-    turned = text(0, 0, "mean score", size=13, colour=SOFT)
-    parts.append(f'<g transform="translate(11 {middle:.1f}) rotate(-90)">{turned}</g>')
-    return [*parts, line(_LEFT, down, _RIGHT, down, INK)]
+def _grid(top: float, bottom: float, scale: float) -> list[str]:
+    lines = horizontal_grid(ticks(0.0, top), lambda value: bottom - value * scale, _LEFT, _RIGHT, 13)
+    title = vertical_title(11, bottom - _BARS_HEIGHT / 2, "mean score")
+    return [*lines, title, line(_LEFT, bottom, _RIGHT, bottom, INK)]
 
 
 def _stars(pairs: Sequence[Mapping[str, Any]]) -> str:

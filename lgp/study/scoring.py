@@ -1,14 +1,13 @@
-"""Recordings -> the table of a study: one row per recording, then one per participant and condition.
+"""Scores of a study: one row per recording, then one per participant and condition.
 
-Within a recording every frame weighs as much as the time until the next one, so that neither rate nor gaps count; over
-the trials of a participant in a condition each weighs by its seconds; participants weigh the same, however long theirs
-took.
+Means are time-weighted: a frame by the time until the next one, so that sampling rate and gaps have no influence; a
+trial of a participant in a condition by its duration. All participants have the same weight.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,8 +27,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 KEYS: Final = ("participant", "condition", "trial")
+"""Columns that identify a recording."""
 DEMANDING_FROM: Final = 2
-"""Action level from which time counts as demanding."""
+"""Lowest action level of demanding time: medium risk, REBA 4 or more."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +38,14 @@ class Scored:
 
     Attributes:
         recordings: one row per recording: `KEYS`, simulated, input, frames, seconds, reba and its range, determined
-            (share of time in which all angles that matter were measured), shares of action levels, means of part
-            scores of the side that gives the total, and of both sides.
-        notes: what a reader must know of single recordings: file -> lines.
-        unmeasured: file -> angles that it does not hold.
-        assumed: what had to be assumed, over all recordings.
+            (share of time with a unique score), shares of action levels, means of part scores of the side that gives
+            the total, and of both sides.
+        notes: file -> remarks on the quality of the recording.
+        unmeasured: file -> angles without a measurement.
+        assumed: defaults used, over all recordings.
         rules: every threshold.
         failed: recordings that could not be scored.
+        truncated: file -> how the recording is truncated.
     """
 
     recordings: pd.DataFrame
@@ -53,15 +54,17 @@ class Scored:
     assumed: tuple[str, ...]
     rules: dict[str, Any]
     failed: tuple[Failure, ...]
+    truncated: dict[str, str] = field(default_factory=dict)
 
 
 def score_sources(
-    sources: Sources, options: ScoringOptions, done: Callable[[str], None] = lambda file: None
+    sources: Sources, options: ScoringOptions, on_scored: Callable[[str], None] | None = None
 ) -> tuple[Scored, Failure | None]:
-    """Return the scores of all recordings, and the first failure if none could be scored."""
+    """Scores of all recordings, and the first failure if none could be scored; `on_scored` is called with each file."""
     rows: list[dict[str, Any]] = []
     failed = list(sources.unnamed)
     notes: dict[str, list[str]] = {}
+    truncated: dict[str, str] = {}
     unmeasured: dict[str, tuple[str, ...]] = {}
     assumed: dict[str, None] = {}
     rules: dict[str, Any] = {}
@@ -72,42 +75,46 @@ def score_sources(
         except RebaError as error:
             failed.append(Failure(file, str(error), label))
         else:
-            notes[file] = list(scores.postures.quality.notes())
+            quality = scores.postures.quality
+            if remarks := list(quality.notes()):
+                notes[file] = remarks
+            if quality.ended_abnormally:
+                truncated[file] = quality.ended_abnormally
             unmeasured[file] = scores.unmeasured
             assumed |= dict.fromkeys(scores.assumed)
             rules = vars(scores.rules)
-        done(file)
+        if on_scored is not None:
+            on_scored(file)
     table = pd.DataFrame(rows)
-    kept = {file: said for file, said in notes.items() if said}
-    scored = Scored(table, kept, unmeasured, tuple(assumed), dict(rules), tuple(failed))
+    scored = Scored(table, notes, unmeasured, tuple(assumed), dict(rules), tuple(failed), truncated)
     return scored, (failed[0] if not rows else None)
 
 
 def row(file: str, label: Label, scores: Scores) -> dict[str, Any]:
-    """Return the row of one recording.
+    """Row of one recording: time-weighted means and shares of time.
 
     Raises:
-        RebaError: it holds no frame.
+        RebaError: it has no frame.
     """
     if not len(scores.data):
-        raise RebaError(f"{file}: the recording holds no frame; record it again")
+        raise RebaError(f"{file}: the recording has no frame; record it again")
     weights = durations(scores.time)
     low, high = (distribution(column(scores, name), weights).mean for name in ("reba_low", "reba_high"))
     shares = level_shares(scores)
-    known = column(scores, "reba_low") == column(scores, "reba_high")
+    determined = column(scores, "reba_low") == column(scores, "reba_high")
     total = column(scores, TOTAL)
-    found: dict[str, Any] = {name: getattr(label, name) for name in (*KEYS, "simulated")}
-    found |= {"input": file, "frames": len(weights), "seconds": float(weights.sum())}
-    found |= {TOTAL: mean(total, weights) if not np.isnan(total).any() else np.nan}
-    found |= {"reba_low": low, "reba_high": high, "determined": mean(known.astype(float), weights)}
-    found |= {name: shares[str(level)] for level, name in enumerate(LEVELS)}
-    found |= {"level_undetermined": shares["undetermined"]}
-    found[DEMANDING] = sum(shares[str(level)] for level in range(DEMANDING_FROM, len(LEVELS)))
-    return found | part_means(scores, weights)
+    measures: dict[str, Any] = {name: getattr(label, name) for name in (*KEYS, "simulated")}
+    measures |= {"input": file, "frames": len(weights), "seconds": float(weights.sum())}
+    measures |= {TOTAL: mean(total, weights) if not np.isnan(total).any() else np.nan}
+    measures |= {"reba_low": low, "reba_high": high, "determined": mean(determined.astype(float), weights)}
+    measures |= {name: shares[str(level)] for level, name in enumerate(LEVELS)}
+    measures |= {"level_undetermined": shares["undetermined"]}
+    measures[DEMANDING] = sum(shares[str(level)] for level in range(DEMANDING_FROM, len(LEVELS)))
+    return measures | part_means(scores, weights)
 
 
 def part_means(scores: Scores, weights: Array) -> dict[str, float]:
-    """Return the time-weighted mean of each part score: of the side that gives the total, and of both sides."""
+    """Time-weighted mean of each part score: of the side that gives the total, and of both sides."""
     sided = [f"{name}_{side}" for name in (TOTAL, *SIDED) for side in SIDES]
     columns = {name: column(scores, name) for name in (*(name for name in PARTS if name not in SIDED), *sided)}
     both = {name: columns[name] for name in sided if not name.startswith(TOTAL)}
@@ -116,29 +123,29 @@ def part_means(scores: Scores, weights: Array) -> dict[str, float]:
 
 
 def part_scores(columns: Mapping[str, Array], two_sides: str = "worse") -> dict[str, Array]:
-    """Return (n,) scores of each part, those with two sides of the arm that gives the total in a frame.
+    """Scores (n,) of each part; of sided parts those of the arm that gives the total score of the frame.
 
-    Where both arms give the same total, the mean of the two stands for them.
+    If both arms give the same total, the mean of the two is taken.
 
     Args:
-        columns: (n,) scores by the names of the score table, NaN where undetermined.
+        columns: (n,) scores by the names of the score table, NaN if undetermined.
         two_sides: of the rules: "worse", "left" or "right".
     """
     totals = [np.asarray(columns[f"{TOTAL}_{side}"], np.float64) for side in SIDES]
     left = np.nan_to_num(np.sign(totals[0] - totals[1]) / 2.0 + 0.5, nan=0.5)
     if two_sides in SIDES:
         left = np.full(len(left), float(two_sides == SIDES[0]))
-    found: dict[str, Array] = {}
+    parts: dict[str, Array] = {}
     for name in PARTS:
         if name in SIDED:
-            found[name] = left * columns[f"{name}_{SIDES[0]}"] + (1.0 - left) * columns[f"{name}_{SIDES[1]}"]
+            parts[name] = left * columns[f"{name}_{SIDES[0]}"] + (1.0 - left) * columns[f"{name}_{SIDES[1]}"]
         else:
-            found[name] = np.asarray(columns[name], np.float64)
-    return found
+            parts[name] = np.asarray(columns[name], np.float64)
+    return parts
 
 
 def mean(values: Array, weights: Array) -> float:
-    """Return the weighted mean of the known ones of (n,) values, NaN if there is none.
+    """Weighted mean of (n,) values without NaN; NaN if all are NaN.
 
     >>> mean(np.array([1.0, 3.0, np.nan]), np.array([3.0, 1.0, 9.0]))
     1.5
@@ -148,9 +155,9 @@ def mean(values: Array, weights: Array) -> float:
 
 
 def cells(recordings: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per participant and condition: seconds and frames add up, all else is weighted by seconds.
+    """One row per participant and condition: sums of seconds and frames, means of all else weighted by seconds.
 
-    A score that one of the trials leaves open is open for all of them.
+    A score that is undetermined (NaN) in one trial is undetermined for the cell.
     """
     adding = ["frames", "seconds"]
     measured = [name for name in recordings.columns if name not in (*KEYS, "simulated", "input", *adding)]
@@ -165,13 +172,13 @@ def cells(recordings: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_condition(table: pd.DataFrame, measure: str, conditions: Sequence[str]) -> pd.DataFrame:
-    """Return participants (sorted, rows) x conditions (columns) of one measure; NaN where there is no recording."""
+    """Participants (sorted, rows) x conditions (columns) of one measure; NaN without a recording."""
     wide = table.pivot(index="participant", columns="condition", values=measure)
     return wide.reindex(columns=list(conditions)).sort_index()
 
 
 TOTAL: Final = "reba"
-"""The measure that a study is decided by: time-weighted mean REBA."""
+"""Primary measure of a study: time-weighted mean REBA score."""
 PARTS: Final[dict[str, str]] = {
     "load_force": "Weight (load and force)",
     "upper_arm": "Shoulder (upper arm)",
@@ -183,9 +190,9 @@ PARTS: Final[dict[str, str]] = {
     "coupling": "Coupling",
     "activity": "Activity",
 }
-"""Part scores whose means are compared, those that the paper's Fig. 11 speaks of first; the words in front are its."""
+"""Part scores whose means are compared, with the terms of the paper's Fig. 11, whose parts come first."""
 SIDED: Final = ("upper_arm", "lower_arm", "wrist", "coupling")
-"""Parts with a score per side; compared is the side that gives the total in each frame."""
+"""Parts with a score per side; the side that gives the total of a frame is compared."""
 LEVELS: Final = tuple(f"level_{level}" for level in range(5))
 """Shares of time in each action level."""
 DEMANDING: Final = "demanding"
@@ -194,92 +201,92 @@ EXTRA: Final[dict[str, str]] = {
     DEMANDING: "Share of time at REBA 4 or more",
     "seconds": "Duration of the recordings [s]",
 }
-"""Measures that are described beside the parts and not tested."""
+"""Measures that are reported with intervals and not tested."""
 SHORT: Final = 0.5
-"""A recording is called short below this share of the median duration of its condition."""
-BROKEN: Final = "the recording breaks off"
-"""How the note of a recording begins that was read up to where it breaks off (`reba.posture.table.Quality.notes`)."""
+"""Recordings shorter than this share of the median duration of their condition are reported."""
 FEW_PAIRS: Final = 6
-"""Signed ranks of fewer pairs never reach p < .05, two-sided: 2 / 2^5 = .0625."""
+"""The two-sided signed-rank test of fewer pairs cannot reach p < .05: with five, p is at least 2 / 2^5 = .0625."""
 
 
 def missing_cells(sources: Sources, scored: Scored, conditions: Sequence[str]) -> list[dict[str, str]]:
-    """Return participant, condition and reason wherever a participant lacks a condition."""
-    have = set(zip(scored.recordings["participant"], scored.recordings["condition"], strict=True))
-    why = {(label.participant, label.condition): "planned, no recording given" for label in sources.absent}
+    """Participant, condition and reason of every missing cell."""
+    present = set(zip(scored.recordings["participant"], scored.recordings["condition"], strict=True))
+    reasons = {(label.participant, label.condition): "planned, no recording given" for label in sources.absent}
     for failure in scored.failed:
         if failure.label is not None:
-            why[failure.label.participant, failure.label.condition] = f"cannot be used: {failure.error}"
+            reasons[failure.label.participant, failure.label.condition] = f"cannot be used: {failure.error}"
     people = {label.participant for _, label in sources.named} | {label.participant for label in sources.absent}
     return [
-        {"participant": who, "condition": what, "why": why.get((who, what), "no recording")}
-        for who, what in product(sorted(people), conditions)
-        if (who, what) not in have
+        {"participant": name, "condition": condition, "why": reasons.get((name, condition), "no recording")}
+        for name, condition in product(sorted(people), conditions)
+        if (name, condition) not in present
     ]
 
 
-def warnings(scored: Scored, found: dict[str, Any], cells: pd.DataFrame) -> list[str]:
-    """Return what a reader must know before using the numbers, one sentence each.
+def warnings(scored: Scored, results: dict[str, Any], cells: pd.DataFrame) -> list[str]:
+    """Limitations of the results, one sentence each.
 
     Args:
         scored: the recordings.
-        found: what `analyse` returned.
+        results: of `lgp.study.analysis.analyse`.
         cells: one row per participant and condition.
     """
-    said = [*_simulated(scored.recordings), *_unlike(scored), *_open(scored.recordings), *_short(scored.recordings)]
-    for pair in found[TOTAL]["pairs"]:
+    table = scored.recordings
+    notes = [*_mixed_simulated(table), *_unequal_angles(scored), *_undetermined(table), *_short(table)]
+    for pair in results[TOTAL]["pairs"]:
         if 1 < pair["n"] < FEW_PAIRS:
-            said.append(
-                f"{pair['first']} against {pair['second']}: with {pair['n']} pairs the signed ranks cannot reach "
-                "p < .05, whatever the effect"
+            notes.append(
+                f"{pair['first']} against {pair['second']}: with {pair['n']} pairs the signed-rank test cannot reach "
+                "p < .05 for any effect"
             )
     trials = sorted(set(cells["trials"].tolist()))
     if len(trials) > 1:
-        said.append(f"participants have {trials[0]} to {trials[-1]} recordings of a condition; each counts once")
-    for pair in found["described"]["seconds"]["pairs"]:
+        notes.append(
+            f"participants have {trials[0]} to {trials[-1]} recordings of a condition; all participants weigh the same"
+        )
+    for pair in results["described"]["seconds"]["pairs"]:
         if pair["n"] > 1 and (pair["low"] > 0 or pair["high"] < 0):
             longer = "longer" if pair["difference"] > 0 else "shorter"
-            said.append(
+            notes.append(
                 f"{pair['first']} took {abs(pair['difference']):.1f} s {longer} than {pair['second']} on average; "
-                "mean scores are per second and say nothing about the sum over the task"
+                "mean scores are time averages and do not measure the total exposure of the task"
             )
-    broken = [(file, text) for file, lines in scored.notes.items() for text in lines if text.startswith(BROKEN)]
-    return [*said, *(f"{file}: {text}" for file, text in broken)]
+    return [*notes, *(f"{file}: the recording is truncated: {how}" for file, how in scored.truncated.items())]
 
 
-def _simulated(table: pd.DataFrame) -> list[str]:
-    made = int(table["simulated"].sum())
-    if 0 < made < len(table):
-        return [f"{made} of {len(table)} recordings are simulated; do not mix them with recordings of people"]
+def _mixed_simulated(table: pd.DataFrame) -> list[str]:
+    simulated = int(table["simulated"].sum())
+    if 0 < simulated < len(table):
+        return [f"{simulated} of {len(table)} recordings are simulated; do not mix them with recordings of people"]
     return []
 
 
-def _unlike(scored: Scored) -> list[str]:
-    """Return which angles some recordings lack that others have: they count as neutral where they are lacking."""
+def _unequal_angles(scored: Scored) -> list[str]:
+    """Angles that only some recordings lack: there they count as neutral, which biases the comparison."""
     sets: dict[str, set[str]] = {file: set(names) for file, names in scored.unmeasured.items()}
-    everywhere = set[str].intersection(*sets.values())
-    partly = sorted(set[str]().union(*sets.values()) - everywhere)
-    lacking = [file for file, names in sets.items() if names & set(partly)]
-    if not partly:
+    in_all = set[str].intersection(*sets.values())
+    in_some = sorted(set[str]().union(*sets.values()) - in_all)
+    lacking = [file for file, names in sets.items() if names & set(in_some)]
+    if not in_some:
         return []
-    return [f"not measured alike: {len(lacking)} of {len(sets)} recordings lack {', '.join(partly)}"]
+    return [f"measured angles differ: {len(lacking)} of {len(sets)} recordings lack {', '.join(in_some)}"]
 
 
-def _open(table: pd.DataFrame) -> list[str]:
+def _undetermined(table: pd.DataFrame) -> list[str]:
     seconds = table["seconds"] / table["seconds"].sum()
-    known, low, high = (float((table[name] * seconds).sum()) for name in ("determined", "reba_low", "reba_high"))
-    if known > 1.0 - 1e-9:
+    determined, low, high = (float((table[name] * seconds).sum()) for name in ("determined", "reba_low", "reba_high"))
+    if determined > 1.0 - 1e-9:
         return []
     return [
-        f"unmeasured angles leave the score open in {1.0 - known:.0%} of the time; over everything they could have "
-        f"been the mean of all recordings lies between {low:.2f} and {high:.2f}"
+        f"unmeasured angles leave the score undetermined in {1.0 - determined:.0%} of the time; over all "
+        f"possible angles the mean of all recordings lies between {low:.2f} and {high:.2f}"
     ]
 
 
 def _short(table: pd.DataFrame) -> list[str]:
-    usual = table.groupby("condition")["seconds"].transform("median")
-    rows = table[table["seconds"] < SHORT * usual]
+    median = table.groupby("condition")["seconds"].transform("median")
+    rows = table[table["seconds"] < SHORT * median]
     return [
-        f"{one.input}: {one.seconds:.1f} s, less than half of what is usual in {one.condition}"
+        f"{one.input}: {one.seconds:.1f} s, less than half of the median duration in {one.condition}"
         for one in rows.itertuples()
     ]

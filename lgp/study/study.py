@@ -1,4 +1,4 @@
-"""A study from beginning to end: recordings in; scores, tests and a page out.
+"""A complete study: recordings -> scores, paired tests and report.
 
 find_sources -> score_sources -> cells -> analyse -> summary.json, scores.parquet, report.html
 """
@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from lgp.errors import LgpError
-from lgp.statistics.paired_tests import require
+from lgp.statistics.paired_tests import require_statsmodels
 from lgp.study.analysis import analyse
-from lgp.study.conclusions import agreement, parts_sentence, verdict
-from lgp.study.recordings import Sources, find_sources
+from lgp.study.conclusions import conclusion, disagreements, parts_conclusion
+from lgp.study.recordings import Failure, Sources, find_sources
 from lgp.study.report import render
 from lgp.study.scoring import Scored, cells, missing_cells, score_sources, warnings
 from reba.batch.run import ScoringOptions
@@ -29,102 +29,120 @@ if TYPE_CHECKING:
 FORMAT: Final = "lgp-study"
 VERSION: Final = 1
 OPTIONS: Final = ScoringOptions(missing="neutral")
-"""How recordings are scored by default: angles that no recording holds count as neutral, and the report says so."""
+"""Default scoring options: unmeasured angles count as neutral, and are listed in the report."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """A scored study.
+    """Scored and analysed study.
 
     Attributes:
         recordings: one row per recording, see `lgp.study.scoring.Scored`.
-        cells: one row per participant and condition.
-        summary: everything that was found, as plain data.
+        cells: one row per participant and condition: means weighted by the duration of the trials.
+        summary: means, tests, conclusions, failures and warnings as plain data, with None for NaN.
     """
 
     recordings: pd.DataFrame
     cells: pd.DataFrame
     summary: dict[str, Any]
 
-    def save(self, folder: str | Path, command: str = "") -> None:
-        """Write summary.json, scores.parquet (one row per recording) and report.html into a folder.
+    def save(self, folder: str | Path, *, command: str = "") -> None:
+        """Write `summary.json`, `scores.parquet` (one row per recording) and `report.html` into a folder.
+
+        Args:
+            folder: created if it does not exist.
+            command: command line that reproduces the results, shown in the report.
 
         Raises:
             RebaError: a file cannot be written.
         """
-        place = Path(folder)
+        output = Path(folder)
         text = as_json(self.summary, indent=1) + "\n"
-        write_atomic(place / "summary.json", lambda part: write_text(part, text))
-        write_atomic(place / "scores.parquet", lambda part: self.recordings.to_parquet(part, index=False))
-        self.write_report(place / "report.html", command)
+        write_atomic(output / "summary.json", lambda part: write_text(part, text))
+        write_atomic(output / "scores.parquet", lambda part: self.recordings.to_parquet(part, index=False))
+        self.write_report(output / "report.html", command=command)
 
-    def write_report(self, path: str | Path, command: str = "") -> None:
-        """Write the page as one HTML file.
+    def write_report(self, path: str | Path, *, command: str = "") -> None:
+        """Write the report as one HTML file.
+
+        Args:
+            path: of the file.
+            command: command line that reproduces the results, shown in the report.
 
         Raises:
             RebaError: the file cannot be written.
         """
-
         html = render(self.summary, command=command)
         write_atomic(Path(path), lambda part: write_text(part, html))
 
 
-def study(
-    logs: Sequence[str],
+def run_study(
+    logs: str | Path | Sequence[str | Path],
     *,
     manifest: str | Path | None = None,
     pattern: str | None = None,
     conditions: Sequence[str] = (),
     options: ScoringOptions = OPTIONS,
-    without: str | Path | None = None,
-    done: Callable[[str], None] = lambda file: None,
+    exclude: str | Path | None = None,
+    on_scored: Callable[[str], None] | None = None,
 ) -> Study:
-    """Score the recordings of a study and compare its conditions.
+    """Score the recordings of participants in several conditions, and compare the conditions with paired tests.
+
+    Each recording needs a label with participant and condition: in its own metadata record `study`, in a manifest, or
+    in its file name. The primary measure is the time-weighted mean REBA score; two conditions are compared with a
+    paired t test and the exact signed-rank test, more with a repeated-measures ANOVA and Holm's correction of all
+    pairs.
 
     Args:
-        logs: files and folders; may be empty with a manifest.
-        manifest: CSV file that names participant and condition of each recording.
-        pattern: file names that do, such as `{participant}_{condition}`; by default the recordings themselves do.
-        conditions: their order, and which count; by default all, in the manifest's order or by name. Differences are
-            earlier minus later.
-        options: how recordings are read and scored.
-        without: a folder for results, in which no recordings are looked for.
-        done: called with each file that was scored.
+        logs: a file or folder of recordings, or several; may be empty with a manifest. manifest: CSV file with the
+        columns file, participant, condition and, if there are several, trial. pattern: of file names with the label,
+        such as `{participant}_{condition}`. conditions: conditions to compare, in their order; by default all, in the
+        order of the manifest or of their names.
+            Differences are earlier minus later.
+        options: for reading and scoring; by default unmeasured angles count as neutral.
+        exclude: folder of results, which is not searched for recordings.
+        on_scored: called with the path of each recording after it was scored.
+
+    Returns:
+        The study; `.summary` holds means, tests and conclusions, `.save(folder)` writes tables and report.
 
     Raises:
-        LgpError: labels or conditions are wrong, or statsmodels is not installed.
-        RebaError: a file does not exist, an option is wrong, or no recording at all can be scored.
-
-    Example:
-        >>> study(["logs"]).summary["verdict"]                              # doctest: +SKIP
-        'The mean REBA score is 0.84 lower with ergonomic than with non-ergonomic ...'
+        LgpError: a label or condition is missing or wrong, no recording can be scored, or statsmodels is not installed.
+        RebaError: a file does not exist, or an option is wrong.
     """
-
-    require()
+    paths = [logs] if isinstance(logs, str | Path) else logs
+    if not isinstance(paths, Sequence) or not all(isinstance(path, str | Path) for path in paths):
+        raise LgpError(f"logs is {logs!r}; expected a path of recordings, or a list of paths")
+    if isinstance(conditions, str) or not isinstance(conditions, Sequence):
+        raise LgpError(f"conditions is {conditions!r}; expected a list of names such as ['ergonomic', 'non-ergonomic']")
+    require_statsmodels()
     rules_of(options.rules)
-    found = find_sources(logs, manifest, pattern, None if without is None else Path(without))
-    sources, order, ignored = choose(found, conditions)
-    scored, nothing = score_sources(sources, options, done)
-    if nothing is not None:
-        raise LgpError(f"none of the recordings can be used; the first: {nothing.error}")
+    sources, order, ignored = choose(
+        find_sources([str(path) for path in paths], manifest, pattern, exclude), conditions
+    )
+    scored, failure = score_sources(sources, options, on_scored)
+    if failure is not None:
+        raise LgpError(f"none of the recordings can be scored; the first: {failure.error}")
     table = cells(scored.recordings)
     return Study(scored.recordings, table, summarise(sources, scored, table, order, ignored))
 
 
 def choose(sources: Sources, conditions: Sequence[str]) -> tuple[Sources, list[str], list[str]]:
-    """Return the recordings of the wanted conditions, these in order, and the names of conditions left aside.
+    """Recordings of the chosen conditions, these in order, and the ignored conditions.
 
     Raises:
-        LgpError: a wanted condition has no recording, or stands twice.
+        LgpError: a chosen condition has no recording, or is repeated.
     """
     if not conditions:
         return sources, list(sources.conditions), []
     for name in conditions:
         if name not in sources.conditions:
             near = did_you_mean(name, sources.conditions)
-            raise LgpError(f"--conditions: {name!r} has no recording{near}; there are {', '.join(sources.conditions)}")
+            raise LgpError(
+                f"--conditions: {name!r} has no recording{near}; expected some of {', '.join(sources.conditions)}"
+            )
     if len(set(conditions)) < len(conditions):
-        raise LgpError(f"--conditions: {', '.join(conditions)}: one of them stands twice; name each once")
+        raise LgpError(f"--conditions: {', '.join(conditions)}: a condition is repeated; name each once")
     named = tuple(pair for pair in sources.named if pair[1].condition in conditions)
     absent = tuple(label for label in sources.absent if label.condition in conditions)
     ignored = [name for name in sources.conditions if name not in conditions]
@@ -134,44 +152,43 @@ def choose(sources: Sources, conditions: Sequence[str]) -> tuple[Sources, list[s
 def summarise(
     sources: Sources, scored: Scored, table: pd.DataFrame, conditions: Sequence[str], ignored: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Return everything that was found as plain data; what is not a number is None.
+    """Content of `summary.json` as plain data, with None for NaN.
 
     Args:
         sources: the recordings with their labels.
         scored: their scores.
         table: one row per participant and condition.
         conditions: in their order.
-        ignored: conditions that were left aside on purpose.
+        ignored: conditions that are not compared.
     """
-    found = analyse(table, conditions)
-    gaps = missing_cells(sources, scored, conditions)
-    simulated = scored.recordings["simulated"]
-    people = sorted({*table["participant"].tolist(), *(gap["participant"] for gap in gaps)})
-    without = {gap["participant"] for gap in gaps}
+    results = analyse(table, conditions)
+    missing = missing_cells(sources, scored, conditions)
+    incomplete = {cell["participant"] for cell in missing}
+    participants = sorted({*table["participant"].tolist(), *incomplete})
     plain: dict[str, Any] = json.loads(as_json({
         "format": FORMAT,
         "version": VERSION,
-        "simulated": bool(simulated.any()),
+        "simulated": bool(scored.recordings["simulated"].any()),
         "conditions": list(conditions),
         "ignored_conditions": list(ignored),
-        "participants": people,
-        "complete": [name for name in people if name not in without],
-        "incomplete": [name for name in people if name in without],
-        "missing": gaps,
+        "participants": participants,
+        "complete": [name for name in participants if name not in incomplete],
+        "incomplete": [name for name in participants if name in incomplete],
+        "missing": missing,
         "failed": [_failure(one) for one in scored.failed],
-        "warnings": warnings(scored, found, table),
+        "warnings": warnings(scored, results, table),
         "notes": scored.notes,
         "assumed": list(scored.assumed),
         "unmeasured": sorted(set[str]().union(*map(set, scored.unmeasured.values()))),
         "rules": scored.rules,
-        **found,
+        **results,
         "recordings": scored.recordings.to_dict("records"),
     }))  # fmt: skip
-    said = {"verdict": verdict(plain, list(conditions)), "parts_verdict": parts_sentence(plain)}
-    plain["warnings"] = [*agreement(plain), *plain["warnings"]]
-    return {**{name: plain.pop(name) for name in ("format", "version")}, **said, **plain}
+    conclusions = {"verdict": conclusion(plain, list(conditions)), "parts_verdict": parts_conclusion(plain)}
+    plain["warnings"] = [*disagreements(plain), *plain["warnings"]]
+    return {**{name: plain.pop(name) for name in ("format", "version")}, **conclusions, **plain}
 
 
-def _failure(one: Any) -> dict[str, Any]:
-    label = None if one.label is None else asdict(one.label)
-    return {"input": one.input, "error": one.error, "label": label}
+def _failure(failure: Failure) -> dict[str, Any]:
+    label = None if failure.label is None else asdict(failure.label)
+    return {"input": failure.input, "error": failure.error, "label": label}

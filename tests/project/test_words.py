@@ -18,6 +18,8 @@ NAMES = {
     "pins", "sighting", "stance", "stretch", "stretches", "swings", "tell", "thing", "things", "ties", "told",
 }  # fmt: skip
 """Words that no name of a module, class, function, argument or variable contains."""
+TERMS = {"lgp/statistics": {"ties"}}
+"""Rooms where such a word is the term of the field: ties are equal values in statistics."""
 TEXT = re.compile(
     r"\b(anew|detours?|dual walk|holders?|stance|told|nobody|somewhere|anyhow|quick no|breaks? off|broke off"
     r"|(keep|keeps|kept|keeping) (bodies |them )?apart|how .{1,30} is held apart)\b",
@@ -59,12 +61,13 @@ def texts(source: str) -> Iterator[tuple[str, int]]:
 @pytest.mark.parametrize("room", ROOMS)
 def test_names_are_words_of_the_field(room: str) -> None:
     coined = []
+    names = NAMES - TERMS.get(room, set())
     for path in files_of(room):
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        own = words_of(path.stem) & NAMES
+        own = words_of(path.stem) & names
         coined += [f"{path.name}: {sorted(own)}"] if own else []
         coined += [
-            f"{path.relative_to(ROOT)}:{line} {name}" for name, line in bound_names(tree) if words_of(name) & NAMES
+            f"{path.relative_to(ROOT)}:{line} {name}" for name, line in bound_names(tree) if words_of(name) & names
         ]
     assert coined == []
 

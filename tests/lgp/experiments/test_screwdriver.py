@@ -1,17 +1,20 @@
-"""The screwdriver experiment: what one run holds, that runs are paired, and that a stopped experiment goes on."""
+"""The screwdriver experiment: content of one run, pairing of conditions, and report of finished runs."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from lgp.experiments import screwdriver
-from lgp.experiments import screwdriver_experiment as screwdriver_experiment_
-from lgp.experiments.runs import CONDITIONS, check_paths, check_runs
+from lgp.errors import LgpError
+from lgp.experiments.runs import CONDITIONS, RunStore, check_paths, check_runs
+from lgp.experiments.screwdriver import plan_run
+from lgp.experiments.screwdriver_experiment import experiment_screwdriver
 from tests.support.lgp_worlds import needs_robots
+from tests.support.says import says
 
 pytestmark = [pytest.mark.slow, needs_robots]
 
@@ -20,7 +23,7 @@ Tables = tuple[pd.DataFrame, pd.DataFrame]
 
 @pytest.fixture(scope="module")
 def made() -> Tables:
-    return screwdriver.plan_run(2, seed=0, slices=3, collisions=False)
+    return plan_run(2, seed=0, slices=3, collisions=False)
 
 
 def test_one_run_holds_every_condition(made: Tables) -> None:
@@ -42,20 +45,30 @@ def test_conditions_are_what_they_say(made: Tables) -> None:
     assert ergonomic["reba_grasp"] <= plain["reba_grasp"]
 
 
-def test_a_stopped_experiment_goes_on(made: Tables, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_experiment_reports_the_runs_of_its_folder(made: Tables, tmp_path: Path) -> None:
     pytest.importorskip("statsmodels")
-    asked: list[int] = []
-
-    def again(run: int, *_: object, **__: object) -> Tables:
-        asked.append(run)
-        return tuple(table.assign(run=run) for table in made)  # type: ignore[return-value]
-
-    monkeypatch.setattr(screwdriver, "plan_run", again)
-    screwdriver_experiment_.experiment(tmp_path, 2)
-    told: list[tuple[int, int]] = []
-    summary = screwdriver_experiment_.experiment(tmp_path, 3, progress=lambda done, wanted: told.append((done, wanted)))
-    assert asked == [0, 1, 2]
-    assert told == [(3, 3)]
+    experiment = {"experiment": "screwdriver", "scene": "screwdriver", "seed": 0, "cost": "convex", "depth": 4}
+    store = RunStore(tmp_path, experiment | {"collisions": False})
+    for run in range(3):
+        store.append(*(table.assign(run=run) for table in made))
+    progress: list[tuple[int, int]] = []
+    summary = experiment_screwdriver(tmp_path, runs=3, progress=lambda done, runs: progress.append((done, runs)))
+    assert progress == []
     assert set(summary["starts"]) == {"rest"}
     assert len(pd.read_parquet(tmp_path / "runs.parquet")) == 9
     assert (tmp_path / "report.html").is_file()
+
+
+@pytest.mark.parametrize(
+    ("options", "facts"),
+    [
+        ({"folder": None}, ("folder", "None", "path")),
+        ({"runs": 0}, ("runs", "0", "1 or more")),
+        ({"runs": "x"}, ("runs", "'x'")),
+        ({"initial": "lying"}, ("'lying'", "rest, random")),
+    ],
+)
+def test_wrong_options_are_named(tmp_path: Path, options: dict[str, Any], facts: tuple[str, ...]) -> None:
+    with pytest.raises(LgpError) as error:
+        experiment_screwdriver(**{"folder": tmp_path, **options})
+    says(error, *facts)

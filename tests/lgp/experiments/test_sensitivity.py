@@ -1,4 +1,4 @@
-"""The varied scene: every free choice, by both factors, with what the change takes away."""
+"""Sensitivity: every free choice of the scene by both factors, remarks on changed tasks, shares of feasible runs."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 
 import lgp
-from lgp.experiments import sensitivity as module
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, empty
 from lgp.experiments.screwdriver import plan_run
-from lgp.experiments.sensitivity import remarks, sensitivity
+from lgp.experiments.sensitivity import remarks, sensitivity_table
 from lgp.experiments.variations import BASELINE, WEIGHT, SceneVariation, variations
 from tests.support.lgp_worlds import needs_robots
+from tests.support.says import says
 
 pytestmark = needs_robots
 SETTINGS = {"seed": 0, "cost": "convex", "collisions": True}
@@ -22,16 +22,16 @@ SETTINGS = {"seed": 0, "cost": "convex", "collisions": True}
 
 def test_every_free_choice_is_varied_both_ways() -> None:
     scene = lgp.load_scene("screwdriver")
-    found = variations(scene)
-    assert found[0] == BASELINE
-    words = " ".join(one.choice for one in found)
+    varied = variations(scene)
+    assert varied[0] == BASELINE
+    words = " ".join(one.choice for one in varied)
     for choice in scene.choices:
         for key in choice.keys:
             assert all(part in words for part in key.split("."))
-    assert sorted({one.factor for one in found}) == [0.8, 1.0, 1.2]
-    assert len({one.name for one in found}) == len(found)
-    assert [one.weight for one in found if one.choice == WEIGHT] == [0.8, 1.2]
-    changed = next(one for one in found if one.choice == "tables start: position" and one.factor == 1.2)
+    assert sorted({one.factor for one in varied}) == [0.8, 1.0, 1.2]
+    assert len({one.name for one in varied}) == len(varied)
+    assert [one.weight for one in varied if one.choice == WEIGHT] == [0.8, 1.2]
+    changed = next(one for one in varied if one.choice == "tables start: position" and one.factor == 1.2)
     position = changed.scene("screwdriver").tables["table.start"].position
     assert position == pytest.approx(1.2 * np.array(scene.tables["table.start"].position))
 
@@ -64,27 +64,24 @@ def made(run: int, table: str | None) -> tuple[pd.DataFrame, pd.DataFrame]:
     return runs[list(RUN_COLUMNS)].astype(RUN_COLUMNS), empty(PATH_COLUMNS)
 
 
-def test_rows_are_shares_of_feasible_runs_and_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[str, list[int]]] = []
-    tables = {0: "left", 1: "center", 2: None, 3: "start"}
+def test_rows_are_shares_of_feasible_runs_and_made_once(tmp_path: Path) -> None:
+    planned: list[tuple[str, list[int]]] = []
+    chosen = {0: "left", 1: "center", 2: None, 3: "start"}
 
-    def plan_runs(
-        runs: list[int], seed: int, initial: str, cost: str, jobs: int, variation: SceneVariation, *_: object
-    ) -> object:
-        asked.append((variation.name, runs))
-        return [made(run, tables[run]) for run in runs]
+    def plan(runs: list[int], variation: SceneVariation) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
+        planned.append((variation.name, runs))
+        return [made(run, chosen[run]) for run in runs]
 
-    wanted = (BASELINE, SceneVariation(WEIGHT, 0.8, weight=0.8))
-    monkeypatch.setattr(module, "plan_runs", plan_runs)
-    monkeypatch.setattr(module, "variations", lambda scene: wanted)
-    sensitivity(tmp_path, 2, SETTINGS)
-    found = sensitivity(tmp_path, 4, SETTINGS)
-    assert [runs for _, runs in asked] == [[0, 1], [0, 1], [2, 3], [2, 3]]
-    assert list(found["condition"]) == [*CONDITIONS[:2], *CONDITIONS[:2]]
-    first = found.iloc[0]
+    varied = (BASELINE, SceneVariation(WEIGHT, 0.8, weight=0.8))
+    sensitivity_table(tmp_path, 2, SETTINGS, plan, varied=varied)
+    table = sensitivity_table(tmp_path, 4, SETTINGS, plan, varied=varied)
+    assert [runs for _, runs in planned] == [[0, 1], [0, 1], [2, 3], [2, 3]]
+    assert list(table["condition"]) == [*CONDITIONS[:2], *CONDITIONS[:2]]
+    first = table.iloc[0]
     assert (first["n"], first["of"]) == (3, 4)
     assert [first["left"], first["center"], first["right"]] == pytest.approx([100 / 3, 100 / 3, 0.0])
-    again = sensitivity(tmp_path, 1, SETTINGS)
-    assert list(again["left"]) == [100.0] * 4
-    with pytest.raises(lgp.LgpError, match="seed"):
-        sensitivity(tmp_path, 1, SETTINGS | {"seed": 1})
+    fewer = sensitivity_table(tmp_path, 1, SETTINGS, plan, varied=varied)
+    assert list(fewer["left"]) == [100.0] * 4
+    with pytest.raises(lgp.LgpError) as error:
+        sensitivity_table(tmp_path, 1, SETTINGS | {"seed": 1}, plan, varied=varied)
+    says(error, "seed", "another folder")

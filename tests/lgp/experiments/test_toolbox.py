@@ -1,4 +1,4 @@
-"""The toolbox: a planned sequence keeps its geometry, orders are told apart and priced, the page says so."""
+"""The toolbox: geometry of a planned sequence, orders and their costs, the report."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import pytest
 import lgp
 from lgp.collision.distances import Collisions
 from lgp.experiments import published
-from lgp.experiments.toolbox import CONDITIONS, Condition, _plain, _summary, scores_of
-from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST, heaviest, order_of, parts_of
+from lgp.experiments.toolbox import CONDITIONS, Condition, scores_of, summarise_toolbox
+from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST, break_even_mass, cost_terms, order_of
 from lgp.experiments.toolbox_report import write_page
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
@@ -96,13 +96,12 @@ def test_a_planned_sequence_keeps_its_geometry() -> None:
 
 
 @needs_robots
-def test_costs_are_taken_apart() -> None:
-    found = planned()
-    parts = parts_of(found, 0.0)
-    agents = [value for name, value in parts.items() if name.startswith("acceleration of")]
-    assert sum(agents) == pytest.approx(parts["acceleration"], rel=1e-9)
+def test_cost_terms_add_up() -> None:
+    terms = cost_terms(planned(), 0.0)
+    agents = [value for name, value in terms.items() if name.startswith("acceleration of")]
+    assert sum(agents) == pytest.approx(terms["acceleration"], rel=1e-9)
     # The handle is carried in phase 3, the side in phase 6, 2 s each.
-    assert parts["carried"] == pytest.approx(2.0 * (1.06 + 0.43))
+    assert terms["carried"] == pytest.approx(2.0 * (1.06 + 0.43))
 
 
 def test_the_mass_from_which_placing_first_pays_is_where_both_cost_the_same() -> None:
@@ -110,11 +109,11 @@ def test_the_mass_from_which_placing_first_pays_is_where_both_cost_the_same() ->
         carried = seconds * mass + 0.8
         return {"total": rest + carried / 5.0, "load": carried / 5.0, "carried": carried}
 
-    found = heaviest(order(9.0, 2.0, 1.0), order(8.4, 4.0, 1.0), 1.0, 1.0)
-    assert found == pytest.approx(1.5)
+    mass = break_even_mass(order(9.0, 2.0, 1.0), order(8.4, 4.0, 1.0), 1.0, 1.0)
+    assert mass == pytest.approx(1.5)
     assert order(9.0, 2.0, 1.5)["total"] == pytest.approx(order(8.4, 4.0, 1.5)["total"])
-    assert heaviest(order(9.0, 2.0, 1.0), order(8.4, 2.0, 1.0), 1.0, 1.0) is None
-    assert heaviest(order(8.0, 2.0, 1.0), order(8.4, 4.0, 1.0), 1.0, 1.0) == 0.0
+    assert break_even_mass(order(9.0, 2.0, 1.0), order(8.4, 2.0, 1.0), 1.0, 1.0) is None
+    assert break_even_mass(order(8.0, 2.0, 1.0), order(8.4, 4.0, 1.0), 1.0, 1.0) == 0.0
 
 
 @needs_robots
@@ -126,23 +125,19 @@ def test_light_parts_have_no_weight_in_true_scores() -> None:
 
 @needs_robots
 def test_the_page_shows_both_sequences(tmp_path: Path) -> None:
-    found = planned()
+    plan = planned()
     common = {"reason": "", "verdict": "solved"}
-    met = [
-        common | {"actions": list(found.actions), "order": PLACE_FIRST, "sequence": 1.0, "path": 2.0},
+    visited = [
+        common | {"actions": list(plan.actions), "order": PLACE_FIRST, "sequence": 1.0, "path": 2.0},
         common
         | {"actions": paper("non-ergonomic"), "order": GRASP_FIRST, "sequence": 3.0, "path": None}
         | {"verdict": "pruned", "reason": "cannot beat the best path"},
     ]
-    one = Condition(found, met, dict.fromkeys(ORDERS, found), [found.costs["total"]])
-    scene = found.scene
-    summary = {
-        "published": published.TOOLBOX_SOURCE,
-        "settings": {"scene": scene.name, "collisions": False},
-        "conditions": {name: _summary(name, one, scene) for name in CONDITIONS},
-        "weights": [{"weight": 1.0, "order": order, **parts_of(found)} for order in ORDERS],
-    }
-    write_page(tmp_path, _plain(summary), dict.fromkeys(CONDITIONS, found), scene, "lgp experiment toolbox -o DIR")
+    conditions = dict.fromkeys(CONDITIONS, Condition(plan, visited, dict.fromkeys(ORDERS, plan), [plan.costs["total"]]))
+    weights = [{"weight": 1.0, "order": order, **cost_terms(plan)} for order in ORDERS]
+    settings = {"scene": plan.scene.name, "collisions": False}
+    summary = summarise_toolbox(conditions, plan.scene, settings, weights)
+    write_page(tmp_path, summary, dict.fromkeys(CONDITIONS, plan), plan.scene, "lgp experiment toolbox -o DIR")
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
     words = re.sub(r"<[^>]+>", " ", html)
     assert "handover(2, baxter.left, handle, human.right_hand)" in words

@@ -9,9 +9,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
+from statsmodels.stats.power import TTestPower
 
 from lgp.errors import LgpError
-from lgp.statistics.paired_tests import anova, change, compare, epsilon, holm, mean_of, require, signed_rank_p, stars
+from lgp.statistics.paired_tests import (
+    anova,
+    compare,
+    compare_choices,
+    greenhouse_geisser_epsilon,
+    holm,
+    mean_of,
+    require_statsmodels,
+    signed_rank_p,
+    stars,
+)
+from tests.support.says import says
 
 PAIRS = (("a", "b"), ("a", "c"), ("b", "c"))
 CHOICES = ("left", "center", "right")
@@ -57,7 +69,7 @@ def test_epsilon_of_orthogonal_contrasts_is_that_of_their_variances():
     # Uncorrelated contrasts with variances v and w: epsilon = (v + w)^2 / (2 (v^2 + w^2)), here 16 / 20.
     first, second = np.array([1.0, -1, 0]) / np.sqrt(2), np.array([1.0, 1, -2]) / np.sqrt(6)
     scores = np.array([[1.0, 1], [1, -1], [-1, 1], [-1, -1]]) * np.sqrt([3.0, 1.0])
-    assert epsilon(scores @ np.stack([first, second])) == pytest.approx(16 / 20)
+    assert greenhouse_geisser_epsilon(scores @ np.stack([first, second])) == pytest.approx(16 / 20)
 
 
 @given(st.integers(0, 10_000), st.integers(2, 5), st.integers(3, 12))
@@ -65,7 +77,7 @@ def test_epsilon_of_orthogonal_contrasts_is_that_of_their_variances():
 def test_epsilon_lies_between_its_bounds_and_f_ignores_levels_of_runs(seed, k, n):
     rng = np.random.default_rng(seed)
     values = rng.normal(size=(n, k))
-    assert 1 / (k - 1) - 1e-9 <= epsilon(values) <= 1 + 1e-9
+    assert 1 / (k - 1) - 1e-9 <= greenhouse_geisser_epsilon(values) <= 1 + 1e-9
     names = "abcde"[:k]
     shifted = values + 10 * rng.normal(size=(n, 1))
     assert anova(table(shifted, names)).f == pytest.approx(anova(table(values, names)).f, rel=1e-6)
@@ -120,7 +132,7 @@ def test_too_few_runs_give_nan_without_a_warning(n):
     one = compare(values, PAIRS)[0]
     assert one.n == n
     assert np.isnan(mean_of(values["a"]).se)
-    assert np.isnan(change(pd.Series(dtype=str), pd.Series(dtype=str), CHOICES).p)
+    assert np.isnan(compare_choices(pd.Series(dtype=str), pd.Series(dtype=str), CHOICES).p)
 
 
 def test_comparisons_report_effect_and_interval():
@@ -181,7 +193,7 @@ def choices(counts):
 
 def test_change_of_choice_is_tested_overall_and_per_choice():
     counts = np.array([[35, 5, 0], [15, 20, 5], [10, 5, 5]])
-    found = change(*choices(counts), CHOICES)
+    found = compare_choices(*choices(counts), CHOICES)
     assert found.counts == counts.tolist()
     assert (found.n, found.changed, found.df) == (100, 40, 2)
     assert found.statistic == pytest.approx(stuart_maxwell(counts))
@@ -193,7 +205,7 @@ def test_change_of_choice_is_tested_overall_and_per_choice():
 
 
 def test_a_choice_nobody_makes_leaves_mcnemar():
-    found = change(*choices([[10, 12, 0], [2, 5, 0], [0, 0, 0]]), CHOICES)
+    found = compare_choices(*choices([[10, 12, 0], [2, 5, 0], [0, 0, 0]]), CHOICES)
     assert found.df == 1
     assert found.statistic == pytest.approx(10**2 / 14)
     assert found.by_choice["right"]["p"] == 1.0
@@ -202,24 +214,43 @@ def test_a_choice_nobody_makes_leaves_mcnemar():
 def test_the_same_choices_and_missing_ones():
     before, after = choices([[4, 0, 0], [0, 3, 0], [0, 0, 2]])
     after.iloc[0] = None
-    found = change(before, after, CHOICES)
+    found = compare_choices(before, after, CHOICES)
     assert (found.n, found.excluded, found.changed, found.p) == (8, 1, 0, 1.0)
 
 
 def test_groups_without_exchange_have_no_overall_test():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = change(pd.Series(list("aabbccdd")), pd.Series(list("bbaaddcc")), tuple("abcd"))
+        found = compare_choices(pd.Series(list("aabbccdd")), pd.Series(list("bbaaddcc")), tuple("abcd"))
     assert np.isnan(found.p)
 
 
 def test_an_unknown_choice_is_named():
-    with pytest.raises(LgpError, match="'floor'"):
-        change(pd.Series(["floor"]), pd.Series(["left"]), CHOICES)
+    with pytest.raises(LgpError) as error:
+        compare_choices(pd.Series(["floor"]), pd.Series(["left"]), CHOICES)
+    says(error, "'floor'", "expected", *CHOICES)
 
 
 def test_a_missing_library_is_said_in_one_line(monkeypatch):
-    require()
+    require_statsmodels()
     monkeypatch.setitem(__import__("sys").modules, "statsmodels.stats", None)
-    with pytest.raises(LgpError, match=r"pip install dreba\[experiments\]"):
-        require()
+    with pytest.raises(LgpError) as error:
+        require_statsmodels()
+    says(error, "statsmodels", "pip install dreba[experiments]")
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.35])
+def test_error_rates_over_many_studies(gap):
+    """5 % without an effect, the power that theory gives with one, by both tests."""
+    studies, deviation = 300, 0.3 * np.sqrt(2)
+    rng = np.random.default_rng(11)
+    p = []
+    for differences in rng.normal(-gap, deviation, (studies, 10)):
+        base = rng.normal(4.0, 1.0, 10)
+        one = compare(pd.DataFrame({"a": base + differences, "b": base}), [("a", "b")])[0]
+        p.append((one.p, one.wilcoxon_p))
+    expected = TTestPower().power(gap / deviation, 10, 0.05) if gap else 0.05
+    found = (np.array(p) < 0.05).sum(axis=0)
+    assert stats.binomtest(int(found[0]), studies, expected).pvalue > 0.001
+    # Signed ranks of ten pairs come in steps: at most 5 %, and with an effect a few per cent less power.
+    assert stats.binomtest(int(found[1]), studies, expected - (0.05 if gap else 0.0)).pvalue > 0.001

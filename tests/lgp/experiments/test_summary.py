@@ -1,0 +1,91 @@
+"""Summary and findings of runs with known answers."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lgp.experiments import published
+from lgp.experiments.runs import PATH_COLUMNS, empty
+from lgp.experiments.summary import findings, summarise, write_summary
+from tests.support.screwdriver_runs import RUNS, made
+
+
+def test_summary_counts_choices_heights_and_infeasible_runs(both, summary):
+    rest = summary["starts"]["rest"]
+    assert rest["runs"] == RUNS
+    assert {name: part["n"] for name, part in rest["infeasible"].items()} == {
+        "non-ergonomic": 1, "ergonomic": 0, "re-optimized": 1,
+    }  # fmt: skip
+    assert rest["infeasible"]["non-ergonomic"]["runs"] == [{"run": 2, "reason": "<0.1 m> too far"}]
+    choice = rest["table_choice"]["ergonomic"]
+    assert choice["percent"] == {"left": 0.0, "center": 100.0, "right": 0.0}
+    assert choice["published"] == {"left": 26, "center": 40, "right": 34}
+    assert rest["table_choice"]["re-optimized"]["published"] is None
+    low, high = choice["interval"]["center"]
+    assert 70 < low < high <= 100.0 + 1e-9
+    runs = both[0]
+    mine = runs[(runs["initial"] == "rest") & (runs["condition"] == "ergonomic")]["chosen_height"]
+    height = rest["chosen_height"]["conditions"]["ergonomic"]
+    assert (height["mean"], height["sd"]) == pytest.approx((mine.mean(), mine.std()))
+    assert height["published"] == {"mean": 0.95, "sd": 0.15}
+    assert rest["table_change"]["n"] == RUNS - 1
+    assert rest["table_change"]["excluded"] == 1
+
+
+def test_summary_tests_scores_on_the_runs_that_have_them(summary):
+    grasp = summary["starts"]["rest"]["reba_grasp"]
+    assert grasp["order"] == list(published.EXPECTED_ORDER)
+    assert (grasp["anova"]["n"], grasp["anova"]["excluded"]) == (RUNS - 1, 1)
+    assert grasp["anova"]["p_corrected"] < 1e-4
+    assert [pair["n"] for pair in grasp["pairs"]] == [RUNS - 1] * 3
+    between = summary["between_starts"]["reba_grasp"]
+    assert between["non-ergonomic"]["difference"] > 1
+    assert between["ergonomic"]["n"] == RUNS
+
+
+def test_phases_are_means_over_runs(summary):
+    phases = summary["starts"]["rest"]["reba_phases"]["ergonomic"]
+    assert [(one["phase"], one["n"]) for one in phases] == [(0, RUNS), (1, RUNS), (2, RUNS)]
+    assert [one["mean"] for one in phases[:2]] == [1.0, 2.0]
+
+
+def test_summary_is_strict_json(tmp_path, summary):
+    write_summary(tmp_path / "summary.json", summary)
+    assert json.loads((tmp_path / "summary.json").read_text()) == summary
+
+
+def test_our_shares_equal_to_the_papers_do_not_differ():
+    runs, _ = made("rest")
+    shares = published.CHOICE_PERCENT["rest"]["non-ergonomic"]
+    tables = np.repeat(list(shares), list(shares.values()))
+    row = runs[runs["condition"] == "non-ergonomic"].iloc[[0]]
+    many = pd.concat([row.assign(run=run, table=table) for run, table in enumerate(tables)])
+    many["chosen_height"] = [row[f"height_{row['table']}"] for _, row in many.iterrows()]
+    found = summarise(many, empty(PATH_COLUMNS))["starts"]["rest"]["table_choice"]["non-ergonomic"]
+    assert found["against_published"]["statistic"] == pytest.approx(0.0)
+    assert found["against_published"]["p"] == pytest.approx(1.0)
+
+
+def test_findings_follow_the_tests(summary):
+    found = {one.claim: one.shown for one in findings(summary)}
+    assert len(found) == 7
+    assert found["rest start: REBA at the grasp ergonomic < re-optimized < non-ergonomic"] is True
+    assert found["random start: with the ergonomic cost the choice moves from the left table to the centre"] is True
+
+
+def test_findings_do_not_claim_what_is_not_there():
+    runs, paths = made("rest")
+    runs["reba_grasp"] = runs["reba_grasp"].where(runs["reba_grasp"].isna(), 4.0)
+    runs["table"] = runs["table"].where(runs["table"].isna(), "left")
+    runs["chosen_height"] = runs["height_left"].where(runs["feasible"])
+    assert [one.shown for one in findings(summarise(runs, paths))] == [False, False, False]
+
+
+def test_findings_say_where_nothing_can_be_said():
+    runs, paths = made("rest")
+    one = runs["run"] == 0
+    found = findings(summarise(runs[one], paths[paths["run"] == 0]))
+    assert {finding.shown for finding in found} <= {None, False}
+    assert "no test" in found[0].evidence
