@@ -52,7 +52,7 @@ class Motion:
 
     Example:
         >>> motion = Motion(lgp.Plan.load("plan"))                      # doctest: +SKIP
-        >>> motion.thing("screwdriver").position                        # doctest: +SKIP
+        >>> motion.object_poses("screwdriver").position                        # doctest: +SKIP
     """
 
     def __init__(self, plan: Plan, world: World | None = None) -> None:
@@ -84,7 +84,7 @@ class Motion:
             for name, at in kinematics.index.items()
         }
 
-    def thing(self, name: str) -> PoseTrajectory:
+    def object_poses(self, name: str) -> PoseTrajectory:
         """Return the poses of an object; in the slice of a switch it is where both holders have it.
 
         Raises:
@@ -117,7 +117,7 @@ def human_joints(world: World, path: Array) -> dict[str, Array]:
     person = world.scene.human
     if person is None:
         raise LgpError(f"{world.scene.name}: there is no human in this scene")
-    values = {name: np.full(len(path), world.first[f"human.{name}"]) for name in bodies.joint_names()}
+    values = {name: np.full(len(path), world.initial_values[f"human.{name}"]) for name in bodies.joint_names()}
     for name in values:
         column = world.column.get(f"human.{name}")
         if column is not None:

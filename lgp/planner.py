@@ -108,7 +108,9 @@ def task_of(scene: Scene) -> Task:
     Raises:
         LogicError: the domain, the initial state or the goal cannot be used.
     """
-    return ground(_domain(scene.domain), scene.objects, map(parse_atom, scene.initial), map(parse_atom, scene.goal))
+    return ground(
+        _domain(scene.domain), scene.object_types, map(parse_atom, scene.initial), map(parse_atom, scene.goal)
+    )
 
 
 def _domain(which: str) -> PddlDomain:
@@ -185,7 +187,7 @@ def _world(scene: Scene, world: World | None) -> World:
 
 def _start(world: World, start: Array | None) -> Array:
     if start is None:
-        return world.start
+        return world.initial_configuration
     first = np.asarray(start, dtype=float)
     if first.shape != (world.nq,) or not np.isfinite(first).all():
         raise LgpError(f"start has shape {first.shape}, expected ({world.nq},) finite numbers, one per joint")

@@ -54,7 +54,7 @@ class Collisions:
     Example:
         >>> collisions = Collisions(world, modes)                                        # doctest: +SKIP
         >>> kinematics = world.at(q, collisions.frames)                                  # doctest: +SKIP
-        >>> rows = collisions.near(kinematics, phases, z, within=0.1)                    # doctest: +SKIP
+        >>> rows = collisions.near_pairs(kinematics, phases, z, within=0.1)                    # doctest: +SKIP
         >>> collisions.distances(kinematics, phases, z, *rows).value                     # doctest: +SKIP
     """
 
@@ -80,10 +80,10 @@ class Collisions:
         """Return how messages call a pair."""
         return " and ".join(self.bodies[side].name for side in self.pairs[pair])
 
-    def near(
+    def near_pairs(
         self, kinematics: Kinematics, phases: Sequence[int] | Indices, z: Array, within: float
     ) -> tuple[Indices, Indices]:
-        """Return slices (m,) and pairs (m,) that may be nearer than `within` - `slack` [m]; no nearer one is left out.
+        """Slices (m,) and pairs (m,) that may be nearer than `within` [m] less their allowed penetration; all that are.
 
         Args:
             kinematics: of n slices, holding `frames`.
@@ -95,7 +95,7 @@ class Collisions:
         apart = (
             np.linalg.norm(centres[:, first] - centres[:, second], axis=2) - self._radii[first] - self._radii[second]
         )
-        allowed = self.slack(phases)
+        allowed = self.allowed_penetration(phases)
         slices, pairs = np.nonzero(apart + allowed < within)
         close, slack = np.ones(len(slices), dtype=bool), allowed[slices, pairs]
         # Of what is left, the sphere of each body against the other's core (a segment or a box, plus its rim).
@@ -115,7 +115,7 @@ class Collisions:
         slices: Indices,
         pairs: Indices,
     ) -> Distances:
-        """Return the signed distances of given rows, see `near`, and their slopes."""
+        """Return the signed distances of given rows, see `near_pairs`, and their slopes."""
         phase = np.asarray(phases)
         value, points, normals = self._closest(kinematics, phase, z, slices, pairs)
         by_q, by_variables = np.zeros((len(slices), self.world.nq)), np.zeros((len(slices), self.modes.size))
@@ -159,16 +159,16 @@ class Collisions:
             normals[row] = result.normal
         return value, points, normals
 
-    def depends(self, pair: int, phase: int) -> tuple[Indices, Indices]:
+    def dependencies(self, pair: int, phase: int) -> tuple[Indices, Indices]:
         """Return the joints and the variables that move the bodies of a pair in a phase."""
         joints, variables = np.zeros(self.world.nq, dtype=bool), [np.zeros(0, np.intp)]
         for side in self.pairs[pair]:
             body = self.bodies[side]
             frame = body.frame
             if body.kind == "object":
-                holder = self.modes.holder(body.owner, phase)
+                holder = self.modes.attachment(body.owner, phase)
                 variables.append(np.arange(holder.variables.start, holder.variables.stop))
-                frame = holder.by if holder.by in self.world.scene.hands else ""
+                frame = holder.parent if holder.parent in self.world.scene.hands else ""
             if frame:
                 joints |= self.world.support(frame) > 0.0
         return np.flatnonzero(joints), np.concatenate(variables)
@@ -191,7 +191,7 @@ class Collisions:
                 rotations[:, number], centres[:, number] = body.rotation, body.position
         return rotations, centres
 
-    def slack(self, phases: Sequence[int] | Indices) -> Array:
+    def allowed_penetration(self, phases: Sequence[int] | Indices) -> Array:
         """Return how far [m] each pair may go into each other in each slice, (n, pairs): inf where it may touch anyhow.
 
         An object meets what holds it in this phase, the one before or the next; a hand that works on a table meets it.
@@ -211,7 +211,7 @@ class Collisions:
         for number, (first, second) in enumerate(self.pairs):
             one, other = self.bodies[first], self.bodies[second]
             if other.kind == "object":
-                holders = {self.modes.holder(other.owner, near).by for near in around}
+                holders = {self.modes.attachment(other.owner, near).parent for near in around}
                 # A table is a holder itself; a link touches what any hand of its agent holds.
                 agents = {holder.partition(".")[0] for holder in holders} - {"table"} | self._touching(
                     other.owner, phase
@@ -228,21 +228,21 @@ class Collisions:
         switches = self.modes.switches
         held = {
             hand.partition(".")[0]
-            for hand, number, end in self.modes.stills
-            if switches[number].thing == thing and number <= phase <= end + 1
+            for hand, number, end in self.modes.holding_intervals
+            if switches[number].object_name == thing and number <= phase <= end + 1
         }
         held |= {
             hand.partition(".")[0] for hand, name, end in self.modes.held_at_first if name == thing and phase <= end + 1
         }
         near = [switches[number] for number in (phase - 1, phase) if 0 <= number < len(switches)]
-        screwing = [switch for switch in near if switch.kind == "screw" and thing in (switch.thing, switch.other)]
+        screwing = [switch for switch in near if switch.kind == "screw" and thing in (switch.object_name, switch.other)]
         return held | {switch.hand.partition(".")[0] for switch in screwing}
 
     def _joined(self, one: str, other: str, phases: range) -> bool:
         """Return whether two objects have a joint and are on one table in one of the phases."""
-        if {one, other} not in [set(joint.parts) for joint in self.world.scene.joints]:
+        if {one, other} not in [set(joint.parts) for joint in self.world.scene.assemblies]:
             return False
-        holders = ([self.modes.holder(part, phase).by for part in (one, other)] for phase in phases)
+        holders = ([self.modes.attachment(part, phase).parent for part in (one, other)] for phase in phases)
         return any(first == second and first in self.world.scene.tables for first, second in holders)
 
     def _working(self, phase: int) -> set[tuple[str, str]]:
@@ -252,7 +252,7 @@ class Collisions:
             if not 0 <= number < len(self.modes.switches):
                 continue
             switch = self.modes.switches[number]
-            tables = {self.modes.holder(switch.thing, near).by for near in (number, number + 1)}
+            tables = {self.modes.attachment(switch.object_name, near).parent for near in (number, number + 1)}
             hands = [self._carrier(hand) for hand in switch.hands]
             found |= {(hand, other) for hand in hands for other in [*tables, *hands]}
         return found
@@ -260,7 +260,7 @@ class Collisions:
     def _carrier(self, hand: str) -> str:
         """Return the frame of the body next to a hand: that of the joint that carries it."""
         model = self.world.model
-        return str(model.names[model.frames[self.world.frame(hand)].parentJoint])
+        return str(model.names[model.frames[self.world.frame_id(hand)].parentJoint])
 
     def _speeds(
         self, side: int, kinematics: Kinematics, phases: Indices, z: Array, slices: Indices, points: Array
@@ -271,11 +271,11 @@ class Collisions:
         if body.kind == "object":
             for phase in np.unique(phases[slices]):
                 rows = np.flatnonzero(phases[slices] == phase)
-                pose = self.modes.pose(body.owner, int(phase), kinematics.rows(slices[rows]), z).spread(nz)
+                pose = self.modes.pose(body.owner, int(phase), kinematics.rows(slices[rows]), z).with_all_variables(nz)
                 moved = pose.jacobian[:, :3] + cross(pose.jacobian[:, 3:], points[rows] - pose.position)
                 by_q[rows], by_variables[rows] = moved[:, :, : self.world.nq], moved[:, :, self.world.nq :]
         elif body.frame:
-            by_q[:] = kinematics.rows(slices).point(body.frame, points)[:, :3]
+            by_q[:] = kinematics.rows(slices).point_jacobian(body.frame, points)[:, :3]
         return by_q, by_variables
 
 

@@ -32,7 +32,7 @@ def random_start(world: World, rng: np.random.Generator, clearance: float = 0.01
         raise WorldError("the scene has no human whose posture could be drawn; add a [human] table")
     columns = world.columns("human")
     collisions = Collisions(world)
-    q = world.start.copy()
+    q = world.initial_configuration.copy()
     for _ in range(TRIES):
         q[columns] = rng.uniform(world.lower[columns], world.upper[columns])
         pelvis = np.array([[_value(world, q, name) for name in PELVIS]])
@@ -47,7 +47,7 @@ def random_start(world: World, rng: np.random.Generator, clearance: float = 0.01
 
 def _value(world: World, q: Array, name: str) -> float:
     full = f"human.{name}"
-    return float(q[world.column[full]]) if full in world.column else world.first[full]
+    return float(q[world.column[full]]) if full in world.column else world.initial_values[full]
 
 
 def _set(world: World, q: Array, angles: dict[str, Array]) -> bool:
@@ -64,6 +64,6 @@ def _set(world: World, q: Array, angles: dict[str, Array]) -> bool:
 def _clear(collisions: Collisions, q: Array, clearance: float) -> bool:
     kinematics = collisions.world.at(q[None], collisions.frames)
     nothing = np.zeros(0)
-    slices, pairs = collisions.near(kinematics, [0], nothing, clearance)
+    slices, pairs = collisions.near_pairs(kinematics, [0], nothing, clearance)
     humans = np.array(["human." in collisions.name(int(pair)) for pair in pairs], dtype=bool)
     return bool(np.all(collisions.values(kinematics, [0], nothing, slices[humans], pairs[humans]) > clearance))

@@ -66,7 +66,7 @@ def bodies_of(world: World) -> tuple[CollisionShape, ...]:
         turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
         centre = np.array([*table.position, table.height - table.thickness / 2.0])
         found.append(_box(name, "table", "table", turn, centre, (*table.size, table.thickness)))
-    for name, thing in world.scene.things.items():
+    for name, thing in world.scene.objects.items():
         found.append(_box(name, name, "object", np.eye(3), np.zeros(3), thing.size))
     return tuple(found)
 
@@ -149,7 +149,7 @@ def _links(world: World, robot: Robot) -> list[tuple[int, Array]]:
             continue
         found += [(joint, model.jointPlacements[child].translation) for child in model.children[joint]]
         for hand in robot.hands:
-            frame = model.frames[world.frame(hand.full)]
+            frame = model.frames[world.frame_id(hand.full)]
             if frame.parentJoint == joint:
                 tip = frame.placement
                 found.append((joint, tip.translation - FINGERS * tip.rotation[:, 2]))

@@ -123,8 +123,8 @@ class Worker:
     def _joined(self, thing: str) -> bool:
         """Return whether a thing is put beside one that it is to be joined with, which leaves no choice."""
         scene, under = self.simulation.world.scene, self.simulation.view.table_under
-        others = [name for joint in scene.joints if thing in joint.parts for name in joint.parts if name != thing]
-        return any(under(name) not in ("", scene.things[name].on) for name in others)
+        others = [name for joint in scene.assemblies if thing in joint.parts for name in joint.parts if name != thing]
+        return any(under(name) not in ("", scene.objects[name].on) for name in others)
 
     def _arrive(self) -> None:
         """Do with the hand what the action wants of it, or reach again."""
@@ -161,7 +161,7 @@ class Worker:
     def _help(self, time: float) -> None:
         """Put back what has lain on the floor for a while, onto the table where it lay at first."""
         simulation = self.simulation
-        for name, thing in simulation.world.scene.things.items():
+        for name, thing in simulation.world.scene.objects.items():
             if simulation.things[name].hand or simulation.view.table_under(name):
                 self._floor_since.pop(name, None)
             elif time - self._floor_since.setdefault(name, time) > self.habits.help and not self.stuck:

@@ -72,7 +72,9 @@ def plan_run(
     world, ergonomics = _prepared(cost, changed)
     scene = world.scene.draw_heights(np.random.default_rng([seed, run]))
     world = world.with_scene(scene)
-    start = world.start if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
+    start = (
+        world.initial_configuration if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
+    )
     rows, paths = [], []
     weights = Weights(ergonomics=changed.weight)
     given: dict[str, Any] = {"weights": weights, "start": start, "slices": slices, "collisions": collisions}
@@ -178,7 +180,7 @@ def _row(scene: Scene, found: Plan) -> dict[str, Any]:
 def _table(scene: Scene, found: Plan) -> str:
     """Return the table from which the human takes the screwdriver: where it was put last, or lies at first."""
     placed = [action.rstrip(")").split(", ")[-1] for action in found.actions if action.startswith("place(")]
-    first = scene.things[GOAL_THING].on
+    first = scene.objects[GOAL_THING].on
     return (placed[-1] if placed else first).removeprefix("table.")
 
 

@@ -197,7 +197,7 @@ def _summary(name: str, found: Condition, scene: Scene) -> dict[str, Any]:
     first = found.plan.actions[0].rpartition(", ")[2].rstrip(")")
     mass = None
     if weight and len(orders) == len(ORDERS):
-        mass = heaviest(orders[PLACE_FIRST], orders[GRASP_FIRST], scene.things[first].mass, weight)
+        mass = heaviest(orders[PLACE_FIRST], orders[GRASP_FIRST], scene.objects[first].mass, weight)
     return {
         "actions": list(found.plan.actions),
         "published_actions": list(published.TOOLBOX_SEQUENCES[name]),
@@ -205,7 +205,7 @@ def _summary(name: str, found: Condition, scene: Scene) -> dict[str, Any]:
         "cost": parts_of(found.plan, weight),
         "orders": orders,
         "orders_lost": found.lost,
-        "first_part": {"name": first, "mass": scene.things[first].mass, "mass_for_place_first": mass},
+        "first_part": {"name": first, "mass": scene.objects[first].mass, "mass_for_place_first": mass},
         "rounds": found.rounds,
         "sequences": found.met,
         **scores_of(found.plan),

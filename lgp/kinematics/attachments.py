@@ -48,7 +48,7 @@ class Pose:
         """The Jacobian by the configuration, as that of a frame."""
         return self.by_q
 
-    def spread(self, size: int) -> FullPose:
+    def with_all_variables(self, size: int) -> FullPose:
         """Return the same with one Jacobian (n, 6, nq + size) by the configuration and all variables."""
         n, rows, nq = self.by_q.shape
         jacobian = np.zeros((n, rows, nq + size))
@@ -71,7 +71,7 @@ class Attachment:
     """What holds an object over a stretch of phases.
 
     Attributes:
-        by: full name of the hand or table.
+        parent: full name of the hand or table.
         names: of its variables.
         lower, upper: their bounds [m, rad].
         variables: where they are in z.
@@ -81,7 +81,7 @@ class Attachment:
             not change.
     """
 
-    by: str
+    parent: str
     names: tuple[str, ...]
     lower: Array
     upper: Array
@@ -146,7 +146,7 @@ def fixed_in(hand: Hand, thing: SceneObject) -> Attachment:
     offset = np.array(thing.in_hand[:3])
 
     def pose(kinematics: Kinematics, _: Array) -> Pose:
-        place = kinematics.place(hand.full)
+        place = kinematics.placement(hand.full)
         arm = place.rotation @ offset
         by_q = place.jacobian.copy()
         by_q[:, :3] -= skew(arm) @ place.jacobian[:, 3:]
@@ -219,17 +219,17 @@ def held(hand: Hand, thing: SceneObject, start: int) -> Attachment:
         return rotation, arm, by_variables
 
     def pose(kinematics: Kinematics, z: Array) -> Pose:
-        place = kinematics.place(hand.full)
+        place = kinematics.placement(hand.full)
         rotation, arm, by_variables = moved(place.rotation, z)
         by_q = place.jacobian.copy()
         by_q[:, :3] -= skew(arm) @ place.jacobian[:, 3:]
         return Pose(rotation, place.position + arm, by_q, by_variables, variables)
 
     def slopes(kinematics: Kinematics, z: Array) -> Array:
-        return moved(kinematics.place(hand.full).rotation, z)[2]
+        return moved(kinematics.placement(hand.full).rotation, z)[2]
 
     def fit(kinematics: Kinematics, rotation: Array, position: Array, slice_: int) -> Array:
-        place = kinematics.place(hand.full)
+        place = kinematics.placement(hand.full)
         vector = logarithm(place.rotation[slice_].T @ rotation @ facing.T)
         point = rotation.T @ (place.position[slice_] - position) - at
         return np.clip([*vector[turns], *([float(point @ side)] if slides else [])], -upper, upper)
@@ -266,13 +266,13 @@ class ScrewConstraint:
     """A screw between two objects.
 
     Attributes:
-        joint: how they are joined.
+        assembly: how they are joined.
         hand: that has the tool.
         first, second: what holds the parts of the joint, in their order.
         size: number of all variables of the sequence.
     """
 
-    joint: Assembly
+    assembly: Assembly
     hand: Hand
     first: Attachment
     second: Attachment
@@ -289,33 +289,35 @@ class ScrewConstraint:
         own = [np.arange(holder.variables.start, holder.variables.stop) for holder in (self.first, self.second)]
         return np.unique(np.concatenate(own)).astype(np.intp)
 
-    def apart(self, kinematics: Kinematics, z: Array) -> Feature:
+    def assembly_error(self, kinematics: Kinematics, z: Array) -> Feature:
         """Return how far the second part is from where it is joined, (n, 6) [m, rad], by (q, z)."""
         first, second = (holder.pose(kinematics, z[holder.variables]) for holder in (self.first, self.second))
-        base = first.spread(self.size)
-        rotation = base.rotation @ exponential(np.array([0.0, 0.0, np.radians(self.joint.yaw)]))
-        position, jacobian = _point(base, np.array(self.joint.position))
+        base = first.with_all_variables(self.size)
+        rotation = base.rotation @ exponential(np.array([0.0, 0.0, np.radians(self.assembly.yaw)]))
+        position, jacobian = _point(base, np.array(self.assembly.position))
         wanted = FullPose(rotation, position, np.concatenate([jacobian, base.jacobian[:, 3:]], axis=1))
-        return pose_difference(second.spread(self.size), wanted)
+        return pose_difference(second.with_all_variables(self.size), wanted)
 
     def rows(self, kinematics: Kinematics) -> tuple[int, ...]:
-        """Return which rows of `apart` to keep: those of `UPRIGHT` where the others are 0 anyway."""
-        apart = self.apart(kinematics, np.zeros(self.size))
+        """Return which rows of `assembly_error` to keep: those of `UPRIGHT` where the others are 0 anyway."""
+        apart = self.assembly_error(kinematics, np.zeros(self.size))
         others = [row for row in range(6) if row not in FASTENING_UPRIGHT]
         level = not apart.jacobian[:, others].any() and np.abs(apart.value[:, others]).max() < LEVEL
         return FASTENING_UPRIGHT if level else tuple(range(6))
 
-    def reach(self, kinematics: Kinematics, z: Array) -> Feature:
+    def tool_error(self, kinematics: Kinematics, z: Array) -> Feature:
         """Return how far the hand is from its place behind the screw [m] and from its axis [rad], (n, 5), by (q, z).
 
         The last two values are the rotation vector from the tool to the screw, about the axes across the tool.
         """
-        part = self.first.pose(kinematics, z[self.first.variables]).spread(self.size)
-        place = kinematics.place(self.hand.full)
+        part = self.first.pose(kinematics, z[self.first.variables]).with_all_variables(self.size)
+        place = kinematics.placement(self.hand.full)
         nothing = np.zeros((len(kinematics), 6, 0))
-        hand = Pose(place.rotation, place.position, place.jacobian, nothing, slice(0, 0)).spread(self.size)
-        along, by_along = _direction(part, np.array(self.joint.along))
-        behind, by_behind = _point(part, np.array(self.joint.screw) - self.joint.tool * np.array(self.joint.along))
+        hand = Pose(place.rotation, place.position, place.jacobian, nothing, slice(0, 0)).with_all_variables(self.size)
+        along, by_along = _direction(part, np.array(self.assembly.along))
+        behind, by_behind = _point(
+            part, np.array(self.assembly.screw) - self.assembly.tool * np.array(self.assembly.along)
+        )
         slant, by_slant = _slant(*_seen(hand, along, by_along), self.tool_axis)
         return Feature(
             np.concatenate([hand.position - behind, slant], axis=1),
@@ -324,9 +326,9 @@ class ScrewConstraint:
 
     def curvature(self, kinematics: Kinematics, z: Array, y: Array) -> Array:
         """Return sum_i y_i d2 reach_i by the configuration near an aligned tool, (n, nq, nq), for (5,) weights."""
-        hand = kinematics.place(self.hand.full)
-        part = self.first.pose(kinematics, z[self.first.variables]).spread(self.size)
-        along, _ = _direction(part, np.array(self.joint.along))
+        hand = kinematics.placement(self.hand.full)
+        part = self.first.pose(kinematics, z[self.first.variables]).with_all_variables(self.size)
+        along, _ = _direction(part, np.array(self.assembly.along))
         bend = features.position_curvature(hand.jacobian, np.broadcast_to(y[:3], (len(kinematics), 3)))
         for weight, axis in zip(y[3:], _across(self.tool_axis), strict=True):
             bend = bend + features.axis_curvature(hand.jacobian, hand.axis(axis), weight * along)

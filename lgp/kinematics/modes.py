@@ -25,12 +25,12 @@ from reba.arrays import Array
 from reba.errors import did_you_mean
 
 ROLES: Final[dict[str, tuple[str, ...]]] = {
-    "grasp": ("hand", "thing"),
-    "place": ("hand", "thing", "table"),
-    "handover": ("giver", "thing", "hand"),
-    "hold": ("hand", "thing"),
-    "screw": ("hand", "thing", "other"),
-    "release": ("hand", "thing"),
+    "grasp": ("hand", "object_name"),
+    "place": ("hand", "object_name", "table"),
+    "handover": ("giver", "object_name", "hand"),
+    "hold": ("hand", "object_name"),
+    "screw": ("hand", "object_name", "other"),
+    "release": ("hand", "object_name"),
 }
 """What the arguments of each kind of action are, in the order of the paper."""
 TAKES: Final = ("grasp", "handover")
@@ -44,7 +44,7 @@ class KinematicSwitch:
     Attributes:
         kind: one of `ROLES`.
         hand: that acts; the one that takes the object in a handover.
-        thing: the object.
+        object_name: the object.
         table: on which it is placed.
         giver: hand that hands it over.
         other: object that it is screwed to.
@@ -55,7 +55,7 @@ class KinematicSwitch:
 
     kind: str
     hand: str
-    thing: str
+    object_name: str
     table: str = ""
     giver: str = ""
     other: str = ""
@@ -90,7 +90,7 @@ class ModeSequence:
         scene = world.scene
         self._held_by: dict[str, list[Attachment]] = {
             name: [fixed_in(scene.hands[thing.hand], thing) if thing.hand else fixed_on(scene.tables[thing.on], thing)]
-            for name, thing in scene.things.items()
+            for name, thing in scene.objects.items()
         }
         self._new: list[Attachment | None] = []
         size = 0
@@ -100,13 +100,13 @@ class ModeSequence:
             self._new.append(new)
             size += 0 if new is None else new.size
             for name, holders in self._held_by.items():
-                moves = name == switch.thing and new is not None and switch.kind != "hold"
+                moves = name == switch.object_name and new is not None and switch.kind != "hold"
                 holders.append(new if moves and new is not None else holders[-1])
         chosen = [(number, holder) for number, holder in enumerate(self._new) if holder is not None]
         self.lower = np.concatenate([np.zeros(0), *(holder.lower for _, holder in chosen)])
         self.upper = np.concatenate([np.zeros(0), *(holder.upper for _, holder in chosen)])
         self.names = tuple(
-            f"{number}.{self.switches[number].thing}.{name}" for number, holder in chosen for name in holder.names
+            f"{number}.{self.switches[number].object_name}.{name}" for number, holder in chosen for name in holder.names
         )
         self.held_at_first = tuple(
             (hand, thing, self._next_act(hand, 0))
@@ -123,11 +123,11 @@ class ModeSequence:
     @property
     def frames(self) -> tuple[str, ...]:
         """Frames whose placements the poses need: the hands that take part or hold something at first."""
-        first = [thing.hand for thing in self.world.scene.things.values() if thing.hand]
+        first = [thing.hand for thing in self.world.scene.objects.values() if thing.hand]
         return tuple(dict.fromkeys([*(hand for switch in self.switches for hand in switch.hands), *first]))
 
     @property
-    def stills(self) -> tuple[tuple[str, int, int], ...]:
+    def holding_intervals(self) -> tuple[tuple[str, int, int], ...]:
         """Hands that stand still: (hand, switch with which they hold, switch until which they stay)."""
         return tuple(
             (switch.hand, number, self._next_act(switch.hand, number + 1))
@@ -140,7 +140,7 @@ class ModeSequence:
         last = len(self.switches) - 1
         return next((k for k in range(first, last + 1) if hand in self.switches[k].hands), last)
 
-    def holder(self, thing: str, phase: int) -> Attachment:
+    def attachment(self, thing: str, phase: int) -> Attachment:
         """Return what holds an object during a phase; phase K is after the last of K actions.
 
         Raises:
@@ -155,7 +155,7 @@ class ModeSequence:
     def contact(self, number: int) -> tuple[Attachment, Attachment] | None:
         """Return the two holders that have the object of a switch at one pose, the new one first; None if none does."""
         new = self._new[number]
-        return None if new is None else (new, self.holder(self.switches[number].thing, number))
+        return None if new is None else (new, self.attachment(self.switches[number].object_name, number))
 
     def pose(self, thing: str, phase: int, kinematics: Kinematics, z: Array) -> Pose:
         """Return the pose of an object in n slices of a phase, with Jacobians by q and by the variables of its holder.
@@ -166,10 +166,10 @@ class ModeSequence:
             kinematics: of n slices, holding `frames`.
             z: (nz,) all variables.
         """
-        holder = self.holder(thing, phase)
+        holder = self.attachment(thing, phase)
         return holder.pose(kinematics, z[holder.variables])
 
-    def jump(self, number: int, kinematics: Kinematics, z: Array) -> Feature:
+    def pose_continuity(self, number: int, kinematics: Kinematics, z: Array) -> Feature:
         """Return by how much the object of a switch would jump, (n, 6) [m, rad], and its Jacobian by (q, z).
 
         Args:
@@ -183,10 +183,10 @@ class ModeSequence:
         sides = self.contact(number)
         if sides is None:
             raise WorldError(f"action {number} ({self.switches[number].kind}): no object changes hands")
-        poses = [side.pose(kinematics, z[side.variables]).spread(self.size) for side in sides]
+        poses = [side.pose(kinematics, z[side.variables]).with_all_variables(self.size) for side in sides]
         return pose_difference(*poses)
 
-    def fastening(self, number: int) -> ScrewConstraint:
+    def screw_constraint(self, number: int) -> ScrewConstraint:
         """Return the geometry of a screw.
 
         Raises:
@@ -195,9 +195,9 @@ class ModeSequence:
         switch = self.switches[number]
         if switch.kind != "screw":
             raise WorldError(f"action {number} ({switch.kind}): no screw")
-        parts = tuple(sorted((switch.thing, switch.other)))
-        joint = next(joint for joint in self.world.scene.joints if tuple(sorted(joint.parts)) == parts)
-        first, second = (self.holder(part, number) for part in joint.parts)
+        parts = tuple(sorted((switch.object_name, switch.other)))
+        joint = next(joint for joint in self.world.scene.assemblies if tuple(sorted(joint.parts)) == parts)
+        first, second = (self.attachment(part, number) for part in joint.parts)
         return ScrewConstraint(joint, self.world.scene.hands[switch.hand], first, second, self.size)
 
     def guess(self, keys: Array) -> Array:
@@ -219,7 +219,7 @@ class ModeSequence:
     def _next(self, switch: KinematicSwitch, start: int) -> Attachment | None:
         """Return what has the object of a switch from then on, or as well from then on; None if nothing new does."""
         scene = self.world.scene
-        thing = scene.things[switch.thing]
+        thing = scene.objects[switch.object_name]
         if switch.kind in (*TAKES, "hold"):
             return held(scene.hands[switch.hand], thing, start)
         return placed(scene.tables[switch.table], thing, start) if switch.kind == "place" else None
@@ -229,20 +229,22 @@ class ModeSequence:
         if switch.kind not in ROLES:
             raise WorldError(f"action {number}: unknown kind {switch.kind!r}, expected one of {', '.join(ROLES)}")
         for field in ROLES[switch.kind]:
-            known = {"table": scene.tables, "thing": scene.things, "other": scene.things}.get(field, scene.hands)
+            objects = dict.fromkeys(("object_name", "other"), scene.objects)
+            known = {"table": scene.tables, **objects}.get(field, scene.hands)
             name = getattr(switch, field)
             if name not in known:
                 hint = did_you_mean(name, known) or f"; known are {', '.join(known)}"
-                raise WorldError(f"action {number} ({switch.kind}): unknown {field} {name!r}{hint}")
-        holder = self._held_by[switch.thing][number]
-        gives = {"place": switch.hand, "handover": switch.giver}.get(switch.kind, holder.by)
-        if holder.by != gives:
+                what = "object" if field in objects else field
+                raise WorldError(f"action {number} ({switch.kind}): unknown {what} {name!r}{hint}")
+        holder = self._held_by[switch.object_name][number]
+        gives = {"place": switch.hand, "handover": switch.giver}.get(switch.kind, holder.parent)
+        if holder.parent != gives:
             verb = "places" if switch.kind == "place" else "hands over"
             raise WorldError(
-                f"action {number}: {gives} {verb} {switch.thing}, which is held by {holder.by}; grasp it first"
+                f"action {number}: {gives} {verb} {switch.object_name}, held by {holder.parent}; grasp it first"
             )
-        parts = {switch.thing, switch.other}
-        if switch.kind == "screw" and parts not in [set(joint.parts) for joint in scene.joints]:
+        parts = {switch.object_name, switch.other}
+        if switch.kind == "screw" and parts not in [set(joint.parts) for joint in scene.assemblies]:
             raise WorldError(
-                f"action {number}: {switch.thing} and {switch.other} have no joint; add one to the scene's [[joints]]"
+                f"action {number}: {' and '.join(sorted(parts))} have no joint; add one to the scene's [[joints]]"
             )

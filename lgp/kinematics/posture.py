@@ -63,7 +63,7 @@ class PostureMap:
     Example:
         >>> from lgp.kinematics.world import World                            # doctest: +SKIP
         >>> posture = PostureMap(World(load_scene("screwdriver")))       # doctest: +SKIP
-        >>> angles, jacobian = posture.evaluate(world.start[None])       # doctest: +SKIP
+        >>> angles, jacobian = posture.evaluate(world.initial_configuration[None])       # doctest: +SKIP
     """
 
     def __init__(self, world: World) -> None:
@@ -76,7 +76,7 @@ class PostureMap:
             for name in joint_names()
             if f"human.{name}" in world.column
         }
-        self._held = {name: world.first[f"human.{name}"] for name in joint_names()}
+        self._held = {name: world.initial_values[f"human.{name}"] for name in joint_names()}
         self._linear, self._offset = np.zeros((len(COLUMNS), len(self.columns))), np.zeros(len(COLUMNS))
         for column, (joint, sense, offset) in DIRECT.items():
             for side in SIDES:

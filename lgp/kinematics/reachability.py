@@ -41,7 +41,7 @@ class Reachability:
         """Return the share of spots reached: one row per hand and table, one column per height."""
         return self.data.pivot_table(index=["hand", "table"], columns="height", values="reached", aggfunc="mean")
 
-    def somewhere(self) -> pd.DataFrame:
+    def any_reached(self) -> pd.DataFrame:
         """Return whether a hand reaches any spot of a table: one row per hand and table, one column per height."""
         return self.data.pivot_table(index=["hand", "table"], columns="height", values="reached", aggfunc="max")
 
@@ -63,12 +63,12 @@ def reachability(
         seed: of the random starts.
 
     Example:
-        >>> reachability(World(load_scene("screwdriver"))).somewhere()       # doctest: +SKIP
+        >>> reachability(World(load_scene("screwdriver"))).any_reached()       # doctest: +SKIP
     """
     import pandas as pd
 
     targets = _targets(world, heights, spots)
-    thickness = max((thing.size[2] / 2.0 for thing in world.scene.things.values()), default=0.0)
+    thickness = max((thing.size[2] / 2.0 for thing in world.scene.objects.values()), default=0.0)
     points = targets[["x", "y", "height"]].to_numpy() + np.array([0.0, 0.0, thickness])
     parts = []
     for hand in world.scene.hands.values():
@@ -92,7 +92,7 @@ def reach(world: World, hand: Hand, points: Array, starts: int, rng: np.random.G
         def residuals(x: Array, which: Indices, wanted: Array = points[open_]) -> tuple[Array, Array]:
             return _residuals(world, hand, posture, columns, x, wanted[which])
 
-        start = np.tile(world.start[columns], (len(open_), 1))
+        start = np.tile(world.initial_configuration[columns], (len(open_), 1))
         if attempt:
             start = rng.uniform(lower, upper, start.shape)
         _, left = least_squares(residuals, start, lower, upper, tolerance=CLOSE / 2.0)
@@ -112,7 +112,7 @@ def transport_reachability(
     """
     import pandas as pd
 
-    item = world.scene.things[thing]
+    item = world.scene.objects[thing]
     targets = _targets(world, heights, spots)
     targets = targets[targets["table"].map(lambda name: world.scene.tables[name].heights).map(lambda h: h[1] > h[0])]
     lift = np.array([0.0, 0.0, item.size[2] / 2.0])
@@ -122,7 +122,7 @@ def transport_reachability(
         if hand.agent == "human":
             continue
         holder = fixed_on(world.scene.tables[item.on], item)
-        source = holder.pose(world.at(world.start[None], []), np.zeros(0)).position[0]
+        source = holder.pose(world.at(world.initial_configuration[None], []), np.zeros(0)).position[0]
         miss = _carry(world, hand, source, points, starts)
         parts.append(targets.assign(hand=hand.full, miss=miss, reached=miss < CLOSE))
     return pd.concat(parts, ignore_index=True)
@@ -158,7 +158,7 @@ def _carry(world: World, hand: Hand, source: Array, points: Array, starts: int) 
         open_ = np.flatnonzero(best > CLOSE)
         if not len(open_):
             break
-        start = np.tile(world.start[columns], (len(open_), 2))
+        start = np.tile(world.initial_configuration[columns], (len(open_), 2))
         if attempt:
             start = rng.uniform(lower, upper, start.shape)
 
@@ -171,23 +171,23 @@ def _carry(world: World, hand: Hand, source: Array, points: Array, starts: int) 
 
 
 def _place(world: World, hand: Hand, columns: Indices, x: Array) -> FramePlacement:
-    q = np.tile(world.start, (len(x), 1))
+    q = np.tile(world.initial_configuration, (len(x), 1))
     q[:, columns] = x
-    return world.at(q, [hand.full]).place(hand.full)
+    return world.at(q, [hand.full]).placement(hand.full)
 
 
 def _residuals(
     world: World, hand: Hand, posture: PostureMap | None, columns: Indices, x: Array, points: Array
 ) -> tuple[Array, Array]:
-    q = np.tile(world.start, (len(x), 1))
+    q = np.tile(world.initial_configuration, (len(x), 1))
     q[:, columns] = x
     soles = list(world.planted) if posture is not None else []
     kinematics = world.at(q, [hand.full, *soles])
-    place = kinematics.place(hand.full)
+    place = kinematics.placement(hand.full)
     parts = [features.position(place, points)]
     if hand.tilt < 180.0:
         parts.append(_beyond(features.tilt(place, hand.tilt)))
-    parts += [features.pose(kinematics.place(sole), *world.planted[sole]) for sole in soles]
+    parts += [features.pose(kinematics.placement(sole), *world.planted[sole]) for sole in soles]
     values = [part.value for part in parts]
     jacobians = [part.jacobian[:, :, columns] for part in parts]
     if posture is not None and posture.body.legs == "solved":
@@ -212,7 +212,7 @@ def _targets(world: World, heights: Sequence[float], spots: int) -> pd.DataFrame
     side = np.linspace(-1.0, 1.0, spots)
     for name, table in world.scene.tables.items():
         yaw = np.radians(table.yaw)
-        margin = min((min(thing.size[:2]) / 2.0 for thing in world.scene.things.values()), default=0.0)
+        margin = min((min(thing.size[:2]) / 2.0 for thing in world.scene.objects.values()), default=0.0)
         for height in heights if table.heights[1] > table.heights[0] else [table.height]:
             for u in side * (table.size[0] / 2.0 - margin):
                 for v in side * (table.size[1] / 2.0 - margin):

@@ -64,16 +64,16 @@ class Kinematics:
         """Return the same for some of the slices."""
         return Kinematics(self.world, list(self.index), self.rotation[which], self.position[which], self.spatial[which])
 
-    def place(self, name: str) -> FramePlacement:
+    def placement(self, name: str) -> FramePlacement:
         """Return a frame with its Jacobian (n, 6, nq)."""
         if name not in self._places:
             at = self.index[name]
             position = self.position[:, at]
-            jacobian = self.point(name, position)
+            jacobian = self.point_jacobian(name, position)
             self._places[name] = FramePlacement(self.rotation[:, at], position, jacobian)
         return self._places[name]
 
-    def point(self, name: str, points: Array) -> Array:
+    def point_jacobian(self, name: str, points: Array) -> Array:
         """Return the Jacobian (n, 6, nq) of (n, 3) points that move with a frame."""
         jacobian = self.spatial * self.world.support(name)
         jacobian[:, :3] += cross(jacobian[:, 3:], points)
@@ -87,15 +87,16 @@ class World:
         scene: tables and objects (of which only these may change with `with_scene`).
         joints: `agent.joint` for each column of q.
         lower, upper: limits [rad, m], (nq,).
-        start: first configuration (nq,).
-        first: first value of every joint [rad, m], those that are held included.
+        initial_configuration: (nq,).
+        initial_values: first value of every joint [rad, m], those that are held included.
         planted: feet that stay where they are: frame -> ((3, 3) rotation, (3,) position).
 
     Example:
         >>> from lgp.scene.scene_file import load_scene
-        >>> world = World(load_scene("screwdriver"))                     # doctest: +SKIP
-        >>> world.at(world.start[None], ["baxter.left"]).place("baxter.left").jacobian.shape    # doctest: +SKIP
-        (1, 6, 43)
+        >>> world = World(load_scene("screwdriver"))
+        >>> kinematics = world.at(world.initial_configuration[None], ["human.right_hand"])
+        >>> kinematics.placement("human.right_hand").position.shape
+        (1, 3)
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -108,8 +109,8 @@ class World:
         self.joints = tuple(self.model.names)[1:]
         self.column = {name: self.model.joints[number + 1].idx_q for number, name in enumerate(self.joints)}
         self.lower, self.upper = self.model.lowerPositionLimit.copy(), self.model.upperPositionLimit.copy()
-        self.first = first
-        self.start = self._start()
+        self.initial_values = first
+        self.initial_configuration = self._start()
         self._data = self.model.createData()
         self._forward = Forward(self.model)
         self._support: dict[str, Array] = {}
@@ -151,7 +152,7 @@ class World:
             raise WorldError(f"no agent {agent!r}{did_you_mean(agent, [one.name for one in self.scene.agents])}")
         return np.array(found, dtype=np.intp)
 
-    def frame(self, name: str) -> int:
+    def frame_id(self, name: str) -> int:
         """Return the number of a frame of the model.
 
         Raises:
@@ -166,7 +167,7 @@ class World:
         """Return (nq,) 1 where a joint moves a frame, else 0."""
         if name not in self._support:
             mask = np.zeros(self.nq)
-            for joint in list(self.model.supports[self.model.frames[self.frame(name)].parentJoint])[1:]:
+            for joint in list(self.model.supports[self.model.frames[self.frame_id(name)].parentJoint])[1:]:
                 mask[self.model.joints[joint].idx_q] = 1.0
             self._support[name] = mask
         return self._support[name]
@@ -181,7 +182,7 @@ class World:
         if q.ndim != 2 or q.shape[1] != self.nq:
             raise WorldError(f"configurations have shape {q.shape}, expected (slices, {self.nq})")
         wanted = list(dict.fromkeys(names))
-        numbers = [self.frame(name) for name in wanted]
+        numbers = [self.frame_id(name) for name in wanted]
         if len(q) > FEW:
             found = self._forward.at(q, numbers)
             return Kinematics(self, wanted, found.rotation, found.position, found.spatial)
@@ -204,7 +205,7 @@ class World:
         """
         start = np.clip(np.zeros(self.nq), self.lower, self.upper)
         for name, column in self.column.items():
-            value = self.first.get(name)
+            value = self.initial_values.get(name)
             if value is None:
                 continue
             low, high = self.lower[column], self.upper[column]
@@ -221,7 +222,7 @@ class World:
         for full, hand in self.scene.hands.items():
             if self.model.existFrame(full):
                 continue
-            base = self.model.frames[self.frame(f"{hand.agent}.{hand.frame}")]
+            base = self.model.frames[self.frame_id(f"{hand.agent}.{hand.frame}")]
             offset = base.placement * pin.SE3(np.eye(3), np.array([0.0, 0.0, hand.reach]))
             self.model.addFrame(pin.Frame(full, base.parentJoint, offset, pin.FrameType.OP_FRAME))
         self._data = self.model.createData()
@@ -230,7 +231,7 @@ class World:
         if self.scene.human is None or self.scene.human.legs != "planted":
             return {}
         names = [f"human.{side}_sole" for side in SIDES]
-        standing = self.start.copy()
+        standing = self.initial_configuration.copy()
         standing[self.columns("human")] = 0.0
         found = self.at(standing[None], names)
         return {name: (found.rotation[0, at], found.position[0, at]) for name, at in found.index.items()}

@@ -45,14 +45,14 @@ def sentences(scene: Scene, switches: Sequence[KinematicSwitch]) -> tuple[Instru
         >>> print(sentences(scene, [Switch("grasp", "baxter.left", "screwdriver")])[0].text)
         The robot, using its left arm, picks up the screwdriver from the start table.
     """
-    lies: dict[str, str] = {name: thing.on for name, thing in scene.things.items()}
+    lies: dict[str, str] = {name: thing.on for name, thing in scene.objects.items()}
     lines = []
     for switch in switches:
-        lines.append(_line(scene, switch, lies.get(switch.thing, "")))
+        lines.append(_line(scene, switch, lies.get(switch.object_name, "")))
         if switch.kind == "place":
-            lies[switch.thing] = switch.table
+            lies[switch.object_name] = switch.table
         elif switch.kind in ("grasp", "handover"):
-            lies[switch.thing] = ""
+            lies[switch.object_name] = ""
     return tuple(lines)
 
 
@@ -80,7 +80,7 @@ def _line(scene: Scene, switch: KinematicSwitch, lies: str) -> Instruction:
     words, actor = table()["words"], switch.giver or switch.hand
     you, takes = _is_human(scene, actor), _is_human(scene, switch.hand)
     names = {
-        "thing": f"the {humanised(switch.thing)}",
+        "thing": f"the {humanised(switch.object_name)}",
         "other": f"the {humanised(switch.other)}",
         "table": f"the {humanised(switch.table)}",
         "from": words["from"].format(table=f"the {humanised(lies)}") if lies else "",

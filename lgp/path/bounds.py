@@ -104,7 +104,7 @@ class PathBounds:
         self.world, self.ergonomics, self.options = world, ergonomics, options
         self.collisions, self.detours = collisions, detours
         self.weights = Weights() if weights is None else weights
-        self.start = world.start if start is None else np.asarray(start, dtype=float)
+        self.start = world.initial_configuration if start is None else np.asarray(start, dtype=float)
         self.slices, self.like = slices, like
         self._stretch = ReachCheck(world)
         self._known: dict[tuple[str, Skeleton], BoundResult] = {}
@@ -355,9 +355,9 @@ class PathBounds:
         Where everybody starts elsewhere than at rest, a way by the posture at rest may end in a better one.
         """
         sure = [first]
-        if self.ergonomics is not None and not np.allclose(self.start, self.world.start):
+        if self.ergonomics is not None and not np.allclose(self.start, self.world.initial_configuration):
             rested = first.copy()
-            rested[:, self.ergonomics.columns] = self.world.start[self.ergonomics.columns]
+            rested[:, self.ergonomics.columns] = self.world.initial_configuration[self.ergonomics.columns]
             sure.append(rested)
         rng = np.random.default_rng(0)
         lower, upper = self.world.lower, self.world.upper

@@ -88,14 +88,14 @@ class Phases:
 
     def loads(self) -> Array:
         """Return the mass that the human holds in each slice [kg], (T,)."""
-        held = {name: thing.hand for name, thing in self.scene.things.items() if thing.hand}
+        held = {name: thing.hand for name, thing in self.scene.objects.items() if thing.hand}
         masses = np.zeros(self.count)
         for number, switch in enumerate(self.switches):
-            masses[number] = sum(self.scene.things[thing].mass for thing, hand in held.items() if self._human(hand))
+            masses[number] = sum(self.scene.objects[thing].mass for thing, hand in held.items() if self._human(hand))
             if switch.kind in TAKES:
-                held[switch.thing] = switch.hand
+                held[switch.object_name] = switch.hand
             elif switch.kind == "place":
-                held.pop(switch.thing, None)
+                held.pop(switch.object_name, None)
         return np.repeat(masses, self.slices)
 
     def label(self, number: int) -> str:

@@ -191,8 +191,8 @@ class Scene:
         human: the human, or None.
         robots: robots by name.
         tables: tables by full name.
-        things: objects by name.
-        joints: which objects can be screwed together, and how.
+        objects: by name.
+        assemblies: which objects can be screwed together, and how.
         depth: longest sequence of actions that a search tries.
         choices: free choices with reasons.
         values: the table of values it was read from, heights as they are now; `read_scene` makes it again from them.
@@ -208,8 +208,8 @@ class Scene:
     human: Human | None
     robots: Mapping[str, Robot]
     tables: Mapping[str, Table]
-    things: Mapping[str, SceneObject]
-    joints: tuple[Assembly, ...] = ()
+    objects: Mapping[str, SceneObject]
+    assemblies: tuple[Assembly, ...] = ()
     depth: int = 4
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -225,12 +225,12 @@ class Scene:
         return {hand.full: hand for agent in self.agents for hand in agent.hands}
 
     @property
-    def objects(self) -> dict[str, str]:
+    def object_types(self) -> dict[str, str]:
         """Every name that a plan can speak of -> its type in the domain."""
         return (
             {name: hand.kind for name, hand in self.hands.items()}
             | dict.fromkeys(self.tables, "table")
-            | dict.fromkeys(self.things, "thing")
+            | dict.fromkeys(self.objects, "thing")
         )
 
     def with_heights(self, heights: Mapping[str, float]) -> Scene:

@@ -70,7 +70,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
     chosen = _changed(values, changes or {}, name)
     entries = TomlTable(name, chosen, SceneError)
     tables = {f"table.{key}": _table(key, entry) for key, entry in entries.tables("tables").items()}
-    things = {key: _thing(key, entry, tables) for key, entry in entries.tables("objects").items()}
+    objects = {key: _object(key, entry, tables) for key, entry in entries.tables("objects").items()}
     scene = Scene(
         name=name,
         title=entries.text("title", ""),
@@ -82,8 +82,10 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         human=_human(entries.table("human")) if entries.has("human") else None,
         robots={key: _robot(key, entry) for key, entry in entries.tables("robots").items()},
         tables=tables,
-        things=things,
-        joints=tuple(_joint(number, entry, name, things) for number, entry in enumerate(_list(entries, "joints"))),
+        objects=objects,
+        assemblies=tuple(
+            _assembly(number, entry, name, objects) for number, entry in enumerate(_list(entries, "joints"))
+        ),
         depth=int(entries.number("depth", 4, low=1, high=40)),
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
         values=chosen,
@@ -211,8 +213,8 @@ def _table(name: str, entries: TomlTable) -> Table:
     return table
 
 
-def _thing(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> SceneObject:
-    thing = SceneObject(
+def _object(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> SceneObject:
+    scene_object = SceneObject(
         name=name,
         size=entries.vector("size", 3, low=0.001),
         mass=entries.number("mass", low=0.0),
@@ -225,10 +227,12 @@ def _thing(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> SceneO
         grips={kind: _grip(entry) for kind, entry in entries.tables("grips").items()},
     )
     entries.done()
-    table = tables[thing.on]
-    if any(abs(at) > size / 2 for at, size in zip(thing.at[:2], table.size, strict=True)):
-        raise SceneError(f"{entries.where}: at {thing.at[:2]} is off {thing.on}, whose top is {table.size}")
-    return thing
+    table = tables[scene_object.on]
+    if any(abs(at) > size / 2 for at, size in zip(scene_object.at[:2], table.size, strict=True)):
+        raise SceneError(
+            f"{entries.where}: at {scene_object.at[:2]} is off {scene_object.on}, whose top is {table.size}"
+        )
+    return scene_object
 
 
 def _grip(entries: TomlTable) -> Grip:
@@ -241,15 +245,15 @@ def _grip(entries: TomlTable) -> Grip:
     return grip
 
 
-def _joint(number: int, value: Any, name: str, things: Mapping[str, SceneObject]) -> Assembly:
+def _assembly(number: int, value: Any, name: str, objects: Mapping[str, SceneObject]) -> Assembly:
     entries = TomlTable(f"{name}: joints[{number}]", value, SceneError)
     parts = entries.texts("parts")
     if len(set(parts)) != 2:
         raise SceneError(f"{entries.where}: parts is {list(parts)}, expected the names of two objects")
     for part in parts:
-        if part not in things:
-            raise SceneError(f"{entries.where}: no object {part!r}{did_you_mean(part, things)}")
-    joint = Assembly(
+        if part not in objects:
+            raise SceneError(f"{entries.where}: no object {part!r}{did_you_mean(part, objects)}")
+    assembly = Assembly(
         parts=(parts[0], parts[1]),
         position=entries.vector("position", 3),
         yaw=entries.number("yaw", 0.0),
@@ -258,18 +262,20 @@ def _joint(number: int, value: Any, name: str, things: Mapping[str, SceneObject]
         tool=entries.number("tool", 0.0, low=0.0),
     )
     entries.done()
-    return joint
+    return assembly
 
 
 def _check_names(scene: Scene) -> None:
     """Refuse atoms about something that is not there."""
-    known = scene.objects
+    known = scene.object_types
     if not scene.agents:
         raise SceneError(f"{scene.name}: nobody is there; give a human or a robot")
-    for thing in scene.things.values():
-        if thing.hand and thing.hand not in scene.hands:
-            hint = did_you_mean(thing.hand, scene.hands) or f"; known are {', '.join(scene.hands)}"
-            raise SceneError(f"{scene.name}: objects.{thing.name} is in unknown hand {thing.hand!r}{hint}")
+    for scene_object in scene.objects.values():
+        if scene_object.hand and scene_object.hand not in scene.hands:
+            hint = did_you_mean(scene_object.hand, scene.hands) or f"; known are {', '.join(scene.hands)}"
+            raise SceneError(
+                f"{scene.name}: objects.{scene_object.name} is in unknown hand {scene_object.hand!r}{hint}"
+            )
     for text in (*scene.initial, *scene.goal):
         _, _, inside = text.partition("(")
         for word in (part.strip() for part in inside.rstrip(") ").split(",")):

@@ -115,7 +115,7 @@ def _places(world: World, q: Array) -> tuple[Array, Array]:
     """Return (T, 6) places of both hands [m] and their Jacobian (T, 6, nq)."""
     names = [f"human.{side}_hand" for side in SIDES]
     kinematics = world.at(q, names)
-    places = [kinematics.place(name) for name in names]
+    places = [kinematics.placement(name) for name in names]
     return (
         np.concatenate([place.position for place in places], axis=1),
         np.concatenate([place.jacobian[:, :3] for place in places], axis=1),

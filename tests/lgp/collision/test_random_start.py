@@ -25,7 +25,7 @@ def test_a_random_start_is_inside_limits_with_the_feet_down(legs: str) -> None:
         if legs == "planted":
             found = world.at(q[None], world.planted)
             for sole, (_, position) in world.planted.items():
-                np.testing.assert_allclose(found.place(sole).position[0], position, atol=1e-9)
+                np.testing.assert_allclose(found.placement(sole).position[0], position, atol=1e-9)
 
 
 @needs_robots
@@ -34,7 +34,7 @@ def test_random_starts_touch_nothing_and_score_worse_than_rest() -> None:
     drawn = np.array([random_start(world, np.random.default_rng(seed)) for seed in range(8)])
     collisions = Collisions(world)
     kinematics = world.at(drawn, collisions.frames)
-    rows = collisions.near(kinematics, np.zeros(8, dtype=int), np.zeros(0), within=0.02)
+    rows = collisions.near_pairs(kinematics, np.zeros(8, dtype=int), np.zeros(0), within=0.02)
     found = collisions.distances(kinematics, np.zeros(8, dtype=int), np.zeros(0), *rows)
     of_human = np.array(["human." in collisions.name(pair) for pair in found.pairs])
     assert np.all(found.value[of_human] > 0.0)

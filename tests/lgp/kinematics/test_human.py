@@ -111,13 +111,13 @@ def test_rest_is_the_lowest_score_with_the_feet_down() -> None:
 
     for mode in ("planted", "solved", "locked"):
         world = human_world(mode)
-        angles = PostureMap(world).angles(world.start[None])
+        angles = PostureMap(world).angles(world.initial_configuration[None])
         assert reba.score_array(angles, rules="measured").reba[0] == 1
     world = human_world("planted")
-    found = world.at(world.start[None], world.planted)
+    found = world.at(world.initial_configuration[None], world.planted)
     for sole, (rotation, position) in world.planted.items():
-        np.testing.assert_allclose(found.place(sole).position[0], position, atol=1e-9)
-        np.testing.assert_allclose(found.place(sole).rotation[0], rotation, atol=1e-9)
+        np.testing.assert_allclose(found.placement(sole).position[0], position, atol=1e-9)
+        np.testing.assert_allclose(found.placement(sole).rotation[0], rotation, atol=1e-9)
 
 
 def test_wrong_bodies_are_refused() -> None:

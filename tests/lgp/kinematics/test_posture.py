@@ -96,7 +96,7 @@ def test_smooth_flexion_is_the_definition_outside_its_band() -> None:
 def test_smooth_flexion_has_no_jump_when_an_arm_swings_sideways() -> None:
     world = human_world()
     posture = PostureMap(world)
-    q = np.tile(world.start, (2001, 1))
+    q = np.tile(world.initial_configuration, (2001, 1))
     q[:, world.column["human.right_shoulder_Z"]] = 0.6
     q[:, world.column["human.right_shoulder_X"]] = np.linspace(0.3, 1.55, 2001)
     column = INDEX["upper_arm_flexion_right"]

@@ -23,7 +23,7 @@ def test_least_squares_finds_the_nearest_point_of_a_box() -> None:
 def test_every_point_a_hand_can_be_at_is_found_again() -> None:
     for legs in ("planted", "solved"):
         world = human_world(legs)
-        q = np.tile(world.start, (12, 1))
+        q = np.tile(world.initial_configuration, (12, 1))
         arm = [column for name, column in world.column.items() if "right" in name and "hip" not in name]
         arm = [column for column in arm if not any(part in world.joints[column] for part in ("knee", "ankle"))]
         q[:, arm] = anywhere(world, 12)[:, arm]

@@ -25,7 +25,7 @@ VECTORS = st.tuples(*[st.floats(-1.7, 1.7)] * 3).map(np.array)
 def test_hand_jacobian_by_differences() -> None:
     world = human_world("planted")
     q = anywhere(world, 6)
-    place = world.at(q, [HAND]).place(HAND)
+    place = world.at(q, [HAND]).placement(HAND)
     moved = differences(lambda x: world.at(x, [HAND]).position[:, 0], q)
     np.testing.assert_allclose(place.jacobian[:, :3], moved, atol=1e-8)
     for number in range(3):
@@ -42,7 +42,7 @@ def test_features_by_differences(kind: str) -> None:
 
     def feature(x: np.ndarray) -> features.Feature:
         kinematics = world.at(x, [HAND, "human.left_hand"])
-        place, other = kinematics.place(HAND), kinematics.place("human.left_hand")
+        place, other = kinematics.placement(HAND), kinematics.placement("human.left_hand")
         if kind == "along":
             return features.along(place, 0, rotation[0])
         if kind == "tilt":
@@ -60,11 +60,11 @@ def test_curvature_by_differences_of_jacobians() -> None:
     weights = np.random.default_rng(0).standard_normal((3, 3))
 
     def slopes(x: np.ndarray, turned: bool) -> np.ndarray:
-        place = world.at(x, [HAND]).place(HAND)
+        place = world.at(x, [HAND]).placement(HAND)
         jacobian = features.axis(place, 2).jacobian if turned else place.jacobian[:, :3]
         return np.einsum("ni,nij->nj", weights, jacobian)
 
-    place = world.at(q, [HAND]).place(HAND)
+    place = world.at(q, [HAND]).placement(HAND)
     np.testing.assert_allclose(
         features.position_curvature(place.jacobian, weights), differences(lambda x: slopes(x, False), q), atol=1e-7
     )
@@ -128,9 +128,9 @@ def test_wrong_first_postures_are_refused(joints: dict[str, float], text: str) -
 def test_wrong_names_and_shapes_are_refused() -> None:
     world = human_world()
     with pytest.raises(WorldError, match=r"did you mean 'human\.right_hand'"):
-        world.at(world.start[None], ["human.right_hnad"])
+        world.at(world.initial_configuration[None], ["human.right_hnad"])
     with pytest.raises(WorldError, match=r"shape \(29,\), expected \(slices, 29\)"):
-        world.at(world.start, [HAND])
+        world.at(world.initial_configuration, [HAND])
     with pytest.raises(WorldError, match="no agent 'robot'"):
         world.columns("robot")
 
@@ -155,8 +155,8 @@ def test_baxter_moves_its_arms_only_and_rests_in_its_limits() -> None:
     own = [world.joints[column] for column in world.columns("baxter")]
     assert len(own) == 14
     assert all(name[7:-3] in ("left", "right") for name in own)
-    assert np.all((world.start >= world.lower) & (world.start <= world.upper))
-    hands = world.at(world.start[None], ["baxter.left", "baxter.right"]).position[0]
+    assert np.all((world.initial_configuration >= world.lower) & (world.initial_configuration <= world.upper))
+    hands = world.at(world.initial_configuration[None], ["baxter.left", "baxter.right"]).position[0]
     np.testing.assert_allclose(hands[0] * (1, -1, 1), hands[1], atol=1e-6)
 
 
@@ -179,9 +179,9 @@ def test_a_panda_works_by_name_and_any_urdf_by_path() -> None:
     }
     world = World(read_scene(values))
     assert world.nq == 14
-    places = world.at(world.start[None], ["arm.hand", "spare.tip"])
-    assert places.place("arm.hand").axis(2)[0, 2] < -0.9
-    assert not places.place("spare.tip").jacobian[0, :, :7].any()
+    places = world.at(world.initial_configuration[None], ["arm.hand", "spare.tip"])
+    assert places.placement("arm.hand").axis(2)[0, 2] < -0.9
+    assert not places.placement("spare.tip").jacobian[0, :, :7].any()
 
 
 @needs_robots

@@ -29,7 +29,7 @@ def _with(path: str, value: Any) -> dict[str, Any]:
 def test_shipped_scenes_speak_of_what_their_domain_knows(name: str) -> None:
     scene = load_scene(name)
     domain = load_domain(scene.domain)
-    assert set(scene.objects.values()) <= set(domain.supertypes) | {"object"}
+    assert set(scene.object_types.values()) <= set(domain.supertypes) | {"object"}
     for atom in (*scene.initial, *scene.goal):
         assert atom.partition("(")[0] in domain.predicates
 
