@@ -235,7 +235,7 @@ class Collisions:
             hand.partition(".")[0] for hand, name, end in self.modes.held_at_first if name == thing and phase <= end + 1
         }
         near = [switches[number] for number in (phase - 1, phase) if 0 <= number < len(switches)]
-        screwing = [switch for switch in near if switch.kind == "screw" and thing in (switch.object_name, switch.other)]
+        screwing = [switch for switch in near if switch.action.screws and thing in (switch.object_name, switch.other)]
         return held | {switch.hand.partition(".")[0] for switch in screwing}
 
     def _joined(self, one: str, other: str, phases: range) -> bool:

@@ -202,10 +202,8 @@ class Planner:
         """
         switches = self.motion.phases.switches
         thing = switches[number].object_name
-        last = next(
-            (k for k, one in enumerate(switches) if k >= number and (one.kind, one.object_name) == ("place", thing)),
-            number,
-        )
+        later = (k for k in range(number, len(switches)) if switches[k].object_name == thing)
+        last = next((k for k in later if switches[k].action.attaches_to == "table"), number)
         pins = self._pins(last, number, world.scene, None)[0] if last > number else {}
         bounds = self._bounds(world, first, pins=pins, still=still_hands(self.motion.modes, number))
         actions = self.actions[number : last + 1]
@@ -235,7 +233,7 @@ class Planner:
         mine, own = f"{number}.{switch.object_name}.", f"{number - since}.{switch.object_name}."
         pins = {own + name.removeprefix(mine): at for name, at in self.plan.variables.items() if name.startswith(mine)}
         joints = [joint for joint in self.plan.scene.assemblies if switch.object_name in joint.parts]
-        if switch.kind != "place" or (not joints and spot is None):
+        if switch.action.attaches_to != "table" or (not joints and spot is None):
             return pins if joints else {}, True
         others = [scene.objects[joint.parts[joint.parts[0] == switch.object_name]] for joint in joints]
         row = (number + 1) * self.motion.phases.slices

@@ -10,6 +10,7 @@ from lgp.errors import LgpError
 from lgp.execution.retarget import Phase, Planner, Spot
 from lgp.execution.simulation import SimulatedWorld
 from lgp.execution.trajectory import JointTrajectory
+from lgp.kinematics.modes import ACTIONS
 from lgp.logic.task import Action
 
 CORRECTIONS = 3
@@ -112,7 +113,11 @@ class Worker:
         if planner is None or action is None or not self._hand(action):
             return phase
         spot = None
-        if action.name == "place" and self.habits.spot > 0.0 and not self._joined(action.arguments[1]):
+        if (
+            ACTIONS[action.name].attaches_to == "table"
+            and self.habits.spot > 0.0
+            and not self._joined(action.arguments[1])
+        ):
             x, y, yaw = planner.planned_spot(self._number)
             x, y = self.rng.normal((x, y), self.habits.spot)
             spot = Spot(float(x), float(y), yaw)
@@ -132,13 +137,13 @@ class Worker:
         hand = "" if action is None else self._hand(action)
         if action is None or not hand:
             return
-        done = True
-        if action.name == "grasp":
+        done, kind = True, ACTIONS[action.name]
+        if kind.attaches_to == "hand" and not kind.given_by:
             done = self.simulation.take(hand, action.arguments[1])
-        elif action.name == "place":
+        elif kind.attaches_to == "table":
             if self.simulation.things[action.arguments[1]].hand == hand:
                 self.simulation.put(action.arguments[1])
-        elif action.name == "handover":
+        elif kind.attaches_to == "hand":
             done = self.simulation.gap(hand, action.arguments[1]) <= self.simulation.view.tolerances.reach
         if not done and self._tries < CORRECTIONS:
             self._tries += 1

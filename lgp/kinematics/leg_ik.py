@@ -27,7 +27,7 @@ def solve_legs(pelvis: Array, stature: float, sex: str) -> tuple[dict[str, Array
         Joint name -> (n,) angle [rad], and (n, 2) by how much [m] the left and right hip are farther from the ankle
         than the leg is long; where that is positive the knee is straight and the sole leaves its place.
 
-    >>> angles, beyond = legs(np.zeros((1, 5)), 1.75, "male")
+    >>> angles, beyond = solve_legs(np.zeros((1, 5)), 1.75, "male")
     >>> bool(abs(angles["left_knee_Z"][0]) < 1e-6 and beyond.max() < 1e-9)
     True
     """

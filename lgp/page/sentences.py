@@ -49,10 +49,8 @@ def sentences(scene: Scene, switches: Sequence[KinematicSwitch]) -> tuple[Instru
     lines = []
     for switch in switches:
         lines.append(_line(scene, switch, lies.get(switch.object_name, "")))
-        if switch.kind == "place":
+        if switch.action.attaches_to:
             lies[switch.object_name] = switch.table
-        elif switch.kind in ("grasp", "handover"):
-            lies[switch.object_name] = ""
     return tuple(lines)
 
 
@@ -90,7 +88,7 @@ def _line(scene: Scene, switch: KinematicSwitch, lies: str) -> Instruction:
         "arm": _arm(scene, actor),
         "taker": words["taker"].format(robot=_robot(scene, switch.hand), arm=_limb(scene, switch.hand)),
     }
-    kind = f"handover_to_{'human' if takes else 'robot'}" if switch.kind == "handover" else switch.kind
+    kind = f"{switch.kind}_to_{'human' if takes else 'robot'}" if switch.giver else switch.kind
     text = table()["human" if you else "robot"][kind].format(**names)
     return Instruction(text[0].upper() + text[1:], table()["short"][switch.kind].format(**names), you)
 

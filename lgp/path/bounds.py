@@ -23,7 +23,7 @@ from lgp.path.collision_path import SUSPICIOUS, multi_start, settled, solve_coll
 from lgp.path.costs import Costs, Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.feasibility import CLOSE, ReachCheck, explain_infeasibility, project_to_feasible
-from lgp.path.phases import Phases
+from lgp.path.phases import Phases, switch_of
 from lgp.path.problem import PathProblem
 from lgp.search.tree_search import BoundResult, Skeleton
 from lgp.sqp.problem import SolverOptions
@@ -377,12 +377,11 @@ def _conflict(skeleton: tuple[Action, ...]) -> Skeleton:
     Whether a hand can put an object on a table, or two hands meet at it, depends on nothing before; whether a hand can
     take or hold the object on a table depends on the table only.
     """
-    last = skeleton[-1]
-    if last.name in ("place", "handover"):
-        return (last,)
-    if last.name not in ("grasp", "hold"):
+    switch = switch_of(skeleton[-1])
+    if switch.action.conflict_scope == "action":
+        return skeleton[-1:]
+    if switch.action.conflict_scope != "table" or len(skeleton) < 2:
         return ()
-    before = skeleton[-2] if len(skeleton) > 1 else None
-    if before is not None and before.name == "place" and before.arguments[1] == last.arguments[1]:
-        return (before, last)
-    return ()
+    before = switch_of(skeleton[-2])
+    placed = before.action.attaches_to == "table" and before.object_name == switch.object_name
+    return skeleton[-2:] if placed else ()

@@ -88,7 +88,8 @@ def _jump(problem: PathProblem, number: int, away: float, turned: float) -> str:
     by = switch.table or problem.modes.attachment(switch.object_name, number).parent
     at = f"in {by}" if by in problem.world.scene.hands else f"on {by}"
     if away > FINE:
-        what = f"where {switch.object_name} lies {at}" if switch.kind == "place" else f"{switch.object_name} {at}"
+        placed = switch.action.attaches_to == "table"
+        what = f"where {switch.object_name} lies {at}" if placed else f"{switch.object_name} {at}"
         more = f", turned by {np.degrees(turned):.1f} deg" if turned > TURNED else ""
         return f"{switch.hand} stays {away:.3f} m away from {what}{more}"
     return f"{switch.hand} cannot turn as {switch.object_name} lies {at}, {np.degrees(turned):.1f} deg are missing"
@@ -283,11 +284,12 @@ class ReachCheck:
         number = phases.count - 1
         switch = phases.switches[number]
         scene = self.world.scene
-        if switch.kind not in ("grasp", "place"):
+        if not (switch.action.works_at_table and switch.action.attaches_to):
             return ""
+        grasped = switch.action.attaches_to == "hand"
         thing = scene.objects[switch.object_name]
         table, moved = switch.table or thing.on, bool(switch.table)
-        for earlier in phases.switches[:number] if switch.kind == "grasp" else ():
+        for earlier in phases.switches[:number] if grasped else ():
             if earlier.object_name == switch.object_name:
                 table, moved = earlier.table, True
         if table not in scene.tables:
@@ -297,11 +299,7 @@ class ReachCheck:
         miss = self._span(switch.hand).beyond(top) - grip.slide - float(np.linalg.norm(grip.at))
         if miss < LEAST:
             return ""
-        what = (
-            f"{switch.object_name} on {table}"
-            if switch.kind == "grasp"
-            else f"where {switch.object_name} lies on {table}"
-        )
+        what = f"{switch.object_name} on {table}" if grasped else f"where {switch.object_name} lies on {table}"
         return (
             f"phase {number + 1}, {phases.label(number)}: {switch.hand} stays at least {miss:.3f} m away from {what}, "
             "however its joints are stretched"

@@ -16,8 +16,6 @@ from lgp.path.phases import Phases
 from reba.arrays import Array, Indices
 
 Blocks = list[tuple[int, Indices]]
-AT_TABLES: Final = ("grasp", "place", "hold")
-"""Kinds of switches in which a hand works on a table, so that its tilt counts."""
 POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
 
 
@@ -74,7 +72,7 @@ class ModeConstraints:
         for number in at:
             if self.modes.contact(number) is not None:
                 self._lay_contact(number)
-            elif phases.switches[number].kind == "screw":
+            elif phases.switches[number].action.screws:
                 self._lay_screw(number)
         for number in self._tilted:
             self.ineq.append((1, self._columns(number)))
@@ -88,7 +86,7 @@ class ModeConstraints:
     @property
     def _tilted(self) -> list[int]:
         switches, hands = self.phases.switches, self.world.scene.hands
-        return [n for n in self.at if switches[n].kind in AT_TABLES and hands[switches[n].hand].tilt < 180.0]
+        return [n for n in self.at if switches[n].action.works_at_table and hands[switches[n].hand].tilt < 180.0]
 
     def _columns(self, number: int, own: Indices | None = None) -> Indices:
         """Return the unknowns of the limbs of a switch, and given variables."""

@@ -110,10 +110,10 @@ def test_a_placed_object_keeps_upright_on_the_top_for_any_variables() -> None:
             "action 0 .* unknown hand .*did you mean 'human.right_hand'",
         ),
         ([KinematicSwitch("grasp", RIGHT, "bux")], "unknown object 'bux'"),
-        ([KinematicSwitch("place", RIGHT, "box", "table.near")], "held by table.near; grasp it first"),
+        ([KinematicSwitch("place", RIGHT, "box", "table.near")], "attached to table.near; grasp it first"),
         (
             [KinematicSwitch("grasp", RIGHT, "box"), KinematicSwitch("place", LEFT, "box", "table.near")],
-            "held by human.right_hand",
+            "attached to human.right_hand",
         ),
         (
             [KinematicSwitch("grasp", RIGHT, "box"), KinematicSwitch("place", RIGHT, "box", "near")],
@@ -129,7 +129,7 @@ def test_impossible_switches_are_refused(switches: list[KinematicSwitch], text: 
 
 def test_unknown_phases_and_objects_are_refused() -> None:
     modes = ModeSequence(human_world(), MOVE)
-    with pytest.raises(WorldError, match="phase 4 is outside 0 to 3"):
+    with pytest.raises(WorldError, match="phase is 4, expected 0 to 3"):
         modes.attachment("box", 4)
     with pytest.raises(WorldError, match="no object 'bx'"):
         modes.attachment("bx", 0)
@@ -272,9 +272,9 @@ def test_parts_on_one_table_are_joined_by_place_and_yaw() -> None:
     [
         (
             [KinematicSwitch("handover", RIGHT, "handle", giver=LEFT)],
-            "human.left_hand hands over handle, held by table",
+            "human.left_hand hands over handle, attached to table",
         ),
-        ([KinematicSwitch("screw", RIGHT, "handle", other="handle")], "have no joint"),
+        ([KinematicSwitch("screw", RIGHT, "handle", other="handle")], "have no assembly"),
         ([KinematicSwitch("screw", RIGHT, "handle", other="sid")], "unknown object 'sid'"),
     ],
 )

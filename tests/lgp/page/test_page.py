@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import lgp
 from lgp.errors import LgpError
-from lgp.kinematics.modes import ROLES, KinematicSwitch
+from lgp.kinematics.modes import ACTIONS, KinematicSwitch
 from lgp.motion import Motion
 from lgp.page import page as libraries
 from lgp.page.camera import ANGLE, Subject, framed, hidden, shots
@@ -87,7 +87,7 @@ def test_a_worker_is_told_what_to_do() -> None:
     ]
 
 
-@pytest.mark.parametrize("kind", list(ROLES))
+@pytest.mark.parametrize("kind", list(ACTIONS))
 @pytest.mark.parametrize("actor", ["human.right_hand", "baxter.left"])
 @pytest.mark.parametrize("robots", [("baxter",), ("baxter", "panda")])
 def test_every_kind_of_action_has_words(kind: str, actor: str, robots: tuple[str, ...]) -> None:
