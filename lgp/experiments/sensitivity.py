@@ -117,7 +117,7 @@ def remarks(world: World) -> list[str]:
         for top in tops:
             if (np.abs(np.subtract(robot.position[:2], top.position)) < np.array(top.size) / 2.0).all():
                 found.append(f"{robot.name} stands in the table {top.name}")
-    somewhere = reachability(world, starts=STARTS).any_reached().dropna(axis=1).astype(float)
+    somewhere = reachability(world, attempts=STARTS).any_reached().dropna(axis=1).astype(float)
     for who, hands in (("the human", human), ("the robot", set(near) - human)):
         for top in tops:
             rows = [key for key in somewhere.index if key[0] in hands and key[1] == top.full]

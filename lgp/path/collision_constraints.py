@@ -135,7 +135,7 @@ class CollisionRows:
         if not len(depth) or depth.max() <= 0.0:
             return 0.0, ""
         deepest = int(depth.argmax())
-        first, second = (self.collisions.bodies[side].name for side in self.collisions.pairs[near.pairs[deepest]])
+        first, second = (self.collisions.shapes[side].name for side in self.collisions.pairs[near.pairs[deepest]])
         phase = int(self._phase[near.slices[deepest]]) + 1
         return float(depth[deepest]), f"phase {phase}: {first} goes {depth[deepest]:.3f} m into {second}"
 

@@ -253,7 +253,7 @@ class LegReachConstraint:
 
     def _sides(self, q: Array) -> tuple[Array, Array, Array]:
         """Return how far each leg is stretched too far (n, 2), the slopes (n, 2, p), and its share in the maximum."""
-        beyond, by_human = self.posture.reach(q)
+        beyond, by_human = self.posture.leg_shortfall(q)
         weights = np.exp((beyond - beyond.max(axis=1, keepdims=True)) / BLEND)
         return beyond, by_human[:, :, self._own], weights / weights.sum(axis=1, keepdims=True)
 

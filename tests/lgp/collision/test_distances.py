@@ -13,7 +13,7 @@ RIGHT = "human.right_hand"
 
 
 def _pair(collisions: Collisions, first: str, second: str) -> int:
-    names = [{collisions.bodies[side].name for side in pair} for pair in collisions.pairs]
+    names = [{collisions.shapes[side].name for side in pair} for pair in collisions.pairs]
     return names.index({first, second})
 
 
@@ -146,7 +146,7 @@ def test_neighbours_of_one_body_are_no_pairs() -> None:
         "human.trunk and human.abdomen",
         "human.right_upper_arm and human.right_forearm",
     }
-    assert len(Collisions(human_world("planted")).bodies) == len(collisions.bodies) + 4
+    assert len(Collisions(human_world("planted")).shapes) == len(collisions.shapes) + 4
 
 
 @pytest.mark.parametrize("legs", ["planted", "solved"])

@@ -157,7 +157,7 @@ def test_joined_parts_and_hands_at_work_may_touch() -> None:
     world = World(lgp.load_scene("toolbox"))
     phases = Phases.of(world.scene, parse_sequence(task_of(world.scene), paper("ergonomic")))
     collisions = Collisions(world, ModeSequence(world, phases.switches))
-    names = [tuple(collisions.bodies[side].name for side in pair) for pair in collisions.pairs]
+    names = [tuple(collisions.shapes[side].name for side in pair) for pair in collisions.pairs]
 
     def touching(first: str, second: str, phase: int) -> set[bool]:
         pairs = [at for at, (one, two) in enumerate(names) if one.startswith(first) and two.startswith(second)]

@@ -14,6 +14,7 @@ from lgp.kinematics.modes import KinematicSwitch, ModeSequence
 from lgp.kinematics.world import World
 from lgp.scene.scene_file import read_scene
 from tests.support.lgp_worlds import anywhere, differences, human_world
+from tests.support.says import says
 
 RIGHT, LEFT = "human.right_hand", "human.left_hand"
 MOVE = (
@@ -103,36 +104,49 @@ def test_a_placed_object_keeps_upright_on_the_top_for_any_variables() -> None:
 
 
 @pytest.mark.parametrize(
-    ("switches", "text"),
+    ("switches", "facts"),
     [
         (
             [KinematicSwitch("grasp", "human.right_han", "box")],
-            "action 0 .* unknown hand .*did you mean 'human.right_hand'",
+            (
+                "action 0",
+                "unknown hand",
+                "did you mean 'human.right_hand'",
+            ),
         ),
-        ([KinematicSwitch("grasp", RIGHT, "bux")], "unknown object 'bux'"),
-        ([KinematicSwitch("place", RIGHT, "box", "table.near")], "attached to table.near; grasp it first"),
+        ([KinematicSwitch("grasp", RIGHT, "bux")], ("unknown object 'bux'",)),
+        (
+            [KinematicSwitch("place", RIGHT, "box", "table.near")],
+            (
+                "attached to table.near",
+                "grasp it first",
+            ),
+        ),
         (
             [KinematicSwitch("grasp", RIGHT, "box"), KinematicSwitch("place", LEFT, "box", "table.near")],
-            "attached to human.right_hand",
+            ("attached to human.right_hand",),
         ),
         (
             [KinematicSwitch("grasp", RIGHT, "box"), KinematicSwitch("place", RIGHT, "box", "near")],
-            "unknown table 'near'",
+            ("unknown table 'near'",),
         ),
-        ([KinematicSwitch("throw", RIGHT, "box")], "unknown kind 'throw'"),
+        ([KinematicSwitch("throw", RIGHT, "box")], ("unknown kind 'throw'",)),
     ],
 )
-def test_impossible_switches_are_refused(switches: list[KinematicSwitch], text: str) -> None:
-    with pytest.raises(WorldError, match=text):
+def test_impossible_switches_are_refused(switches: list[KinematicSwitch], facts: tuple[str, ...]) -> None:
+    with pytest.raises(WorldError) as error:
         ModeSequence(human_world(), switches)
+    says(error, *facts)
 
 
 def test_unknown_phases_and_objects_are_refused() -> None:
     modes = ModeSequence(human_world(), MOVE)
-    with pytest.raises(WorldError, match="phase is 4, expected 0 to 3"):
+    with pytest.raises(WorldError) as error:
         modes.attachment("box", 4)
-    with pytest.raises(WorldError, match="no object 'bx'"):
+    says(error, "phase is 4", "expected 0 to 3")
+    with pytest.raises(WorldError) as error:
         modes.attachment("bx", 0)
+    says(error, "no object 'bx'")
 
 
 # Two boards that lie flat on one table, and the joint between them.
@@ -268,16 +282,20 @@ def test_parts_on_one_table_are_joined_by_place_and_yaw() -> None:
 
 
 @pytest.mark.parametrize(
-    ("switches", "text"),
+    ("switches", "facts"),
     [
         (
             [KinematicSwitch("handover", RIGHT, "handle", giver=LEFT)],
-            "human.left_hand hands over handle, attached to table",
+            (
+                "human.left_hand hands over handle",
+                "attached to table",
+            ),
         ),
-        ([KinematicSwitch("screw", RIGHT, "handle", other="handle")], "have no assembly"),
-        ([KinematicSwitch("screw", RIGHT, "handle", other="sid")], "unknown object 'sid'"),
+        ([KinematicSwitch("screw", RIGHT, "handle", other="handle")], ("have no assembly",)),
+        ([KinematicSwitch("screw", RIGHT, "handle", other="sid")], ("unknown object 'sid'",)),
     ],
 )
-def test_impossible_assemblies_are_refused(switches: list[KinematicSwitch], text: str) -> None:
-    with pytest.raises(WorldError, match=text):
+def test_impossible_assemblies_are_refused(switches: list[KinematicSwitch], facts: tuple[str, ...]) -> None:
+    with pytest.raises(WorldError) as error:
         ModeSequence(boards().world, switches)
+    says(error, *facts)

@@ -58,7 +58,7 @@ def test_human_and_robot_reach_all_three_tables_and_only_the_robot_the_start() -
 @needs_robots
 def test_the_right_arm_carries_the_screwdriver_to_every_table_at_every_height() -> None:
     world = screwdriver_world()
-    found = transport_reachability(world, "screwdriver", heights=(0.6, 1.6), spots=2, starts=4)
+    found = transport_reachability(world, "screwdriver", heights=(0.6, 1.6), spots=2, attempts=4)
     right = found[found["hand"] == "baxter.right"]
     assert right.groupby(["table", "height"])["reached"].max().all()
     assert not found[found["hand"] == "baxter.left"]["reached"].any()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import deque
 
 import pytest
@@ -13,6 +12,7 @@ from lgp.errors import LogicError
 from lgp.logic.heuristic import relaxed_plan, why_unreachable
 from lgp.logic.pddl import SHIPPED, load_domain, parse_domain
 from lgp.logic.task import Atom, Task, ground, parse_atom
+from tests.support.says import says
 
 OBJECTS = {
     "human.right_hand": "human_hand",
@@ -124,62 +124,127 @@ def test_unreachable_goals_say_why() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "facts"),
     [
-        ("grasped human", "is no atom"),
-        ("grasped(,x)", "empty argument"),
-        ("(free x)", "is no atom"),
+        ("grasped human", ("is no atom",)),
+        ("grasped(,x)", ("empty argument",)),
+        ("(free x)", ("is no atom",)),
     ],
 )
-def test_bad_atoms(text: str, says: str) -> None:
-    with pytest.raises(LogicError, match=says):
+def test_bad_atoms(text: str, facts: tuple[str, ...]) -> None:
+    with pytest.raises(LogicError) as error:
         parse_atom(text)
+    says(error, *facts)
 
 
 @pytest.mark.parametrize(
-    ("goal", "says"),
+    ("goal", "facts"),
     [
-        ("grasped(human.right_hand, screwdrivr)", "unknown object 'screwdrivr'; did you mean 'screwdriver'"),
-        ("graspd(human.right_hand, screwdriver)", "unknown predicate; did you mean 'grasped'"),
-        ("grasped(human.right_hand)", "1 arguments; grasped takes 2"),
-        ("grasped(screwdriver, screwdriver)", "screwdriver is a thing; expected end_effector"),
+        (
+            "grasped(human.right_hand, screwdrivr)",
+            (
+                "unknown object 'screwdrivr'",
+                "did you mean 'screwdriver'",
+            ),
+        ),
+        (
+            "graspd(human.right_hand, screwdriver)",
+            (
+                "unknown predicate",
+                "did you mean 'grasped'",
+            ),
+        ),
+        (
+            "grasped(human.right_hand)",
+            (
+                "1 arguments",
+                "grasped takes 2",
+            ),
+        ),
+        (
+            "grasped(screwdriver, screwdriver)",
+            (
+                "screwdriver is a thing",
+                "expected end_effector",
+            ),
+        ),
     ],
 )
-def test_bad_goals(goal: str, says: str) -> None:
-    with pytest.raises(LogicError, match=re.escape(says)):
+def test_bad_goals(goal: str, facts: tuple[str, ...]) -> None:
+    with pytest.raises(LogicError) as error:
         screwdriver(goal)
+    says(error, *facts)
 
 
 def test_bad_objects_and_actions() -> None:
-    with pytest.raises(LogicError, match="unknown type 'tabel'; did you mean 'table'"):
+    with pytest.raises(LogicError) as error:
         ground(load_domain("screwdriver"), {"t": "tabel"}, [], [])
-    with pytest.raises(LogicError, match="did you mean"):
+    says(error, "unknown type 'tabel'", "did you mean 'table'")
+    with pytest.raises(LogicError) as error:
         screwdriver().action("grasp(baxter.left, screwdrive)")
-    with pytest.raises(LogicError, match="neither shipped"):
+    says(error, "did you mean")
+    with pytest.raises(LogicError) as error:
         load_domain("screwdrivers")
+    says(error, "screwdrivers", "did you mean 'screwdriver'")
 
 
 TEXT = (SHIPPED / "screwdriver.pddl").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "says"),
+    ("old", "new", "facts"),
     [
-        ("(free ?e) (on_table ?o))", "(free ?e) on_table ?o))", r"line \d+, column \d+: unexpected"),
-        ("(not (free ?e))", "(not (fre ?e))", "undeclared predicate 'fre'; did you mean 'free'"),
-        ("(grasped ?e ?o) (not", "(grasped ?e) (not", "takes 2"),
-        ("(placed ?o ?p) (not", "(placed ?p ?o) (not", r"\?p of placed is table; expected thing"),
-        (":strips", ":strip", r"line \d+, column \d+"),
-        (":strips", ":strips :numeric-fluents", "not supported"),
-        ("(define", "(defin", r"line \d+, column \d+"),
-        ("(free ?e) (on_table ?o))))", "(free ?e)", "ends too early"),
+        (
+            "(free ?e) (on_table ?o))",
+            "(free ?e) on_table ?o))",
+            (
+                "line",
+                "column",
+                "unexpected",
+            ),
+        ),
+        (
+            "(not (free ?e))",
+            "(not (fre ?e))",
+            (
+                "undeclared predicate 'fre'",
+                "did you mean 'free'",
+            ),
+        ),
+        ("(grasped ?e ?o) (not", "(grasped ?e) (not", ("expected 2",)),
+        (
+            "(placed ?o ?p) (not",
+            "(placed ?p ?o) (not",
+            (
+                "?p of placed is table",
+                "expected thing",
+            ),
+        ),
+        (
+            ":strips",
+            ":strip",
+            (
+                "line",
+                "column",
+            ),
+        ),
+        (":strips", ":strips :numeric-fluents", ("not supported",)),
+        (
+            "(define",
+            "(defin",
+            (
+                "line",
+                "column",
+            ),
+        ),
+        ("(free ?e) (on_table ?o))))", "(free ?e)", ("ends too early",)),
     ],
 )
-def test_bad_domains_say_where(old: str, new: str, says: str) -> None:
+def test_bad_domains_say_where(old: str, new: str, facts: tuple[str, ...]) -> None:
     assert old in TEXT
-    with pytest.raises(LogicError, match=says) as caught:
+    with pytest.raises(LogicError) as error:
         parse_domain(TEXT.replace(old, new, 1))
-    assert "\n" not in str(caught.value)
+    says(error, *facts)
 
 
 @settings(max_examples=25, deadline=None)
