@@ -158,7 +158,7 @@ def test_bad_atoms(text: str, facts: tuple[str, ...]) -> None:
             "grasped(human.right_hand)",
             (
                 "1 arguments",
-                "grasped takes 2",
+                "expected 2",
             ),
         ),
         (

@@ -135,7 +135,7 @@ def test_heights_are_drawn_from_their_ranges_alone() -> None:
                 "expected 2 numbers",
             ),
         ),
-        ("tables.near.height", [1.6, 0.6], ("expected the lower one first",)),
+        ("tables.near.height", [1.6, 0.6], ("height is [1.6, 0.6]", "expected [lowest, highest]",)),
         (
             "objects.box.on",
             "table.nar",
@@ -164,7 +164,7 @@ def test_heights_are_drawn_from_their_ranges_alone() -> None:
             ),
         ),
         ("domain", None, ("domain is missing",)),
-        ("robots.table", {"model": "panda", "position": [0, 0, 0]}, ("cannot be called 'table'",)),
+        ("robots.table", {"model": "panda", "position": [0, 0, 0]}, ("'table' is reserved",)),
         ("robots.arm", {"position": [0, 0, 0]}, ("robots.arm: model is missing",)),
         (
             "human",
@@ -182,11 +182,11 @@ def test_wrong_entries_are_refused_in_one_line(path: str, value: Any, facts: tup
     says(error, *facts)
 
 
-def test_a_scene_needs_somebody() -> None:
+def test_a_scene_needs_an_agent() -> None:
     values = {"domain": "screwdriver", "initial": [], "goal": []}
     with pytest.raises(SceneError) as error:
         read_scene(values)
-    says(error, "nobody is there")
+    says(error, "no agent", "[human]", "[robots.NAME]")
 
 
 def test_unknown_and_broken_files_are_refused(tmp_path: Path) -> None:
