@@ -1,6 +1,6 @@
-"""Lines, text and scales of plain SVG figures: drawn narrow, so that text is readable on a telephone.
+"""SVG primitives of the figures: lines, text, axis ticks; narrow, so that text is readable on a phone.
 
-Words are escaped; coordinates are units of the view box, y down.
+Text is escaped; coordinates are units of the view box, y down.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ import numpy as np
 from reba.arrays import Array
 
 INK, SOFT, LINE = "#1b2430", "#4d5866", "#d5dae1"
-"""Colours of lines and text, of notes, of grids: those of the reports."""
+"""Colours of lines and text, notes, and grids, as in the reports."""
 WIDTH = 420.0
-"""Width of a figure."""
+"""Width of the view box."""
 
 
 def line(x1: float, y1: float, x2: float, y2: float, colour: str = INK, width: float = 1.4, dash: str = "") -> str:
-    """Return a straight line."""
+    """Return a line element."""
     dashes = f' stroke-dasharray="{dash}"' if dash else ""
     ends = f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"'
     return f'<line {ends} stroke="{colour}" stroke-width="{width:g}"{dashes}/>'
 
 
-def text(x: float, y: float, words: str, *, size: int = 14, colour: str = INK, anchor: str = "middle") -> str:
-    """Return a line of text; `anchor` is start, middle or end.
+def text(x: float, y: float, content: str, *, size: int = 14, colour: str = INK, anchor: str = "middle") -> str:
+    """Return a text element; `anchor` is start, middle or end.
 
     >>> text(1, 2, "a < b", anchor="start")
     '<text x="1.0" y="2.0" font-size="14" fill="#1b2430" text-anchor="start">a &lt; b</text>'
@@ -33,16 +33,16 @@ def text(x: float, y: float, words: str, *, size: int = 14, colour: str = INK, a
     from markupsafe import escape
 
     look = f'font-size="{size}" fill="{colour}" text-anchor="{anchor}"'
-    return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{escape(words)}</text>'
+    return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{escape(content)}</text>'
 
 
 def points(x: Array, y: Array) -> str:
-    """Return (n,) places as the points of a polyline or polygon."""
+    """Return coordinates (n,) as the points attribute of a polyline or polygon."""
     return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
 
 
 def ticks(low: float, high: float) -> list[float]:
-    """Return round numbers from `low` to `high`.
+    """Return axis ticks from `low` to `high`: at most eight round numbers.
 
     >>> ticks(0.0, 3.1)
     [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
@@ -53,7 +53,7 @@ def ticks(low: float, high: float) -> list[float]:
 
 
 def svg(parts: Sequence[str], label: str, height: float) -> str:
-    """Return the figure; `label` is for people who cannot see it."""
+    """Return the SVG document; `label` is its text for screen readers."""
     from markupsafe import escape
 
     return (

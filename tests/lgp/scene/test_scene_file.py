@@ -135,7 +135,14 @@ def test_heights_are_drawn_from_their_ranges_alone() -> None:
                 "expected 2 numbers",
             ),
         ),
-        ("tables.near.height", [1.6, 0.6], ("height is [1.6, 0.6]", "expected [lowest, highest]",)),
+        (
+            "tables.near.height",
+            [1.6, 0.6],
+            (
+                "height is [1.6, 0.6]",
+                "expected [lowest, highest]",
+            ),
+        ),
         (
             "objects.box.on",
             "table.nar",
