@@ -56,7 +56,7 @@ class Task:
         atoms: every reachable atom, in a fixed order; atom i is bit i of a state.
         actions: every applicable action, in a fixed order.
         initial: initial state.
-        goal, goal_not: masks of atoms that must, must not be true at the end.
+        goal: mask of the atoms that must be true at the end.
     """
 
     domain: PddlDomain
@@ -65,7 +65,6 @@ class Task:
     actions: tuple[Action, ...]
     initial: int
     goal: int
-    goal_not: int = 0
 
     def successors(self, state: int) -> Iterator[tuple[Action, int]]:
         """Yield every applicable action with its successor state; actions without an effect are left out."""
@@ -77,7 +76,7 @@ class Task:
 
     def is_goal(self, state: int) -> bool:
         """Return whether a state satisfies the goal."""
-        return state & self.goal == self.goal and not state & self.goal_not
+        return state & self.goal == self.goal
 
     def holding(self, state: int) -> tuple[Atom, ...]:
         """Return the atoms that are true in a state."""
@@ -97,13 +96,7 @@ class Task:
         raise LogicError(f"action {text!r} does not exist or never becomes applicable{hint}")
 
 
-def ground(
-    domain: PddlDomain,
-    objects: Mapping[str, str],
-    initial: Iterable[Atom],
-    goal: Iterable[Atom],
-    goal_not: Iterable[Atom] = (),
-) -> Task:
+def ground(domain: PddlDomain, objects: Mapping[str, str], initial: Iterable[Atom], goal: Iterable[Atom]) -> Task:
     """Return the ground task of a domain for some objects.
 
     It has only actions and atoms that are reachable under delete relaxation, and the atoms of the goal.
@@ -112,7 +105,6 @@ def ground(
         domain: the PDDL domain.
         objects: object -> type of the domain.
         initial, goal: atoms.
-        goal_not: atoms that must be false at the end.
 
     Raises:
         LogicError: an object, type, predicate or number of arguments is unknown.
@@ -121,14 +113,14 @@ def ground(
     for name, kind in constants.items():
         if kind not in domain.supertypes and kind != "object":
             raise LogicError(f"object {name!r} has unknown type {kind!r}{did_you_mean(kind, domain.supertypes)}")
-    groups = tuple(initial), tuple(goal), tuple(goal_not)
-    for atom in itertools.chain(*groups):
+    first, final = set(initial), set(goal)
+    for atom in sorted(first | final):
         _check(domain, constants, atom)
-    reachable, candidates = _reachable(domain, constants, set(groups[0]))
-    atoms = tuple(sorted(reachable.union(*groups[1:])))
+    reachable, candidates = _reachable(domain, constants, set(first))
+    atoms = tuple(sorted(reachable | final))
     bit = {atom: 1 << index for index, atom in enumerate(atoms)}
     actions = tuple(_action(schema, binding, bit) for schema, binding in candidates)
-    masks = [sum(bit[atom] for atom in set(group)) for group in groups]
+    masks = (sum(bit[atom] for atom in group) for group in (first, final))
     return Task(domain, constants, atoms, actions, *masks)
 
 

@@ -108,20 +108,10 @@ def test_a_placed_object_keeps_upright_on_the_top_for_any_variables() -> None:
     [
         (
             [KinematicSwitch("grasp", "human.right_han", "box")],
-            (
-                "action 0",
-                "unknown hand",
-                "did you mean 'human.right_hand'",
-            ),
+            ("action 0", "unknown hand", "did you mean 'human.right_hand'"),
         ),
         ([KinematicSwitch("grasp", RIGHT, "bux")], ("unknown object 'bux'",)),
-        (
-            [KinematicSwitch("place", RIGHT, "box", "table.near")],
-            (
-                "attached to table.near",
-                "grasp it first",
-            ),
-        ),
+        ([KinematicSwitch("place", RIGHT, "box", "table.near")], ("attached to table.near", "grasp it first")),
         (
             [KinematicSwitch("grasp", RIGHT, "box"), KinematicSwitch("place", LEFT, "box", "table.near")],
             ("attached to human.right_hand",),
@@ -286,10 +276,7 @@ def test_parts_on_one_table_are_joined_by_place_and_yaw() -> None:
     [
         (
             [KinematicSwitch("handover", RIGHT, "handle", giver=LEFT)],
-            (
-                "human.left_hand hands over handle",
-                "attached to table",
-            ),
+            ("human.left_hand hands over handle", "attached to table"),
         ),
         ([KinematicSwitch("screw", RIGHT, "handle", other="handle")], ("have no assembly",)),
         ([KinematicSwitch("screw", RIGHT, "handle", other="sid")], ("unknown object 'sid'",)),

@@ -66,121 +66,29 @@ def test_heights_are_drawn_from_their_ranges_alone() -> None:
 @pytest.mark.parametrize(
     ("path", "value", "facts"),
     [
-        (
-            "human.statur",
-            1.7,
-            (
-                "human: unknown key 'statur'",
-                "did you mean 'stature'",
-            ),
-        ),
-        (
-            "humans",
-            {},
-            (
-                "unknown key 'humans'",
-                "did you mean 'human'",
-            ),
-        ),
-        (
-            "human.stature",
-            "tall",
-            (
-                "stature is 'tall'",
-                "expected a finite number",
-            ),
-        ),
-        (
-            "human.stature",
-            float("nan"),
-            (
-                "stature is nan",
-                "expected a finite number",
-            ),
-        ),
-        (
-            "human.stature",
-            0.5,
-            (
-                "stature is 0.5",
-                "expected 1.4 to 2.1",
-            ),
-        ),
-        (
-            "human.sex",
-            "mal",
-            (
-                "sex is 'mal'",
-                "expected one of male",
-                "female",
-                "did you mean 'male'",
-            ),
-        ),
+        ("human.statur", 1.7, ("human: unknown key 'statur'", "did you mean 'stature'")),
+        ("humans", {}, ("unknown key 'humans'", "did you mean 'human'")),
+        ("human.stature", "tall", ("stature is 'tall'", "expected a finite number")),
+        ("human.stature", float("nan"), ("stature is nan", "expected a finite number")),
+        ("human.stature", 0.5, ("stature is 0.5", "expected 1.4 to 2.1")),
+        ("human.sex", "mal", ("sex is 'mal'", "expected one of male", "female", "did you mean 'male'")),
         ("human.hands", ["third_hand"], ("no hand 'third_hand'",)),
-        (
-            "human.legs",
-            "none",
-            (
-                "legs is 'none'",
-                "expected one of planted",
-                "solved",
-                "locked",
-            ),
-        ),
-        (
-            "tables.near.size",
-            [1.0],
-            (
-                "tables.near: size is [1.0]",
-                "expected 2 numbers",
-            ),
-        ),
-        (
-            "tables.near.height",
-            [1.6, 0.6],
-            (
-                "height is [1.6, 0.6]",
-                "expected [lowest, highest]",
-            ),
-        ),
+        ("human.legs", "none", ("legs is 'none'", "expected one of planted", "solved", "locked")),
+        ("tables.near.size", [1.0], ("tables.near: size is [1.0]", "expected 2 numbers")),
+        ("tables.near.height", [1.6, 0.6], ("height is [1.6, 0.6]", "expected [lowest, highest]")),
         (
             "objects.box.on",
             "table.nar",
-            (
-                "on is 'table.nar'",
-                "expected one of table.near",
-                "did you mean 'table.near'",
-            ),
+            ("on is 'table.nar'", "expected one of table.near", "did you mean 'table.near'"),
         ),
-        (
-            "objects.box.mass",
-            -1,
-            (
-                "mass is -1",
-                "expected at least 0",
-            ),
-        ),
+        ("objects.box.mass", -1, ("mass is -1", "expected at least 0")),
         ("objects.box.at", [0.5, 0.0, 0.0], ("off table.near",)),
         ("initial", ["on_table(bx)"], ("unknown 'bx'",)),
-        (
-            "goal",
-            "grasped",
-            (
-                "goal is 'grasped'",
-                "expected a list of texts",
-            ),
-        ),
+        ("goal", "grasped", ("goal is 'grasped'", "expected a list of texts")),
         ("domain", None, ("domain is missing",)),
         ("robots.table", {"model": "panda", "position": [0, 0, 0]}, ("'table' is reserved",)),
         ("robots.arm", {"position": [0, 0, 0]}, ("robots.arm: model is missing",)),
-        (
-            "human",
-            3,
-            (
-                "human is 3",
-                "expected a table",
-            ),
-        ),
+        ("human", 3, ("human is 3", "expected a table")),
     ],
 )
 def test_wrong_entries_are_refused_in_one_line(path: str, value: Any, facts: tuple[str, ...]) -> None:
