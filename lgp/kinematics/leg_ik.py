@@ -39,14 +39,14 @@ def solve_legs(pelvis: Array, stature: float, sex: str) -> tuple[dict[str, Array
     beyond = np.empty((len(pelvis), 2))
     for number, side in enumerate(SIDES):
         out = measures["half_hips"] * (1.0 if side == "right" else -1.0)
-        hip = centre + body @ np.array([0.0, 0.0, out])
+        hip_centre = centre + body @ np.array([0.0, 0.0, out])
         ankle = np.array([0.0, -out, measures["ankle_height"]])
-        seen = (hip - ankle) @ ISB
-        distance = np.linalg.norm(seen, axis=1)
+        from_ankle = (hip_centre - ankle) @ ISB
+        distance = np.linalg.norm(from_ankle, axis=1)
         beyond[:, number] = distance - (thigh + shank)
         cosine = (distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
         knee = np.arccos(np.clip(cosine, -1.0, 1.0))
-        angles = _leg(ISB.T @ body, seen, knee, thigh, shank)
+        angles = _leg(ISB.T @ body, from_ankle, knee, thigh, shank)
         # The left side is the right one in a mirror: turns about x and y change sign.
         for name, angle in zip(LEGS, angles, strict=True):
             mirrored = side == "left" and not name.endswith("Z")
@@ -98,18 +98,20 @@ def _flexion(distance: Array, thigh: float, shank: float) -> tuple[Array, Array]
     return knee, np.where(cosine > -1.0, -distance / (thigh * shank * np.maximum(np.sin(knee), 1e-9)), 0.0)
 
 
-def _leg(body: Array, seen: Array, knee: Array, thigh: float, shank: float) -> tuple[Array, ...]:
+def _leg(body: Array, from_ankle: Array, knee: Array, thigh: float, shank: float) -> tuple[Array, ...]:
     """Return hip Z, X, Y, knee, ankle Z, X of a right leg.
 
     Args:
         body: (n, 3, 3) pelvis in the axes of the foot.
-        seen: (n, 3) hip relative to the ankle in the axes of the foot [m].
+        from_ankle: (n, 3) hip relative to the ankle in the axes of the foot [m].
         knee: (n,) flexion [rad].
     """
-    ankle_x = np.arctan2(-seen[:, 2], seen[:, 1])
-    upright = np.hypot(seen[:, 1], seen[:, 2])
-    # In the axes of the shank the hip is at (-thigh sin knee, shank + thigh cos knee); the ankle turns it to `seen`.
-    ankle_z = np.arctan2(seen[:, 0], upright) - np.arctan2(thigh * np.sin(knee), -shank - thigh * np.cos(knee)) + np.pi
+    ankle_x = np.arctan2(-from_ankle[:, 2], from_ankle[:, 1])
+    upright = np.hypot(from_ankle[:, 1], from_ankle[:, 2])
+    # In the axes of the shank the hip is at (-thigh sin knee, shank + thigh cos knee); the ankle rotates it.
+    ankle_z = (
+        np.arctan2(from_ankle[:, 0], upright) - np.arctan2(thigh * np.sin(knee), -shank - thigh * np.cos(knee)) + np.pi
+    )
     ankle_z = np.remainder(ankle_z + np.pi, 2.0 * np.pi) - np.pi
     return (*_hip(body, knee, ankle_z, ankle_x), knee, ankle_z, ankle_x)
 
