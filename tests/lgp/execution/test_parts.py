@@ -180,4 +180,4 @@ def test_the_scene_that_is_seen_is_the_scene_that_was(world: World) -> None:
         simulation.step(0.05 * number)
     task = task_of(scene)
     again = scene_now(scene, simulation.view, set(), task.holding(task.initial))
-    np.testing.assert_allclose(again.things["box"].at, box.at, atol=1e-9)
+    np.testing.assert_allclose(again.objects["box"].at, box.at, atol=1e-9)
