@@ -53,7 +53,9 @@ class Motion:
 
     def __init__(self, plan: Plan, world: World | None = None) -> None:
         if not plan.feasible:
-            raise LgpError(f"{plan.scene.name}: expected a feasible plan, but {plan.reason}; plan again")
+            raise LgpError(
+                f"{plan.scene.name}: the plan is infeasible ({plan.reason}), so there is no motion; plan again"
+            )
         self.plan = plan
         self.world = World(plan.scene) if world is None else world.with_scene(plan.scene)
         if self.world.joints != plan.joints:
@@ -62,7 +64,7 @@ class Motion:
         self.phases = Phases.of(plan.scene, actions, len(plan.path) // len(actions))
         self.modes = ModeSequence(self.world, self.phases.switches)
         if self.modes.names != tuple(plan.variables):
-            raise LgpError(f"{plan.scene.name}: the variables of the plan differ from those of its actions; plan again")
+            raise LgpError(f"{plan.scene.name}: variables of the plan differ from those of its actions; plan again")
         self.variables = np.array(list(plan.variables.values()), dtype=float)
         self.time = np.concatenate([[0.0], plan.time])
         self.phase = np.concatenate([plan.phase[:1], plan.phase])

@@ -10,8 +10,9 @@ import pytest
 
 from lgp.errors import WorldError
 from lgp.kinematics.features import Feature
-from lgp.kinematics.modes import KinematicSwitch, ModeSequence
+from lgp.kinematics.modes import ACTIONS, KinematicSwitch, ModeSequence
 from lgp.kinematics.world import World
+from lgp.logic.pddl import load_domain
 from lgp.scene.scene_file import read_scene
 from tests.support.lgp_worlds import anywhere, differences, human_world
 from tests.support.says import says
@@ -286,3 +287,13 @@ def test_impossible_assemblies_are_refused(switches: list[KinematicSwitch], fact
     with pytest.raises(WorldError) as error:
         ModeSequence(boards().world, switches)
     says(error, *facts)
+
+
+@pytest.mark.parametrize("name", ["screwdriver", "toolbox"])
+def test_every_action_of_a_shipped_domain_has_its_geometry(name: str) -> None:
+    for schema in load_domain(name).actions:
+        kind = ACTIONS[schema.name]
+        assert len(kind.roles) == len(schema.parameters), schema.name
+        assert kind.attaches_to in ("", "hand", "table")
+        assert kind.conflict_scope in ("action", "table", "sequence")
+        assert not kind.given_by or kind.verb

@@ -37,11 +37,11 @@ def test_shipped_scenes_speak_of_what_their_domain_knows(name: str) -> None:
 
 def test_the_screwdriver_scene_gives_a_reason_for_each_free_choice() -> None:
     scene = load_scene("screwdriver")
-    told = {key for choice in scene.choices for key in choice.keys}
-    assert {"robots.baxter.position", "tables.start.position", "tables.left.position", "phase_seconds"} <= told
+    keys = {key for choice in scene.choices for key in choice.keys}
+    assert {"robots.baxter.position", "tables.start.position", "tables.left.position", "phase_seconds"} <= keys
     assert all(len(choice.reason) > 20 for choice in scene.choices)
-    # Every key that is told can be changed, as a study of their influence needs.
-    for key in told:
+    # Every one of these keys can be changed, as a study of their influence needs.
+    for key in keys:
         held = {"position": [0.5, 0.5], "size": [0.2, 0.2]}.get(key.rpartition(".")[2], 1.0)
         assert load_scene("screwdriver", {key: held}) != scene
 
