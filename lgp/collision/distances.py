@@ -59,8 +59,8 @@ class Collisions:
         >>> world = World(load_scene("screwdriver"))
         >>> collisions = Collisions(world)
         >>> kinematics = world.at(world.initial_configuration[None], collisions.frames)
-        >>> slices, pairs = collisions.near_pairs(kinematics, [0], np.zeros(0), within=0.0)
-        >>> collisions.values(kinematics, [0], np.zeros(0), slices, pairs).min() > 0.0
+        >>> slices, pairs = collisions.near_pairs(kinematics, [0], np.zeros(0), within=0.1)
+        >>> bool(collisions.values(kinematics, [0], np.zeros(0), slices, pairs).min() > 0.0)
         True
     """
 
