@@ -42,7 +42,7 @@ class JointCost:
         self.columns = np.arange(world.nq)
         self.parts = [np.array([column]) for column in self.columns]
         self.weights, self.targets = np.zeros(world.nq), np.zeros(world.nq)
-        self.home = world.start
+        self.home = world.initial_configuration
         for name, column in world.column.items():
             word = next((w for w in POSTURE if w in name), None)
             if name.startswith("human.") and word is not None:
@@ -75,14 +75,14 @@ def task_text(
         hand = world.scene.hands[switch.hand]
         row: dict[str, Any] = {"kind": switch.kind, "hand": plain(switch.hand), "tilt": hand.tilt}
         if switch.kind == "place":
-            table, thing = world.scene.tables[switch.table], world.scene.things[switch.thing]
+            table, thing = world.scene.tables[switch.table], world.scene.objects[switch.object_name]
             margin = min(thing.size[:2]) / 2.0
             reach = [size / 2.0 - margin for size in table.size]
             row |= {"table": plain(switch.table), "reach": reach, "above": thing.size[2] / 2.0}
         switches.append(row)
     return {
         "joints": [plain(name) for name in world.joints],
-        "home": world.start.tolist(),
+        "home": world.initial_configuration.tolist(),
         "keys": keys.tolist(),
         "weights": {
             plain(name): [float(cost.weights[column]), float(cost.targets[column])]
@@ -93,7 +93,7 @@ def task_text(
         "seconds": phases.seconds,
         "slices": phases.slices,
         "switches": switches,
-        "thing": plain(phases.switches[0].thing),
+        "thing": plain(phases.switches[0].object_name),
         "tolerances": tolerances,
         "repeat": repeat,
     }
@@ -111,13 +111,13 @@ def scene_text(world: World) -> str:
     for joint in range(1, model.njoints):
         lines += _joint(model, joint)
     for full in world.scene.hands:
-        frame = model.frames[world.frame(full)]
+        frame = model.frames[world.frame_id(full)]
         parent = _out(model, frame.parentJoint)
         lines.append(f"{plain(full)} ({parent}) {{ Q:{_pose(frame.placement)}, shape:marker, size:[.05] }}")
     for table in world.scene.tables.values():
         turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(table.yaw)), np.array([*table.position, table.height]))
         lines.append(f"{plain(table.full)} (world) {{ Q:{_pose(turn)}, shape:marker, size:[.05] }}")
-    for thing in world.scene.things.values():
+    for thing in world.scene.objects.values():
         x, y, yaw = thing.at
         turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(yaw)), np.array([x, y, thing.size[2] / 2.0]))
         size = " ".join(f"{side:g}" for side in thing.size)

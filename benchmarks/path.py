@@ -76,7 +76,7 @@ def world_of(objects: int = 1, *, locked: bool = False) -> World:
 def actions_of(world: World) -> tuple[Action, ...]:
     """Return the four actions with every object of the scene, one after the other."""
     task = task_of(world.scene)
-    return tuple(task.action(line.format(thing=thing)) for thing in world.scene.things for line in LINES)
+    return tuple(task.action(line.format(thing=thing)) for thing in world.scene.objects for line in LINES)
 
 
 def keys_of(bounds: PathBounds, actions: tuple[Action, ...]) -> Solution:

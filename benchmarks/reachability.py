@@ -39,7 +39,7 @@ def main() -> None:
     shares = reach_map.shares()
     print(f"{len(reach_map.data)} questions of reach in {seconds:.2f} s")
     print(shares.round(2).to_string(na_rep="-"))
-    for thing in world.scene.things:
+    for thing in world.scene.objects:
         carried = transport_reachability(world, thing, HEIGHTS, spots=3)
         print(f"\n{thing}, picked up where it lies and put down by the same hand:")
         table = carried.pivot_table(index=["hand", "table"], columns="height", values="reached", aggfunc="mean")

@@ -20,7 +20,7 @@ from reba.command_line import GROUP, command_line, console, json_option, print_j
 @click.group(context_settings=GROUP)
 @click.version_option(__version__, prog_name="lgp")
 def cli() -> None:
-    """Plan who does what and how everybody moves, with ergonomics.
+    """Plan the actions and motions of a human and robots, with ergonomics.
 
     \b
     Start with:  lgp plan screwdriver        a shipped scene, or the path of your own
@@ -30,11 +30,17 @@ def cli() -> None:
 @cli.command(epilog="Example: lgp plan screwdriver -o plan/ --tree tree.svg")
 @click.argument("scene")
 @click.option("--cost", metavar="MODEL.json|NAME", help="dREBA model of the ergonomic cost; `convex` by default.")
-@click.option("--no-ergonomics", is_flag=True, help="Plan by accelerations alone.")
-@click.option("--no-collisions", is_flag=True, help="Let bodies pass through each other.")
-@click.option("--sequence", metavar="FILE", help="Plan the motion of these actions, one a line, instead of searching.")
-@click.option("--depth", type=click.IntRange(1, 40), help="Longest sequence; the scene's by default.")
-@click.option("--seconds", type=click.FloatRange(0, min_open=True), help="Stop the search after this time.")
+@click.option("--no-ergonomics", is_flag=True, help="Minimise accelerations only.")
+@click.option("--no-collisions", is_flag=True, help="Ignore collisions.")
+@click.option(
+    "--sequence", metavar="FILE", help="Plan the motion of these actions, one per line, instead of searching."
+)
+@click.option("--depth", type=click.IntRange(1, 40), help="Longest sequence of actions; the scene's by default.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0, min_open=True),
+    help="Time limit of the search [s]; the best plan so far is returned.",
+)
 @click.option("--height", "heights", multiple=True, metavar="TABLE=M", help="Height of a table [m]; may be repeated.")
 @click.option("-o", "--output", metavar="DIR", help="Write plan.json, path.parquet and postures.parquet there.")
 @click.option("--tree", metavar="FILE.svg", help="Draw the searched tree.")
@@ -54,12 +60,12 @@ def plan(
 ) -> None:
     """Plan a SCENE: the name of a shipped one, or a TOML file."""
     if cost is not None and no_ergonomics:
-        raise LgpError("--cost and --no-ergonomics were both given; choose one of them")
+        raise LgpError("--cost and --no-ergonomics exclude each other; leave one of them out")
     if tree is not None and sequence is not None:
-        raise LgpError("--tree was given with --sequence, which searches no tree; leave one of them out")
+        raise LgpError("--tree and --sequence exclude each other: a sequence is not searched; leave one of them out")
     loaded = load_scene(scene).with_heights(dict(_height(text) for text in heights))
     lines = None if sequence is None else _read(sequence)
-    found = make_plan(
+    result = make_plan(
         loaded,
         None if no_ergonomics else cost or COST,
         sequence=lines,
@@ -68,36 +74,42 @@ def plan(
         collisions=not no_collisions,
     )
     if output is not None:
-        found.save(output)
+        result.save(output)
     if tree is not None:
-        _draw(tree, found)
-    summary: dict[str, Any] = {**found.summary(), "output": output}
+        _draw(tree, result)
+    summary: dict[str, Any] = {**result.summary(), "output": output}
     if as_json:
         print_json(summary)
-    elif found.feasible:
+    elif result.feasible:
         from lgp.console import show_plan
 
         show_plan(console(), summary)
-    if not found.feasible:
-        raise LgpError(f"{loaded.name}: no plan: {found.reason}")
+    if not result.feasible:
+        raise LgpError(f"{loaded.name}: no plan: {result.reason}")
 
 
 @cli.command(epilog="Example: lgp experiment screwdriver --runs 100 --jobs 2 -o results/")
 @click.argument("name", type=click.Choice(["screwdriver", "toolbox"]))
-@click.option("--runs", default=100, type=click.IntRange(min=1), show_default=True, help="Draws of the table heights.")
+@click.option(
+    "--runs", default=100, type=click.IntRange(min=1), show_default=True, help="Random draws of the table heights."
+)
 @click.option("--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of all draws.")
-@click.option("--initial", default="rest", type=click.Choice(["rest", "random"]), help="First posture of the human.")
+@click.option("--initial", default="rest", type=click.Choice(["rest", "random"]), help="Initial posture of the human.")
 @click.option("--cost", default=COST, metavar="MODEL.json|NAME", show_default=True, help="dREBA model.")
 @click.option(
     "--sensitivity",
     default=0,
     type=click.IntRange(min=0),
     metavar="RUNS",
-    help="Also vary each free choice of the scene by 20 %, with so many runs of each.",
+    help="Also vary each free parameter of the scene by 20 %, with this number of runs each.",
 )
-@click.option("--collisions", is_flag=True, help="Keep bodies apart, as `lgp plan` does: several times as long.")
+@click.option(
+    "--collisions", is_flag=True, help="Plan collision-free motions, as `lgp plan` does; takes several times as long."
+)
 @where_options
-@click.option("-o", "--output", required=True, metavar="DIR", help="Results; an unfinished experiment goes on there.")
+@click.option(
+    "-o", "--output", required=True, metavar="DIR", help="Results; an interrupted experiment is resumed there."
+)
 @json_option
 def experiment(
     name: str,
@@ -112,11 +124,11 @@ def experiment(
     output: str,
     as_json: bool,
 ) -> None:
-    """Run an experiment of the paper again: tables, figures and tests, ours beside theirs.
+    """Repeat an experiment of the paper: tables, figures and tests, ours beside the published ones.
 
     \b
-    screwdriver   which of three tables, over many draws of their heights
-    toolbox       which order of actions; one scene, so only --cost, -o and --json count
+    screwdriver   choice of one of three tables, over random draws of their heights
+    toolbox       order of actions in one scene; uses --cost, -o and --json only
     """
     if name == "toolbox":
         _toolbox(output, cost, as_json)
@@ -167,31 +179,31 @@ def _toolbox(output: str, cost: str, as_json: bool) -> None:
 @cli.command(epilog="Example: lgp plan screwdriver -o plan/ && lgp page plan/")
 @click.argument("folder", metavar="DIR")
 @click.option("-o", "--output", metavar="OUT", help="Folder of the page; `page` in DIR by default.")
-@click.option("--pictures/--no-pictures", default=True, help="Also draw stills and films for where WebGL is missing.")
+@click.option("--pictures/--no-pictures", default=True, help="Also render images and films for browsers without WebGL.")
 @json_option
 def page(folder: str, output: str | None, pictures: bool, as_json: bool) -> None:
-    """Write the presentation of the plan in DIR for the worker: what to do next, shown and played."""
+    """Write the presentation of the plan in DIR for the worker: each action as text, image and animation."""
     from lgp.page.page import write_page
     from lgp.plan_record import Plan
 
-    found = Plan.load(folder)
-    index = write_page(found, Path(folder) / "page" if output is None else output, pictures=pictures)
+    plan = Plan.load(folder)
+    index = write_page(plan, Path(folder) / "page" if output is None else output, pictures=pictures)
     size = sum(file.stat().st_size for file in index.parent.rglob("*") if file.is_file())
     if as_json:
-        print_json({"output": str(index), "actions": list(found.actions), "bytes": size})
+        print_json({"output": str(index), "actions": list(plan.actions), "bytes": size})
     else:
-        click.echo(f"{index}: {len(found.actions)} actions, {size / 1e6:.1f} MB; open it in any browser")
+        click.echo(f"{index}: {len(plan.actions)} actions, {size / 1e6:.1f} MB; open it in any browser")
 
 
 @cli.command()
 @json_option
 def scenes(as_json: bool) -> None:
     """List the shipped scenes."""
-    found = {name: load_scene(name).title for name in shipped_scenes()}
+    titles = {name: load_scene(name).title for name in shipped_scenes()}
     if as_json:
-        print_json(found)
+        print_json(titles)
         return
-    for name, title in found.items():
+    for name, title in titles.items():
         click.echo(f"{name}: {title}")
 
 
@@ -205,22 +217,22 @@ def _height(text: str) -> tuple[str, float]:
     try:
         return name, float(value)
     except ValueError as error:
-        raise LgpError(f"--height {text!r}: expected TABLE=METRES, as in left=0.9") from error
+        raise LgpError(f"--height is {text!r}, expected TABLE=METRES; write left=0.9 for example") from error
 
 
 def _read(file: str) -> list[str]:
     try:
         return Path(file).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise LgpError(f"{file}: cannot be read ({error}); give a text file with one action a line") from error
+        raise LgpError(f"{file}: cannot be read ({error}); give a text file with one action per line") from error
 
 
-def _draw(file: str, found: Any) -> None:
+def _draw(file: str, plan: Any) -> None:
     from lgp.search.tree_figure import draw
 
-    best = next((node.skeleton for node in found.tree if _labels(node) == found.actions), ())
+    best = next((node.skeleton for node in plan.tree if _labels(node) == plan.actions), ())
     try:
-        Path(file).write_text(draw(found.tree, best), encoding="utf-8")
+        Path(file).write_text(draw(plan.tree, best), encoding="utf-8")
     except OSError as error:
         raise LgpError(f"{file}: cannot be written ({error.strerror or error}); give another file") from error
 
@@ -230,5 +242,5 @@ def _labels(node: Any) -> tuple[str, ...]:
 
 
 def main() -> None:
-    """Run the command line; exit codes are in `reba.command_line`."""
+    """Run the command line with the exit codes of `reba.command_line`."""
     run(cli, "lgp")

@@ -1,4 +1,4 @@
-"""What the `lgp` commands print for people: tables in the terminal, nothing computed here."""
+"""Terminal tables of the `lgp` commands."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rich.text import Text
 
 
 def show_plan(console: Console, summary: dict[str, Any]) -> None:
-    """Print a plan: its actions with the REBA score of each phase, costs, residuals, and what the search did."""
+    """Print a plan: actions with the mean REBA score of each phase, costs, residuals and search statistics."""
     table = Table(title=f"Plan for {summary['scene']}", title_justify="left", header_style="bold")
     table.add_column("action")
     table.add_column("mean REBA", justify="right")
@@ -18,25 +18,25 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
     for action, score in zip(summary["actions"], scores, strict=True):
         table.add_row(Text(action), "-" if score is None else f"{score:.1f}")
     console.print(table)
-    cost, residuals, found = summary["cost"], summary["residuals"], summary["search"]
+    cost, residuals, search = summary["cost"], summary["residuals"], summary["search"]
     console.print(
         f"cost {cost['total']:.3f}: acceleration {cost['acceleration']:.3f}, ergonomics {cost['ergonomics']:.3f}; "
-        f"constraints hold within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"
+        f"constraints are satisfied within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"
     )
     if residuals.get("penetration"):
-        console.print(f"bodies go up to {residuals['penetration']:.3f} m into each other")
+        console.print(f"deepest penetration of two bodies: {residuals['penetration']:.3f} m")
     if summary["reba"]["mean"] is not None:
         console.print(f"REBA: mean {summary['reba']['mean']:.2f}, max {summary['reba']['max']}")
-    gap = found["gap"]
-    best = "nothing within the depth costs less" if not gap else f"at most {gap:.1%} from the best within the depth"
+    gap = search["gap"]
+    best = f"at most {gap:.1%} above the optimum within the depth" if gap else "optimal within the depth"
     console.print(
-        f"search: {found['poses']} poses, {found['sequences']} sequences, {found['paths']} paths in "
-        f"{found['seconds']:.1f} s; {best}"
+        f"search: {search['poses']} poses, {search['sequences']} sequences, {search['paths']} paths in "
+        f"{search['seconds']:.1f} s; {best}"
     )
 
 
 def show_toolbox(console: Console, summary: dict[str, Any]) -> None:
-    """Print both sequences of the toolbox experiment beside the paper's, what the orders cost, and true REBA scores."""
+    """Print both sequences of the toolbox experiment beside the paper's, the cost of each order and REBA scores."""
     for name, one in summary["conditions"].items():
         table = Table(title=f"{name}: {one['order']}", title_justify="left", header_style="bold")
         table.add_column("ours")
@@ -53,7 +53,7 @@ def show_toolbox(console: Console, summary: dict[str, Any]) -> None:
         if mass is not None:
             first = one["first_part"]
             console.print(
-                f"  putting {first['name']} down first pays from {mass:.2f} kg on; it weighs {first['mass']:.2f} kg"
+                f"  placing {first['name']} first costs less from {mass:.2f} kg on; its mass is {first['mass']:.2f} kg"
             )
         parts = ", ".join(f"{part} {value:.2f}" for part, value in one["parts"].items())
         console.print(f"  true REBA: mean {one['reba']['mean']:.2f}, highest {one['reba']['max']:.0f}; {parts}")

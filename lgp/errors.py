@@ -1,23 +1,21 @@
-"""Errors of `lgp`: the same one-line family as `reba`, so `except ValueError` and `except RebaError` both work."""
+"""Errors of `lgp`: one-line messages as in `reba`; `except ValueError` and `except RebaError` catch them all."""
 
 from __future__ import annotations
 
-from reba.errors import RebaError, did_you_mean
-
-__all__ = ["LgpError", "LogicError", "SceneError", "WorldError", "did_you_mean"]
+from reba.errors import RebaError
 
 
 class LgpError(RebaError):
-    """Base of every error that this package raises on purpose."""
+    """Base class of the errors of this package."""
 
 
 class LogicError(LgpError):
-    """A domain, an atom, an action or a goal cannot be used."""
+    """An invalid domain, atom, action or goal."""
 
 
 class SceneError(LgpError):
-    """A scene file or one of its entries cannot be used."""
+    """An invalid scene file or entry."""
 
 
 class WorldError(LgpError):
-    """A robot, joint, frame or switch cannot be used as asked."""
+    """An invalid robot, joint, frame, configuration or switch."""

@@ -1,4 +1,4 @@
-"""A plan as moving things: the placements of objects, hands and limbs, worked out again from its configurations.
+"""The motion of a plan: poses of objects, frames and joints by forward kinematics of its configurations.
 
 plan -> world + attachments of every object (`ModeSequence`) -> poses per slice
 """
@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from lgp.errors import LgpError
-from lgp.kinematics import human as bodies
+from lgp.kinematics.human import joint_names
 from lgp.kinematics.leg_ik import solve_legs
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.posture import PELVIS
@@ -32,48 +32,46 @@ class PoseTrajectory:
 
 
 class Motion:
-    """What moves in a plan, at its slices: time 0, then every slice of the path, T + 1 rows in all.
+    """Poses of objects, frames and joints in a plan: at time 0 and at every slice of the path, T + 1 rows.
 
     Args:
-        plan: one that is feasible.
-        world: of the plan's scene, to save building it again.
+        plan: a feasible plan.
+        world: kinematics with the agents of its scene, to save building them.
 
     Attributes:
         plan: the plan.
         world: its kinematics.
-        phases: its actions laid out in time.
-        modes: what holds each object in each phase.
+        phases: its actions in time.
+        modes: the attachment of each object in each phase.
         time: (T + 1,) [s].
-        phase: (T + 1,) number of the phase; the first row belongs to phase 0.
+        phase: (T + 1,) number of the phase, 0 in the first row.
         path: (T + 1, nq) configurations [rad, m].
 
     Raises:
         LgpError: the plan has no motion, or its actions are not those of its scene.
-
-    Example:
-        >>> motion = Motion(lgp.Plan.load("plan"))                      # doctest: +SKIP
-        >>> motion.thing("screwdriver").position                        # doctest: +SKIP
     """
 
     def __init__(self, plan: Plan, world: World | None = None) -> None:
         if not plan.feasible:
-            raise LgpError(f"{plan.scene.name}: there is no motion, the plan is not feasible ({plan.reason})")
+            raise LgpError(
+                f"{plan.scene.name}: the plan is infeasible ({plan.reason}), so there is no motion; plan again"
+            )
         self.plan = plan
         self.world = World(plan.scene) if world is None else world.with_scene(plan.scene)
         if self.world.joints != plan.joints:
-            raise LgpError(f"{plan.scene.name}: the joints of the plan are not those of its scene; plan again")
+            raise LgpError(f"{plan.scene.name}: the joints of the plan differ from those of its scene; plan again")
         actions = parse_sequence(task_of(plan.scene), plan.actions)
         self.phases = Phases.of(plan.scene, actions, len(plan.path) // len(actions))
         self.modes = ModeSequence(self.world, self.phases.switches)
         if self.modes.names != tuple(plan.variables):
-            raise LgpError(f"{plan.scene.name}: the plan does not say how objects lie in hands; plan again")
+            raise LgpError(f"{plan.scene.name}: variables of the plan differ from those of its actions; plan again")
         self.variables = np.array(list(plan.variables.values()), dtype=float)
         self.time = np.concatenate([[0.0], plan.time])
         self.phase = np.concatenate([plan.phase[:1], plan.phase])
         self.path = np.concatenate([plan.start[None], plan.path])
 
     def frames(self, names: Iterable[str]) -> dict[str, PoseTrajectory]:
-        """Return the poses of frames of the model, such as `baxter.right` or `human.head`.
+        """Return frame -> poses, for frames such as `baxter.right` or `human.head`.
 
         Raises:
             WorldError: a frame is unknown.
@@ -84,8 +82,8 @@ class Motion:
             for name, at in kinematics.index.items()
         }
 
-    def thing(self, name: str) -> PoseTrajectory:
-        """Return the poses of an object; in the slice of a switch it is where both holders have it.
+    def object_poses(self, name: str) -> PoseTrajectory:
+        """Return the poses of an object; those of its attachments before and after agree in the slice of a switch.
 
         Raises:
             WorldError: there is no such object.
@@ -100,7 +98,7 @@ class Motion:
 
     @cached_property
     def human(self) -> dict[str, Array]:
-        """Return joint -> (T + 1,) value [rad, m] of all 41 joints of the human, legs that follow the pelvis included.
+        """Return joint -> (T + 1,) value [rad, m] of all 41 joints of the human, solved legs included.
 
         Raises:
             LgpError: there is no human in the scene.
@@ -116,8 +114,8 @@ def human_joints(world: World, path: Array) -> dict[str, Array]:
     """
     person = world.scene.human
     if person is None:
-        raise LgpError(f"{world.scene.name}: there is no human in this scene")
-    values = {name: np.full(len(path), world.first[f"human.{name}"]) for name in bodies.joint_names()}
+        raise LgpError(f"{world.scene.name}: the scene has no human; add a [human] table")
+    values = {name: np.full(len(path), world.initial_values[f"human.{name}"]) for name in joint_names()}
     for name in values:
         column = world.column.get(f"human.{name}")
         if column is not None:

@@ -1,4 +1,4 @@
-"""The plan: a frozen record of actions, motion, costs, residuals and true REBA scores, and its files."""
+"""The plan as a frozen record - actions, motion, costs, residuals, true REBA scores - and its files."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from lgp.errors import LgpError
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
+from reba.files import as_json
 from reba.method.rules import Rules
 from reba.method.scoring import ScoreArrays, score_array
 from reba.posture.columns import COLUMNS
@@ -29,26 +30,27 @@ def _no_rows() -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What was planned for a scene.
+    """The plan for a scene.
 
     Attributes:
-        scene: what was planned for, heights of tables included.
-        feasible: whether there is a plan; `reason` says why not.
-        status: how the search ended: optimal, gap, interrupted, infeasible, unreachable, exhausted.
-        actions: as the paper prints them, one per phase.
+        scene: the scene, with the heights of its tables.
+        feasible: whether there is a plan.
+        status: end of the search: optimal, gap, interrupted, infeasible, unreachable, exhausted.
+        reason: why there is no plan, "" if there is one.
+        actions: one per phase, as in the paper: `grasp(1, baxter.right, screwdriver)`.
         joints: names of the columns of `path`.
-        start: (nq,) configuration at time 0 [rad, m].
-        time: (T,) of each slice [s].
-        phase: (T,) number of its phase, from 0.
-        path: (T, nq) configurations [rad, m].
-        variables: how objects lie in hands and on tables: name -> value [m, rad].
-        posture: (T, 22) angles of the human [deg] as `reba` defines them, (0, 0) without a human.
-        carried: (T,) mass the human holds [kg].
+        start: configuration at time 0 (nq,) [rad, m].
+        time: of each slice (T,) [s].
+        phase: number of the phase of each slice, from 0 (T,).
+        path: configurations (T, nq) [rad, m].
+        variables: pose of objects relative to hands and tables: name -> value [m, rad].
+        posture: angles of the human (T, 22) [deg] as `reba` defines them, (0, 0) without a human.
+        carried: mass in the hands of the human (T,) [kg].
         costs: total, acceleration, ergonomics.
-        residuals: largest violations recomputed from the path: equality, inequality, by unit (metres, radians), and how
-            far any two bodies go into each other (penetration [m], between slices too).
-        solver: how the path was solved: status, kkt, iterations, seconds.
-        search: expanded, pruned, poses, sequences, paths, seconds, bound, gap, and each level's numbers.
+        residuals: largest constraint violations recomputed from the path: equality, inequality, by unit (metres,
+            radians), and the deepest penetration of two collision shapes [m], between slices as well.
+        solver: status, KKT residual, iterations and seconds of the path problem.
+        search: expanded, pruned, poses, sequences, paths, seconds, bound, gap, and statistics of each level.
         tree: nodes of the searched tree; not saved.
     """
 
@@ -72,18 +74,17 @@ class Plan:
     tree: tuple[Any, ...] = field(default=(), repr=False)
 
     def reba(self, rules: Rules | str = "measured") -> ScoreArrays | None:
-        """Return the true scores of every slice, None without a plan or a human.
+        """Return the true REBA scores of every slice, None without a plan or a human.
 
         Args:
-            rules: a preset's name or a record of `reba.Rules`.
+            rules: name of a preset, or a `reba.Rules` record.
         """
         if not len(self.posture):
             return None
-
         return score_array(self.posture, {"load": self.carried}, rules)
 
     def summary(self) -> dict[str, Any]:
-        """Return the numbers of the plan as plain data, as `lgp plan --json` prints them."""
+        """Return status, actions, costs, scores and residuals as plain data, as in `lgp plan --json`."""
         scores = self.reba()
         reba: dict[str, Any] = {"mean": None, "max": None, "per_phase": []}
         if scores is not None:
@@ -99,7 +100,10 @@ class Plan:
             "cost": self.costs or {"total": None, "acceleration": None, "ergonomics": None},
             "reba": reba,
             "residuals": self.residuals or {"equality": None, "inequality": None},
-            "search": {name: _finite(value) for name, value in self.search.items()},
+            "search": {
+                name: None if isinstance(value, float) and not math.isfinite(value) else value
+                for name, value in self.search.items()
+            },
             "solver": self.solver,
         }
 
@@ -109,29 +113,21 @@ class Plan:
         Raises:
             LgpError: the folder cannot be written.
         """
-
         save(self, Path(folder))
 
     @staticmethod
     def load(folder: str | Path) -> Plan:
-        """Return the plan in a folder that `save` wrote.
+        """Return the plan that `save` wrote into a folder.
 
         Raises:
-            LgpError: no plan is there, it is damaged, or a newer version wrote it.
+            LgpError: the folder has no plan, or it is damaged or of a newer version.
         """
-        read = load
-
-        return read(Path(folder))
-
-
-def _finite(value: Any) -> Any:
-    """Return a number that JSON can hold: None for infinity."""
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+        return load(Path(folder))
 
 
 FORMAT: Final = "lgp-plan"
 VERSION: Final = 1
-"""Rises when a reader of the former version would misread a plan."""
+"""Version of the format; increased when readers of the previous one would misread a plan."""
 PLAIN: Final[dict[str, type]] = {
     "feasible": bool,
     "status": str,
@@ -142,13 +138,13 @@ PLAIN: Final[dict[str, type]] = {
     "search": dict,
     "variables": dict,
 }
-"""Fields that JSON holds as they are, with their types."""
+"""Fields that are saved as they are, with their JSON types."""
 NUMBERS: Final = ("costs", "residuals", "variables")
-"""Those that hold nothing but numbers by name."""
+"""Fields whose values are numbers by name."""
 
 
 def save(plan: Plan, folder: Path) -> None:
-    """Write a plan into a folder, which is made if it is not there; see `Plan.save`."""
+    """Write a plan into a folder, which is created; see `Plan.save`."""
     import pandas as pd
 
     data: dict[str, Any] = {"format": FORMAT, "version": VERSION}
@@ -159,7 +155,7 @@ def save(plan: Plan, folder: Path) -> None:
     times = {"time": plan.time, "phase": plan.phase}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "plan.json").write_text(json.dumps(_plain(data), indent=1) + "\n", encoding="utf-8")
+        (folder / "plan.json").write_text(as_json(data, indent=1) + "\n", encoding="utf-8")
         if plan.feasible:
             columns = dict(zip(plan.joints, plan.path.T, strict=True))
             pd.DataFrame(times | columns).to_parquet(folder / "path.parquet", index=False)
@@ -185,7 +181,7 @@ def load(folder: Path) -> Plan:
     try:
         fields["start"] = np.array(data["start"], dtype=float)
     except (ValueError, TypeError, OverflowError) as error:
-        raise LgpError(f"{file}: 'start' holds no numbers ({error}); the file is damaged, plan again") from error
+        raise LgpError(f"{file}: 'start' is {data['start']!r}, expected numbers ({error}); plan again") from error
     if data["feasible"]:
         fields |= _tables(folder, fields["joints"])
     return Plan(**fields)
@@ -197,25 +193,25 @@ def _read(file: Path) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError) as error:
         raise LgpError(f"{file}: cannot be read as a plan ({error}); give a folder that `lgp plan -o` wrote") from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise LgpError(f'{file}: not a plan: its "format" is not "{FORMAT}"')
+        raise LgpError(f'{file}: not a plan, expected "format": "{FORMAT}"; give a folder that `lgp plan -o` wrote')
     if not isinstance(data.get("version"), int) or data["version"] > VERSION:
-        raise LgpError(f"{file}: version {data.get('version')}, this package reads up to {VERSION}; update it")
+        raise LgpError(f"{file}: version is {data.get('version')}, expected up to {VERSION}; update this package")
     missing = [name for name in (*PLAIN, "scene", "actions", "joints", "start") if name not in data]
     if missing:
-        raise LgpError(f"{file}: {missing[0]!r} is missing; the file is damaged")
+        raise LgpError(f"{file}: {missing[0]!r} is missing; the file is damaged, plan again")
     _check(file, data)
     return data
 
 
 def _check(file: Path, data: dict[str, Any]) -> None:
-    """Refuse a plan whose fields are not of their types."""
+    """Refuse fields of a wrong type."""
     wrong = [name for name, kind in PLAIN.items() if not isinstance(data[name], kind)]
     wrong += [name for name in NUMBERS if name not in wrong and not all(map(_is_number, data[name].values()))]
     for name in ("actions", "joints"):
         if not isinstance(data[name], list) or not all(isinstance(part, str) for part in data[name]):
             wrong.append(name)
     if wrong:
-        raise LgpError(f"{file}: {wrong[0]!r} is not as `lgp plan -o` writes it; the file is damaged, plan again")
+        raise LgpError(f"{file}: {wrong[0]!r} has a wrong type; the file is damaged, plan again")
 
 
 def _is_number(value: Any) -> bool:
@@ -223,10 +219,10 @@ def _is_number(value: Any) -> bool:
 
 
 def _scene(file: Path, data: Any) -> Scene:
-    """Return the scene that a plan was made for.
+    """Return the scene of a saved plan.
 
     Raises:
-        LgpError: it is not there, or this version cannot read it.
+        LgpError: it is missing or invalid.
     """
     if not isinstance(data, dict) or not isinstance(data.get("values"), dict):
         raise LgpError(f"{file}: its scene is missing; the file is damaged, plan again")
@@ -242,7 +238,7 @@ def _tables(folder: Path, joints: tuple[str, ...]) -> dict[str, Any]:
         path = pd.read_parquet(folder / "path.parquet")
         posture = pd.read_parquet(postures) if postures.is_file() else None
         if list(path.columns) != ["time", "phase", *joints]:
-            raise LgpError(f"{folder}: path.parquet does not hold the joints of plan.json; plan again")
+            raise LgpError(f"{folder}: columns of path.parquet differ from the joints of plan.json; plan again")
         fields: dict[str, Any] = {
             "time": path["time"].to_numpy(np.float64),
             "phase": path["phase"].to_numpy(np.intp),
@@ -257,16 +253,6 @@ def _tables(folder: Path, joints: tuple[str, ...]) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         raise LgpError(f"{folder}: its motion cannot be read ({error}); plan again") from error
     if len(fields["carried"]) != len(path):
-        raise LgpError(f"{folder}: postures.parquet has not the rows of path.parquet; plan again")
+        rows = len(fields["carried"])
+        raise LgpError(f"{folder}: postures.parquet has {rows} rows, expected {len(path)}; plan again")
     return fields
-
-
-def _plain(value: Any) -> Any:
-    """Return plain data that JSON can hold; infinite numbers become null."""
-    if isinstance(value, dict):
-        return {name: _plain(part) for name, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

@@ -1,6 +1,6 @@
-"""The one place that joins logic, search and paths: a scene in, a plan out.
+"""Planning by multi-bound tree search (Toussaint & Lopes 2017): a scene in, a plan out.
 
-scene -> task -> search over sequences, each bounded by pose, sequence and path problems -> Plan
+scene -> symbolic task -> search over action sequences with pose, sequence and path bounds -> `Plan`
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from dreba.surrogates.base import Surrogate
 from lgp.errors import LgpError, LogicError
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
-from lgp.kinematics.world import World as Model
 from lgp.logic.pddl import SHIPPED, PddlDomain, load_domain
 from lgp.logic.task import Action, Task, ground, parse_atom
 from lgp.path.bounds import PathBounds, Solution
@@ -32,7 +31,7 @@ from lgp.search.tree_search import BoundResult, Budget, LevelStatistics, SearchR
 from reba.arrays import Array
 
 COST = "convex"
-"""The shipped model that is planned with by default: it is convex, and least near rest."""
+"""Default surrogate: convex, with its minimum near the rest posture."""
 
 
 def plan(
@@ -48,71 +47,74 @@ def plan(
     world: World | None = None,
     collisions: bool = True,
 ) -> Plan:
-    """Return the best sequence of actions and the motion of everybody.
+    """Return the sequence of actions and the motion of all agents with the least cost.
 
     Args:
-        scene: a scene, the name of one that is shipped, or a TOML file.
+        scene: a scene, the name of a shipped one, or the path of a TOML file.
         cost: a dREBA surrogate, its file or the name of a shipped one; None plans without ergonomics. An `Ergonomics`
             of a world with the same agents saves preparing it again.
-        sequence: actions to plan for instead of searching, as the paper prints them: `grasp(1, baxter.right, box)`, or
-            without the step.
-        depth: longest sequence, the scene's by default.
-        seconds: wall-clock time for the search; the best plan so far is returned.
-        start: (nq,) first configuration [rad, m], in the order of `Plan.joints`; the scene's by default.
+        sequence: actions to plan for instead of searching, as a plan prints them: `grasp(1, baxter.right, box)`; the
+            step number may be left out.
+        depth: longest sequence of actions, the scene's by default.
+        seconds: wall-clock limit of the search [s]; the best plan so far is returned.
+        start: initial configuration (nq,) [rad, m] in the order of `Plan.joints`, the scene's by default.
         slices: per phase, the scene's by default.
         weights: of the terms of the cost.
-        world: kinematics of this scene's agents, to save building them again.
-        collisions: whether bodies are kept apart; `residuals["penetration"]` says how far they touch either way.
+        world: kinematics with the agents of this scene, to save building them.
+        collisions: constrain the path to be collision-free; `residuals["penetration"]` is computed either way.
 
     Returns:
-        A plan; `feasible` says whether there is one, `reason` why not.
+        The plan. Where `feasible` is false, `reason` names the constraint or precondition that fails.
 
     Raises:
-        LgpError: the scene, model, sequence or start cannot be used.
+        LgpError: the scene, model, sequence or initial configuration is invalid.
 
     Example:
         >>> import lgp
-        >>> found = lgp.plan(lgp.load_scene("screwdriver"), cost=None)      # doctest: +SKIP
-        >>> found.actions                                                   # doctest: +SKIP
-        ('grasp(1, baxter.right, screwdriver)', ...)
+        >>> from dataclasses import replace
+        >>> scene = lgp.load_scene("screwdriver")
+        >>> scene = replace(scene, goal=("grasped(baxter.right, screwdriver)",))
+        >>> lgp.plan(scene, cost=None, collisions=False).actions
+        ('grasp(1, baxter.right, screwdriver)',)
     """
-
-    chosen = scene if isinstance(scene, Scene) else load_scene(scene)
-    task = task_of(chosen)
-    wanted = None if sequence is None else parse_sequence(task, sequence)
-    there = _world(chosen, world)
-    first = _start(there, start)
-    bounds = PathBounds(there, _ergonomics(there, cost), weights, first, slices, collisions=collisions)
-    return plan_within(bounds, task, wanted, Budget(depth=chosen.depth if depth is None else depth, seconds=seconds))
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    task = task_of(scene)
+    skeleton = None if sequence is None else parse_sequence(task, sequence)
+    world = World(scene) if world is None else world.with_scene(scene)
+    initial = _initial_configuration(world, start)
+    bounds = PathBounds(world, _ergonomics(world, cost), weights, initial, slices, collisions=collisions)
+    return plan_within(bounds, task, skeleton, Budget(depth=scene.depth if depth is None else depth, seconds=seconds))
 
 
 def plan_within(
     bounds: PathBounds, task: Task, sequence: Skeleton | None = None, budget: Budget | None = None, first: Skeleton = ()
 ) -> Plan:
-    """Return the plan that prepared bounds lead to; what they solved before for the same scene is not solved again.
+    """Return the plan from prepared bounds, which keep solved problems from earlier calls for the same scene.
 
     Args:
-        bounds: cost, start and kinematics of the scene.
+        bounds: cost, initial configuration and kinematics of the scene.
         task: of the scene.
-        sequence: actions to follow instead of searching.
+        sequence: actions to plan for instead of searching.
         budget: of the search.
-        first: actions to look at first, as for `lgp.search.tree_search.search`.
+        first: sequence to expand first, as for `lgp.search.tree_search.search`.
     """
-    found = search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence)
-    return _record(bounds.world.scene, bounds, found)
+    result = search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence)
+    return _record(bounds.world.scene, bounds, result)
 
 
 def task_of(scene: Scene) -> Task:
     """Return the symbolic task of a scene.
 
     Raises:
-        LogicError: the domain, the initial state or the goal cannot be used.
+        LogicError: the domain, the initial state or the goal is invalid.
     """
-    return ground(_domain(scene.domain), scene.objects, map(parse_atom, scene.initial), map(parse_atom, scene.goal))
+    return ground(
+        _domain(scene.domain), scene.object_types, map(parse_atom, scene.initial), map(parse_atom, scene.goal)
+    )
 
 
 def _domain(which: str) -> PddlDomain:
-    """Return a domain; the shipped ones are read once."""
+    """Return a shipped domain (read once) or the one in a file."""
     return _shipped(which) if (SHIPPED / f"{which}.pddl").is_file() else load_domain(which)
 
 
@@ -122,10 +124,10 @@ def _shipped(name: str) -> PddlDomain:
 
 
 def parse_sequence(task: Task, lines: Iterable[str]) -> Skeleton:
-    """Return the actions that lines of text name; blank lines and lines that start with # are skipped.
+    """Return the actions named by lines of text; blank lines and lines that start with # are skipped.
 
     Raises:
-        LogicError: an action is unknown or cannot be done when its turn comes, or the goal does not hold at the end.
+        LogicError: an action is unknown or not applicable at its step, or the goal is not satisfied at the end.
     """
     state = task.initial
     actions: list[Action] = []
@@ -135,20 +137,23 @@ def parse_sequence(task: Task, lines: Iterable[str]) -> Skeleton:
             continue
         action = task.action(re.sub(r"\(\s*\d+\s*,", "(", text, count=1))
         if not action.applies(state):
-            missing = [str(atom) for bit, atom in enumerate(task.atoms) if action.needs & ~state & (1 << bit)]
-            what = f"{', '.join(missing)} does not hold" if missing else "something holds that must not"
-            raise LogicError(f"sequence: {action.at(len(actions) + 1)} cannot be done: {what}; correct the sequence")
+            missing = ", ".join(map(str, task.holding(action.needs & ~state)))
+            forbidden = ", ".join(map(str, task.holding(action.forbids & state)))
+            what = f"needs {missing}" if missing else f"must not have {forbidden}"
+            raise LogicError(
+                f"sequence: {action.at(len(actions) + 1)} is not applicable: it {what}; correct the sequence"
+            )
         state = action.apply(state)
         actions.append(action)
     if not task.is_goal(state):
         raise LogicError(
-            f"sequence: the goal does not hold after its {len(actions)} actions; add those that are missing"
+            f"sequence: the goal is not satisfied after its {len(actions)} actions; add the missing actions"
         )
     return tuple(actions)
 
 
 def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
-    """Solve all levels of one sequence, as the search would on its way down."""
+    """Solve all bound levels of one sequence, in the order of the search."""
     import time
 
     begin = time.perf_counter()
@@ -160,10 +165,10 @@ def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
         solved[level] = solved[level].plus(result, result.seconds)
         if not result.feasible:
             break
-    good = result is not None and result.feasible
+    feasible = result is not None and result.feasible
     return SearchResult(
-        status=SearchStatus.OPTIMAL if good else SearchStatus.INFEASIBLE,
-        skeleton=skeleton if good else (),
+        status=SearchStatus.OPTIMAL if feasible else SearchStatus.INFEASIBLE,
+        skeleton=skeleton if feasible else (),
         cost=result.cost if result is not None else float("inf"),
         payload=result.payload if result is not None else None,
         bound=result.cost if result is not None else float("inf"),
@@ -176,66 +181,59 @@ def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
     )
 
 
-def _world(scene: Scene, world: World | None) -> World:
-    if world is not None:
-        return world.with_scene(scene)
-
-    return Model(scene)
-
-
-def _start(world: World, start: Array | None) -> Array:
+def _initial_configuration(world: World, start: Array | None) -> Array:
     if start is None:
-        return world.start
-    first = np.asarray(start, dtype=float)
-    if first.shape != (world.nq,) or not np.isfinite(first).all():
-        raise LgpError(f"start has shape {first.shape}, expected ({world.nq},) finite numbers, one per joint")
-    return np.clip(first, world.lower, world.upper)
+        return world.initial_configuration
+    q = np.asarray(start, dtype=float)
+    if q.shape != (world.nq,) or not np.isfinite(q).all():
+        raise LgpError(
+            f"start has shape {q.shape}, expected ({world.nq},) finite numbers; give one for each of `Plan.joints`"
+        )
+    return np.clip(q, world.lower, world.upper)
 
 
 def _ergonomics(world: World, cost: Surrogate | Ergonomics | str | Path | None) -> Ergonomics | None:
     if cost is None or world.scene.human is None:
         return None
-
     if isinstance(cost, Ergonomics):
         return cost
     return Ergonomics(world, dreba.load(cost) if isinstance(cost, (str, Path)) else cost)
 
 
-def _record(scene: Scene, bounds: PathBounds, found: SearchResult) -> Plan:
-    """Return the plan of a search, its residuals recomputed from the path."""
-    levels = {f"{level}s": numbers.solved for level, numbers in found.statistics.items()}
-    counts: dict[str, Any] = {"expanded": found.expanded, "pruned": found.pruned, **levels, "seconds": found.seconds}
+def _record(scene: Scene, bounds: PathBounds, result: SearchResult) -> Plan:
+    """Return the plan of a search, with residuals recomputed from the path."""
+    levels = {f"{level}s": numbers.solved for level, numbers in result.statistics.items()}
+    counts: dict[str, Any] = {"expanded": result.expanded, "pruned": result.pruned, **levels, "seconds": result.seconds}
     counts |= {
-        "bound": found.bound,
-        "gap": found.gap,
+        "bound": result.bound,
+        "gap": result.gap,
         "levels": {
             level: {"solved": n.solved, "infeasible": n.infeasible, "known": n.known, "seconds": n.seconds}
-            for level, n in found.statistics.items()
+            for level, n in result.statistics.items()
         },
     }
     common: dict[str, Any] = {
         "scene": scene,
-        "status": found.status.name.lower(),
-        "reason": found.reason,
+        "status": result.status.name.lower(),
+        "reason": result.reason,
         "joints": bounds.world.joints,
         "start": bounds.start,
         "search": counts,
-        "tree": found.nodes,
+        "tree": result.nodes,
     }
-    if not found.skeleton:
+    if not result.skeleton:
         return Plan(feasible=False, **common)
-    solution: Solution = found.payload
-    return Plan(feasible=True, **common, **_motion(bounds, found.skeleton, solution))
+    solution: Solution = result.payload
+    return Plan(feasible=True, **common, **_motion(bounds, result.skeleton, solution))
 
 
 def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) -> dict[str, Any]:
-
     phases = bounds.phases(tuple(skeleton))
     problem = bounds.problem("path", phases)
     path = solution.keys if solution.path is None else solution.path
     x = problem.join(path, solution.variables)
     costs = problem.costs(x)
-    touching = CollisionRows(bounds.world, phases, bounds.start).worst(*problem.split(x))
+    penetration, *_ = CollisionRows(bounds.world, phases, bounds.start).worst(*problem.split(x))
     posture = np.zeros((0, 0))
     if bounds.world.scene.human is not None:
         posture = PostureMap(bounds.world).angles(path)
@@ -248,7 +246,7 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
         "posture": posture,
         "carried": phases.loads(),
         "costs": {"total": costs.total, "acceleration": costs.acceleration, "ergonomics": costs.ergonomics},
-        "residuals": problem.rows.residuals(*problem.split(x)) | {"penetration": touching[0]},
+        "residuals": problem.rows.residuals(*problem.split(x)) | {"penetration": penetration},
         "solver": {
             "status": solution.result.status.name.lower(),
             "kkt": solution.result.kkt,

@@ -1,0 +1,1 @@
+"""Collision checks: shapes, signed distances with derivatives, random collision-free postures."""

@@ -1,8 +1,8 @@
-"""Signed distances between bodies and their Jacobians, only where they come near each other.
+"""Signed distances between collision shapes and their Jacobians, for pairs that are near each other.
 
-A filter on spheres around the bodies, for all slices at once, leaves the (slice, pair) rows that matter; coal then
-gives distance, nearest points and normal of each. The distance changes with the relative speed of the two points along
-the normal, which is its exact derivative for smooth contact.
+Broad phase: bounding spheres, all slices at once, select (slice, pair) rows. Narrow phase: coal (GJK and EPA) gives
+distance, nearest points and normal of each row. The derivative of the distance is the relative velocity of the nearest
+points along the normal, exact where these points are unique.
 """
 
 from __future__ import annotations
@@ -14,15 +14,14 @@ from itertools import combinations
 import coal
 import numpy as np
 
-from lgp.collision.shapes import CollisionShape, bodies_of
+from lgp.collision.shapes import CollisionShape, collision_shapes
 from lgp.kinematics.features import cross
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import Kinematics, World
 from reba.arrays import Array, Indices
 
-TOUCH = 0.02
-"""[m] A hand that works on a table goes this far into its top: fingers and the heel of a palm are softer than capsules.
-"""
+CONTACT_DEPTH = 0.02
+"""[m] Allowed penetration of a hand that works at a table: palm and fingers are softer than their capsules."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +29,10 @@ class Distances:
     """Signed distances of m rows.
 
     Attributes:
-        slices, pairs: (m,) which slice and which pair.
-        value: (m,) [m], negative inside each other.
-        by_q: (m, nq).
-        by_variables: (m, nz) by the variables of the sequence.
+        slices, pairs: slice and pair of each row (m,).
+        value: (m,) [m], negative in penetration.
+        by_q: Jacobian (m, nq).
+        by_variables: Jacobian (m, nz) by the variables of the sequence.
     """
 
     slices: Indices
@@ -44,67 +43,74 @@ class Distances:
 
 
 class Collisions:
-    """The pairs of bodies of a world that must not touch.
+    """The collision shapes of a world and the pairs that must not touch.
+
+    Args:
+        world: kinematics and objects.
+        modes: attachments of the objects in each phase; their initial ones by default.
 
     Attributes:
-        bodies: every body.
-        pairs: (first, second) numbers of bodies.
+        shapes: every collision shape.
+        pairs: (first, second) numbers of shapes.
         frames: frames whose placements are needed.
 
     Example:
-        >>> collisions = Collisions(world, modes)                                        # doctest: +SKIP
-        >>> kinematics = world.at(q, collisions.frames)                                  # doctest: +SKIP
-        >>> rows = collisions.near(kinematics, phases, z, within=0.1)                    # doctest: +SKIP
-        >>> collisions.distances(kinematics, phases, z, *rows).value                     # doctest: +SKIP
+        >>> from lgp.scene.scene_file import load_scene
+        >>> world = World(load_scene("screwdriver"))
+        >>> collisions = Collisions(world)
+        >>> kinematics = world.at(world.initial_configuration[None], collisions.frames)
+        >>> slices, pairs = collisions.near_pairs(kinematics, [0], np.zeros(0), within=0.1)
+        >>> bool(collisions.values(kinematics, [0], np.zeros(0), slices, pairs).min() > 0.0)
+        True
     """
 
     def __init__(self, world: World, modes: ModeSequence | None = None) -> None:
         self.world, self.modes = world, modes or ModeSequence(world, ())
-        self.bodies = bodies_of(world)
+        self.shapes = collision_shapes(world)
         self.pairs = tuple(
             (first, second)
-            for first, second in combinations(range(len(self.bodies)), 2)
-            if _may_meet(self.bodies[first], self.bodies[second])
+            for first, second in combinations(range(len(self.shapes)), 2)
+            if _may_meet(self.shapes[first], self.shapes[second])
         )
-        moving = [body.frame for body in self.bodies if body.frame]
+        moving = [shape.frame for shape in self.shapes if shape.frame]
         self.frames = tuple(dict.fromkeys([*moving, *self.modes.frames]))
         self._sides = np.array(self.pairs, dtype=np.intp).reshape(-1, 2)
-        self._radii = np.array([body.radius for body in self.bodies])
-        self._halves = np.array([body.half for body in self.bodies])
-        self._rims = np.array([body.rim for body in self.bodies])
-        self._slack: dict[int, Array] = {}
+        self._radii = np.array([shape.radius for shape in self.shapes])
+        self._halves = np.array([shape.half for shape in self.shapes])
+        self._rims = np.array([shape.rim for shape in self.shapes])
+        self._allowed: dict[int, Array] = {}
         self._request = coal.DistanceRequest()
         self._request.enable_signed_distance = True
 
     def name(self, pair: int) -> str:
-        """Return how messages call a pair."""
-        return " and ".join(self.bodies[side].name for side in self.pairs[pair])
+        """Return the name of a pair for messages: `table.left and baxter.left_w2`."""
+        return " and ".join(self.shapes[side].name for side in self.pairs[pair])
 
-    def near(
+    def near_pairs(
         self, kinematics: Kinematics, phases: Sequence[int] | Indices, z: Array, within: float
     ) -> tuple[Indices, Indices]:
-        """Return slices (m,) and pairs (m,) that may be nearer than `within` - `slack` [m]; no nearer one is left out.
+        """Return slices (m,) and pairs (m,) that may be nearer than `within` [m] less their allowed penetration.
+
+        Conservative: every pair that is nearer is among them.
 
         Args:
-            kinematics: of n slices, holding `frames`.
-            phases: (n,) phase of each slice.
-            z: (nz,) variables of the sequence.
+            kinematics: of n slices, with `frames`.
+            phases: phase of each slice (n,).
+            z: variables of the sequence (nz,).
         """
         rotations, centres = self._poses(kinematics, np.asarray(phases), z)
         first, second = self._sides.T
-        apart = (
-            np.linalg.norm(centres[:, first] - centres[:, second], axis=2) - self._radii[first] - self._radii[second]
-        )
-        allowed = self.slack(phases)
-        slices, pairs = np.nonzero(apart + allowed < within)
-        close, slack = np.ones(len(slices), dtype=bool), allowed[slices, pairs]
-        # Of what is left, the sphere of each body against the other's core (a segment or a box, plus its rim).
+        gaps = np.linalg.norm(centres[:, first] - centres[:, second], axis=2) - self._radii[first] - self._radii[second]
+        allowed = self.allowed_penetration(phases)
+        slices, pairs = np.nonzero(gaps + allowed < within)
+        close, penetration = np.ones(len(slices), dtype=bool), allowed[slices, pairs]
+        # Second test: the bounding sphere of each shape against the other's core, a segment or box with its rim.
         for one, other in ((0, 1), (1, 0)):
             sphere, core = self._sides[pairs, one], self._sides[pairs, other]
             away = centres[slices, sphere] - centres[slices, core]
             inside = np.abs(np.einsum("mji,mj->mi", rotations[slices, core], away)) - self._halves[core]
             gap = np.linalg.norm(np.maximum(inside, 0.0), axis=1) - self._rims[core] - self._radii[sphere]
-            close &= gap + slack < within
+            close &= gap + penetration < within
         return slices[close], pairs[close]
 
     def distances(
@@ -115,7 +121,7 @@ class Collisions:
         slices: Indices,
         pairs: Indices,
     ) -> Distances:
-        """Return the signed distances of given rows, see `near`, and their slopes."""
+        """Return the signed distances and Jacobians of rows from `near_pairs`."""
         phase = np.asarray(phases)
         value, points, normals = self._closest(kinematics, phase, z, slices, pairs)
         by_q, by_variables = np.zeros((len(slices), self.world.nq)), np.zeros((len(slices), self.modes.size))
@@ -136,13 +142,13 @@ class Collisions:
         slices: Indices,
         pairs: Indices,
     ) -> Array:
-        """Return the signed distances (m,) [m] of given rows, without slopes."""
+        """Return the signed distances (m,) [m] of rows, without Jacobians."""
         return self._closest(kinematics, np.asarray(phases), z, slices, pairs)[0]
 
     def _closest(
         self, kinematics: Kinematics, phases: Indices, z: Array, slices: Indices, pairs: Indices
     ) -> tuple[Array, Array, Array]:
-        """Return the distances (m,) of given rows, the nearest points (2, m, 3) and the normals (m, 3) there."""
+        """Return the distances (m,) of rows, their nearest points (2, m, 3) and normals (m, 3)."""
         rotations, centres = self._poses(kinematics, phases, z)
         m = len(slices)
         value, points, normals = np.empty(m), np.empty((2, m, 3)), np.empty((m, 3))
@@ -153,31 +159,31 @@ class Collisions:
                 if (at, side) not in placed:
                     placed[at, side] = coal.Transform3s(rotations[at, side], centres[at, side])
             result.clear()
-            first, second = (self.bodies[side].shape for side in sides)
+            first, second = (self.shapes[side].shape for side in sides)
             value[row] = coal.distance(first, placed[at, sides[0]], second, placed[at, sides[1]], self._request, result)
             points[0, row], points[1, row] = result.getNearestPoint1(), result.getNearestPoint2()
             normals[row] = result.normal
         return value, points, normals
 
-    def depends(self, pair: int, phase: int) -> tuple[Indices, Indices]:
-        """Return the joints and the variables that move the bodies of a pair in a phase."""
+    def dependencies(self, pair: int, phase: int) -> tuple[Indices, Indices]:
+        """Return the columns of q and of z that the distance of a pair depends on in a phase."""
         joints, variables = np.zeros(self.world.nq, dtype=bool), [np.zeros(0, np.intp)]
         for side in self.pairs[pair]:
-            body = self.bodies[side]
+            body = self.shapes[side]
             frame = body.frame
             if body.kind == "object":
-                holder = self.modes.holder(body.owner, phase)
-                variables.append(np.arange(holder.variables.start, holder.variables.stop))
-                frame = holder.by if holder.by in self.world.scene.hands else ""
+                attachment = self.modes.attachment(body.owner, phase)
+                variables.append(np.arange(attachment.variables.start, attachment.variables.stop))
+                frame = attachment.parent if attachment.parent in self.world.scene.hands else ""
             if frame:
                 joints |= self.world.support(frame) > 0.0
         return np.flatnonzero(joints), np.concatenate(variables)
 
     def _poses(self, kinematics: Kinematics, phases: Indices, z: Array) -> tuple[Array, Array]:
-        """Return rotations (n, B, 3, 3) and centres (n, B, 3) of all bodies."""
+        """Return rotations (n, B, 3, 3) and centres (n, B, 3) [m] of all shapes."""
         n = len(kinematics)
-        rotations, centres = np.empty((n, len(self.bodies), 3, 3)), np.empty((n, len(self.bodies), 3))
-        for number, body in enumerate(self.bodies):
+        rotations, centres = np.empty((n, len(self.shapes), 3, 3)), np.empty((n, len(self.shapes), 3))
+        for number, body in enumerate(self.shapes):
             if body.kind == "object":
                 for phase in np.unique(phases):
                     rows = np.flatnonzero(phases == phase)
@@ -191,99 +197,99 @@ class Collisions:
                 rotations[:, number], centres[:, number] = body.rotation, body.position
         return rotations, centres
 
-    def slack(self, phases: Sequence[int] | Indices) -> Array:
-        """Return how far [m] each pair may go into each other in each slice, (n, pairs): inf where it may touch anyhow.
+    def allowed_penetration(self, phases: Sequence[int] | Indices) -> Array:
+        """Return the allowed penetration of each pair in each slice (n, pairs) [m], inf where contact is not limited.
 
-        An object meets what holds it in this phase, the one before or the next; a hand that works on a table meets it.
+        An object may touch its parent of this phase, the one before and the next; a hand that works at a table may
+        touch its top.
         """
-        found = np.empty((len(phases), len(self.pairs)))
+        allowed = np.empty((len(phases), len(self.pairs)))
         for phase in np.unique(np.asarray(phases)):
-            if phase not in self._slack:
-                self._slack[phase] = self._slack_in(int(phase))
-            found[np.asarray(phases) == phase] = self._slack[phase]
-        return found
+            if phase not in self._allowed:
+                self._allowed[phase] = self._allowed_in(int(phase))
+            allowed[np.asarray(phases) == phase] = self._allowed[phase]
+        return allowed
 
-    def _slack_in(self, phase: int) -> Array:
+    def _allowed_in(self, phase: int) -> Array:
         last = len(self.modes.switches)
         around = range(max(phase - 1, 0), min(phase + 1, last) + 1)
         working = self._working(phase)
-        slack = np.zeros(len(self.pairs))
+        allowed = np.zeros(len(self.pairs))
         for number, (first, second) in enumerate(self.pairs):
-            one, other = self.bodies[first], self.bodies[second]
+            one, other = self.shapes[first], self.shapes[second]
             if other.kind == "object":
-                holders = {self.modes.holder(other.owner, near).by for near in around}
-                # A table is a holder itself; a link touches what any hand of its agent holds.
-                agents = {holder.partition(".")[0] for holder in holders} - {"table"} | self._touching(
+                parents = {self.modes.attachment(other.owner, near).parent for near in around}
+                # A table itself is the parent; of an agent all links may touch what one of its hands has.
+                agents = {parent.partition(".")[0] for parent in parents} - {"table"} | self._touching(
                     other.owner, phase
                 )
                 if one.kind == "object" and self._joined(one.owner, other.owner, around):
-                    holders.add(one.name)
-                slack[number] = np.inf if one.name in holders or one.owner in agents else 0.0
+                    parents.add(one.name)
+                allowed[number] = np.inf if one.name in parents or one.owner in agents else 0.0
             elif working & {(one.frame, other.name), (other.frame, one.name), (one.frame, other.frame)}:
-                slack[number] = TOUCH
-        return slack
+                allowed[number] = CONTACT_DEPTH
+        return allowed
 
-    def _touching(self, thing: str, phase: int) -> set[str]:
-        """Return the agents that work on an object without carrying it: whose hand holds it still, or screws it."""
+    def _touching(self, object_name: str, phase: int) -> set[str]:
+        """Return the agents whose hand holds an object still or screws it, without being its parent."""
         switches = self.modes.switches
-        held = {
+        holding = {
             hand.partition(".")[0]
-            for hand, number, end in self.modes.stills
-            if switches[number].thing == thing and number <= phase <= end + 1
+            for hand, number, end in self.modes.holding_intervals
+            if switches[number].object_name == object_name and number <= phase <= end + 1
         }
-        held |= {
-            hand.partition(".")[0] for hand, name, end in self.modes.held_at_first if name == thing and phase <= end + 1
-        }
+        initially = ((hand, end) for hand, name, end in self.modes.held_at_first if name == object_name)
+        holding |= {hand.partition(".")[0] for hand, end in initially if phase <= end + 1}
         near = [switches[number] for number in (phase - 1, phase) if 0 <= number < len(switches)]
-        screwing = [switch for switch in near if switch.kind == "screw" and thing in (switch.thing, switch.other)]
-        return held | {switch.hand.partition(".")[0] for switch in screwing}
+        screwing = [one for one in near if one.action.screws and object_name in (one.object_name, one.other)]
+        return holding | {switch.hand.partition(".")[0] for switch in screwing}
 
     def _joined(self, one: str, other: str, phases: range) -> bool:
-        """Return whether two objects have a joint and are on one table in one of the phases."""
-        if {one, other} not in [set(joint.parts) for joint in self.world.scene.joints]:
+        """Return whether two objects have an assembly and are on one table in one of the phases."""
+        if {one, other} not in [set(assembly.parts) for assembly in self.world.scene.assemblies]:
             return False
-        holders = ([self.modes.holder(part, phase).by for part in (one, other)] for phase in phases)
-        return any(first == second and first in self.world.scene.tables for first, second in holders)
+        parents = ([self.modes.attachment(part, phase).parent for part in (one, other)] for phase in phases)
+        return any(first == second and first in self.world.scene.tables for first, second in parents)
 
     def _working(self, phase: int) -> set[tuple[str, str]]:
-        """Return (frame, table) of hands that come from a table or go to one, (frame, frame) of two that meet."""
-        found = set()
+        """Return (frame, table) of hands that act at a table, (frame, frame) of two hands that meet at an object."""
+        contacts = set()
         for number in (phase - 1, phase):
             if not 0 <= number < len(self.modes.switches):
                 continue
             switch = self.modes.switches[number]
-            tables = {self.modes.holder(switch.thing, near).by for near in (number, number + 1)}
+            tables = {self.modes.attachment(switch.object_name, near).parent for near in (number, number + 1)}
             hands = [self._carrier(hand) for hand in switch.hands]
-            found |= {(hand, other) for hand in hands for other in [*tables, *hands]}
-        return found
+            contacts |= {(hand, other) for hand in hands for other in [*tables, *hands]}
+        return contacts
 
     def _carrier(self, hand: str) -> str:
-        """Return the frame of the body next to a hand: that of the joint that carries it."""
+        """Return the frame of the link that a hand is fixed to: that of its parent joint."""
         model = self.world.model
-        return str(model.names[model.frames[self.world.frame(hand)].parentJoint])
+        return str(model.names[model.frames[self.world.frame_id(hand)].parentJoint])
 
     def _speeds(
         self, side: int, kinematics: Kinematics, phases: Indices, z: Array, slices: Indices, points: Array
     ) -> tuple[Array, Array]:
-        """Return the Jacobians (m, 3, nq) and (m, 3, nz) of (m, 3) points on a body in given slices."""
-        body, nz = self.bodies[side], self.modes.size
+        """Return the Jacobians (m, 3, nq) and (m, 3, nz) of points (m, 3) on a shape in the slices (m,)."""
+        body, nz = self.shapes[side], self.modes.size
         by_q, by_variables = np.zeros((len(slices), 3, self.world.nq)), np.zeros((len(slices), 3, nz))
         if body.kind == "object":
             for phase in np.unique(phases[slices]):
                 rows = np.flatnonzero(phases[slices] == phase)
-                pose = self.modes.pose(body.owner, int(phase), kinematics.rows(slices[rows]), z).spread(nz)
+                pose = self.modes.pose(body.owner, int(phase), kinematics.rows(slices[rows]), z).with_all_variables(nz)
                 moved = pose.jacobian[:, :3] + cross(pose.jacobian[:, 3:], points[rows] - pose.position)
                 by_q[rows], by_variables[rows] = moved[:, :, : self.world.nq], moved[:, :, self.world.nq :]
         elif body.frame:
-            by_q[:] = kinematics.rows(slices).point(body.frame, points)[:, :3]
+            by_q[:] = kinematics.rows(slices).point_jacobian(body.frame, points)[:, :3]
         return by_q, by_variables
 
 
 def _may_meet(first: CollisionShape, second: CollisionShape) -> bool:
-    """Return whether two bodies can touch at all and are not neighbours."""
+    """Return whether two shapes can touch and are not neighbours in one limb."""
     kinds = {first.kind, second.kind}
     if "link" not in kinds:
-        # What stands still touches only objects, and those are carried past tables and bodies.
+        # Of two shapes that are not links, only objects move.
         return "object" in kinds
     if first.owner != second.owner:
         return True

@@ -224,10 +224,10 @@ class Executive:
         action, scene = self.planner.actions[self.number], self.planner.plan.scene
         self.phase, self._again = phase, False
         self._expected = {
-            name: at for name in action.arguments if name in scene.things and (at := self.view.mean(name)) is not None
+            name: at for name in action.arguments if name in scene.objects and (at := self.view.mean(name)) is not None
         }
         believed = self.planner.believed(self.number)
-        self._carried = {name: hand for name in scene.things if (hand := carrier(self.view, name, believed))}
+        self._carried = {name: hand for name in scene.objects if (hand := carrier(self.view, name, believed))}
         self._enter("moving")
         self.robots.follow(phase.segment)
         self._line = sentences(scene, self.planner.motion.phases.switches)[self.number]
@@ -348,7 +348,7 @@ class Executive:
 
     def _open_empty(self) -> bool:
         """Open closed grippers that have nothing in them; return whether there were any."""
-        things, reach = self.planner.plan.scene.things, self.view.tolerances.reach
+        things, reach = self.planner.plan.scene.objects, self.view.tolerances.reach
         empty = [hand for hand in self.view.now.closed if all(self.view.gap(hand, name) > reach for name in things)]
         for hand in empty:
             self.robots.grip(hand, False)

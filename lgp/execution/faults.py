@@ -106,7 +106,7 @@ class Faults:
 
     def _happen(self, fault: Fault, action: Action) -> str:
         scene = self.simulation.world.scene
-        things = [name for name in action.arguments if name in scene.things]
+        things = [name for name in action.arguments if name in scene.objects]
         hands = [name for name in action.arguments if name in scene.hands]
         if fault.kind == "killed":
             os.kill(os.getpid(), signal.SIGKILL)

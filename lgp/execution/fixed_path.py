@@ -144,7 +144,7 @@ def still_hands(modes: ModeSequence, number: int) -> tuple[str, ...]:
         modes: of the whole sequence.
         number: of the action.
     """
-    found = [hand for hand, since, end in modes.stills if since < number <= end]
+    found = [hand for hand, since, end in modes.holding_intervals if since < number <= end]
     found += [hand for hand, _, end in modes.held_at_first if number <= end]
     return tuple(dict.fromkeys(found))
 

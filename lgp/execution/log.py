@@ -213,5 +213,5 @@ class Recorder:
 def load(view: TrackedWorld, believed: AbstractSet[Atom]) -> float:
     """Return the mass that the human holds [kg]."""
     scene = view.world.scene
-    hands = {name: carrier(view, name, believed) for name in scene.things}
-    return float(sum(scene.things[name].mass for name, hand in hands.items() if hand.startswith("human.")))
+    hands = {name: carrier(view, name, believed) for name in scene.objects}
+    return float(sum(scene.objects[name].mass for name, hand in hands.items() if hand.startswith("human.")))

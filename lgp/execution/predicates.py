@@ -106,7 +106,7 @@ def free(view: TrackedWorld, hand: str) -> PredicateState:
     """Return whether a hand has nothing: a gripper is open, a human hand is at no object that is off the tables."""
     if not _human(view, hand):
         return PredicateState(hand not in view.now.closed, f"{hand} is closed")
-    for thing in view.world.scene.things:
+    for thing in view.world.scene.objects:
         if view.seen(thing) is None or view.gap(hand, thing) > view.tolerances.reach:
             continue
         if not view.table_under(thing) and not _in_gripper(view, thing):
@@ -150,7 +150,7 @@ def held(view: TrackedWorld, thing: str) -> PredicateState:
 
 def screwed(view: TrackedWorld, first: str, second: str) -> PredicateState:
     """Return whether a human hand rests at the screw of two parts that stand as their joint has them."""
-    for joint in view.world.scene.joints:
+    for joint in view.world.scene.assemblies:
         if set(joint.parts) != {first, second}:
             continue
         base, other = view.seen(joint.parts[0]), view.seen(joint.parts[1])
@@ -220,7 +220,7 @@ def gripper_commands(task: Task, action: Action, view: TrackedWorld) -> list[tup
     hands = view.world.scene.hands
     robots = {name for name, hand in hands.items() if hand.agent != "human"}
     taking = [name for name in action.arguments if name in hands and name not in robots]
-    things = [name for name in action.arguments if name in view.world.scene.things]
+    things = [name for name in action.arguments if name in view.world.scene.objects]
     found: list[tuple[str, bool]] = []
     for atom in task.holding(action.adds):
         hand = atom.arguments[0] if atom.arguments else ""

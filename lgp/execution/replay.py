@@ -42,7 +42,7 @@ class Replay:
     def __init__(self, file: Path, world: World, robots: SimulatedRobots) -> None:
         self.world, self.robots, self.time = world, robots, 0.0
         recording = open_mcap(file)
-        found = {name: _poses(recording, name) for name in world.scene.things}
+        found = {name: _poses(recording, name) for name in world.scene.objects}
         absent = [name for name, samples in found.items() if not len(samples)]
         if absent:
             known = [name for stream in recording.streams if stream.kind == "frames" for name in stream.names]

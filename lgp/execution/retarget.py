@@ -201,11 +201,9 @@ class Planner:
         They come from the configurations of all actions until then, as far as bodies play no part.
         """
         switches = self.motion.phases.switches
-        thing = switches[number].thing
-        last = next(
-            (k for k in range(number, len(switches)) if (switches[k].kind, switches[k].thing) == ("place", thing)),
-            number,
-        )
+        thing = switches[number].object_name
+        later = (k for k in range(number, len(switches)) if switches[k].object_name == thing)
+        last = next((k for k in later if switches[k].action.attaches_to == "table"), number)
         pins = self._pins(last, number, world.scene, None)[0] if last > number else {}
         bounds = self._bounds(world, first, pins=pins, still=still_hands(self.motion.modes, number))
         actions = self.actions[number : last + 1]
@@ -223,7 +221,7 @@ class Planner:
     def planned_spot(self, number: int) -> Spot:
         """Return where the plan puts the object of a placement."""
         switch = self.motion.phases.switches[number]
-        return self._on(switch.table, self._pose(switch.thing, (number + 1) * self.motion.phases.slices))
+        return self._on(switch.table, self._pose(switch.object_name, (number + 1) * self.motion.phases.slices))
 
     def _pins(self, number: int, since: int, scene: Scene, spot: Spot | None) -> tuple[dict[str, float], bool]:
         """Return the planned variables of an action in a sequence since another, and whether others will do as well.
@@ -232,18 +230,18 @@ class Planner:
         already is put beside it, wherever that is.
         """
         switch = self.motion.phases.switches[number]
-        mine, own = f"{number}.{switch.thing}.", f"{number - since}.{switch.thing}."
+        mine, own = f"{number}.{switch.object_name}.", f"{number - since}.{switch.object_name}."
         pins = {own + name.removeprefix(mine): at for name, at in self.plan.variables.items() if name.startswith(mine)}
-        joints = [joint for joint in self.plan.scene.joints if switch.thing in joint.parts]
-        if switch.kind != "place" or (not joints and spot is None):
+        joints = [joint for joint in self.plan.scene.assemblies if switch.object_name in joint.parts]
+        if switch.action.attaches_to != "table" or (not joints and spot is None):
             return pins if joints else {}, True
-        others = [scene.things[joint.parts[joint.parts[0] == switch.thing]] for joint in joints]
+        others = [scene.objects[joint.parts[joint.parts[0] == switch.object_name]] for joint in joints]
         row = (number + 1) * self.motion.phases.slices
         for other in others if spot is None else ():
             if other.on == switch.table and not other.hand:
                 x, y, yaw = other.at
                 now, place = resting(scene.tables[other.on], other, x, y, np.radians(yaw), other.up)
-                was, goal = self._pose(other.name, row), self._pose(switch.thing, row)
+                was, goal = self._pose(other.name, row), self._pose(switch.object_name, row)
                 turn = now @ was.rotation.T
                 moved = TrackedPose(turn @ goal.rotation, place + turn @ (goal.position - was.position), 0.0)
                 spot = self._on(switch.table, moved)
@@ -263,7 +261,7 @@ class Planner:
 
     def _pose(self, name: str, row: int) -> TrackedPose:
         """Return where a row of the planned motion has an object."""
-        poses = self.motion.thing(name)
+        poses = self.motion.object_poses(name)
         return TrackedPose(poses.rotation[row], poses.position[row], 0.0)
 
     def anew(self, number: int, scene: Scene, start: Array, seconds: float, thorough: bool = False) -> Plan:
@@ -278,7 +276,7 @@ class Planner:
         """
         world, task = self.motion.world.with_scene(scene), task_of(scene)
         first = np.clip(start, world.lower, world.upper)
-        in_hand = any(thing.hand.startswith("human.") for thing in scene.things.values())
+        in_hand = any(thing.hand.startswith("human.") for thing in scene.objects.values())
         # How a part lies in the person's hand is settled: they put it down with whatever turn of the hand that takes.
         for there in (world, world.with_free_hands("human")) if in_hand else (world,):
             bounds = self._bounds(there, first, still=[hand for hand, _, _ in ModeSequence(there, ()).held_at_first])
@@ -311,7 +309,7 @@ class Planner:
         return self.motion.world.columns("human")
 
     def _things(self, number: int) -> Iterable[str]:
-        return [name for name in self.actions[number].arguments if name in self.plan.scene.things]
+        return [name for name in self.actions[number].arguments if name in self.plan.scene.objects]
 
     def _away(self, name: str, number: int, view: TrackedWorld) -> tuple[float, float]:
         """Return by how much [m, rad] an object is not where the planned motion of an action begins."""

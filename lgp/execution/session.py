@@ -259,7 +259,7 @@ class ExecutionRun:
         simulation = self.simulation
         if simulation is None or self.run.scatter <= 0.0:
             return
-        for name, thing in simulation.world.scene.things.items():
+        for name, thing in simulation.world.scene.objects.items():
             if not thing.hand:
                 half = np.array(simulation.world.scene.tables[thing.on].size) / 2.0
                 x, y = np.clip(np.array(thing.at[:2]) + rng.normal(0.0, self.run.scatter, 2), -half, half)
@@ -374,11 +374,11 @@ def _after(planner: Planner, number: int, phase: Phase) -> TrackedWorld:
     modes = ModeSequence(world, Phases.of(scene, (action,)).switches)
     kinematics = world.at(q[None], modes.frames)
     poses = {}
-    for name in scene.things:
+    for name in scene.objects:
         pose = modes.pose(name, 1, kinematics, phase.solution.variables)
         poses[name] = pose.rotation[0], pose.position[0]
     view = TrackedWorld(world)
-    closed = {thing.hand for thing in scene.things.values() if thing.hand and not thing.hand.startswith("human.")}
+    closed = {thing.hand for thing in scene.objects.values() if thing.hand and not thing.hand.startswith("human.")}
     for time in (0.0, view.tolerances.window):
         things = {name: TrackedPose(*pose, time) for name, pose in poses.items()}
         view.add(Observation(time, q, things, frozenset(closed)))

@@ -80,7 +80,7 @@ class SimulatedWorld:
 
     def gap(self, hand: str, name: str) -> float:
         """Return the distance [m] of a hand's grasping point from the box of an object."""
-        return box_gap(self._hand(hand).position, self.pose(name), self.world.scene.things[name])
+        return box_gap(self._hand(hand).position, self.pose(name), self.world.scene.objects[name])
 
     def take(self, hand: str, name: str) -> bool:
         """Let a hand take an object, from whoever has it; return whether it got hold of it."""
@@ -92,7 +92,7 @@ class SimulatedWorld:
     def put(self, name: str) -> None:
         """Let go of an object: it comes to rest, with its nearest side down, on what is under it."""
         pose, scene = self.pose(name), self.world.scene
-        thing = scene.things[name]
+        thing = scene.objects[name]
         low = pose.position[2] - half_height(thing, pose.rotation)
         under = [
             table for table in scene.tables.values() if on_top(table, pose.position) and table.height <= low + LEVEL
@@ -108,7 +108,7 @@ class SimulatedWorld:
 
     def lay(self, name: str, table: str, x: float, y: float) -> None:
         """Put an object on a table at x, y [m] of its top, turned as it is."""
-        top, thing = self.world.scene.tables[table], self.world.scene.things[name]
+        top, thing = self.world.scene.tables[table], self.world.scene.objects[name]
         _, _, yaw, up = on_table(top, self.pose(name))
         self.things[name] = Attachment("", *resting(top, thing, x, y, np.radians(yaw), up))
 
@@ -116,7 +116,7 @@ class SimulatedWorld:
         """Let closed grippers take what is in them, open ones let go."""
         scene = self.world.scene
         grippers = [hand for hand in scene.hands if scene.hands[hand].agent != "human"]
-        for name in scene.things:
+        for name in scene.objects:
             owner = self.things[name].hand
             if owner in grippers and owner not in self.robots.closed:
                 near = [hand for hand in scene.hands if hand not in grippers and self.gap(hand, name) <= GRASP]
@@ -124,7 +124,7 @@ class SimulatedWorld:
                     self.put(name)
         for hand in grippers:
             if hand in self.robots.closed and all(at.hand != hand for at in self.things.values()):
-                gaps = {name: self.gap(hand, name) for name in scene.things}
+                gaps = {name: self.gap(hand, name) for name in scene.objects}
                 nearest = min(gaps, key=lambda name: gaps[name], default="")
                 if nearest and self.things[nearest].hand not in grippers:
                     self.take(hand, nearest)
@@ -138,7 +138,7 @@ class SimulatedWorld:
         modes = ModeSequence(self.world, ())
         kinematics = self.world.at(self.q[None], modes.frames)
         found = {}
-        for name, thing in self.world.scene.things.items():
+        for name, thing in self.world.scene.objects.items():
             pose = modes.pose(name, 0, kinematics, np.zeros(0))
             at = TrackedPose(pose.rotation[0], pose.position[0], 0.0)
             held = in_hand(self._hand(thing.hand), at) if thing.hand else (at.rotation, at.position)

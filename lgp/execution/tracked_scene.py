@@ -40,7 +40,7 @@ def scene_now(scene: Scene, view: TrackedWorld, believed: AbstractSet[Atom], ato
         OutOfPlace: an object is lost, moves, or is neither in a hand nor on a table.
     """
     values: dict[str, Any] = copy.deepcopy(dict(scene.values))
-    for name in scene.things:
+    for name in scene.objects:
         values["objects"][name] = _placed(scene, view, name, carrier(view, name, believed), values["objects"][name])
     values["initial"] = [str(atom) for atom in atoms]
     return _joined(read_scene(values, scene.name), values)
@@ -104,8 +104,8 @@ def _joined(scene: Scene, values: dict[str, Any]) -> Scene:
 
     A screw asks for that, and nobody stands parts up to a fraction of a millimetre.
     """
-    for joint in scene.joints:
-        base, other = (scene.things[name] for name in joint.parts)
+    for joint in scene.assemblies:
+        base, other = (scene.objects[name] for name in joint.parts)
         if base.hand or other.hand or base.on != other.on or base.up != "z" or other.up != "z":
             continue
         table = scene.tables[base.on]

@@ -141,7 +141,7 @@ class TrackedWorld:
 
     def gap(self, hand: str, thing: str) -> float:
         """Return the distance [m] between the grasping point of a hand and the box of a seen object, 0 inside it."""
-        return box_gap(self.hand(hand).position, self.now.things[thing], self.world.scene.things[thing])
+        return box_gap(self.hand(hand).position, self.now.things[thing], self.world.scene.objects[thing])
 
     def watched(self, thing: str) -> bool:
         """Return whether an object was seen for long enough that rest can be told from movement."""
@@ -173,7 +173,7 @@ class TrackedWorld:
     def table_under(self, thing: str) -> str:
         """Return the full name of the table that a seen object lies on, "" if on none."""
         scene, sighting = self.world.scene, self.now.things[thing]
-        low = sighting.position[2] - half_height(scene.things[thing], sighting.rotation)
+        low = sighting.position[2] - half_height(scene.objects[thing], sighting.rotation)
         for name, table in scene.tables.items():
             if on_top(table, sighting.position) and abs(low - table.height) <= self.tolerances.level:
                 return name

@@ -10,6 +10,7 @@ from lgp.errors import LgpError
 from lgp.execution.retarget import Phase, Planner, Spot
 from lgp.execution.simulation import SimulatedWorld
 from lgp.execution.trajectory import JointTrajectory
+from lgp.kinematics.modes import ACTIONS
 from lgp.logic.task import Action
 
 CORRECTIONS = 3
@@ -112,7 +113,11 @@ class Worker:
         if planner is None or action is None or not self._hand(action):
             return phase
         spot = None
-        if action.name == "place" and self.habits.spot > 0.0 and not self._joined(action.arguments[1]):
+        if (
+            ACTIONS[action.name].attaches_to == "table"
+            and self.habits.spot > 0.0
+            and not self._joined(action.arguments[1])
+        ):
             x, y, yaw = planner.planned_spot(self._number)
             x, y = self.rng.normal((x, y), self.habits.spot)
             spot = Spot(float(x), float(y), yaw)
@@ -123,8 +128,8 @@ class Worker:
     def _joined(self, thing: str) -> bool:
         """Return whether a thing is put beside one that it is to be joined with, which leaves no choice."""
         scene, under = self.simulation.world.scene, self.simulation.view.table_under
-        others = [name for joint in scene.joints if thing in joint.parts for name in joint.parts if name != thing]
-        return any(under(name) not in ("", scene.things[name].on) for name in others)
+        others = [name for joint in scene.assemblies if thing in joint.parts for name in joint.parts if name != thing]
+        return any(under(name) not in ("", scene.objects[name].on) for name in others)
 
     def _arrive(self) -> None:
         """Do with the hand what the action wants of it, or reach again."""
@@ -132,13 +137,13 @@ class Worker:
         hand = "" if action is None else self._hand(action)
         if action is None or not hand:
             return
-        done = True
-        if action.name == "grasp":
+        done, kind = True, ACTIONS[action.name]
+        if kind.attaches_to == "hand" and not kind.given_by:
             done = self.simulation.take(hand, action.arguments[1])
-        elif action.name == "place":
+        elif kind.attaches_to == "table":
             if self.simulation.things[action.arguments[1]].hand == hand:
                 self.simulation.put(action.arguments[1])
-        elif action.name == "handover":
+        elif kind.attaches_to == "hand":
             done = self.simulation.gap(hand, action.arguments[1]) <= self.simulation.view.tolerances.reach
         if not done and self._tries < CORRECTIONS:
             self._tries += 1
@@ -161,7 +166,7 @@ class Worker:
     def _help(self, time: float) -> None:
         """Put back what has lain on the floor for a while, onto the table where it lay at first."""
         simulation = self.simulation
-        for name, thing in simulation.world.scene.things.items():
+        for name, thing in simulation.world.scene.objects.items():
             if simulation.things[name].hand or simulation.view.table_under(name):
                 self._floor_since.pop(name, None)
             elif time - self._floor_since.setdefault(name, time) > self.habits.help and not self.stuck:

@@ -70,7 +70,9 @@ def plan_run(
     world, ergonomics = _world_and_cost(cost, applied)
     scene = world.scene.draw_heights(np.random.default_rng([seed, run]))
     world = world.with_scene(scene)
-    start = world.start if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
+    start = (
+        world.initial_configuration if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
+    )
     rows, paths = [], []
     weights = Weights(ergonomics=applied.weight)
     options: dict[str, Any] = {"weights": weights, "start": start, "slices": slices, "collisions": collisions}
@@ -174,7 +176,7 @@ def _row(scene: Scene, plan: Plan) -> dict[str, Any]:
 def _table(scene: Scene, plan: Plan) -> str:
     """Table from which the human takes the screwdriver: the last it was placed on, else its initial one."""
     placed = [action.rstrip(")").split(", ")[-1] for action in plan.actions if action.startswith("place(")]
-    first = scene.things[GOAL_OBJECT].on
+    first = scene.objects[GOAL_OBJECT].on
     return (placed[-1] if placed else first).removeprefix("table.")
 
 

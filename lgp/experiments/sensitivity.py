@@ -95,7 +95,7 @@ def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
 def remarks(world: World) -> list[str]:
     """Properties of a scene that change the task or restrict its choices, one sentence each."""
     scene = world.scene
-    item = scene.things[GOAL_OBJECT]
+    item = scene.objects[GOAL_OBJECT]
     table = scene.tables[item.on]
     spot = np.array([[*table.position, table.height + item.size[2] / 2.0]])
     reached = {
@@ -130,7 +130,7 @@ def _overlaps(scene: Scene, tops: Sequence[Table]) -> list[str]:
 def _unreached(world: World, tops: Sequence[Table], agents: Mapping[str, set[str]]) -> list[str]:
     """Tables that an agent, given as name -> hands, does not reach at all of their heights."""
     notes = []
-    reached = reachability(world, starts=STARTS).somewhere().dropna(axis=1).astype(float)
+    reached = reachability(world, attempts=STARTS).any_reached().dropna(axis=1).astype(float)
     for agent, hands in agents.items():
         for top in tops:
             rows = [key for key in reached.index if key[0] in hands and key[1] == top.full]

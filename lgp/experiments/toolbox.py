@@ -159,7 +159,8 @@ def _plan_condition(
             break
         bounds.reconsider()
     best = best or plan
-    orders = {order: plan for order in ORDERS if (plan := best_of(bounds, task, visited, order)) is not None}
+    first_of_order = {order: best_of(bounds, task, visited, order) for order in ORDERS}
+    orders = {order: plan for order, plan in first_of_order.items() if plan is not None}
     infeasible: dict[str, str] = {}
     if collisions:
         bounds.collisions = True
@@ -222,7 +223,7 @@ def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[s
     first = plan.actions[0].rpartition(", ")[2].rstrip(")")
     mass = None
     if weight and len(orders) == len(ORDERS):
-        mass = break_even_mass(orders[PLACE_FIRST], orders[GRASP_FIRST], scene.things[first].mass, weight)
+        mass = break_even_mass(orders[PLACE_FIRST], orders[GRASP_FIRST], scene.objects[first].mass, weight)
     return {
         "actions": list(plan.actions),
         "published_actions": list(published.TOOLBOX_SEQUENCES[name]),
@@ -230,7 +231,7 @@ def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[s
         "cost": cost_terms(plan, weight),
         "orders": orders,
         "orders_lost": condition.infeasible_orders,
-        "first_part": {"name": first, "mass": scene.things[first].mass, "mass_for_place_first": mass},
+        "first_part": {"name": first, "mass": scene.objects[first].mass, "mass_for_place_first": mass},
         "rounds": condition.rounds,
         "sequences": condition.sequences,
         **scores_of(plan),

@@ -1,3 +1,3 @@
-"""The world of a plan: one human, robots, tables and objects, and everything a planner asks of their geometry."""
+"""Kinematics of human, robots and objects: frames, postures, attachments and modes, with derivatives."""
 
 from __future__ import annotations

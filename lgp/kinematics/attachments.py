@@ -1,4 +1,8 @@
-"""What can hold an object - a table at a known place, a table anywhere on its top, a hand - and the pose it gives."""
+"""Attachments of an object: fixed on a table or in a hand, placed on a table, held by a hand; and screws.
+
+An attachment is the parent of an object in the kinematic tree. It gives the pose of the object as a function of the
+configuration and of a few variables of its own, with both Jacobians.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +19,7 @@ from lgp.kinematics.features import (
     exponential_with_slope,
     logarithm,
     pose_difference,
+    rotation_about_z,
     skew,
 )
 from lgp.kinematics.world import Kinematics
@@ -22,7 +27,7 @@ from lgp.scene.model import Assembly, Hand, SceneObject, Table
 from reba.arrays import Array, Indices
 
 FREEDOM: dict[str, tuple[int, ...]] = {"free": (0, 1, 2), "axis": (2,), "jaw": (1,), "fixed": ()}
-"""Parts of the rotation vector in the hand that are variables."""
+"""Components of the rotation vector between hand and object that are variables."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +36,10 @@ class Pose:
 
     Attributes:
         rotation: (n, 3, 3).
-        position: (n, 3).
-        by_q: (n, 6, nq), linear then angular, world axes.
-        by_variables: (n, 6, m) by the m variables of what holds it.
-        variables: where these are in z.
+        position: (n, 3) [m].
+        by_q: Jacobian (n, 6, nq), linear then angular, world axes.
+        by_variables: Jacobian (n, 6, m) by the m variables of its attachment.
+        variables: the slice of z with these variables.
     """
 
     rotation: Array
@@ -45,11 +50,11 @@ class Pose:
 
     @property
     def jacobian(self) -> Array:
-        """The Jacobian by the configuration, as that of a frame."""
+        """The Jacobian by the configuration, as for a frame."""
         return self.by_q
 
-    def spread(self, size: int) -> FullPose:
-        """Return the same with one Jacobian (n, 6, nq + size) by the configuration and all variables."""
+    def with_all_variables(self, size: int) -> FullPose:
+        """Return the pose with one Jacobian (n, 6, nq + size) by the configuration and all variables z."""
         n, rows, nq = self.by_q.shape
         jacobian = np.zeros((n, rows, nq + size))
         jacobian[:, :, :nq] = self.by_q
@@ -59,7 +64,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class FullPose:
-    """A pose whose Jacobian is by the configuration and all variables of a sequence."""
+    """A pose whose Jacobian (n, 6, nq + nz) is by the configuration and all variables of a sequence."""
 
     rotation: Array
     position: Array
@@ -68,20 +73,20 @@ class FullPose:
 
 @dataclass(frozen=True)
 class Attachment:
-    """What holds an object over a stretch of phases.
+    """The hand or table that an object is attached to during some phases.
 
     Attributes:
-        by: full name of the hand or table.
-        names: of its variables.
+        parent: full name of the hand or table.
+        names: of its m variables.
         lower, upper: their bounds [m, rad].
-        variables: where they are in z.
-        pose: (kinematics of n slices, (m,) variables) -> Pose.
-        fit: (kinematics, (3, 3) rotation, (3,) position, slice) -> (m,) variables nearest to that pose.
-        slopes: (kinematics of one slice, (k, m) variables) -> (k, 6, m) Jacobians by the variables; None where these do
-            not change.
+        variables: their slice of z.
+        pose: (kinematics of n slices, variables (m,)) -> Pose.
+        fit: (kinematics, rotation (3, 3), position (3,), slice) -> variables (m,) of the nearest pose.
+        slopes: (kinematics of one slice, variables (k, m)) -> Jacobians (k, 6, m) by the variables; None where these
+            are constant.
     """
 
-    by: str
+    parent: str
     names: tuple[str, ...]
     lower: Array
     upper: Array
@@ -101,28 +106,30 @@ UPRIGHT: dict[str, Array] = {
     "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "z": np.eye(3),
 }
-"""Rotations of an object that rests with one of its axes upwards."""
+"""Rotation of an object that stands with the named axis upwards."""
 
 
-def resting(table: Table, thing: SceneObject, x: float, y: float, yaw: float, up: str = "z") -> tuple[Array, Array]:
-    """Return rotation (3, 3) and position (3,) of an object on a table at x, y [m], yaw [rad] of its top.
+def resting(
+    table: Table, scene_object: SceneObject, x: float, y: float, yaw: float, up: str = "z"
+) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and position (3,) [m] of an object on a table.
 
     Args:
         table: the table.
-        thing: the object.
-        x, y, yaw: where on the top.
+        scene_object: the object.
+        x, y, yaw: placement relative to the centre of the top [m, rad].
         up: axis of the object that points upwards.
     """
-    top = _about_z(np.radians(table.yaw))
+    top = rotation_about_z(np.radians(table.yaw))
     centre = np.array([*table.position, table.height])
-    half = thing.size["xyz".index(up)] / 2.0
-    return top @ _about_z(yaw) @ UPRIGHT[up], centre + top @ np.array([x, y, half])
+    half = scene_object.size["xyz".index(up)] / 2.0
+    return top @ rotation_about_z(yaw) @ UPRIGHT[up], centre + top @ np.array([x, y, half])
 
 
-def fixed_on(table: Table, thing: SceneObject) -> Attachment:
-    """Return the table an object lies on at first; nothing is variable."""
-    x, y, yaw = thing.at
-    rotation, position = resting(table, thing, x, y, np.radians(yaw), thing.up)
+def fixed_on(table: Table, scene_object: SceneObject) -> Attachment:
+    """Return the attachment to the table that an object is on initially, without variables."""
+    x, y, yaw = scene_object.at
+    rotation, position = resting(table, scene_object, x, y, np.radians(yaw), scene_object.up)
 
     def pose(kinematics: Kinematics, _: Array) -> Pose:
         n, nq = len(kinematics), kinematics.world.nq
@@ -140,13 +147,13 @@ def fixed_on(table: Table, thing: SceneObject) -> Attachment:
     return Attachment(table.full, (), np.zeros(0), np.zeros(0), slice(0, 0), pose, fit)
 
 
-def fixed_in(hand: Hand, thing: SceneObject) -> Attachment:
-    """Return the hand an object is in at first; nothing is variable."""
-    turn = exponential(np.radians(np.array(thing.in_hand[3:])))
-    offset = np.array(thing.in_hand[:3])
+def fixed_in(hand: Hand, scene_object: SceneObject) -> Attachment:
+    """Return the attachment to the hand that has an object initially, without variables."""
+    turn = exponential(np.radians(np.array(scene_object.in_hand[3:])))
+    offset = np.array(scene_object.in_hand[:3])
 
     def pose(kinematics: Kinematics, _: Array) -> Pose:
-        place = kinematics.place(hand.full)
+        place = kinematics.placement(hand.full)
         arm = place.rotation @ offset
         by_q = place.jacobian.copy()
         by_q[:, :3] -= skew(arm) @ place.jacobian[:, 3:]
@@ -159,17 +166,20 @@ def fixed_in(hand: Hand, thing: SceneObject) -> Attachment:
     return Attachment(hand.full, (), np.zeros(0), np.zeros(0), slice(0, 0), pose, fit)
 
 
-def placed(table: Table, thing: SceneObject, start: int) -> Attachment:
-    """Return a table that an object is put on: x, y anywhere on the top, any yaw (twice around: no yaw is a border)."""
-    margin = min(thing.size[:2]) / 2.0
+def placed(table: Table, scene_object: SceneObject, first_variable: int) -> Attachment:
+    """Return the attachment to a table where an object is placed: x, y on the top and yaw are variables.
+
+    Yaw spans two turns each way, so that no yaw is near a bound.
+    """
+    margin = min(scene_object.size[:2]) / 2.0
     reach = np.maximum(np.array(table.size) / 2.0 - margin, 0.0)
     lower, upper = np.array([*-reach, -2.0 * np.pi]), np.array([*reach, 2.0 * np.pi])
-    variables = slice(start, start + 3)
-    top = _about_z(np.radians(table.yaw))
+    variables = slice(first_variable, first_variable + 3)
+    top = rotation_about_z(np.radians(table.yaw))
 
     def pose(kinematics: Kinematics, z: Array) -> Pose:
         n, nq = len(kinematics), kinematics.world.nq
-        rotation, position = resting(table, thing, *z)
+        rotation, position = resting(table, scene_object, *z)
         by_variables = np.zeros((n, 6, 3))
         by_variables[:, :3, :2] = top[:, :2]
         by_variables[:, 5, 2] = 1.0
@@ -189,21 +199,21 @@ def placed(table: Table, thing: SceneObject, start: int) -> Attachment:
     return Attachment(table.full, ("x", "y", "yaw"), lower, upper, variables, pose, fit)
 
 
-def held(hand: Hand, thing: SceneObject, start: int) -> Attachment:
-    """Return a hand that holds an object: turned as its freedom allows, slid along the longest side of the object.
+def held(hand: Hand, scene_object: SceneObject, first_variable: int) -> Attachment:
+    """Return the attachment to a hand: rotation as its freedom allows, offset along the longest side of the object.
 
-    Where and from where it takes the object is the `Grip` of its kind.
+    The grip of the hand's kind gives the grasping point and the direction of approach.
     """
-    grip = thing.grip(hand.kind)
+    grip = scene_object.grip(hand.kind)
     turns = list(FREEDOM[hand.freedom])
     slides = grip.slide > 0.0
-    side, at, facing = np.eye(3)[int(np.argmax(thing.size))], np.array(grip.at), _facing(np.array(grip.along))
+    side, at, facing = np.eye(3)[int(np.argmax(scene_object.size))], np.array(grip.at), _facing(np.array(grip.along))
     names = tuple(f"turn_{'xyz'[part]}" for part in turns) + (("slide",) if slides else ())
     upper = np.array([np.pi] * len(turns) + [grip.slide] * slides)
-    variables = slice(start, start + len(names))
+    variables = slice(first_variable, first_variable + len(names))
 
     def moved(place: Array, z: Array) -> tuple[Array, Array, Array]:
-        """Return rotation (n, 3, 3), arm (n, 3), slopes (n, 6, m) of n hands (n, 3, 3), or of one and n grips."""
+        """Return rotation (n, 3, 3), offset (n, 3) and slopes (n, 6, m) for n hands, or one hand and n variables."""
         vector = np.zeros((*z.shape[:-1], 3))
         vector[..., turns] = z[..., : len(turns)]
         turn, slope = exponential_with_slope(vector)
@@ -219,17 +229,17 @@ def held(hand: Hand, thing: SceneObject, start: int) -> Attachment:
         return rotation, arm, by_variables
 
     def pose(kinematics: Kinematics, z: Array) -> Pose:
-        place = kinematics.place(hand.full)
+        place = kinematics.placement(hand.full)
         rotation, arm, by_variables = moved(place.rotation, z)
         by_q = place.jacobian.copy()
         by_q[:, :3] -= skew(arm) @ place.jacobian[:, 3:]
         return Pose(rotation, place.position + arm, by_q, by_variables, variables)
 
     def slopes(kinematics: Kinematics, z: Array) -> Array:
-        return moved(kinematics.place(hand.full).rotation, z)[2]
+        return moved(kinematics.placement(hand.full).rotation, z)[2]
 
     def fit(kinematics: Kinematics, rotation: Array, position: Array, slice_: int) -> Array:
-        place = kinematics.place(hand.full)
+        place = kinematics.placement(hand.full)
         vector = logarithm(place.rotation[slice_].T @ rotation @ facing.T)
         point = rotation.T @ (place.position[slice_] - position) - at
         return np.clip([*vector[turns], *([float(point @ side)] if slides else [])], -upper, upper)
@@ -238,9 +248,9 @@ def held(hand: Hand, thing: SceneObject, start: int) -> Attachment:
 
 
 def _facing(along: Array) -> Array:
-    """Return the rotation (3, 3) of an object in a hand whose variables are 0: its (3,) `along` is the hand's z.
+    """Return the rotation (3, 3) of an object in the hand at zero variables: its direction `along` is the hand's z.
 
-    The hand's x is the object's x as far as that goes, so that a hand from above has diag(1, -1, -1).
+    The hand's x is the projection of the object's x, so that an approach from above has diag(1, -1, -1).
     """
     x = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
     x = x - (x @ along) * along
@@ -248,31 +258,26 @@ def _facing(along: Array) -> Array:
     return np.stack([x, np.cross(along, x), along])
 
 
-def _about_z(angle: float) -> Array:
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-
-
-FASTENING_UPRIGHT = (0, 1, 5)
-"""Rows of a pose difference that matter where both objects stand on tables of one height: x, y and yaw."""
+PLANAR_ROWS = (0, 1, 5)
+"""Rows x, y and yaw of a pose difference: the only ones that vary where both objects stand on tables."""
 SMALL = 1e-3
-"""Sine below which its series stands for an angle."""
+"""Sine below which an angle is computed by its series; the error is of order sine^4."""
 LEVEL = 1e-9
-"""[m, rad] Differences below this count as standing alike."""
+"""[m, rad] Rounding of pose differences: smaller ones count as zero."""
 
 
 @dataclass(frozen=True)
 class ScrewConstraint:
-    """A screw between two objects.
+    """The constraint of a screw between two objects: both stand as assembled, the tool is on the screw and aligned.
 
     Attributes:
-        joint: how they are joined.
-        hand: that has the tool.
-        first, second: what holds the parts of the joint, in their order.
-        size: number of all variables of the sequence.
+        assembly: relative pose of the parts, position and direction of the screw.
+        hand: the hand with the tool.
+        first, second: attachments of the parts, in the order of the assembly.
+        size: number of all variables nz of the sequence.
     """
 
-    joint: Assembly
+    assembly: Assembly
     hand: Hand
     first: Attachment
     second: Attachment
@@ -280,78 +285,81 @@ class ScrewConstraint:
 
     @property
     def tool_axis(self) -> int:
-        """Axis of the hand along which its tool points: the fingers (x) of a human, the approach (z) of others."""
+        """Axis of the hand along which the tool points: fingers (x) of a human, approach (z) of a robot."""
         return 0 if self.hand.agent == "human" else 2
 
     @property
     def variables(self) -> Indices:
-        """Which variables of the sequence the parts stand by."""
-        own = [np.arange(holder.variables.start, holder.variables.stop) for holder in (self.first, self.second)]
+        """Indices in z of the variables of both attachments."""
+        own = [np.arange(part.variables.start, part.variables.stop) for part in (self.first, self.second)]
         return np.unique(np.concatenate(own)).astype(np.intp)
 
-    def apart(self, kinematics: Kinematics, z: Array) -> Feature:
-        """Return how far the second part is from where it is joined, (n, 6) [m, rad], by (q, z)."""
-        first, second = (holder.pose(kinematics, z[holder.variables]) for holder in (self.first, self.second))
-        base = first.spread(self.size)
-        rotation = base.rotation @ exponential(np.array([0.0, 0.0, np.radians(self.joint.yaw)]))
-        position, jacobian = _point(base, np.array(self.joint.position))
-        wanted = FullPose(rotation, position, np.concatenate([jacobian, base.jacobian[:, 3:]], axis=1))
-        return pose_difference(second.spread(self.size), wanted)
+    def assembly_error(self, kinematics: Kinematics, z: Array) -> Feature:
+        """Return the pose of the second part relative to its assembled pose, (n, 6) [m, rad], by (q, z)."""
+        first, second = (part.pose(kinematics, z[part.variables]) for part in (self.first, self.second))
+        base = first.with_all_variables(self.size)
+        rotation = base.rotation @ exponential(np.array([0.0, 0.0, np.radians(self.assembly.yaw)]))
+        position, jacobian = _point(base, np.array(self.assembly.position))
+        assembled = FullPose(rotation, position, np.concatenate([jacobian, base.jacobian[:, 3:]], axis=1))
+        return pose_difference(second.with_all_variables(self.size), assembled)
 
     def rows(self, kinematics: Kinematics) -> tuple[int, ...]:
-        """Return which rows of `apart` to keep: those of `UPRIGHT` where the others are 0 anyway."""
-        apart = self.apart(kinematics, np.zeros(self.size))
-        others = [row for row in range(6) if row not in FASTENING_UPRIGHT]
-        level = not apart.jacobian[:, others].any() and np.abs(apart.value[:, others]).max() < LEVEL
-        return FASTENING_UPRIGHT if level else tuple(range(6))
+        """Return the rows of `assembly_error` to constrain: `PLANAR_ROWS` where the others are always 0, else all."""
+        error = self.assembly_error(kinematics, np.zeros(self.size))
+        others = [row for row in range(6) if row not in PLANAR_ROWS]
+        level = not error.jacobian[:, others].any() and np.abs(error.value[:, others]).max() < LEVEL
+        return PLANAR_ROWS if level else tuple(range(6))
 
-    def reach(self, kinematics: Kinematics, z: Array) -> Feature:
-        """Return how far the hand is from its place behind the screw [m] and from its axis [rad], (n, 5), by (q, z).
+    def tool_error(self, kinematics: Kinematics, z: Array) -> Feature:
+        """Return the error of the tool, (n, 5), by (q, z): position behind the screw [m], angle to its axis [rad].
 
-        The last two values are the rotation vector from the tool to the screw, about the axes across the tool.
+        The angle is a rotation vector from tool to screw, two components across the tool.
         """
-        part = self.first.pose(kinematics, z[self.first.variables]).spread(self.size)
-        place = kinematics.place(self.hand.full)
-        nothing = np.zeros((len(kinematics), 6, 0))
-        hand = Pose(place.rotation, place.position, place.jacobian, nothing, slice(0, 0)).spread(self.size)
-        along, by_along = _direction(part, np.array(self.joint.along))
-        behind, by_behind = _point(part, np.array(self.joint.screw) - self.joint.tool * np.array(self.joint.along))
-        slant, by_slant = _slant(*_seen(hand, along, by_along), self.tool_axis)
+        part = self.first.pose(kinematics, z[self.first.variables]).with_all_variables(self.size)
+        place = kinematics.placement(self.hand.full)
+        no_variables = np.zeros((len(kinematics), 6, 0))
+        hand = Pose(place.rotation, place.position, place.jacobian, no_variables, slice(0, 0))
+        hand_pose = hand.with_all_variables(self.size)
+        along, by_along = _direction(part, np.array(self.assembly.along))
+        behind, by_behind = _point(
+            part, np.array(self.assembly.screw) - self.assembly.tool * np.array(self.assembly.along)
+        )
+        misalignment, by_misalignment = _misalignment(*_in_axes_of(hand_pose, along, by_along), self.tool_axis)
         return Feature(
-            np.concatenate([hand.position - behind, slant], axis=1),
-            np.concatenate([hand.jacobian[:, :3] - by_behind, by_slant], axis=1),
+            np.concatenate([hand_pose.position - behind, misalignment], axis=1),
+            np.concatenate([hand_pose.jacobian[:, :3] - by_behind, by_misalignment], axis=1),
         )
 
     def curvature(self, kinematics: Kinematics, z: Array, y: Array) -> Array:
-        """Return sum_i y_i d2 reach_i by the configuration near an aligned tool, (n, nq, nq), for (5,) weights."""
-        hand = kinematics.place(self.hand.full)
-        part = self.first.pose(kinematics, z[self.first.variables]).spread(self.size)
-        along, _ = _direction(part, np.array(self.joint.along))
-        bend = features.position_curvature(hand.jacobian, np.broadcast_to(y[:3], (len(kinematics), 3)))
+        """Return sum_i y_i d2 tool_error_i by the configuration (n, nq, nq) at an aligned tool, for weights y (5,)."""
+        hand = kinematics.placement(self.hand.full)
+        part = self.first.pose(kinematics, z[self.first.variables]).with_all_variables(self.size)
+        along, _ = _direction(part, np.array(self.assembly.along))
+        hessian = features.position_curvature(hand.jacobian, np.broadcast_to(y[:3], (len(kinematics), 3)))
         for weight, axis in zip(y[3:], _across(self.tool_axis), strict=True):
-            bend = bend + features.axis_curvature(hand.jacobian, hand.axis(axis), weight * along)
-        return bend
+            hessian = hessian + features.axis_curvature(hand.jacobian, hand.axis(axis), weight * along)
+        return hessian
 
 
 def _across(axis: int) -> tuple[int, ...]:
     return tuple(other for other in range(3) if other != axis)
 
 
-def _seen(hand: FullPose, along: Array, by_along: Array) -> tuple[Array, Array]:
-    """Return a direction (n, 3) in the frame of a hand, and its Jacobian (n, 3, columns)."""
+def _in_axes_of(hand: FullPose, along: Array, by_along: Array) -> tuple[Array, Array]:
+    """Return a direction (n, 3) in the axes of a hand, and its Jacobian (n, 3, columns)."""
     inverse = np.swapaxes(hand.rotation, 1, 2)
     # d(R'a) = R'(da - omega x a)
     return np.einsum("nij,nj->ni", inverse, along), inverse @ (by_along - cross(hand.jacobian[:, 3:], along))
 
 
-def _slant(seen: Array, by_seen: Array, axis: int) -> tuple[Array, Array]:
-    """Return the angle between an axis and a unit direction as two parts (n, 2) [rad], and its Jacobian.
+def _misalignment(direction: Array, by_direction: Array, axis: int) -> tuple[Array, Array]:
+    """Return the angle from an axis to a unit direction as two components (n, 2) [rad], and its Jacobian.
 
-    The parts are those of the direction across the axis, scaled from the sine to the angle: 0 where both agree only.
+    They are the components of the direction across the axis, scaled from sine to angle: 0 only where both agree.
     """
     sides = list(_across(axis))
-    across, by_across = seen[:, sides], by_seen[:, sides]
-    cosine, by_cosine = seen[:, axis], by_seen[:, axis]
+    across, by_across = direction[:, sides], by_direction[:, sides]
+    cosine, by_cosine = direction[:, axis], by_direction[:, axis]
     sine = np.linalg.norm(across, axis=1)
     half_square = np.einsum("ni,nij->nj", across, by_across)
     small = (sine < SMALL) & (cosine > 0.0)
@@ -367,12 +375,12 @@ def _slant(seen: Array, by_seen: Array, axis: int) -> tuple[Array, Array]:
 
 
 def _point(base: FullPose, point: Array) -> tuple[Array, Array]:
-    """Return the place (n, 3) of a point of an object and its Jacobian (n, 3, columns)."""
+    """Return the position (n, 3) of a point fixed to an object and its Jacobian (n, 3, columns)."""
     arm = base.rotation @ point
     return base.position + arm, base.jacobian[:, :3] + cross(base.jacobian[:, 3:], arm)
 
 
 def _direction(base: FullPose, vector: Array) -> tuple[Array, Array]:
-    """Return a direction (n, 3) that turns with an object and its Jacobian (n, 3, columns)."""
+    """Return a direction (n, 3) fixed to an object and its Jacobian (n, 3, columns)."""
     turned = base.rotation @ vector
     return turned, cross(base.jacobian[:, 3:], turned)

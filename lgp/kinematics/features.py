@@ -1,9 +1,9 @@
-"""Features: what constraints are made of, as values and Jacobians for a batch of slices.
+"""Kinematic features that constraints are made of, as values and Jacobians for a batch of slices.
 
-Each takes placements (`model.Place` of a frame, `switches.Pose` of an object: rotation, position and Jacobians in world
-axes) and returns a `Feature`. Curvature of positions and directions comes from the Jacobian alone: behind joint a every
-later motion b of a chain turns with it, so the second derivative of a point is omega_a x v_b (Siciliano et al. 2009,
-Robotics, section 3.1).
+Each feature takes placements (`FramePlacement` of a frame, `Pose` of an object: rotation, position and Jacobian in
+world axes) and returns a `Feature`. The curvature of positions and directions follows from the Jacobian: joint a turns
+the velocity of every later joint b of the chain, so the second derivative of a point is omega_a x v_b (Siciliano et al.
+2009, Robotics, section 3.1).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from reba.arrays import Array
 
 
 class Placement(Protocol):
-    """Something with a pose: rotation (n, 3, 3), position (n, 3), Jacobian (n, 6, columns)."""
+    """A pose with rotation (n, 3, 3), position (n, 3) [m] and Jacobian (n, 6, columns)."""
 
     @property
     def rotation(self) -> Array: ...
@@ -31,7 +31,7 @@ class Placement(Protocol):
 
 @dataclass(frozen=True)
 class Feature:
-    """Values (n, m) and their Jacobian (n, m, columns)."""
+    """A feature of m values (n, m) and its Jacobian (n, m, columns)."""
 
     value: Array
     jacobian: Array
@@ -75,9 +75,9 @@ def pose(place: Placement, rotation: Array, target: Array) -> Feature:
 
 
 def pose_difference(first: Placement, second: Placement) -> Feature:
-    """Return how far the first pose is from the second, (n, 6): metres, then a rotation vector [rad].
+    """Return the first pose relative to the second, (n, 6): displacement [m], then a rotation vector [rad].
 
-    Both Jacobians must have the same columns. The rotation vector has a kink at half a turn.
+    Both Jacobians must have the same columns. The rotation vector is not differentiable at half a turn.
     """
     turn = logarithm(np.swapaxes(second.rotation, 1, 2) @ first.rotation)
     relative = first.jacobian[:, 3:] - second.jacobian[:, 3:]
@@ -107,14 +107,14 @@ def axis_curvature(jacobian: Array, direction: Array, weights: Array) -> Array:
 
 
 def _symmetric(product: Array) -> Array:
-    """Keep what the earlier joint does to the later one, for both orders."""
+    """Mirror the upper triangle: the derivative by joints (a, b) is that of a, the earlier one, acting on b."""
     upper = np.triu(product)
     return upper + np.swapaxes(np.triu(product, 1), 1, 2)
 
 
 IDENTITY = np.eye(3)
 SMALL = 1e-4
-"""[rad] Below this angle the series are exact to rounding."""
+"""[rad] Below this angle the Taylor series are exact to rounding."""
 
 
 def skew(vectors: Array) -> Array:
@@ -146,7 +146,7 @@ def exponential(vectors: Array) -> Array:
 def exponential_with_slope(vectors: Array) -> tuple[Array, Array]:
     """Return the rotations as `exponential` does, and the left Jacobians.
 
-    These are (..., 3, 3) matrices from a change of (..., 3) rotation vectors to the turn it makes, in outer axes.
+    The left Jacobian (..., 3, 3) maps a change of the rotation vector to the rotation it causes, in outer axes.
     """
     squared = np.einsum("...i,...i->...", vectors, vectors)[..., None, None]
     angle = np.sqrt(squared)
@@ -158,6 +158,12 @@ def exponential_with_slope(vectors: Array) -> tuple[Array, Array]:
     cross = skew(vectors)
     twice = cross @ cross
     return IDENTITY + first * cross + second * twice, IDENTITY + second * cross + third * twice
+
+
+def rotation_about_z(angle: float) -> Array:
+    """Return the rotation (3, 3) about z by an angle [rad]."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def logarithm(rotations: Array) -> Array:
@@ -177,7 +183,7 @@ def logarithm(rotations: Array) -> Array:
     out = factor[..., None] * sine
     turned = (twice < 2.0 * SMALL) & (trace < 0.0)
     if np.any(turned):
-        # Half a turn: the axis is the column of R + 1 that is longest.
+        # At half a turn R + 1 = 2 a a', so its longest column gives the axis a.
         both = rotations[turned] + IDENTITY
         longest = np.argmax(np.linalg.norm(both, axis=-2), axis=-1)
         axis = np.take_along_axis(both, longest[:, None, None], axis=-1)[..., 0]
@@ -188,7 +194,7 @@ def logarithm(rotations: Array) -> Array:
 
 
 def inverse_right_jacobian(vectors: Array) -> Array:
-    """Return (..., 3, 3) matrices that map a turn in inner axes to the change of (..., 3) rotation vectors."""
+    """Return (..., 3, 3) matrices from a rotation in inner axes to the change of the (..., 3) rotation vectors."""
     angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
     safe = np.maximum(angle, SMALL)
     half = safe / 2.0

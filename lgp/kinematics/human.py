@@ -1,7 +1,7 @@
-"""The human: joints, limits and frames from a table of body measures, as a Pinocchio model.
+"""The human as a Pinocchio model: joints, limits and frames from the table of body measures.
 
-Joint names and senses are those of human.urdf (`human_36dof_ISB_model`), so that recordings and plans share them; five
-joints of the pelvis against the place where the person stands come before them.
+Joint names and senses are those of human.urdf (`human_36dof_ISB_model`), which recordings use as well. Five joints come
+first: position (x, y, z), yaw and tilt of the pelvis relative to the standing position.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ if TYPE_CHECKING:
     import pinocchio as pin
 
 ISB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Axes x forward, y up, z right (ISB) in those of the world: x forward, y left, z up."""
+"""Rotation from ISB axes (x forward, y up, z right) to world axes (x forward, y left, z up)."""
 HAND = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Axes of a hand frame in the hand's ISB axes: x along the fingers, z out of the palm."""
+"""Axes of a hand frame in the ISB axes of the hand: x along the fingers, z out of the palm."""
 AXES = {"hand": HAND, "world": ISB.T}
 LEGS = ("hip_Z", "hip_X", "hip_Y", "knee_Z", "ankle_Z", "ankle_X")
 """Joints of a leg, from the hip down."""
+PRISMATIC = ("pelvis_x", "pelvis_y", "pelvis_z")
+"""Joints in metres; all others are in radians."""
 
 
 @dataclass(frozen=True)
@@ -33,19 +35,16 @@ class BodyJoint:
     """One joint of the human.
 
     Attributes:
-        name: joint name.
-        after: name of the joint it hangs from, "" for the ground.
-        at: (3,) place in the frame of that joint [m].
-        slide: whether it slides instead of turning.
-        axis: (3,) axis.
-        lower: limit [rad] or [m].
-        upper: limit [rad] or [m].
+        parent: name of the joint before it, "" for the floor.
+        position: (3,) in the frame of that joint [m].
+        axis: (3,) unit vector in ISB axes; in world axes for the pelvis.
+        lower, upper: limits [rad], [m] for a prismatic joint.
     """
 
     name: str
-    after: str
-    at: Array
-    slide: bool
+    parent: str
+    position: Array
+    prismatic: bool
     axis: Array
     lower: float
     upper: float
@@ -54,22 +53,22 @@ class BodyJoint:
 def joints(stature: float, sex: str) -> tuple[BodyJoint, ...]:
     """Return the joints of a human, parents first: pelvis, spine, left and right arm, left and right leg."""
     measures = lengths(stature, sex)
-    found: list[BodyJoint] = []
+    body: list[BodyJoint] = []
     standing = np.array([0.0, 0.0, measures["ankle_height"] + measures["shank"] + measures["thigh"]])
     for limb in _limbs():
-        sided = "{side}" in limb[0]["name"]
-        for side in SIDES if sided else ("right",):
+        is_sided = "{side}" in limb[0]["name"]
+        for side in SIDES if is_sided else ("right",):
             previous = ""
             for entry in limb:
-                after = _sided(entry.get("after", previous), side)
-                at = standing if not found else _place(entry, measures, side)
-                found.append(_joint(entry, after, at, side))
-                previous = found[-1].name
-    return tuple(found)
+                parent = sided(entry.get("after", previous), side)
+                position = _position(entry, measures, side) if body else standing
+                body.append(_joint(entry, parent, position, side))
+                previous = body[-1].name
+    return tuple(body)
 
 
 def _limbs() -> list[list[dict[str, Any]]]:
-    """Return the joints of the table in chains; a new chain starts where `after` is given."""
+    """Return the joints of the table as chains; an entry with `after` starts a new chain."""
     chains: list[list[dict[str, Any]]] = [[]]
     for entry in table()["joints"]:
         if "after" in entry:
@@ -78,34 +77,34 @@ def _limbs() -> list[list[dict[str, Any]]]:
     return chains
 
 
-def _joint(entry: dict[str, Any], after: str, at: Array, side: str) -> BodyJoint:
+def _joint(entry: dict[str, Any], parent: str, position: Array, side: str) -> BodyJoint:
     axis = np.zeros(3)
     direction = entry["axis"].removeprefix("slide ")
     axis["xyz".index(direction[1])] = -1.0 if direction[0] == "-" else 1.0
-    slide = entry["axis"].startswith("slide")
-    lower, upper = entry["limits"] if slide else np.radians(entry["limits"])
+    prismatic = entry["axis"].startswith("slide")
+    lower, upper = entry["limits"] if prismatic else np.radians(entry["limits"])
     if side == "left":
         axis = axis * (-1.0, -1.0, 1.0)
-    return BodyJoint(
-        _sided(entry["name"], side), PELVIS if after == "pelvis" else after, at, slide, axis, float(lower), float(upper)
-    )
+    parent = PELVIS if parent == "pelvis" else parent
+    return BodyJoint(sided(entry["name"], side), parent, position, prismatic, axis, float(lower), float(upper))
 
 
 PELVIS = "pelvis_tilt"
-"""The last joint of the pelvis: what spine and legs hang from."""
+"""The last joint of the pelvis, parent of spine and legs."""
 
 
-def _sided(name: str, side: str) -> str:
+def sided(name: str, side: str) -> str:
+    """Return a name of the table for one side: `{side}_knee_Z` for "left" is `left_knee_Z`."""
     return name.replace("{side}", side)
 
 
-def _place(entry: dict[str, Any], measures: dict[str, float], side: str, key: str = "at") -> Array:
-    """Return (3,) from three sums of named measures such as "xiphoid - lumbar"."""
-    place = np.array([_sum(text, measures) for text in entry.get(key, ("0", "0", "0"))])
-    return place * (1.0, 1.0, -1.0) if side == "left" else place
+def _position(entry: dict[str, Any], measures: dict[str, float], side: str, key: str = "at") -> Array:
+    """Return (3,) [m] from three sums of named body measures such as "xiphoid - lumbar", mirrored on the left."""
+    position = np.array([_length(text, measures) for text in entry.get(key, ("0", "0", "0"))])
+    return position * (1.0, 1.0, -1.0) if side == "left" else position
 
 
-def _sum(text: str, measures: dict[str, float]) -> float:
+def _length(text: str, measures: dict[str, float]) -> float:
     total, sign = 0.0, 1.0
     for word in text.split():
         if word in "+-":
@@ -116,9 +115,9 @@ def _sum(text: str, measures: dict[str, float]) -> float:
 
 
 def human_model(stature: float, sex: str) -> pin.Model:
-    """Return the Pinocchio model: 41 joints, frames `left_hand` ... `left_sole` ... `head`; no inertia.
+    """Return the kinematic model (no inertia): 41 joints, frames `left_hand` ... `left_sole` ... `head`.
 
-    The model stands at the origin and faces x; all axes of the body are ISB (x forward, y up, z right).
+    It stands at the origin and faces x; segments have ISB axes (x forward, y up, z right).
     """
     import pinocchio as pin
 
@@ -126,36 +125,36 @@ def human_model(stature: float, sex: str) -> pin.Model:
     model.name = "human"
     index = {"": 0}
     for joint in joints(stature, sex):
-        kind = pin.JointModelPrismaticUnaligned if joint.slide else pin.JointModelRevoluteUnaligned
-        # The pelvis moves in the axes of the world; everything it carries has those of the body.
-        turn = ISB if joint.after == PELVIS else np.eye(3)
-        at = pin.SE3(turn, turn @ joint.at)
-        number = model.addJoint(index[joint.after], kind(joint.axis), at, joint.name)
+        kind = pin.JointModelPrismaticUnaligned if joint.prismatic else pin.JointModelRevoluteUnaligned
+        # The pelvis moves in world axes; its children have ISB axes.
+        axes = ISB if joint.parent == PELVIS else np.eye(3)
+        placement = pin.SE3(axes, axes @ joint.position)
+        number = model.addJoint(index[joint.parent], kind(joint.axis), placement, joint.name)
         index[joint.name] = number
         model.lowerPositionLimit[model.joints[number].idx_q] = joint.lower
         model.upperPositionLimit[model.joints[number].idx_q] = joint.upper
         model.addJointFrame(number)
-    for name, after, at, rotation in frames(stature, sex):
-        parent = model.getFrameId(after)
-        model.addFrame(pin.Frame(name, index[after], parent, pin.SE3(rotation, at), pin.FrameType.OP_FRAME))
+    for name, parent, position, rotation in frames(stature, sex):
+        placement = pin.SE3(rotation, position)
+        model.addFrame(pin.Frame(name, index[parent], model.getFrameId(parent), placement, pin.FrameType.OP_FRAME))
     return model
 
 
 def frames(stature: float, sex: str) -> list[tuple[str, str, Array, Array]]:
-    """Return the named frames: name, joint it moves with, (3,) place and (3, 3) axes in that joint's frame."""
+    """Return the named frames: name, parent joint, position (3,) [m] and axes (3, 3) in the frame of that joint."""
     measures = lengths(stature, sex)
     return [
-        (_sided(entry["name"], side), _sided(entry["after"], side), _place(entry, measures, side), AXES[entry["axes"]])
+        (sided(entry["name"], side), sided(entry["after"], side), _position(entry, measures, side), AXES[entry["axes"]])
         for entry in table()["frames"]
         for side in (SIDES if "{side}" in entry["name"] else ("right",))
     ]
 
 
 class Capsule(NamedTuple):
-    """A body for collisions: from a joint to `end` (3,) [m] in its frame; `reaches`: it may meet the other limbs."""
+    """A capsule for collisions, from a joint to `end` (3,) [m] in its frame; `reaches`: it can touch other limbs."""
 
     name: str
-    after: str
+    parent: str
     end: Array
     radius: float
     limb: str
@@ -163,15 +162,15 @@ class Capsule(NamedTuple):
 
 
 def capsules(stature: float, sex: str) -> list[Capsule]:
-    """Return the bodies for collisions."""
+    """Return the collision capsules of a human."""
     measures = lengths(stature, sex)
     return [
         Capsule(
-            _sided(name, side),
-            _sided(entry["after"], side),
-            _place(entry, measures, side, "to"),
+            sided(name, side),
+            sided(entry["after"], side),
+            _position(entry, measures, side, "to"),
             entry["radius"] * stature / 1.75,
-            _sided(entry["limb"], side),
+            sided(entry["limb"], side),
             entry.get("reaches", False),
         )
         for name, entry in table()["capsules"].items()

@@ -1,22 +1,22 @@
-"""Legs of a standing person: the joint angles that keep both feet where they are, for any pose of the pelvis.
+"""Closed-form inverse kinematics of the legs of a standing person, for any pose of the pelvis and fixed soles.
 
-`legs` gives all joints, `knees` what an optimiser needs of them: knee angles and how far a leg is from straight.
-Closed form: the distance of hip and ankle gives the knee, the direction of the hip seen from the foot the ankle, and
-what is left of the rotation the hip.
+`solve_legs` returns all leg joints, `knees` knee flexion and leg reach with derivatives for the optimiser. The distance
+of hip and ankle determines the knee (law of cosines), the direction of the hip in the axes of the foot the ankle, and
+the remaining rotation the hip.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from lgp.kinematics.human import ISB, LEGS, _sided
+from lgp.kinematics.human import ISB, LEGS, sided
 from lgp.scene.body_measures import lengths, table
 from reba.arrays import Array
 from reba.posture.columns import SIDES
 
 
 def solve_legs(pelvis: Array, stature: float, sex: str) -> tuple[dict[str, Array], Array]:
-    """Return the leg joints that keep the soles where they stand when every joint is 0.
+    """Return the leg joints that keep the soles in the pose they have when every joint is 0.
 
     Args:
         pelvis: (n, 5) pelvis_x, pelvis_y, pelvis_z [m], pelvis_yaw, pelvis_tilt [rad].
@@ -24,10 +24,10 @@ def solve_legs(pelvis: Array, stature: float, sex: str) -> tuple[dict[str, Array
         sex: "male" or "female".
 
     Returns:
-        Joint name -> (n,) angle [rad], and (n, 2) by how much [m] the left and right hip are farther from the ankle
-        than the leg is long; where that is positive the knee is straight and the sole leaves its place.
+        Joint name -> (n,) angle [rad], and (n, 2) by how much [m] the distance of hip and ankle exceeds the length of
+        the left and right leg; where positive the knee is straight and the sole leaves its place.
 
-    >>> angles, beyond = legs(np.zeros((1, 5)), 1.75, "male")
+    >>> angles, beyond = solve_legs(np.zeros((1, 5)), 1.75, "male")
     >>> bool(abs(angles["left_knee_Z"][0]) < 1e-6 and beyond.max() < 1e-9)
     True
     """
@@ -35,42 +35,40 @@ def solve_legs(pelvis: Array, stature: float, sex: str) -> tuple[dict[str, Array
     thigh, shank = measures["thigh"], measures["shank"]
     body = _rotation(pelvis[:, 3], pelvis[:, 4]) @ ISB
     centre = pelvis[:, :3] + np.array([0.0, 0.0, measures["ankle_height"] + shank + thigh])
-    found: dict[str, Array] = {}
+    joints: dict[str, Array] = {}
     beyond = np.empty((len(pelvis), 2))
     for number, side in enumerate(SIDES):
         out = measures["half_hips"] * (1.0 if side == "right" else -1.0)
-        hip = centre + body @ np.array([0.0, 0.0, out])
+        hip_centre = centre + body @ np.array([0.0, 0.0, out])
         ankle = np.array([0.0, -out, measures["ankle_height"]])
-        seen = (hip - ankle) @ ISB
-        distance = np.linalg.norm(seen, axis=1)
+        from_ankle = (hip_centre - ankle) @ ISB
+        distance = np.linalg.norm(from_ankle, axis=1)
         beyond[:, number] = distance - (thigh + shank)
         cosine = (distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
         knee = np.arccos(np.clip(cosine, -1.0, 1.0))
-        angles = _leg(ISB.T @ body, seen, knee, thigh, shank)
+        angles = _leg(ISB.T @ body, from_ankle, knee, thigh, shank)
         # The left side is the right one in a mirror: turns about x and y change sign.
         for name, angle in zip(LEGS, angles, strict=True):
             mirrored = side == "left" and not name.endswith("Z")
-            found[f"{side}_{name}"] = -angle if mirrored else angle
-    return found, beyond
+            joints[f"{side}_{name}"] = -angle if mirrored else angle
+    return joints, beyond
 
 
 STRAIGHTEST = np.radians(3.0)
-"""[rad] Knees stay bent by this much: at a straight knee the angle has no derivative by the height of the pelvis.
+"""[rad] Least knee flexion within reach: at a straight knee flexion has no derivative by the height of the pelvis.
 
-Farther away, where no leg reaches, the angle falls to 0 on a curve that goes on with the same slope, so that value and
-slope belong together everywhere and no optimiser is misled."""
+Beyond reach flexion decays exponentially to 0 from the same value and slope, so that it stays differentiable."""
 
 
 def knees(pelvis: Array, stature: float, sex: str) -> tuple[Array, Array, Array, Array]:
-    """Return the knees of a person whose soles stay, with derivatives by the five joints of the pelvis.
+    """Return knee flexion and leg reach for fixed soles, with derivatives by the five joints of the pelvis.
 
     Args:
-        pelvis: (n, 5) as for `legs`.
+        pelvis: (n, 5) as for `solve_legs`.
 
     Returns:
-        Flexion (n, 2) [rad] left and right, `STRAIGHTEST` or more within reach, and its Jacobian (n, 2, 5); by how much
-        [m] hip and ankle are farther apart than a leg of the straightest knee reaches (n, 2), to be kept <= 0, and its
-        Jacobian.
+        Flexion (n, 2) [rad] left and right, `STRAIGHTEST` or more within reach, and its Jacobian (n, 2, 5); distance
+        of hip and ankle less that of a leg with the straightest knee (n, 2) [m], <= 0 within reach, and its Jacobian.
     """
     measures = lengths(stature, sex)
     thigh, shank = measures["thigh"], measures["shank"]
@@ -94,24 +92,26 @@ def knees(pelvis: Array, stature: float, sex: str) -> tuple[Array, Array, Array,
 
 
 def _flexion(distance: Array, thigh: float, shank: float) -> tuple[Array, Array]:
-    """Return the knee [rad] at distances of hip and ankle shorter than the leg, and its derivative; 0 where folded."""
+    """Return knee flexion [rad] at hip-ankle distances within leg length, and its derivative, 0 if folded."""
     cosine = (distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
     knee = np.arccos(np.clip(cosine, -1.0, 1.0))
     return knee, np.where(cosine > -1.0, -distance / (thigh * shank * np.maximum(np.sin(knee), 1e-9)), 0.0)
 
 
-def _leg(body: Array, seen: Array, knee: Array, thigh: float, shank: float) -> tuple[Array, ...]:
+def _leg(body: Array, from_ankle: Array, knee: Array, thigh: float, shank: float) -> tuple[Array, ...]:
     """Return hip Z, X, Y, knee, ankle Z, X of a right leg.
 
     Args:
         body: (n, 3, 3) pelvis in the axes of the foot.
-        seen: (n, 3) hip from the ankle in the axes of the foot.
-        knee: (n,) flexion.
+        from_ankle: (n, 3) hip relative to the ankle in the axes of the foot [m].
+        knee: (n,) flexion [rad].
     """
-    ankle_x = np.arctan2(-seen[:, 2], seen[:, 1])
-    upright = np.hypot(seen[:, 1], seen[:, 2])
-    # In the shank the hip lies at (-thigh sin knee, shank + thigh cos knee): the ankle turns it to where it is seen.
-    ankle_z = np.arctan2(seen[:, 0], upright) - np.arctan2(thigh * np.sin(knee), -shank - thigh * np.cos(knee)) + np.pi
+    ankle_x = np.arctan2(-from_ankle[:, 2], from_ankle[:, 1])
+    upright = np.hypot(from_ankle[:, 1], from_ankle[:, 2])
+    # In the axes of the shank the hip is at (-thigh sin knee, shank + thigh cos knee); the ankle rotates it.
+    ankle_z = (
+        np.arctan2(from_ankle[:, 0], upright) - np.arctan2(thigh * np.sin(knee), -shank - thigh * np.cos(knee)) + np.pi
+    )
     ankle_z = np.remainder(ankle_z + np.pi, 2.0 * np.pi) - np.pi
     return (*_hip(body, knee, ankle_z, ankle_x), knee, ankle_z, ankle_x)
 
@@ -142,15 +142,14 @@ def _about(axis: int, angle: Array) -> Array:
     return out
 
 
-def rest(stature: float, sex: str) -> dict[str, float]:
-    """Return joint -> value [rad or m] of the posture of lowest REBA score, feet on the ground; others are 0."""
-
+def rest_posture(stature: float, sex: str) -> dict[str, float]:
+    """Return joint -> value [rad, m] of the posture with the lowest REBA score, soles on the floor; others are 0."""
     values: dict[str, float] = {}
     for name, degrees in table()["rest"].items():
         if name == "pelvis_drop":
             values["pelvis_z"] = -degrees
         else:
-            values |= {_sided(name, side): float(np.radians(degrees)) for side in SIDES}
+            values |= {sided(name, side): float(np.radians(degrees)) for side in SIDES}
     pelvis = np.array([[0.0, 0.0, values["pelvis_z"], 0.0, 0.0]])
     bent, _ = solve_legs(pelvis, stature, sex)
     return values | {name: float(angle[0]) for name, angle in bent.items()}

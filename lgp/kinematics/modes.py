@@ -1,11 +1,10 @@
-"""Kinematic switches: to what each object is attached in each phase, and its pose through the kinematic tree.
+"""Kinematic switches and modes of a sequence of actions, after logic-geometric programming (Toussaint 2015).
 
-Action k ends phase k (counted from 0). A grasp attaches an object to a hand, a handover to another hand, a place to a
-table, always without a jump of its pose. A hold brings a hand onto an object that stays on its table; that hand stands
-still until its next action. A screw needs two objects that stand as their joint says and a hand with a tool on the
-screw. How an object lies in a hand or on a table is a few variables, shared by all slices of that stretch; `z` holds
-them for the whole sequence. A pose depends on the configuration of its own slice and on the variables of its own
-stretch, so constraints stay local.
+Action k ends phase k, both counted from 0, with a kinematic switch. A mode is what every object is attached to during
+one phase: a hand or a table. `ACTIONS` says what each kind of action does to the modes; the pose of the object stays
+continuous in every switch. The pose of an object relative to a hand or table is a few variables, shared by all slices
+until its next switch; z (nz,) holds the variables of the complete sequence. An object's pose depends on the
+configuration of its own slice and on the variables of its own attachment, so constraints stay local.
 """
 
 from __future__ import annotations
@@ -24,17 +23,68 @@ from lgp.logic.task import parse_atom
 from reba.arrays import Array
 from reba.errors import did_you_mean
 
-ROLES: Final[dict[str, tuple[str, ...]]] = {
-    "grasp": ("hand", "thing"),
-    "place": ("hand", "thing", "table"),
-    "handover": ("giver", "thing", "hand"),
-    "hold": ("hand", "thing"),
-    "screw": ("hand", "thing", "other"),
-    "release": ("hand", "thing"),
+
+@dataclass(frozen=True)
+class ActionKind:
+    """The geometry of one kind of action.
+
+    Attributes:
+        roles: fields of `KinematicSwitch` that its arguments fill, in the order of its PDDL parameters.
+        attaches_to: "hand" or "table" that the object is attached to from then on; "" leaves its attachment.
+        given_by: field of the hand that must have the object before, "" if any attachment will do.
+        holds_still: the hand touches the object where it is and does not move until its next action.
+        screws: the hand brings its tool to the screw of two objects that stand as their assembly says.
+        works_at_table: the hand reaches to a table top, so that the limit of its tilt applies.
+        conflict_scope: what decides whether the pose of the switch is feasible: the "action" alone, the "table" that
+            the object is on, or the complete "sequence" before. The search refuses sequences with a known conflict.
+        verb: of messages, "hands over".
+    """
+
+    roles: tuple[str, ...]
+    attaches_to: str = ""
+    given_by: str = ""
+    holds_still: bool = False
+    screws: bool = False
+    works_at_table: bool = False
+    conflict_scope: str = "sequence"
+    verb: str = ""
+
+    @property
+    def signature(self) -> str:
+        """The arguments as a plan prints them: `hand, object, table`."""
+        return ", ".join(role.removesuffix("_name") for role in self.roles)
+
+    @property
+    def contact(self) -> str:
+        """ "hand" or "table" that touches the object in the switch, "" for none."""
+        return "hand" if self.holds_still else self.attaches_to
+
+
+HAND_OBJECT = ("hand", "object_name")
+ACTIONS: Final[dict[str, ActionKind]] = {
+    "grasp": ActionKind(HAND_OBJECT, attaches_to="hand", works_at_table=True, conflict_scope="table"),
+    "place": ActionKind(
+        (*HAND_OBJECT, "table"),
+        attaches_to="table",
+        given_by="hand",
+        works_at_table=True,
+        conflict_scope="action",
+        verb="places",
+    ),
+    "handover": ActionKind(
+        ("giver", "object_name", "hand"),
+        attaches_to="hand",
+        given_by="giver",
+        conflict_scope="action",
+        verb="hands over",
+    ),
+    "hold": ActionKind(HAND_OBJECT, holds_still=True, works_at_table=True, conflict_scope="table"),
+    "screw": ActionKind((*HAND_OBJECT, "other"), screws=True),
+    "release": ActionKind(HAND_OBJECT),
 }
-"""What the arguments of each kind of action are, in the order of the paper."""
-TAKES: Final = ("grasp", "handover")
-"""Kinds after which the hand has the object."""
+"""Geometry of each action by its name in the PDDL domain: those of Busch, Toussaint & Lopes 2018, and release.
+
+A new action is a record here, an action in a PDDL domain, and a sentence in `lgp/page/data/sentences.toml`."""
 
 
 @dataclass(frozen=True)
@@ -42,23 +92,28 @@ class KinematicSwitch:
     """One action as geometry.
 
     Attributes:
-        kind: one of `ROLES`.
+        kind: one of `ACTIONS`.
         hand: that acts; the one that takes the object in a handover.
-        thing: the object.
+        object_name: the object.
         table: on which it is placed.
         giver: hand that hands it over.
         other: object that it is screwed to.
 
-    >>> Switch("place", "baxter.left", "screwdriver", "table.left").table
-    'table.left'
+    >>> KinematicSwitch("place", "baxter.left", "screwdriver", "table.left").action.attaches_to
+    'table'
     """
 
     kind: str
     hand: str
-    thing: str
+    object_name: str
     table: str = ""
     giver: str = ""
     other: str = ""
+
+    @property
+    def action(self) -> ActionKind:
+        """The geometry of its kind."""
+        return ACTIONS[self.kind]
 
     @property
     def hands(self) -> tuple[str, ...]:
@@ -67,72 +122,73 @@ class KinematicSwitch:
 
 
 class ModeSequence:
-    """The attachments of every object over a sequence of switches.
+    """The attachment of every object in every phase of a sequence of switches.
 
     Attributes:
         world: whose hands, tables and objects they are.
         switches: one per phase.
         lower, upper: bounds of z, (nz,).
-        names: of the variables, (nz,).
-        held_at_first: hands that hold an object from the initial state on: (hand, object, switch until they act).
+        names: of the variables, (nz,): `2.screwdriver.yaw` is set by switch 2.
+        held_at_first: hands that hold an object still from the initial state on: (hand, object, switch until they act).
 
     Raises:
-        WorldError: a hand, object or table is unknown, an object is placed or handed over by a hand that does not hold
-            it, or objects without a joint are screwed together.
+        WorldError: a hand, object or table is unknown, an object is placed or handed over by a hand that does not have
+            it, or objects without an assembly are screwed together.
 
     Example:
-        >>> modes = Modes(world, [Switch("grasp", "baxter.right", "screwdriver")])      # doctest: +SKIP
-        >>> modes.pose("screwdriver", 1, world.at(q, modes.frames), modes.first)        # doctest: +SKIP
+        >>> from lgp.scene.scene_file import load_scene
+        >>> world = World(load_scene("screwdriver"))
+        >>> modes = ModeSequence(world, [KinematicSwitch("grasp", "human.right_hand", "screwdriver")])
+        >>> [modes.attachment("screwdriver", phase).parent for phase in (0, 1)]
+        ['table.start', 'human.right_hand']
     """
 
     def __init__(self, world: World, switches: Sequence[KinematicSwitch]) -> None:
         self.world, self.switches = world, tuple(switches)
         scene = world.scene
-        self._held_by: dict[str, list[Attachment]] = {
-            name: [fixed_in(scene.hands[thing.hand], thing) if thing.hand else fixed_on(scene.tables[thing.on], thing)]
-            for name, thing in scene.things.items()
+        self._attachments: dict[str, list[Attachment]] = {
+            name: [fixed_in(scene.hands[item.hand], item) if item.hand else fixed_on(scene.tables[item.on], item)]
+            for name, item in scene.objects.items()
         }
-        self._new: list[Attachment | None] = []
+        self._contacts: list[Attachment | None] = []
         size = 0
         for number, switch in enumerate(self.switches):
             self._check(number, switch)
-            new = self._next(switch, size)
-            self._new.append(new)
-            size += 0 if new is None else new.size
-            for name, holders in self._held_by.items():
-                moves = name == switch.thing and new is not None and switch.kind != "hold"
-                holders.append(new if moves and new is not None else holders[-1])
-        chosen = [(number, holder) for number, holder in enumerate(self._new) if holder is not None]
-        self.lower = np.concatenate([np.zeros(0), *(holder.lower for _, holder in chosen)])
-        self.upper = np.concatenate([np.zeros(0), *(holder.upper for _, holder in chosen)])
+            contact = self._contact(switch, size)
+            self._contacts.append(contact)
+            size += 0 if contact is None else contact.size
+            for name, attachments in self._attachments.items():
+                moves = contact is not None and name == switch.object_name and switch.action.attaches_to
+                attachments.append(contact if moves and contact is not None else attachments[-1])
+        contacts = [(number, contact) for number, contact in enumerate(self._contacts) if contact is not None]
+        self.lower = np.concatenate([np.zeros(0), *(contact.lower for _, contact in contacts)])
+        self.upper = np.concatenate([np.zeros(0), *(contact.upper for _, contact in contacts)])
         self.names = tuple(
-            f"{number}.{self.switches[number].thing}.{name}" for number, holder in chosen for name in holder.names
+            f"{number}.{self.switches[number].object_name}.{name}"
+            for number, contact in contacts
+            for name in contact.names
         )
-        self.held_at_first = tuple(
-            (hand, thing, self._next_act(hand, 0))
-            for hand, thing in (
-                atom.arguments for atom in map(parse_atom, scene.initial) if atom.predicate == "holding"
-            )
-        )
+        holding = (atom.arguments for atom in map(parse_atom, scene.initial) if atom.predicate == "holding")
+        self.held_at_first = tuple((hand, name, self._next_act(hand, 0)) for hand, name in holding)
 
     @property
     def size(self) -> int:
-        """Number of variables."""
+        """Number of variables nz."""
         return len(self.lower)
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Frames whose placements the poses need: the hands that take part or hold something at first."""
-        first = [thing.hand for thing in self.world.scene.things.values() if thing.hand]
+        """Frames whose placements the poses need: hands that take part, and those that have an object initially."""
+        first = [item.hand for item in self.world.scene.objects.values() if item.hand]
         return tuple(dict.fromkeys([*(hand for switch in self.switches for hand in switch.hands), *first]))
 
     @property
-    def stills(self) -> tuple[tuple[str, int, int], ...]:
-        """Hands that stand still: (hand, switch with which they hold, switch until which they stay)."""
+    def holding_intervals(self) -> tuple[tuple[str, int, int], ...]:
+        """Hands that hold an object still: (hand, switch from which, switch until which it does not move)."""
         return tuple(
             (switch.hand, number, self._next_act(switch.hand, number + 1))
             for number, switch in enumerate(self.switches)
-            if switch.kind == "hold"
+            if switch.action.holds_still
         )
 
     def _next_act(self, hand: str, first: int) -> int:
@@ -140,37 +196,39 @@ class ModeSequence:
         last = len(self.switches) - 1
         return next((k for k in range(first, last + 1) if hand in self.switches[k].hands), last)
 
-    def holder(self, thing: str, phase: int) -> Attachment:
-        """Return what holds an object during a phase; phase K is after the last of K actions.
+    def attachment(self, object_name: str, phase: int) -> Attachment:
+        """Return the attachment of an object in a phase, 0 to K; phase K is after the last of K actions.
 
         Raises:
             WorldError: there is no such object or phase.
         """
-        if thing not in self._held_by:
-            raise WorldError(f"no object {thing!r}{did_you_mean(thing, self._held_by)}")
+        if object_name not in self._attachments:
+            raise WorldError(f"no object {object_name!r}{did_you_mean(object_name, self._attachments)}")
         if not 0 <= phase <= len(self.switches):
-            raise WorldError(f"phase {phase} is outside 0 to {len(self.switches)}")
-        return self._held_by[thing][phase]
+            raise WorldError(f"phase is {phase}, expected 0 to {len(self.switches)}")
+        return self._attachments[object_name][phase]
 
     def contact(self, number: int) -> tuple[Attachment, Attachment] | None:
-        """Return the two holders that have the object of a switch at one pose, the new one first; None if none does."""
-        new = self._new[number]
-        return None if new is None else (new, self.holder(self.switches[number].thing, number))
+        """Return the two attachments that give the object of a switch one pose, the new one first; None without."""
+        new = self._contacts[number]
+        return None if new is None else (new, self.attachment(self.switches[number].object_name, number))
 
-    def pose(self, thing: str, phase: int, kinematics: Kinematics, z: Array) -> Pose:
-        """Return the pose of an object in n slices of a phase, with Jacobians by q and by the variables of its holder.
+    def pose(self, object_name: str, phase: int, kinematics: Kinematics, z: Array) -> Pose:
+        """Return the pose of an object in n slices of a phase, with Jacobians by q and by its own variables.
 
         Args:
-            thing: name of the object.
+            object_name: name of the object.
             phase: 0 to K.
-            kinematics: of n slices, holding `frames`.
+            kinematics: of n slices, with `frames`.
             z: (nz,) all variables.
         """
-        holder = self.holder(thing, phase)
-        return holder.pose(kinematics, z[holder.variables])
+        attachment = self.attachment(object_name, phase)
+        return attachment.pose(kinematics, z[attachment.variables])
 
-    def jump(self, number: int, kinematics: Kinematics, z: Array) -> Feature:
-        """Return by how much the object of a switch would jump, (n, 6) [m, rad], and its Jacobian by (q, z).
+    def pose_continuity(self, number: int, kinematics: Kinematics, z: Array) -> Feature:
+        """Return the difference of the poses of an object after and before a switch, (n, 6) [m, rad], by (q, z).
+
+        It is zero in a feasible switch.
 
         Args:
             number: of a switch with a `contact`.
@@ -178,36 +236,38 @@ class ModeSequence:
             z: (nz,).
 
         Raises:
-            WorldError: nothing changes hands in this switch.
+            WorldError: the switch changes no attachment.
         """
         sides = self.contact(number)
         if sides is None:
-            raise WorldError(f"action {number} ({self.switches[number].kind}): no object changes hands")
-        poses = [side.pose(kinematics, z[side.variables]).spread(self.size) for side in sides]
+            raise WorldError(
+                f"action {number} ({self.switches[number].kind}) attaches no object; give the number of one that does"
+            )
+        poses = [side.pose(kinematics, z[side.variables]).with_all_variables(self.size) for side in sides]
         return pose_difference(*poses)
 
-    def fastening(self, number: int) -> ScrewConstraint:
+    def screw_constraint(self, number: int) -> ScrewConstraint:
         """Return the geometry of a screw.
 
         Raises:
-            WorldError: the switch is no screw.
+            WorldError: the switch screws nothing.
         """
         switch = self.switches[number]
-        if switch.kind != "screw":
-            raise WorldError(f"action {number} ({switch.kind}): no screw")
-        parts = tuple(sorted((switch.thing, switch.other)))
-        joint = next(joint for joint in self.world.scene.joints if tuple(sorted(joint.parts)) == parts)
-        first, second = (self.holder(part, number) for part in joint.parts)
-        return ScrewConstraint(joint, self.world.scene.hands[switch.hand], first, second, self.size)
+        if not switch.action.screws:
+            raise WorldError(f"action {number} ({switch.kind}) is no screw; give the number of a screw")
+        parts = {switch.object_name, switch.other}
+        assembly = next(assembly for assembly in self.world.scene.assemblies if set(assembly.parts) == parts)
+        first, second = (self.attachment(part, number) for part in assembly.parts)
+        return ScrewConstraint(assembly, self.world.scene.hands[switch.hand], first, second, self.size)
 
-    def guess(self, keys: Array) -> Array:
-        """Return variables (nz,) that fit key configurations: no jump as far as each stretch has the freedom for it.
+    def guess(self, keyframes: Array) -> Array:
+        """Return variables (nz,) with continuous poses at keyframes, as far as their bounds allow.
 
         Args:
-            keys: (K, nq), the configuration at the end of each phase.
+            keyframes: (K, nq), the configuration at the end of each phase.
         """
         z = np.clip(np.zeros(self.size), self.lower, self.upper)
-        kinematics = self.world.at(keys, self.frames)
+        kinematics = self.world.at(keyframes, self.frames)
         for number in range(len(self.switches)):
             sides = self.contact(number)
             if sides is not None:
@@ -216,33 +276,35 @@ class ModeSequence:
                 z[after.variables] = after.fit(kinematics, pose.rotation[number], pose.position[number], number)
         return z
 
-    def _next(self, switch: KinematicSwitch, start: int) -> Attachment | None:
-        """Return what has the object of a switch from then on, or as well from then on; None if nothing new does."""
+    def _contact(self, switch: KinematicSwitch, first_variable: int) -> Attachment | None:
+        """Return the hand or table that touches the object of a switch from then on; None if no contact is new."""
         scene = self.world.scene
-        thing = scene.things[switch.thing]
-        if switch.kind in (*TAKES, "hold"):
-            return held(scene.hands[switch.hand], thing, start)
-        return placed(scene.tables[switch.table], thing, start) if switch.kind == "place" else None
+        item = scene.objects[switch.object_name]
+        if switch.action.contact == "hand":
+            return held(scene.hands[switch.hand], item, first_variable)
+        return placed(scene.tables[switch.table], item, first_variable) if switch.action.contact == "table" else None
 
     def _check(self, number: int, switch: KinematicSwitch) -> None:
         scene = self.world.scene
-        if switch.kind not in ROLES:
-            raise WorldError(f"action {number}: unknown kind {switch.kind!r}, expected one of {', '.join(ROLES)}")
-        for field in ROLES[switch.kind]:
-            known = {"table": scene.tables, "thing": scene.things, "other": scene.things}.get(field, scene.hands)
-            name = getattr(switch, field)
+        if switch.kind not in ACTIONS:
+            raise WorldError(f"action {number}: unknown kind {switch.kind!r}, expected one of {', '.join(ACTIONS)}")
+        objects = dict.fromkeys(("object_name", "other"), scene.objects)
+        for role in switch.action.roles:
+            known = {"table": scene.tables, **objects}.get(role, scene.hands)
+            name = getattr(switch, role)
             if name not in known:
                 hint = did_you_mean(name, known) or f"; known are {', '.join(known)}"
-                raise WorldError(f"action {number} ({switch.kind}): unknown {field} {name!r}{hint}")
-        holder = self._held_by[switch.thing][number]
-        gives = {"place": switch.hand, "handover": switch.giver}.get(switch.kind, holder.by)
-        if holder.by != gives:
-            verb = "places" if switch.kind == "place" else "hands over"
+                what = "object" if role in objects else role
+                raise WorldError(f"action {number} ({switch.kind}): unknown {what} {name!r}{hint}")
+        action, parent = switch.action, self._attachments[switch.object_name][number].parent
+        giver = getattr(switch, action.given_by) if action.given_by else parent
+        if parent != giver:
             raise WorldError(
-                f"action {number}: {gives} {verb} {switch.thing}, which is held by {holder.by}; grasp it first"
+                f"action {number}: {giver} {action.verb} {switch.object_name}, attached to {parent}; grasp it first"
             )
-        parts = {switch.thing, switch.other}
-        if switch.kind == "screw" and parts not in [set(joint.parts) for joint in scene.joints]:
+        parts = {switch.object_name, switch.other}
+        if action.screws and parts not in [set(assembly.parts) for assembly in scene.assemblies]:
             raise WorldError(
-                f"action {number}: {switch.thing} and {switch.other} have no joint; add one to the scene's [[joints]]"
+                f"action {number}: {switch.object_name} and {switch.other} have no assembly; "
+                "add one to the scene's [[joints]]"
             )

@@ -1,16 +1,18 @@
-"""Configuration [rad] -> posture table [deg] and its Jacobian: one mapping for the true score and the surrogate.
+"""Configuration [rad] -> posture table [deg] and its Jacobian, for the true score and the surrogate alike.
 
-Same definitions as `reba.posture.angles` for the joints of human.urdf with the pose of the pelvis known. Most columns
-are joint angles; inclination and twist of the trunk and the direction of the upper arms are not and are differentiated
-in closed form.
+The definitions are those of `reba.posture.angles`, for the joints of human.urdf as the profile human_description reads
+them, with a known pose of the pelvis. Most columns are single joint angles; trunk inclination, trunk twist and the
+direction of the upper arms are differentiated in closed form.
 
-Kinks of the definition: the flexion of an upper arm is its elevation within 30 deg of the pure sideways direction
-(`reba.posture.angles.CONE`), a jump on the edge of that cone, and it turns by 360 deg for an arm held straight
-backwards (out of reach of a shoulder). `smooth=True` blends the two over a band of the cone instead; it is the
-definition elsewhere.
+The definition is discontinuous in two places: within 30 deg of the pure sideways direction
+(`reba.posture.angles.CONE`) the flexion of an upper arm is its elevation, and flexion wraps by 360 deg for an arm held
+straight backwards, which no shoulder reaches. `smooth=True` blends flexion and elevation over a band around the edge of
+the cone and equals the definition outside it.
 """
 
 from __future__ import annotations
+
+from functools import cache
 
 import numpy as np
 
@@ -21,49 +23,53 @@ from lgp.kinematics.world import World
 from reba.arrays import Array
 from reba.posture.angles import CONE
 from reba.posture.columns import COLUMNS, INDEX, SIDES
+from reba.readers.recording.profile import find_profile
 
-Step = tuple[int, float, str]
-"""An elementary turn: axis 0, 1 or 2, its sense, the joint that turns."""
-IN_PELVIS: tuple[Step, ...] = (
-    (2, -1.0, "middle_lumbar_Z"),
-    (0, 1.0, "middle_lumbar_X"),
-    (2, -1.0, "middle_thoracic_Z"),
-    (0, 1.0, "middle_thoracic_X"),
-    (1, 1.0, "middle_thoracic_Y"),
-)
-"""Pelvis to thorax, in ISB axes."""
-IN_THORAX: tuple[Step, ...] = ((0, -1.0, "clavicle_joint_X"), (2, 1.0, "shoulder_Z"), (0, -1.0, "shoulder_X"))
-"""Thorax to upper arm of the right side, and of the left one in a mirror; turning about its own axis moves no arm."""
-DIRECT: dict[str, tuple[str, float, float]] = {
-    "neck_flexion": ("middle_cervical_Z", 1.0, 0.0),
-    "neck_side_bend": ("middle_cervical_X", 1.0, 0.0),
-    "neck_twist": ("middle_cervical_Y", 1.0, 0.0),
-    "knee_flexion": ("knee_Z", 1.0, 0.0),
-    "shoulder_elevation": ("clavicle_joint_X", 1.0, 0.0),
-    "lower_arm_flexion": ("elbow_Z", 1.0, 0.0),
-    "wrist_flexion": ("wrist_Z", 1.0, 0.0),
-    "wrist_deviation": ("wrist_X", -1.0, 0.0),
-    "wrist_twist": ("elbow_Y", 1.0, -90.0),
-}
-"""Columns that are joint angles: joint, sense, offset [deg] (as the profile human_description)."""
+Turn = tuple[int, float, str]
+"""An elementary rotation: axis 0, 1 or 2, its sign, the joint."""
 BAND = (np.sin(np.radians(CONE / 2)), np.sin(np.radians(CONE * 1.5)))
-"""Length of the arm's shadow on the sagittal plane between which the smooth flexion blends elevation and flexion."""
+"""Length of the unit arm projected on the sagittal plane: limits between which elevation blends into flexion."""
 PELVIS = ("pelvis_x", "pelvis_y", "pelvis_z", "pelvis_yaw", "pelvis_tilt")
+
+
+@cache
+def chain(name: str) -> tuple[Turn, ...]:
+    """Return the elementary rotations of a chain of the profile human_description, parent first, in ISB axes."""
+    return tuple((turn.axis, turn.sign, turn.name) for turn in find_profile("human_description").chains[name])
+
+
+@cache
+def joint_angles() -> dict[str, tuple[str, float, float]]:
+    """Return column -> (joint, sign, offset [deg]) of the columns that are one joint angle, from the same profile."""
+    columns = {}
+    for column, terms in find_profile("human_description").columns.items():
+        joint = next(term for term in terms if term.name)
+        columns[column] = (joint.name, joint.sign, sum(term.sign * term.degrees for term in terms if not term.name))
+    # Neck flexion is about -z, side bend about x, twist about y; the girdle is raised about -x.
+    (_, flexion, z), (_, bend, x), (_, twist, y) = chain("head")
+    columns |= {"neck_flexion": (z, -flexion, 0.0), "neck_side_bend": (x, bend, 0.0), "neck_twist": (y, twist, 0.0)}
+    for side in SIDES:
+        ((_, raised, joint_name),) = chain(f"clavicle_{side}")
+        columns[f"shoulder_elevation_{side}"] = (joint_name, -raised, 0.0)
+    return columns
 
 
 class PostureMap:
     """The posture table of the human of a world.
 
     Attributes:
-        columns: columns of q that move the human, (k,); Jacobians are by these.
+        body: the human.
+        columns: the k columns of q that move the human; Jacobians are by these.
 
     Raises:
         WorldError: the world has no human.
 
     Example:
-        >>> from lgp.kinematics.world import World                            # doctest: +SKIP
-        >>> posture = PostureMap(World(load_scene("screwdriver")))       # doctest: +SKIP
-        >>> angles, jacobian = posture.evaluate(world.start[None])       # doctest: +SKIP
+        >>> from lgp.scene.scene_file import load_scene
+        >>> world = World(load_scene("screwdriver"))
+        >>> angles, jacobian = PostureMap(world).evaluate(world.initial_configuration[None])
+        >>> angles.shape, round(float(angles[0, INDEX["trunk_flexion"]]), 6) + 0.0
+        ((1, 22), 0.0)
     """
 
     def __init__(self, world: World) -> None:
@@ -76,28 +82,26 @@ class PostureMap:
             for name in joint_names()
             if f"human.{name}" in world.column
         }
-        self._held = {name: world.first[f"human.{name}"] for name in joint_names()}
+        self._locked = {name: world.initial_values[f"human.{name}"] for name in joint_names()}
         self._linear, self._offset = np.zeros((len(COLUMNS), len(self.columns))), np.zeros(len(COLUMNS))
-        for column, (joint, sense, offset) in DIRECT.items():
-            for side in SIDES:
-                name = joint if joint.startswith("middle") else f"{side}_{joint}"
-                row = INDEX[column if joint.startswith("middle") else f"{column}_{side}"]
-                self._offset[row] = offset
-                if name in self._local:
-                    self._linear[row, self._local[name]] = sense * 180.0 / np.pi
-                else:
-                    self._offset[row] += sense * float(np.degrees(self._held[name]))
+        for column, (joint, sign, offset) in joint_angles().items():
+            row = INDEX[column]
+            self._offset[row] = offset
+            if joint in self._local:
+                self._linear[row, self._local[joint]] = sign * 180.0 / np.pi
+            else:
+                self._offset[row] += sign * float(np.degrees(self._locked[joint]))
 
     def angles(self, q: Array) -> Array:
-        """Return the (n, 22) posture angles [deg] of (n, nq) configurations, exactly as `reba` reads them."""
+        """Return the posture angles (n, 22) [deg] of configurations (n, nq), exactly as `reba` defines them."""
         return self.evaluate(q)[0]
 
     def evaluate(self, q: Array, smooth: bool = False) -> tuple[Array, Array]:
-        """Return (n, 22) posture angles [deg] and their Jacobian (n, 22, k) [deg/rad] by `columns`.
+        """Return posture angles (n, 22) [deg] and their Jacobian (n, 22, k) [deg/rad] by `columns`.
 
         Args:
-            q: (n, nq) configurations of the world.
-            smooth: blend flexion and elevation of arms held sideways, so that the angles have a derivative.
+            q: (n, nq) configurations of the world [rad, m].
+            smooth: blend flexion and elevation of arms held sideways, so that the angles are differentiable.
         """
         own = np.asarray(q, dtype=float)[:, self.columns]
         angles = own @ self._linear.T + self._offset
@@ -110,10 +114,10 @@ class PostureMap:
             self._knees(own, angles, jacobian)
         return angles, jacobian
 
-    def reach(self, q: Array) -> tuple[Array, Array]:
-        """Return by how much [m] the legs are too short to keep the soles in place (n, 2), and the Jacobian (n, 2, k).
+    def leg_shortfall(self, q: Array) -> tuple[Array, Array]:
+        """Return the missing leg length (n, 2) [m] for soles in place, and its Jacobian (n, 2, k).
 
-        To be kept <= 0 where the legs are "solved"; see `stance.knees`.
+        A constraint, <= 0, where the legs are "solved"; see `knees`.
         """
         own = np.asarray(q, dtype=float)[:, self.columns]
         _, _, beyond, by_pelvis = knees(self._pelvis(own), self.body.stature, self.body.sex)
@@ -122,37 +126,37 @@ class PostureMap:
         return beyond, jacobian
 
     def _value(self, own: Array, name: str) -> Array:
-        return own[:, self._local[name]] if name in self._local else np.full(len(own), self._held[name])
+        return own[:, self._local[name]] if name in self._local else np.full(len(own), self._locked[name])
 
     def _pelvis(self, own: Array) -> Array:
         return np.stack([self._value(own, name) for name in PELVIS], axis=1)
 
     def _put(self, jacobian: Array, rows: slice, names: tuple[str, ...], by_names: Array) -> None:
-        """Write (n, rows, len(names)) derivatives into the columns of the joints that move."""
+        """Write derivatives (n, rows, len(names)) into the columns of the joints that are not locked."""
         for at, name in enumerate(names):
             if name in self._local:
                 jacobian[:, rows, self._local[name]] = by_names[:, :, at]
 
-    def _chain(self, own: Array, steps: tuple[Step, ...], vector: tuple[float, float, float]) -> tuple[Array, Array]:
-        """Return a vector (3, n) carried from the last frame to the first, and its derivatives (3, len(steps), n)."""
-        carried = np.repeat(np.array(vector)[:, None], len(own), axis=1)
-        slopes = np.zeros((3, len(steps), len(own)))
-        for at, (axis, sense, name) in reversed(list(enumerate(steps))):
-            angle = sense * self._value(own, name)
+    def _chain(self, own: Array, turns: tuple[Turn, ...], vector: tuple[float, float, float]) -> tuple[Array, Array]:
+        """Return a vector (3, n) of the last frame in the axes of the first, and derivatives (3, len(turns), n)."""
+        rotated = np.repeat(np.array(vector)[:, None], len(own), axis=1)
+        slopes = np.zeros((3, len(turns), len(own)))
+        for at, (axis, sign, name) in reversed(list(enumerate(turns))):
+            angle = sign * self._value(own, name)
             cosine, sine = np.cos(angle), np.sin(angle)
             i, j = (axis + 1) % 3, (axis + 2) % 3
-            for part in (carried, slopes):
+            for part in (rotated, slopes):
                 first = part[i] * cosine - part[j] * sine
                 part[j] = part[i] * sine + part[j] * cosine
                 part[i] = first
-            slopes[i, at], slopes[j, at] = -sense * carried[j], sense * carried[i]
-        return carried, slopes
+            slopes[i, at], slopes[j, at] = -sign * rotated[j], sign * rotated[i]
+        return rotated, slopes
 
     def _trunk(self, own: Array, angles: Array, jacobian: Array) -> None:
-        # The tilt of the pelvis turns forward as a lumbar joint does; its yaw turns the vertical frame with it.
-        steps = ((2, -1.0, "pelvis_tilt"), *IN_PELVIS)
-        (x, y, z), (dx, dy, dz) = self._chain(own, steps, (0.0, 1.0, 0.0))
-        names = tuple(name for _, _, name in steps)
+        # Pelvis tilt acts as one more lumbar joint; pelvis yaw turns the vertical reference frame as well.
+        turns = ((2, -1.0, "pelvis_tilt"), *chain("thorax"))
+        (x, y, z), (dx, dy, dz) = self._chain(own, turns, (0.0, 1.0, 0.0))
+        names = tuple(name for _, _, name in turns)
         flat = np.hypot(x, y)
         by_flat = (x * dx + y * dy) / flat
         row = INDEX["trunk_flexion"]
@@ -161,18 +165,19 @@ class PostureMap:
         row = INDEX["trunk_side_bend"]
         angles[:, row], slopes = _atan2(z, flat, dz, by_flat)
         self._put(jacobian, slice(row, row + 1), names, slopes.T[:, None, :])
-        # The third row of pelvis -> thorax is its inverse on the z axis.
-        inverse = tuple((axis, -sense, name) for axis, sense, name in reversed(IN_PELVIS))
+        # The third row of the rotation pelvis -> thorax is the inverse rotation of the z axis.
+        inverse = tuple((axis, -sign, name) for axis, sign, name in reversed(chain("thorax")))
         (x, y, z), (dx, dy, dz) = self._chain(own, inverse, (0.0, 0.0, 1.0))
         row = INDEX["trunk_twist"]
         angles[:, row], slopes = _atan2(-x, z, -dx, dz)
         self._put(jacobian, slice(row, row + 1), tuple(name for _, _, name in inverse), slopes.T[:, None, :])
 
     def _arm(self, own: Array, side: str, smooth: bool, angles: Array, jacobian: Array) -> None:
-        steps = tuple((axis, sense, f"{side}_{name}") for axis, sense, name in IN_THORAX)
-        (x, y, z), (dx, dy, dz) = self._chain(own, steps, (0.0, -1.0, 0.0))
+        # The last joint of the upper arm turns about the arm's own axis and does not change its direction.
+        turns = (*chain(f"clavicle_{side}"), *chain(f"upper_arm_{side}")[:-1])
+        (x, y, z), (dx, dy, dz) = self._chain(own, turns, (0.0, -1.0, 0.0))
         flat, across = np.hypot(x, y), np.hypot(x, z)
-        # At a pure direction the shadow has length 0 and no slope; nothing that is used then depends on it.
+        # Along a pure direction the projection has length 0 and no slope; its weight in the result is 0 there.
         by_flat = (x * dx + y * dy) / np.maximum(flat, 1e-12)
         by_across = (x * dx + z * dz) / np.maximum(across, 1e-12)
         forward, by_forward = _atan2(x, -y, dx, -dy)
@@ -185,7 +190,7 @@ class PostureMap:
         flexion = share * forward + (1.0 - share) * raised
         slopes = share * by_forward + (1.0 - share) * by_raised + by_share * by_flat * (forward - raised)
         abduction, by_abduction = _atan2(z, flat, dz, by_flat)
-        names = tuple(name for _, _, name in steps)
+        names = tuple(name for _, _, name in turns)
         for column, value, by_value in (("flexion", flexion, slopes), ("abduction", abduction, by_abduction)):
             row = INDEX[f"upper_arm_{column}_{side}"]
             angles[:, row] = value
@@ -206,7 +211,7 @@ def _atan2(y: Array, x: Array, dy: Array, dx: Array) -> tuple[Array, Array]:
 
 
 def _blend(flat: Array) -> tuple[Array, Array]:
-    """Return a share that rises smoothly from 0 to 1 over `BAND`, and its derivative by `flat`."""
+    """Return the quintic smoothstep from 0 to 1 over `BAND`, and its derivative by `flat`."""
     low, high = BAND
     t = np.clip((flat - low) / (high - low), 0.0, 1.0)
     return t**3 * (t * (6.0 * t - 15.0) + 10.0), 30.0 * t**2 * (t - 1.0) ** 2 / (high - low)

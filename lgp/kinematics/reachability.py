@@ -1,7 +1,7 @@
-"""Who reaches what: every hand against every table over its range of heights, by inverse kinematics from many starts.
+"""Reachability maps: every hand against every table over its range of heights, by multi-start inverse kinematics.
 
-A spot on a table counts as reached if the hand gets its grasping point there within a millimetre, inside the joint
-limits, tilted by no more than the scene allows - for a robot - and with the legs long enough - for the human.
+A spot on a table is reached if the grasping point of the hand gets there within 1 mm, inside joint limits and the
+scene's limit of tilt; for the human also with both soles in place.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CLOSE = 1e-3
-"""[m] A spot nearer than this is reached."""
+"""[m] A spot within this distance is reached; far below the slack of a grasp."""
 
 
 @dataclass(frozen=True)
 class Reachability:
-    """The map of a scene.
+    """The reachability map of a scene.
 
     Attributes:
-        data: one row per hand, table, height and spot: `hand table height x y reached miss`, metres.
+        data: one row per hand, table, height and spot: `hand table height x y reached miss` [m].
     """
 
     data: pd.DataFrame
 
     def shares(self) -> pd.DataFrame:
-        """Return the share of spots reached: one row per hand and table, one column per height."""
+        """Return the share of reached spots (0 to 1): one row per hand and table, one column per height."""
         return self.data.pivot_table(index=["hand", "table"], columns="height", values="reached", aggfunc="mean")
 
-    def somewhere(self) -> pd.DataFrame:
-        """Return whether a hand reaches any spot of a table: one row per hand and table, one column per height."""
+    def any_reached(self) -> pd.DataFrame:
+        """Return whether any spot of a table is reached: one row per hand and table, one column per height."""
         return self.data.pivot_table(index=["hand", "table"], columns="height", values="reached", aggfunc="max")
 
 
@@ -50,69 +50,67 @@ def reachability(
     world: World,
     heights: Sequence[float] = tuple(np.linspace(0.6, 1.6, 11).round(3)),
     spots: int = 3,
-    starts: int = 6,
+    attempts: int = 6,
     seed: int = 0,
 ) -> Reachability:
-    """Return which hand reaches which table.
+    """Return the reachability map of all hands and tables.
 
     Args:
-        world: the world.
-        heights: [m] of the tables whose height is a range; a table of given height keeps it.
+        world: kinematics of the scene.
+        heights: [m] of the tables whose height is a range; a table with a fixed height keeps it.
         spots: per side of a top, from edge to edge.
-        starts: of the inverse kinematics: the first configuration, then random ones.
-        seed: of the random starts.
-
-    Example:
-        >>> reachability(World(load_scene("screwdriver"))).somewhere()       # doctest: +SKIP
+        attempts: of the inverse kinematics: from the initial configuration, then from random ones.
+        seed: of the random configurations.
     """
     import pandas as pd
 
     targets = _targets(world, heights, spots)
-    thickness = max((thing.size[2] / 2.0 for thing in world.scene.things.values()), default=0.0)
-    points = targets[["x", "y", "height"]].to_numpy() + np.array([0.0, 0.0, thickness])
+    half_height = max((item.size[2] / 2.0 for item in world.scene.objects.values()), default=0.0)
+    points = targets[["x", "y", "height"]].to_numpy() + np.array([0.0, 0.0, half_height])
     parts = []
     for hand in world.scene.hands.values():
-        miss = reach(world, hand, points, starts, np.random.default_rng(seed))
+        miss = reach(world, hand, points, attempts, np.random.default_rng(seed))
         parts.append(targets.assign(hand=hand.full, miss=miss, reached=miss < CLOSE))
     return Reachability(pd.concat(parts, ignore_index=True))
 
 
-def reach(world: World, hand: Hand, points: Array, starts: int, rng: np.random.Generator) -> Array:
-    """Return how far [m] a hand stays from (n, 3) points at its best, tilt and legs counted alike."""
+def reach(world: World, hand: Hand, points: Array, attempts: int, rng: np.random.Generator) -> Array:
+    """Return the smallest residual (n,) of a hand at points (n, 3): position [m], excess tilt and leg length alike."""
     columns = world.columns(hand.agent)
     lower, upper = world.lower[columns], world.upper[columns]
     posture = PostureMap(world) if hand.agent == "human" else None
 
     best = np.full(len(points), np.inf)
-    for attempt in range(starts):
-        open_ = np.flatnonzero(best > CLOSE)
-        if not len(open_):
+    for attempt in range(attempts):
+        unreached = np.flatnonzero(best > CLOSE)
+        if not len(unreached):
             break
 
-        def residuals(x: Array, which: Indices, wanted: Array = points[open_]) -> tuple[Array, Array]:
+        def residuals(x: Array, which: Indices, wanted: Array = points[unreached]) -> tuple[Array, Array]:
             return _residuals(world, hand, posture, columns, x, wanted[which])
 
-        start = np.tile(world.start[columns], (len(open_), 1))
+        initial = np.tile(world.initial_configuration[columns], (len(unreached), 1))
         if attempt:
-            start = rng.uniform(lower, upper, start.shape)
-        _, left = least_squares(residuals, start, lower, upper, tolerance=CLOSE / 2.0)
-        best[open_] = np.minimum(best[open_], left)
+            initial = rng.uniform(lower, upper, initial.shape)
+        _, residual = least_squares(residuals, initial, lower, upper, tolerance=CLOSE / 2.0)
+        best[unreached] = np.minimum(best[unreached], residual)
     return best
 
 
 def transport_reachability(
-    world: World, thing: str, heights: Sequence[float], spots: int = 3, starts: int = 6
+    world: World, object_name: str, heights: Sequence[float], spots: int = 3, attempts: int = 6
 ) -> pd.DataFrame:
-    """Return where each robot hand can put an object that it picks up from where it lies at first.
+    """Return where each robot hand can place an object that it grasps at its initial position.
 
-    More than reach: the hand keeps its hold, and the object lies flat at both ends, so the hand is tilted alike.
+    Stricter than reach: the grasp does not change and the object lies flat at both ends, so the hand has the same tilt
+    at both.
 
     Returns:
-        One row per hand, table, height and spot as in `Reachability.data`, tables of given height left out.
+        One row per hand, table, height and spot as in `Reachability.data`, without tables of fixed height.
     """
     import pandas as pd
 
-    item = world.scene.things[thing]
+    item = world.scene.objects[object_name]
     targets = _targets(world, heights, spots)
     targets = targets[targets["table"].map(lambda name: world.scene.tables[name].heights).map(lambda h: h[1] > h[0])]
     lift = np.array([0.0, 0.0, item.size[2] / 2.0])
@@ -121,30 +119,30 @@ def transport_reachability(
     for hand in world.scene.hands.values():
         if hand.agent == "human":
             continue
-        holder = fixed_on(world.scene.tables[item.on], item)
-        source = holder.pose(world.at(world.start[None], []), np.zeros(0)).position[0]
-        miss = _carry(world, hand, source, points, starts)
+        attachment = fixed_on(world.scene.tables[item.on], item)
+        source = attachment.pose(world.at(world.initial_configuration[None], []), np.zeros(0)).position[0]
+        miss = _transport(world, hand, source, points, attempts)
         parts.append(targets.assign(hand=hand.full, miss=miss, reached=miss < CLOSE))
     return pd.concat(parts, ignore_index=True)
 
 
-def _carry(world: World, hand: Hand, source: Array, points: Array, starts: int) -> Array:
-    """Return the miss [m] of (n, 3) points for a hand that comes from the (3,) source without turning its hold."""
+def _transport(world: World, hand: Hand, source: Array, points: Array, attempts: int) -> Array:
+    """Return the residual (n,) [m] of points (n, 3) for a hand that grasps at the source (3,) and keeps its grasp."""
     columns = world.columns(hand.agent)
     k = len(columns)
     lower, upper = np.tile(world.lower[columns], 2), np.tile(world.upper[columns], 2)
     rng = np.random.default_rng(0)
 
     def upright(place: FramePlacement) -> features.Feature:
-        """The vertical as the hand sees it."""
+        """The vertical in the axes of the hand."""
         inverse = np.swapaxes(place.rotation, 1, 2)
-        turns = np.cross(np.array([0.0, 0.0, 1.0])[None, :, None], place.jacobian[:, 3:], axis=1)
-        return features.Feature(inverse[:, :, 2], inverse @ turns)
+        slopes = np.cross(np.array([0.0, 0.0, 1.0])[None, :, None], place.jacobian[:, 3:], axis=1)
+        return features.Feature(inverse[:, :, 2], inverse @ slopes)
 
     def ends(x: Array, wanted: Array) -> tuple[Array, Array]:
         first, by_first = _residuals(world, hand, None, columns, x[:, :k], np.broadcast_to(source, wanted.shape))
         last, by_last = _residuals(world, hand, None, columns, x[:, k:], wanted)
-        up = [upright(_place(world, hand, columns, part)) for part in (x[:, :k], x[:, k:])]
+        up = [upright(_placement(world, hand, columns, part)) for part in (x[:, :k], x[:, k:])]
         value = np.concatenate([first, last, up[0].value - up[1].value], axis=1)
         m = first.shape[1]
         jacobian = np.zeros((len(x), value.shape[1], 2 * k))
@@ -154,51 +152,51 @@ def _carry(world: World, hand: Hand, source: Array, points: Array, starts: int) 
         return value, jacobian
 
     best = np.full(len(points), np.inf)
-    for attempt in range(starts):
-        open_ = np.flatnonzero(best > CLOSE)
-        if not len(open_):
+    for attempt in range(attempts):
+        unreached = np.flatnonzero(best > CLOSE)
+        if not len(unreached):
             break
-        start = np.tile(world.start[columns], (len(open_), 2))
+        initial = np.tile(world.initial_configuration[columns], (len(unreached), 2))
         if attempt:
-            start = rng.uniform(lower, upper, start.shape)
+            initial = rng.uniform(lower, upper, initial.shape)
 
-        def residuals(x: Array, which: Indices, wanted: Array = points[open_]) -> tuple[Array, Array]:
+        def residuals(x: Array, which: Indices, wanted: Array = points[unreached]) -> tuple[Array, Array]:
             return ends(x, wanted[which])
 
-        _, left = least_squares(residuals, start, lower, upper, tolerance=CLOSE / 2.0)
-        best[open_] = np.minimum(best[open_], left)
+        _, residual = least_squares(residuals, initial, lower, upper, tolerance=CLOSE / 2.0)
+        best[unreached] = np.minimum(best[unreached], residual)
     return best
 
 
-def _place(world: World, hand: Hand, columns: Indices, x: Array) -> FramePlacement:
-    q = np.tile(world.start, (len(x), 1))
+def _placement(world: World, hand: Hand, columns: Indices, x: Array) -> FramePlacement:
+    q = np.tile(world.initial_configuration, (len(x), 1))
     q[:, columns] = x
-    return world.at(q, [hand.full]).place(hand.full)
+    return world.at(q, [hand.full]).placement(hand.full)
 
 
 def _residuals(
     world: World, hand: Hand, posture: PostureMap | None, columns: Indices, x: Array, points: Array
 ) -> tuple[Array, Array]:
-    q = np.tile(world.start, (len(x), 1))
+    q = np.tile(world.initial_configuration, (len(x), 1))
     q[:, columns] = x
     soles = list(world.planted) if posture is not None else []
     kinematics = world.at(q, [hand.full, *soles])
-    place = kinematics.place(hand.full)
+    place = kinematics.placement(hand.full)
     parts = [features.position(place, points)]
     if hand.tilt < 180.0:
         parts.append(_beyond(features.tilt(place, hand.tilt)))
-    parts += [features.pose(kinematics.place(sole), *world.planted[sole]) for sole in soles]
+    parts += [features.pose(kinematics.placement(sole), *world.planted[sole]) for sole in soles]
     values = [part.value for part in parts]
     jacobians = [part.jacobian[:, :, columns] for part in parts]
     if posture is not None and posture.body.legs == "solved":
-        legs = _beyond(features.Feature(*posture.reach(q)))
+        legs = _beyond(features.Feature(*posture.leg_shortfall(q)))
         values.append(legs.value)
         jacobians.append(legs.jacobian)
     return np.concatenate(values, axis=1), np.concatenate(jacobians, axis=1)
 
 
 def _beyond(inequality: features.Feature) -> features.Feature:
-    """Return the violated part of values that should be <= 0."""
+    """Return max(value, 0) of an inequality value <= 0, with its Jacobian."""
     violated = inequality.value > 0.0
     return features.Feature(
         np.where(violated, inequality.value, 0.0), np.where(violated[:, :, None], inequality.jacobian, 0.0)
@@ -208,11 +206,12 @@ def _beyond(inequality: features.Feature) -> features.Feature:
 def _targets(world: World, heights: Sequence[float], spots: int) -> pd.DataFrame:
     import pandas as pd
 
+    """Return the spots of all tables and heights: `table height x y` [m]."""
     rows = []
     side = np.linspace(-1.0, 1.0, spots)
+    margin = min((min(item.size[:2]) / 2.0 for item in world.scene.objects.values()), default=0.0)
     for name, table in world.scene.tables.items():
         yaw = np.radians(table.yaw)
-        margin = min((min(thing.size[:2]) / 2.0 for thing in world.scene.things.values()), default=0.0)
         for height in heights if table.heights[1] > table.heights[0] else [table.height]:
             for u in side * (table.size[0] / 2.0 - margin):
                 for v in side * (table.size[1] / 2.0 - margin):

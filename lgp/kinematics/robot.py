@@ -1,4 +1,4 @@
-"""Robots: where their URDF is, and a Pinocchio model with the joints that do not move locked."""
+"""Robot models: URDF to a reduced Pinocchio model without the locked joints."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 PACKAGE = "example-robot-data"
 FOLDER = "cmeel.prefix/share/example-robot-data/robots"
-"""Where the package keeps its robots, below its place of installation."""
+"""Folder of the robots inside the installed package."""
 
 
 def urdf_of(model: str) -> Path:
-    """Return the URDF of a robot: a path, a known name, or a path below the robots of example-robot-data.
+    """Return the URDF file of a robot: a path, a known name, or a path below the robots of example-robot-data.
 
     Raises:
         WorldError: there is no such file, or the package that holds it is not installed.
@@ -34,24 +34,24 @@ def urdf_of(model: str) -> Path:
     known = known_robots()
     if model not in known and path.suffix != ".urdf":
         hint = did_you_mean(model, known)
-        raise WorldError(f"robot {model!r} is neither known ({', '.join(known)}) nor the path of a .urdf file{hint}")
+        raise WorldError(f"robot model is {model!r}, expected {', '.join(known)} or the path of a .urdf file{hint}")
     inside = known[model]["urdf"] if model in known else model
     try:
-        found = Path(str(metadata.distribution(PACKAGE).locate_file(f"{FOLDER}/{inside}")))
+        path = Path(str(metadata.distribution(PACKAGE).locate_file(f"{FOLDER}/{inside}")))
     except metadata.PackageNotFoundError as error:
         raise WorldError(
             f"robot {model!r} needs the package {PACKAGE}; install it with: pip install 'dreba[robots]'"
         ) from error
-    if not found.is_file():
+    if not path.is_file():
         raise WorldError(f"{PACKAGE} {metadata.version(PACKAGE)} has no {inside}; give the path of a .urdf file")
-    return found
+    return path
 
 
 def robot_model(robot: Robot) -> pin.Model:
-    """Return the model of a robot, its locked joints held at their first value (0 if none is given).
+    """Return the Pinocchio model of a robot, its locked joints fixed at their initial value, 0 by default.
 
     Raises:
-        WorldError: the URDF cannot be read, or a joint turns without end and is not locked.
+        WorldError: the URDF cannot be read, or a joint that is not locked is continuous.
     """
     import pinocchio as pin
 
@@ -59,39 +59,40 @@ def robot_model(robot: Robot) -> pin.Model:
     try:
         model = pin.buildModelFromUrdf(str(path))
     except (ValueError, RuntimeError) as error:
-        raise WorldError(f"{path}: cannot be read as URDF ({' '.join(str(error).split())})") from error
+        reason = " ".join(str(error).split())
+        raise WorldError(f"{path}: cannot be read as URDF ({reason}); give a valid .urdf file") from error
     reduced = locked_model(model, robot, robot.locked)
     for number in range(1, reduced.njoints):
         if reduced.joints[number].nq != 1:
             raise WorldError(
-                f"{robot.name}: joint {reduced.names[number]} turns without end; add it to the robot's `locked`"
+                f"{robot.name}: joint {reduced.names[number]} is continuous, expected limits; add it to `locked`"
             )
     return reduced
 
 
 def locked_model(model: pin.Model, agent: Agent, patterns: tuple[str, ...]) -> pin.Model:
-    """Return the model without the joints that match a pattern, held at the agent's first values.
+    """Return the model without the joints that match a pattern, fixed at the agent's initial values.
 
     Raises:
-        WorldError: a pattern or a first value names no joint.
+        WorldError: a pattern or an initial value matches no joint.
     """
     import pinocchio as pin
 
     names = list(model.names)[1:]
-    held = pin.neutral(model)
+    fixed = pin.neutral(model)
     for name, value in agent.joints.items():
         if name not in names:
             raise WorldError(f"{agent.name}: no joint {name!r}{did_you_mean(name, names)}")
         joint = model.joints[model.getJointId(name)]
         if joint.nq == 1:
-            held[joint.idx_q] = value if slides(joint) else np.radians(value)
+            fixed[joint.idx_q] = value if slides(joint) else np.radians(value)
     for pattern in patterns:
         if not any(fnmatch(name, pattern) for name in names):
             raise WorldError(f"{agent.name}: no joint matches {pattern!r} in `locked`{did_you_mean(pattern, names)}")
     numbers = [model.getJointId(name) for name in names if any(fnmatch(name, pattern) for pattern in patterns)]
-    return pin.buildReducedModel(model, numbers, held) if numbers else model
+    return pin.buildReducedModel(model, numbers, fixed) if numbers else model
 
 
 def slides(joint: pin.JointModel) -> bool:
-    """Return whether a joint slides instead of turning."""
+    """Return whether a joint is prismatic."""
     return "P" in joint.shortname().removeprefix("JointModel")[:2]

@@ -1,6 +1,6 @@
-"""The symbolic half of the program: PDDL domains, ground tasks, relaxed heuristics.
+"""Symbolic planning: PDDL domains, ground tasks with bit-mask states, delete-relaxation heuristics.
 
-PDDL text -> Domain -> ground(domain, objects, initial, goal) -> Task: states are integers, one bit an atom
+PDDL text -> `PddlDomain` -> `ground(domain, objects, initial, goal)` -> `Task`
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Relaxed heuristics: how far the goal is when nothing is ever deleted (Hoffmann & Nebel 2001, FF).
+"""Delete-relaxation heuristics (FF, Hoffmann & Nebel 2001).
 
-The length of a relaxed plan guides the search; the layer at which the goal appears is a lower bound of the number of
-actions, and a goal that never appears cannot be reached at all.
+The length of a relaxed plan guides the search. The layer of the relaxed planning graph at which the goal appears is a
+lower bound of the number of actions; a goal that never appears is unreachable.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from lgp.logic.task import Action, Atom, Task
 
 @dataclass(frozen=True)
 class RelaxedPlan:
-    """A plan without deletes.
+    """A plan of the delete-relaxed task.
 
     Attributes:
-        layers: first layer at which the whole goal holds: a lower bound of the number of actions (h_max).
-        actions: actions of one relaxed plan, each once; their number estimates the length (h_FF).
+        layers: first layer with all goal atoms: a lower bound of the number of actions (h_max).
+        actions: of one relaxed plan, each once; their number estimates the length (h_FF).
     """
 
     layers: int
@@ -25,9 +25,9 @@ class RelaxedPlan:
 
 
 def relaxed_plan(task: Task, state: int) -> RelaxedPlan | None:
-    """Return a relaxed plan from a state, or None where the goal cannot be reached even without deletes."""
+    """Return a relaxed plan from a state, None where the goal is unreachable even without deletes."""
     layer_of: dict[int, int] = {}
-    made_by: dict[int, Action] = {}
+    achiever: dict[int, Action] = {}
     known, layer = state, 0
     for bit in _bits(state):
         layer_of[bit] = 0
@@ -37,7 +37,7 @@ def relaxed_plan(task: Task, state: int) -> RelaxedPlan | None:
         for action in task.actions:
             if known & action.needs == action.needs:
                 for bit in _bits(action.adds & ~known & ~new):
-                    layer_of[bit], made_by[bit] = layer, action
+                    layer_of[bit], achiever[bit] = layer, action
                 new |= action.adds
         if not new & ~known:
             return None
@@ -47,7 +47,7 @@ def relaxed_plan(task: Task, state: int) -> RelaxedPlan | None:
     while open_bits:
         bit = max(open_bits, key=lambda b: (layer_of[b], b))
         open_bits.discard(bit)
-        action = made_by[bit]
+        action = achiever[bit]
         if action not in chosen:
             chosen[action] = None
             open_bits |= {need for need in _bits(action.needs) if layer_of[need] > 0}
@@ -55,9 +55,9 @@ def relaxed_plan(task: Task, state: int) -> RelaxedPlan | None:
 
 
 def why_unreachable(task: Task) -> str:
-    """Return why no sequence reaches the goal: the goal atom, and for each way to get it what never holds.
+    """Return why no sequence reaches the goal: a goal atom, and the precondition of its actions that is never true.
 
-    Empty if the goal can be reached when nothing is deleted.
+    "" if the goal is reachable under delete relaxation.
     """
     known = task.initial
     while True:
@@ -79,15 +79,15 @@ def why_unreachable(task: Task) -> str:
 
 def _explain(task: Task, atom: Atom, reachable: set[Atom], reasons: list[str], seen: set[Atom]) -> None:
     seen.add(atom)
-    makers = []
+    achievers = []
     for schema in task.domain.actions:
         for literal in schema.effect:
             if literal.positive and literal.predicate == atom.predicate and len(literal.terms) == len(atom.arguments):
-                makers.append((schema, dict(zip(literal.terms, atom.arguments, strict=True))))
-    if not makers:
-        reasons.append(f"{atom} does not hold at the start and no action brings it about")
+                achievers.append((schema, dict(zip(literal.terms, atom.arguments, strict=True))))
+    if not achievers:
+        reasons.append(f"{atom} is not true initially and no action adds it")
         return
-    for schema, binding in makers:
+    for schema, binding in achievers:
         for literal in schema.precondition:
             if not literal.positive:
                 continue
@@ -95,11 +95,11 @@ def _explain(task: Task, atom: Atom, reachable: set[Atom], reasons: list[str], s
             fits = [r for r in reachable if r.predicate == literal.predicate and _matches(terms, r.arguments)]
             if not fits:
                 need = Atom(literal.predicate, terms)
-                reasons.append(f"{atom} needs {schema.name}, whose precondition {need} never holds")
+                reasons.append(f"{atom} needs {schema.name}, whose precondition {need} is never true")
                 if not any(term.startswith("?") for term in terms) and need not in seen:
                     _explain(task, need, reachable, reasons, seen)
                 return
-    reasons.append(f"{atom} needs {makers[0][0].name}, whose preconditions never hold together")
+    reasons.append(f"{atom} needs {achievers[0][0].name}, whose preconditions are never true together")
 
 
 def _matches(terms: tuple[str, ...], arguments: tuple[str, ...]) -> bool:

@@ -1,7 +1,7 @@
-"""PDDL domains (typed STRIPS with negative preconditions), read with the `pddl` package.
+"""PDDL domains (typed STRIPS with negative preconditions), parsed with the `pddl` package.
 
-A `PddlDomain` is plain data: types, predicates with the types of their arguments, and action schemas whose conditions
-and effects are lists of literals over the action's parameters.
+A `PddlDomain` is plain data: types, predicates with their argument types, and action schemas whose preconditions and
+effects are lists of literals over the parameters.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SHIPPED: Final = Path(__file__).resolve().parents[1] / "domains"
 
 
 class Literal(NamedTuple):
-    """A predicate over parameters (`?e`) or constants, wanted true or false."""
+    """A predicate over parameters (`?e`) or constants, or its negation."""
 
     predicate: str
     terms: tuple[str, ...]
@@ -31,11 +31,10 @@ class Literal(NamedTuple):
 
 @dataclass(frozen=True)
 class ActionSchema:
-    """An action before its parameters are chosen.
+    """A lifted action.
 
     Attributes:
-        name: of the action.
-        parameters: (name with its question mark, allowed types) in order.
+        parameters: (name with question mark, allowed types) in order.
         precondition, effect: literals over the parameters.
     """
 
@@ -50,11 +49,10 @@ class PddlDomain:
     """A planning domain.
 
     Attributes:
-        name: of the domain.
-        supertypes: type -> its direct supertype ("object" at the top).
+        supertypes: type -> direct supertype, "object" at the top.
         predicates: predicate -> allowed types of each argument.
         actions: schemas in file order.
-        constants: object -> type, named in the domain itself.
+        constants: object -> type, declared in the domain.
     """
 
     name: str
@@ -63,10 +61,10 @@ class PddlDomain:
     actions: tuple[ActionSchema, ...]
     constants: dict[str, str] = field(default_factory=dict)
 
-    def is_a(self, kind: str, wanted: frozenset[str]) -> bool:
-        """Return whether a type is one of the wanted types or below one of them."""
+    def is_a(self, kind: str, allowed: frozenset[str]) -> bool:
+        """Return whether a type is one of the allowed types or a subtype of one."""
         while True:
-            if kind in wanted or "object" in wanted:
+            if kind in allowed or "object" in allowed:
                 return True
             if kind not in self.supertypes:
                 return False
@@ -74,10 +72,10 @@ class PddlDomain:
 
 
 def load_domain(which: str | Path) -> PddlDomain:
-    """Return a shipped domain by its name, or the one in a PDDL file.
+    """Return a shipped domain by name, or the domain in a PDDL file.
 
     Raises:
-        LogicError: unknown name, unreadable file, or wrong PDDL (with line and column).
+        LogicError: unknown name, unreadable file, or invalid PDDL (with line and column).
 
     Example:
         >>> [schema.name for schema in load_domain("screwdriver").actions]
@@ -89,7 +87,8 @@ def load_domain(which: str | Path) -> PddlDomain:
     if not path.is_file():
         names = sorted(file.stem for file in SHIPPED.glob("*.pddl"))
         raise LogicError(
-            f"domain {str(which)!r} is neither shipped ({', '.join(names)}) nor a file{did_you_mean(str(which), names)}"
+            f"domain is {str(which)!r}, expected {', '.join(names)} or the path of a PDDL file"
+            f"{did_you_mean(str(which), names)}"
         )
     try:
         text = path.read_text(encoding="utf-8")
@@ -102,27 +101,27 @@ def parse_domain(text: str, where: str = "domain") -> PddlDomain:
     """Return the domain that a PDDL text describes.
 
     Raises:
-        LogicError: the text is not PDDL, or outside typed STRIPS with negative preconditions; says where.
+        LogicError: the text is not PDDL or not typed STRIPS with negative preconditions; with line and column.
     """
     from lark.exceptions import LarkError, UnexpectedInput
     from pddl.exceptions import PDDLError
     from pddl.parser.domain import DomainParser
 
     try:
-        with _tracebacks_kept():
+        with _traceback_limit_restored():
             parsed = DomainParser()(text)
     except UnexpectedInput as error:
         place = f"line {error.line}, column {error.column}"
         raise LogicError(f"{where}: {place}: {_unexpected(error)}; check the brackets and keywords there") from error
     except (LarkError, PDDLError, ValueError, AssertionError, TypeError, KeyError, RecursionError) as error:
         reason = " ".join(str(getattr(error, "orig_exc", error)).split())
-        raise LogicError(f"{where}: {_blame(text, reason)}{reason}; mend the domain") from error
-    return _checked(_plain(parsed, text, where), text, where)
+        raise LogicError(f"{where}: {_blame(text, reason)}{reason}; correct the domain") from error
+    return _checked(_convert(parsed, text, where), text, where)
 
 
 @contextlib.contextmanager
-def _tracebacks_kept() -> Iterator[None]:
-    """Undo that the parser leaves the interpreter without tracebacks after a text it cannot read."""
+def _traceback_limit_restored() -> Iterator[None]:
+    """Restore sys.tracebacklimit, which the parser sets to 0 after a text that it cannot parse."""
     before = getattr(sys, "tracebacklimit", None)
     try:
         yield
@@ -138,13 +137,13 @@ def _unexpected(error: Any) -> str:
     return f"unexpected {token!r}" if token.strip() else "the text ends too early"
 
 
-def _plain(parsed: Any, text: str, where: str) -> PddlDomain:
+def _convert(parsed: Any, text: str, where: str) -> PddlDomain:
     """Return the parser's objects as a `PddlDomain`."""
-    needs = {str(requirement) for requirement in parsed.requirements}
-    beyond = sorted(need for need in needs if f":{need.lstrip(':')}" not in SUPPORTED)
-    if beyond:
+    requirements = {str(requirement) for requirement in parsed.requirements}
+    unsupported = sorted(one for one in requirements if f":{one.lstrip(':')}" not in SUPPORTED)
+    if unsupported:
         raise LogicError(
-            f"{where}: {_place(text, beyond[0])}requirement {beyond[0]} is not supported; "
+            f"{where}: {_place(text, unsupported[0])}requirement {unsupported[0]} is not supported; "
             f"use {', '.join(sorted(SUPPORTED))}"
         )
 
@@ -157,7 +156,7 @@ def _plain(parsed: Any, text: str, where: str) -> PddlDomain:
         precondition = _literals(action.precondition, text, where, f"precondition of {action.name}")
         effect = _literals(action.effect, text, where, f"effect of {action.name}")
         actions.append(ActionSchema(str(action.name), parameters, precondition, effect))
-    # The parser hands actions out as a set: file order makes searches repeatable.
+    # The parser returns actions as a set; file order makes searches repeatable.
     actions.sort(key=lambda schema: (_offset(text, schema.name), schema.name))
     return PddlDomain(
         name=str(parsed.name),
@@ -178,14 +177,14 @@ def _literals(formula: Any, text: str, where: str, what: str) -> tuple[Literal, 
     inner = formula if positive else formula.argument
     if type(inner).__name__ != "Predicate":
         raise LogicError(
-            f"{where}: {what} holds {kind.lower()!r}; only (and ...) and (not ...) of predicates are known"
+            f"{where}: {what} contains {kind.lower()!r}, expected predicates, (and ...) and (not ...) only"
         )
     terms = tuple(f"?{t.name}" if type(t).__name__ == "Variable" else str(t.name) for t in inner.terms)
     return (Literal(str(inner.name), terms, positive),)
 
 
 def _checked(domain: PddlDomain, text: str, where: str) -> PddlDomain:
-    """Return the domain if its actions use what it declares."""
+    """Return the domain if its actions use only predicates and types that it declares."""
     for schema in domain.actions:
         types = dict(schema.parameters)
         for literal in (*schema.precondition, *schema.effect):
@@ -195,30 +194,31 @@ def _checked(domain: PddlDomain, text: str, where: str) -> PddlDomain:
                 raise LogicError(
                     f"{where}: {at}action {schema.name} uses undeclared predicate {literal.predicate!r}{hint}"
                 )
-            wanted = domain.predicates[literal.predicate]
-            if len(wanted) != len(literal.terms):
+            allowed_types = domain.predicates[literal.predicate]
+            if len(allowed_types) != len(literal.terms):
                 raise LogicError(
-                    f"{where}: {at}action {schema.name} gives {literal.predicate} {len(literal.terms)} arguments; "
-                    f"it takes {len(wanted)}"
+                    f"{where}: {at}action {schema.name}: {literal.predicate} has {len(literal.terms)} arguments, "
+                    f"expected {len(allowed_types)}"
                 )
-            for term, allowed in zip(literal.terms, wanted, strict=True):
-                given = types.get(term) or frozenset({domain.constants.get(term, "")})
-                if not all(domain.is_a(kind, allowed) for kind in given):
-                    kinds, expected = " or ".join(sorted(given)), " or ".join(sorted(allowed))
+            for term, allowed in zip(literal.terms, allowed_types, strict=True):
+                actual = types.get(term) or frozenset({domain.constants.get(term, "")})
+                if not all(domain.is_a(kind, allowed) for kind in actual):
+                    kinds, expected = " or ".join(sorted(actual)), " or ".join(sorted(allowed))
                     raise LogicError(
-                        f"{where}: {at}action {schema.name}: {term} of {literal.predicate} is {kinds}; "
+                        f"{where}: {at}action {schema.name}: {term} of {literal.predicate} is {kinds}, "
                         f"expected {expected}"
                     )
     return domain
 
 
 def _offset(text: str, word: str) -> int:
-    found = re.search(rf"(?<![\w-]){re.escape(word)}(?![\w-])", re.sub(r";[^\n]*", lambda m: " " * len(m[0]), text))
-    return found.start() if found else len(text)
+    code = re.sub(r";[^\n]*", lambda comment: " " * len(comment[0]), text)
+    match = re.search(rf"(?<![\w-]){re.escape(word)}(?![\w-])", code)
+    return match.start() if match else len(text)
 
 
 def _place(text: str, word: str) -> str:
-    """Return "line 3, column 7: " for the first use of a word, or nothing."""
+    """Return "line 3, column 7: " for the first use of a word, "" if it is not in the text."""
     offset = _offset(text, word)
     if offset == len(text):
         return ""
@@ -227,6 +227,6 @@ def _place(text: str, word: str) -> str:
 
 
 def _blame(text: str, reason: str) -> str:
-    """Return the place of the first word of a message that stands in the text."""
+    """Return the place of the first quoted word of a parser message that is in the text, as `_place`."""
     words = re.findall(r"'\??([\w-]+)'", reason)
     return next((place for place in (_place(text, word) for word in words) if place), "")

@@ -1,4 +1,4 @@
-"""Ground tasks: states are integers with one bit for each atom, actions are bit masks."""
+"""Ground planning tasks: a state is an integer with one bit per atom, an action is four bit masks."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Action:
 
     Attributes:
         name, arguments: as printed: `grasp`, ("baxter.left", "screwdriver").
-        needs, forbids: atoms that must hold, must not hold.
-        adds, deletes: atoms that hold, do not hold afterwards (an atom in both holds).
+        needs, forbids: masks of the positive and negative preconditions.
+        adds, deletes: masks of the effects; adding wins where an atom is in both.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Action:
     deletes: int
 
     def applies(self, state: int) -> bool:
-        """Return whether the action can be done in a state."""
+        """Return whether the preconditions are satisfied in a state."""
         return state & self.needs == self.needs and not state & self.forbids
 
     def apply(self, state: int) -> int:
@@ -51,12 +51,12 @@ class Task:
     """A ground planning task.
 
     Attributes:
-        domain: where it comes from.
+        domain: its PDDL domain.
         objects: object -> type.
-        atoms: every atom that can ever hold, in a fixed order; atom i is bit i.
-        actions: every action that can ever be done, in a fixed order.
-        initial: the first state.
-        goal, goal_not: atoms that must hold, must not hold at the end.
+        atoms: every reachable atom, in a fixed order; atom i is bit i of a state.
+        actions: every applicable action, in a fixed order.
+        initial: initial state.
+        goal: mask of the atoms that must be true at the end.
     """
 
     domain: PddlDomain
@@ -65,10 +65,9 @@ class Task:
     actions: tuple[Action, ...]
     initial: int
     goal: int
-    goal_not: int = 0
 
     def successors(self, state: int) -> Iterator[tuple[Action, int]]:
-        """Yield every possible action with the state it leads to; actions that change nothing are left out."""
+        """Yield every applicable action with its successor state; actions without an effect are left out."""
         for action in self.actions:
             if action.applies(state):
                 after = action.apply(state)
@@ -76,76 +75,69 @@ class Task:
                     yield action, after
 
     def is_goal(self, state: int) -> bool:
-        """Return whether the goal holds."""
-        return state & self.goal == self.goal and not state & self.goal_not
+        """Return whether a state satisfies the goal."""
+        return state & self.goal == self.goal
 
     def holding(self, state: int) -> tuple[Atom, ...]:
-        """Return the atoms that hold in a state."""
+        """Return the atoms that are true in a state."""
         return tuple(atom for bit, atom in enumerate(self.atoms) if state >> bit & 1)
 
     def action(self, text: str) -> Action:
-        """Return the action that a text such as `grasp(baxter.left, screwdriver)` names.
+        """Return the action with a name such as `grasp(baxter.left, screwdriver)`.
 
         Raises:
             LogicError: there is no such action.
         """
-        wanted = text.replace(" ", "")
+        name = text.replace(" ", "")
         for action in self.actions:
-            if str(action).replace(" ", "") == wanted:
+            if str(action).replace(" ", "") == name:
                 return action
-        hint = did_you_mean(text, [str(action) for action in self.actions])
-        raise LogicError(f"action {text!r} does not exist or can never be done{hint}")
+        hint = did_you_mean(text, [str(action) for action in self.actions]) or "; check its name and arguments"
+        raise LogicError(f"action {text!r} does not exist or never becomes applicable{hint}")
 
 
-def ground(
-    domain: PddlDomain,
-    objects: Mapping[str, str],
-    initial: Iterable[Atom],
-    goal: Iterable[Atom],
-    goal_not: Iterable[Atom] = (),
-) -> Task:
-    """Return the task for some objects.
+def ground(domain: PddlDomain, objects: Mapping[str, str], initial: Iterable[Atom], goal: Iterable[Atom]) -> Task:
+    """Return the ground task of a domain for some objects.
 
-    Only actions whose preconditions can ever hold (deletes ignored) are kept, and only atoms that can ever hold or are
-    asked for.
+    It has only actions and atoms that are reachable under delete relaxation, and the atoms of the goal.
 
     Args:
+        domain: the PDDL domain.
         objects: object -> type of the domain.
         initial, goal: atoms.
-        goal_not: atoms that must not hold at the end.
 
     Raises:
         LogicError: an object, type, predicate or number of arguments is unknown.
     """
-    everything = {**domain.constants, **objects}
-    for name, kind in everything.items():
+    constants = {**domain.constants, **objects}
+    for name, kind in constants.items():
         if kind not in domain.supertypes and kind != "object":
             raise LogicError(f"object {name!r} has unknown type {kind!r}{did_you_mean(kind, domain.supertypes)}")
-    first, wanted, unwanted = tuple(initial), tuple(goal), tuple(goal_not)
-    for atom in (*first, *wanted, *unwanted):
-        _check(domain, everything, atom)
-    possible, candidates = _reachable(domain, everything, set(first))
-    atoms = tuple(sorted(possible | set(wanted) | set(unwanted)))
+    first, final = set(initial), set(goal)
+    for atom in sorted(first | final):
+        _check(domain, constants, atom)
+    reachable, candidates = _reachable(domain, constants, set(first))
+    atoms = tuple(sorted(reachable | final))
     bit = {atom: 1 << index for index, atom in enumerate(atoms)}
     actions = tuple(_action(schema, binding, bit) for schema, binding in candidates)
-    masks = [sum(bit[atom] for atom in set(group)) for group in (first, wanted, unwanted)]
-    return Task(domain, everything, atoms, actions, *masks)
+    masks = (sum(bit[atom] for atom in group) for group in (first, final))
+    return Task(domain, constants, atoms, actions, *masks)
 
 
 def _check(domain: PddlDomain, objects: Mapping[str, str], atom: Atom) -> None:
     if atom.predicate not in domain.predicates:
         hint = did_you_mean(atom.predicate, domain.predicates)
         raise LogicError(f"{atom}: unknown predicate{hint}; known: {', '.join(domain.predicates)}")
-    wanted = domain.predicates[atom.predicate]
-    if len(wanted) != len(atom.arguments):
-        raise LogicError(f"{atom}: {len(atom.arguments)} arguments; {atom.predicate} takes {len(wanted)}")
-    for name, allowed in zip(atom.arguments, wanted, strict=True):
+    types = domain.predicates[atom.predicate]
+    if len(types) != len(atom.arguments):
+        raise LogicError(f"{atom} has {len(atom.arguments)} arguments, expected {len(types)} for {atom.predicate}")
+    for name, allowed in zip(atom.arguments, types, strict=True):
         if name not in objects:
             raise LogicError(
                 f"{atom}: unknown object {name!r}{did_you_mean(name, objects)}; known: {', '.join(objects)}"
             )
         if not domain.is_a(objects[name], allowed):
-            raise LogicError(f"{atom}: {name} is a {objects[name]}; expected {' or '.join(sorted(allowed))}")
+            raise LogicError(f"{atom}: {name} is a {objects[name]}, expected {' or '.join(sorted(allowed))}")
 
 
 def _bindings(domain: PddlDomain, objects: Mapping[str, str], schema: ActionSchema) -> Iterator[dict[str, str]]:
@@ -161,20 +153,20 @@ def _bound(literal: Literal, binding: Mapping[str, str]) -> Atom:
 def _reachable(
     domain: PddlDomain, objects: Mapping[str, str], known: set[Atom]
 ) -> tuple[set[Atom], list[tuple[ActionSchema, dict[str, str]]]]:
-    """Return the atoms and actions that can be reached when nothing is ever deleted."""
+    """Return the atoms and actions that are reachable under delete relaxation."""
     waiting = [(schema, binding) for schema in domain.actions for binding in _bindings(domain, objects, schema)]
     order = {id(entry): index for index, entry in enumerate(waiting)}
     reached: list[tuple[ActionSchema, dict[str, str]]] = []
-    grew = True
-    while grew:
-        grew = False
+    changed = True
+    while changed:
+        changed = False
         later = []
         for entry in waiting:
             schema, binding = entry
             if all(_bound(lit, binding) in known for lit in schema.precondition if lit.positive):
                 known |= {_bound(lit, binding) for lit in schema.effect if lit.positive}
                 reached.append(entry)
-                grew = True
+                changed = True
             else:
                 later.append(entry)
         waiting = later
@@ -183,7 +175,7 @@ def _reachable(
 
 def _action(schema: ActionSchema, binding: Mapping[str, str], bit: Mapping[Atom, int]) -> Action:
     def mask(literals: Iterable[Literal], positive: bool) -> int:
-        # An atom that can never hold needs no bit: it cannot be deleted, and a condition against it always holds.
+        # An unreachable atom needs no bit: deleting it has no effect, and its negation is always satisfied.
         return sum({bit.get(_bound(lit, binding), 0) for lit in literals if lit.positive == positive})
 
     return Action(
@@ -210,19 +202,19 @@ class Atom(NamedTuple):
 
 
 def parse_atom(text: str) -> Atom:
-    """Return the atom that a text names.
+    """Return the atom written as `predicate(argument, ...)`.
 
     Raises:
-        LogicError: the text is not of the form `predicate(argument, ...)`.
+        LogicError: the text has another form.
 
     Example:
         >>> parse_atom("placed(screwdriver, table.left)").arguments
         ('screwdriver', 'table.left')
     """
-    found = _ATOM.fullmatch(text)
-    if found is None:
+    match = _ATOM.fullmatch(text)
+    if match is None:
         raise LogicError(f"{text!r} is no atom; write predicate(argument, ...), as in grasped(human.right_hand, box)")
-    arguments = tuple(word.strip() for word in found[2].split(",")) if found[2].strip() else ()
+    arguments = tuple(word.strip() for word in match[2].split(",")) if match[2].strip() else ()
     if not all(arguments):
         raise LogicError(f"{text!r} has an empty argument; write predicate(argument, ...)")
-    return Atom(found[1], arguments)
+    return Atom(match[1], arguments)

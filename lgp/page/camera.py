@@ -176,10 +176,10 @@ def shots_of(
         part = place[number * length : (number + 1) * length + 1]
         moving = np.ptp(part[:, :, :3, 3], axis=0).max(axis=1) > MOVES
         taking = [at for name, at in frames.items() if moving[at] or name.startswith("human.")]
-        names = [name for name in (switch.thing, switch.other) if name]
+        names = [name for name in (switch.object_name, switch.other) if name]
         points = [part[::steps, at, :3, 3] for at in taking]
         points += [_corners(part[::steps, frames[name], :3, 3], PERSON_MARGIN) for name in names]
-        spots = [_spots(scene.things[name], part[-1, frames[name]]) for name in names]
+        spots = [_spots(scene.objects[name], part[-1, frames[name]]) for name in names]
         if switch.table:
             points.append(_tops(scene, switch.table))
         found.append(Subject(np.concatenate([*points, _people(scene)]), np.concatenate(spots), solid[number + 1]))

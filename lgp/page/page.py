@@ -90,14 +90,14 @@ def _script(data: dict[str, Any]) -> str:
 
 def _facts(plan: Plan, motion: Motion, seen: SceneAnimation, lines: tuple[Instruction, ...]) -> dict[str, Any]:
     """Return what the player knows beside the view."""
-    things = [switch.thing for switch in motion.phases.switches]
+    things = [switch.object_name for switch in motion.phases.switches]
     return {
         "actions": [
             {
                 "text": line.text,
                 "you": line.you,
                 "frame": seen.frames.index(thing),
-                "radius": max(RING, round(0.6 * max(plan.scene.things[thing].size), 3)),
+                "radius": max(RING, round(0.6 * max(plan.scene.objects[thing].size), 3)),
             }
             for line, thing in zip(lines, things, strict=True)
         ],

@@ -45,14 +45,12 @@ def sentences(scene: Scene, switches: Sequence[KinematicSwitch]) -> tuple[Instru
         >>> print(sentences(scene, [Switch("grasp", "baxter.left", "screwdriver")])[0].text)
         The robot, using its left arm, picks up the screwdriver from the start table.
     """
-    lies: dict[str, str] = {name: thing.on for name, thing in scene.things.items()}
+    lies: dict[str, str] = {name: thing.on for name, thing in scene.objects.items()}
     lines = []
     for switch in switches:
-        lines.append(_line(scene, switch, lies.get(switch.thing, "")))
-        if switch.kind == "place":
-            lies[switch.thing] = switch.table
-        elif switch.kind in ("grasp", "handover"):
-            lies[switch.thing] = ""
+        lines.append(_line(scene, switch, lies.get(switch.object_name, "")))
+        if switch.action.attaches_to:
+            lies[switch.object_name] = switch.table
     return tuple(lines)
 
 
@@ -80,7 +78,7 @@ def _line(scene: Scene, switch: KinematicSwitch, lies: str) -> Instruction:
     words, actor = table()["words"], switch.giver or switch.hand
     you, takes = _is_human(scene, actor), _is_human(scene, switch.hand)
     names = {
-        "thing": f"the {humanised(switch.thing)}",
+        "thing": f"the {humanised(switch.object_name)}",
         "other": f"the {humanised(switch.other)}",
         "table": f"the {humanised(switch.table)}",
         "from": words["from"].format(table=f"the {humanised(lies)}") if lies else "",
@@ -90,7 +88,7 @@ def _line(scene: Scene, switch: KinematicSwitch, lies: str) -> Instruction:
         "arm": _arm(scene, actor),
         "taker": words["taker"].format(robot=_robot(scene, switch.hand), arm=_limb(scene, switch.hand)),
     }
-    kind = f"handover_to_{'human' if takes else 'robot'}" if switch.kind == "handover" else switch.kind
+    kind = f"{switch.kind}_to_{'human' if takes else 'robot'}" if switch.giver else switch.kind
     text = table()["human" if you else "robot"][kind].format(**names)
     return Instruction(text[0].upper() + text[1:], table()["short"][switch.kind].format(**names), you)
 

@@ -129,8 +129,8 @@ class _Stage:
             self.bodies.append(MeshInstance(self.mesh(name, table_mesh(table)), None, place))
 
     def things(self) -> None:
-        for number, (name, thing) in enumerate(self.scene.things.items()):
-            poses = self.motion.thing(name)
+        for number, (name, thing) in enumerate(self.scene.objects.items()):
+            poses = self.motion.object_poses(name)
             frame = self.frame(name, _matrices(poses.rotation, poses.position))
             self.bodies.append(MeshInstance(self.mesh(name, thing_mesh(thing, number)), frame, np.eye(4)))
 

@@ -23,7 +23,7 @@ from lgp.path.collision_path import SUSPICIOUS, multi_start, settled, solve_coll
 from lgp.path.costs import Costs, Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.feasibility import CLOSE, ReachCheck, explain_infeasibility, project_to_feasible
-from lgp.path.phases import Phases
+from lgp.path.phases import Phases, switch_of
 from lgp.path.problem import PathProblem
 from lgp.search.tree_search import BoundResult, Skeleton
 from lgp.sqp.problem import SolverOptions
@@ -104,7 +104,7 @@ class PathBounds:
         self.world, self.ergonomics, self.options = world, ergonomics, options
         self.collisions, self.detours = collisions, detours
         self.weights = Weights() if weights is None else weights
-        self.start = world.start if start is None else np.asarray(start, dtype=float)
+        self.start = world.initial_configuration if start is None else np.asarray(start, dtype=float)
         self.slices, self.like = slices, like
         self._stretch = ReachCheck(world)
         self._known: dict[tuple[str, Skeleton], BoundResult] = {}
@@ -355,9 +355,9 @@ class PathBounds:
         Where everybody starts elsewhere than at rest, a way by the posture at rest may end in a better one.
         """
         sure = [first]
-        if self.ergonomics is not None and not np.allclose(self.start, self.world.start):
+        if self.ergonomics is not None and not np.allclose(self.start, self.world.initial_configuration):
             rested = first.copy()
-            rested[:, self.ergonomics.columns] = self.world.start[self.ergonomics.columns]
+            rested[:, self.ergonomics.columns] = self.world.initial_configuration[self.ergonomics.columns]
             sure.append(rested)
         rng = np.random.default_rng(0)
         lower, upper = self.world.lower, self.world.upper
@@ -377,12 +377,11 @@ def _conflict(skeleton: tuple[Action, ...]) -> Skeleton:
     Whether a hand can put an object on a table, or two hands meet at it, depends on nothing before; whether a hand can
     take or hold the object on a table depends on the table only.
     """
-    last = skeleton[-1]
-    if last.name in ("place", "handover"):
-        return (last,)
-    if last.name not in ("grasp", "hold"):
+    switch = switch_of(skeleton[-1])
+    if switch.action.conflict_scope == "action":
+        return skeleton[-1:]
+    if switch.action.conflict_scope != "table" or len(skeleton) < 2:
         return ()
-    before = skeleton[-2] if len(skeleton) > 1 else None
-    if before is not None and before.name == "place" and before.arguments[1] == last.arguments[1]:
-        return (before, last)
-    return ()
+    before = switch_of(skeleton[-2])
+    placed = before.action.attaches_to == "table" and before.object_name == switch.object_name
+    return skeleton[-2:] if placed else ()

@@ -79,8 +79,10 @@ class WarmStartCache:
         """Return what the constraints on the pose after the last action depend on, and the load in it."""
         last, number = phases.switches[-1], phases.count - 1
         modes = ModeSequence(self.world, phases.switches)
-        parts = (last.thing, last.other) if last.other else (last.thing,)
-        before = tuple((modes.holder(part, number).by, modes.holder(part, number).size > 0) for part in parts)
+        parts = (last.object_name, last.other) if last.other else (last.object_name,)
+        before = tuple(
+            (modes.attachment(part, number).parent, modes.attachment(part, number).size > 0) for part in parts
+        )
         return last, before, float(phases.loads()[-1])
 
     def keep(self, phases: Phases, cost: float, keys: Array, variables: Array) -> None:

@@ -50,7 +50,7 @@ class CollisionRows:
         pairs: (m,) which pair of bodies it keeps apart.
 
     Example:
-        >>> rows = CollisionRows(world, phases, world.start)              # doctest: +SKIP
+        >>> rows = CollisionRows(world, phases, world.initial_configuration)              # doctest: +SKIP
         >>> rows.extend(path, variables)                                  # doctest: +SKIP
         12
     """
@@ -62,7 +62,7 @@ class CollisionRows:
         self._columns: list[tuple[Indices, Indices]] = []
         self._places: tuple[Indices, Indices, Array] | None = None
         self._phase = np.repeat(np.arange(phases.count), phases.slices * FINER)
-        self._limits = margin - self.collisions.slack(self._phase)
+        self._limits = margin - self.collisions.allowed_penetration(self._phase)
         near = self._near(start[None], np.zeros(1, np.intp), np.zeros(self.collisions.modes.size), margin)
         first = self._limits[: phases.slices * FINER]
         first[:, near.pairs] = np.minimum(first[:, near.pairs], near.value)
@@ -81,7 +81,7 @@ class CollisionRows:
         self.pairs = np.concatenate([self.pairs, near.pairs[new]])
         self._places = None
         self._columns += [
-            self.collisions.depends(int(pair), int(self._phase[at]))
+            self.collisions.dependencies(int(pair), int(self._phase[at]))
             for at, pair in zip(near.slices[new], near.pairs[new], strict=True)
         ]
         return violated
@@ -135,7 +135,7 @@ class CollisionRows:
         if not len(depth) or depth.max() <= 0.0:
             return 0.0, ""
         deepest = int(depth.argmax())
-        first, second = (self.collisions.bodies[side].name for side in self.collisions.pairs[near.pairs[deepest]])
+        first, second = (self.collisions.shapes[side].name for side in self.collisions.pairs[near.pairs[deepest]])
         phase = int(self._phase[near.slices[deepest]]) + 1
         return float(depth[deepest]), f"phase {phase}: {first} goes {depth[deepest]:.3f} m into {second}"
 
@@ -158,7 +158,7 @@ class CollisionRows:
     def _near(self, q: Array, phases: Indices, z: Array, within: float) -> _Near:
         """Return the distances of all pairs that may be nearer than `within` [m] beyond their slack."""
         kinematics = self.world.at(q, self.collisions.frames)
-        slices, pairs = self.collisions.near(kinematics, phases, z, within)
+        slices, pairs = self.collisions.near_pairs(kinematics, phases, z, within)
         return _Near(slices, pairs, self.collisions.values(kinematics, phases, z, slices, pairs))
 
 

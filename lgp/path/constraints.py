@@ -146,7 +146,7 @@ class Constraints:
             return
         kinematics = self.world.at(q, self._soles)
         for sole in self._soles:
-            there: Feature = features.pose(kinematics.place(sole), *self.world.planted[sole])
+            there: Feature = features.pose(kinematics.placement(sole), *self.world.planted[sole])
             equality.append(there.value.ravel())
             blocks.append(there.jacobian[:, :, np.flatnonzero(self.world.support(sole))])
 
@@ -198,7 +198,7 @@ def equal_joint_constraints(
         key = int(phases.keys[number])
         if key + 1 < horizon:
             joints.setdefault((key, key + 1), set()).update(limb.tolist())
-    for hand, number, end in modes.stills:
+    for hand, number, end in modes.holding_intervals:
         if number not in limbs:
             continue
         standing = np.flatnonzero(world.support(hand)).tolist()
@@ -223,7 +223,7 @@ class LegReachConstraint:
         columns: columns of q that it depends on, (p,): those of the pelvis that move.
 
     Example:
-        >>> value, slope = Legs(world).evaluate(world.start[None])            # doctest: +SKIP
+        >>> value, slope = Legs(world).evaluate(world.initial_configuration[None])            # doctest: +SKIP
     """
 
     def __init__(self, world: World) -> None:
@@ -253,7 +253,7 @@ class LegReachConstraint:
 
     def _sides(self, q: Array) -> tuple[Array, Array, Array]:
         """Return how far each leg is stretched too far (n, 2), the slopes (n, 2, p), and its share in the maximum."""
-        beyond, by_human = self.posture.reach(q)
+        beyond, by_human = self.posture.leg_shortfall(q)
         weights = np.exp((beyond - beyond.max(axis=1, keepdims=True)) / BLEND)
         return beyond, by_human[:, :, self._own], weights / weights.sum(axis=1, keepdims=True)
 

@@ -141,7 +141,7 @@ class Ergonomics:
     def _sample(self) -> Array:
         """Return the first configuration and random postures inside the limits, (n, nq)."""
         rng = np.random.default_rng(0)
-        q = np.tile(self.world.start, (4000, 1))
+        q = np.tile(self.world.initial_configuration, (4000, 1))
         lower, upper = self.world.lower[self.columns], self.world.upper[self.columns]
         q[1:, self.columns] = rng.uniform(lower, upper, (len(q) - 1, len(lower)))
         return q

@@ -85,13 +85,14 @@ def explain_infeasibility(problem: PathProblem, x: Array) -> str:
 
 def _jump(problem: PathProblem, number: int, away: float, turned: float) -> str:
     switch = problem.phases.switches[number]
-    by = switch.table or problem.modes.holder(switch.thing, number).by
+    by = switch.table or problem.modes.attachment(switch.object_name, number).parent
     at = f"in {by}" if by in problem.world.scene.hands else f"on {by}"
     if away > FINE:
-        what = f"where {switch.thing} lies {at}" if switch.kind == "place" else f"{switch.thing} {at}"
+        placed = switch.action.attaches_to == "table"
+        what = f"where {switch.object_name} lies {at}" if placed else f"{switch.object_name} {at}"
         more = f", turned by {np.degrees(turned):.1f} deg" if turned > TURNED else ""
         return f"{switch.hand} stays {away:.3f} m away from {what}{more}"
-    return f"{switch.hand} cannot turn as {switch.thing} lies {at}, {np.degrees(turned):.1f} deg are missing"
+    return f"{switch.hand} cannot turn as {switch.object_name} lies {at}, {np.degrees(turned):.1f} deg are missing"
 
 
 def _screw(problem: PathProblem, number: int, away: float, turned: float) -> str:
@@ -102,7 +103,9 @@ def _screw(problem: PathProblem, number: int, away: float, turned: float) -> str
 
 def _joint(problem: PathProblem, number: int, away: float, turned: float) -> str:
     switch = problem.phases.switches[number]
-    places = [f"{part} on {problem.modes.holder(part, number).by}" for part in (switch.thing, switch.other)]
+    places = [
+        f"{part} on {problem.modes.attachment(part, number).parent}" for part in (switch.object_name, switch.other)
+    ]
     more = f" and {np.degrees(turned):.1f} deg" if turned > TURNED else ""
     return f"{' and '.join(places)} stand {away:.3f} m{more} from where they are joined"
 
@@ -201,19 +204,19 @@ def span(world: World, hand: Hand) -> ReachBound:
     """
     model = world.model
     data = model.createData()
-    frame = world.frame(hand.full)
-    pin.framesForwardKinematics(model, data, world.start)
+    frame = world.frame_id(hand.full)
+    pin.framesForwardKinematics(model, data, world.initial_configuration)
     chain = list(model.supports[model.frames[frame].parentJoint])[1:]
     at = [data.oMi[joint].translation.copy() for joint in chain] + [data.oMf[frame].translation.copy()]
-    axes = pin.computeJointJacobians(model, data, world.start)
+    axes = pin.computeJointJacobians(model, data, world.initial_configuration)
     columns = np.array([model.joints[joint].idx_q for joint in chain], dtype=np.intp)
     sliding = 0
     while sliding < len(chain) and slides(model.joints[chain[sliding]]):
         sliding += 1
     own = columns[:sliding]
     moves = axes[:3, own].T
-    root = at[sliding] - world.start[own] @ moves
-    low, high = (limit - world.start for limit in (world.lower, world.upper))
+    root = at[sliding] - world.initial_configuration[own] @ moves
+    low, high = (limit - world.initial_configuration for limit in (world.lower, world.upper))
     turns = axes[3:, columns[sliding:]].T
     free = np.array([slides(model.joints[joint]) for joint in chain[sliding:]], dtype=bool)
     if free.any():
@@ -281,12 +284,13 @@ class ReachCheck:
         number = phases.count - 1
         switch = phases.switches[number]
         scene = self.world.scene
-        if switch.kind not in ("grasp", "place"):
+        if not (switch.action.works_at_table and switch.action.attaches_to):
             return ""
-        thing = scene.things[switch.thing]
+        grasped = switch.action.attaches_to == "hand"
+        thing = scene.objects[switch.object_name]
         table, moved = switch.table or thing.on, bool(switch.table)
-        for earlier in phases.switches[:number] if switch.kind == "grasp" else ():
-            if earlier.thing == switch.thing:
+        for earlier in phases.switches[:number] if grasped else ():
+            if earlier.object_name == switch.object_name:
                 table, moved = earlier.table, True
         if table not in scene.tables:
             return ""
@@ -295,7 +299,7 @@ class ReachCheck:
         miss = self._span(switch.hand).beyond(top) - grip.slide - float(np.linalg.norm(grip.at))
         if miss < LEAST:
             return ""
-        what = f"{switch.thing} on {table}" if switch.kind == "grasp" else f"where {switch.thing} lies on {table}"
+        what = f"{switch.object_name} on {table}" if grasped else f"where {switch.object_name} lies on {table}"
         return (
             f"phase {number + 1}, {phases.label(number)}: {switch.hand} stays at least {miss:.3f} m away from {what}, "
             "however its joints are stretched"

@@ -16,8 +16,6 @@ from lgp.path.phases import Phases
 from reba.arrays import Array, Indices
 
 Blocks = list[tuple[int, Indices]]
-AT_TABLES: Final = ("grasp", "place", "hold")
-"""Kinds of switches in which a hand works on a table, so that its tilt counts."""
 POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
 
 
@@ -74,7 +72,7 @@ class ModeConstraints:
         for number in at:
             if self.modes.contact(number) is not None:
                 self._lay_contact(number)
-            elif phases.switches[number].kind == "screw":
+            elif phases.switches[number].action.screws:
                 self._lay_screw(number)
         for number in self._tilted:
             self.ineq.append((1, self._columns(number)))
@@ -88,7 +86,7 @@ class ModeConstraints:
     @property
     def _tilted(self) -> list[int]:
         switches, hands = self.phases.switches, self.world.scene.hands
-        return [n for n in self.at if switches[n].kind in AT_TABLES and hands[switches[n].hand].tilt < 180.0]
+        return [n for n in self.at if switches[n].action.works_at_table and hands[switches[n].hand].tilt < 180.0]
 
     def _columns(self, number: int, own: Indices | None = None) -> Indices:
         """Return the unknowns of the limbs of a switch, and given variables."""
@@ -100,13 +98,13 @@ class ModeConstraints:
         own = np.unique(np.concatenate([np.arange(side.variables.start, side.variables.stop) for side in sides]))
         self._own[number] = own.astype(np.intp)
         self.eq.append((6, self._columns(number, self._own[number])))
-        thing = self.phases.switches[number].thing
+        thing = self.phases.switches[number].object_name
         self.eq_rows += [ConstraintInfo("jump", unit, number, thing) for unit in POSE_UNITS]
 
     def _lay_screw(self, number: int) -> None:
-        switch, screw = self.phases.switches[number], self.modes.fastening(number)
+        switch, screw = self.phases.switches[number], self.modes.screw_constraint(number)
         self._screws[number], self._own[number] = screw, screw.variables
-        kept = screw.rows(self.world.at(self.world.start[None], self.modes.frames))
+        kept = screw.rows(self.world.at(self.world.initial_configuration[None], self.modes.frames))
         self._joined[number] = kept
         self.eq.append((5, self._columns(number, screw.variables)))
         self.eq_rows += [ConstraintInfo("screw", unit, number, switch.hand) for unit in ("m", "m", "m", "rad", "rad")]
@@ -123,7 +121,7 @@ class ModeConstraints:
                 found.eq_blocks.append(self._block(number, feature))
         for number in self._tilted:
             hand = self.phases.switches[number].hand
-            tilt = features.tilt(kinematics[number].place(hand), self.world.scene.hands[hand].tilt)
+            tilt = features.tilt(kinematics[number].placement(hand), self.world.scene.hands[hand].tilt)
             found.inequality.append(tilt.value[0])
             found.in_blocks.append(tilt.jacobian[0][:, self._limbs[number]])
         return found
@@ -135,15 +133,15 @@ class ModeConstraints:
     def _frames(self, number: int) -> tuple[str, ...]:
         """Return the hands that take part, and those that hold what takes part."""
         switch = self.phases.switches[number]
-        holders = {self.modes.holder(part, number).by for part in (switch.thing, switch.other) if part}
+        holders = {self.modes.attachment(part, number).parent for part in (switch.object_name, switch.other) if part}
         return tuple(dict.fromkeys([*switch.hands, *(by for by in sorted(holders) if by in self.world.scene.hands)]))
 
     def _equalities(self, number: int, kinematics: Kinematics, z: Array) -> list[Feature]:
         if number not in self._screws:
-            return [self.modes.jump(number, kinematics, z)]
+            return [self.modes.pose_continuity(number, kinematics, z)]
         screw, rows = self._screws[number], list(self._joined[number])
-        apart = screw.apart(kinematics, z)
-        return [screw.reach(kinematics, z), Feature(apart.value[:, rows], apart.jacobian[:, rows])]
+        apart = screw.assembly_error(kinematics, z)
+        return [screw.tool_error(kinematics, z), Feature(apart.value[:, rows], apart.jacobian[:, rows])]
 
     def _block(self, number: int, feature: Feature) -> Array:
         columns = np.concatenate([self._limbs[number], self.world.nq + self._own[number]])

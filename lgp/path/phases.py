@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lgp.errors import LgpError
-from lgp.kinematics.modes import ROLES, TAKES, KinematicSwitch
+from lgp.kinematics.modes import ACTIONS, KinematicSwitch
 from lgp.logic.task import Action
 from lgp.scene.model import Scene
 from reba.arrays import Array, Indices
@@ -88,14 +88,14 @@ class Phases:
 
     def loads(self) -> Array:
         """Return the mass that the human holds in each slice [kg], (T,)."""
-        held = {name: thing.hand for name, thing in self.scene.things.items() if thing.hand}
+        held = {name: thing.hand for name, thing in self.scene.objects.items() if thing.hand}
         masses = np.zeros(self.count)
         for number, switch in enumerate(self.switches):
-            masses[number] = sum(self.scene.things[thing].mass for thing, hand in held.items() if self._human(hand))
-            if switch.kind in TAKES:
-                held[switch.thing] = switch.hand
-            elif switch.kind == "place":
-                held.pop(switch.thing, None)
+            masses[number] = sum(self.scene.objects[thing].mass for thing, hand in held.items() if self._human(hand))
+            if switch.action.attaches_to == "hand":
+                held[switch.object_name] = switch.hand
+            elif switch.action.attaches_to == "table":
+                held.pop(switch.object_name, None)
         return np.repeat(masses, self.slices)
 
     def label(self, number: int) -> str:
@@ -112,8 +112,8 @@ def switch_of(action: Action) -> KinematicSwitch:
     Raises:
         LgpError: no geometry is known for its name or number of arguments.
     """
-    roles = ROLES.get(action.name)
-    if roles is None or len(roles) != len(action.arguments):
-        known = "; ".join(f"{name}({', '.join(roles)})" for name, roles in ROLES.items())
+    kind = ACTIONS.get(action.name)
+    if kind is None or len(kind.roles) != len(action.arguments):
+        known = "; ".join(f"{name}({one.signature})" for name, one in ACTIONS.items())
         raise LgpError(f"action {action} has no geometry; known are {known}")
-    return KinematicSwitch(action.name, **dict(zip(roles, action.arguments, strict=True)))
+    return KinematicSwitch(action.name, **dict(zip(kind.roles, action.arguments, strict=True)))

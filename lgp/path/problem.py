@@ -65,7 +65,7 @@ class PathProblem:
         self.modes = ModeSequence(world, phases.switches)
         self.weights = Weights() if weights is None else weights
         self.kept = np.arange(phases.total) if kept is None else np.asarray(kept, dtype=np.intp)
-        self.start = world.start if start is None else start
+        self.start = world.initial_configuration if start is None else start
         self.ergonomics = ergonomics if self.weights.ergonomics > 0.0 else None
         self.stage = stage
         switches = tuple(range(phases.count)) if enforced is None else tuple(enforced)

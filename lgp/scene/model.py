@@ -1,6 +1,6 @@
-"""A scene: who and what is there, where, what holds at first and what is to hold at the end; frozen records.
+"""The scene model as frozen records: agents, tables, objects, initial state and goal.
 
-Lengths are metres, angles degrees as a person writes them; the world is x, y on the floor and z up.
+Lengths are in metres, angles in degrees as in scene files; world axes are x, y on the floor and z up.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ class Hand:
     """An end-effector.
 
     Attributes:
-        agent: who it belongs to.
+        agent: name of its agent.
         name: name inside the agent; `full` joins them.
-        frame: frame of the agent's model, z pointing the way it approaches things.
-        reach: from the frame to the point that grasps, along z [m].
-        kind: its type in the domain.
-        tilt: largest angle [deg] between its z and straight down when it grasps from or places on a table; 180 = any.
-        freedom: how a held object may turn in the hand: "free", about the "axis" z only, about the axis y along which
-            a "jaw" closes, or "fixed".
+        frame: frame of the agent's model, z in the direction of approach.
+        reach: distance from the frame to the grasping point, along z [m].
+        kind: its type in the PDDL domain.
+        tilt: largest angle [deg] between its z and straight down when it works at a table; 180 allows any.
+        freedom: rotation of an object relative to the hand: "free", about the "axis" z only, about the axis y of a
+            "jaw", or "fixed".
     """
 
     agent: str
@@ -55,7 +55,7 @@ class Agent:
         yaw: [deg], 0 faces x.
         hands: its end-effectors.
         locked: patterns of joints that do not move.
-        joints: joint -> first value [deg, m for slides] where it is not that of the resting posture.
+        joints: joint -> initial value [deg, m for prismatic joints] where it differs from the rest posture.
     """
 
     name: str
@@ -70,8 +70,8 @@ class Agent:
 class Human(Agent):
     """The human: stature [m] and sex scale the body.
 
-    `legs`: "planted" (12 leg joints, both soles stay by constraints), "solved" (the legs follow from the pelvis in
-    closed form, no joints, same postures) or "locked" (rigid legs hang from a free pelvis).
+    `legs`: "planted" (12 leg joints, soles fixed by constraints), "solved" (closed-form inverse kinematics from the
+    pelvis, without joints, same postures) or "locked" (rigid legs below a free pelvis).
     """
 
     stature: float
@@ -81,16 +81,16 @@ class Human(Agent):
 
 @dataclass(frozen=True)
 class Robot(Agent):
-    """A robot: `model` is a name in the table of robots, or the path of a URDF; `height` of its base is in position."""
+    """A robot: `model` is a name in robots.toml or the path of a URDF file; `position` includes the base height."""
 
     model: str
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table: the centre of its top (x, y), yaw [deg], size of the top, height of the top.
+    """A table: centre of its top (x, y) [m], yaw [deg], size, height and thickness of the top [m].
 
-    `heights` is the range that an experiment draws the height from, (height, height) where it is given.
+    An experiment draws the height from the range `heights`, which is (height, height) for a fixed one.
     """
 
     name: str
@@ -109,12 +109,12 @@ class Table:
 
 @dataclass(frozen=True)
 class Grip:
-    """Where and from where hands of a kind take an object, in its own frame.
+    """How hands of one kind grasp an object, in the frame of the object.
 
     Attributes:
-        at: the point that the hand takes [m].
-        along: unit vector, the way the hand's z points when nothing is turned; the default comes from above.
-        slide: the point may be this far from `at`, along the longest side of the object [m].
+        at: grasping point [m].
+        along: direction of approach (unit vector), the hand's z at zero rotation; from above by default.
+        slide: largest offset of the grasping point from `at`, along the longest side of the object [m].
     """
 
     at: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -124,11 +124,11 @@ class Grip:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object: size of its box [m], mass [kg], the table it is `on` first and where `at` on it (x, y [m], yaw [deg]).
+    """An object: size of its box [m], mass [kg], initial table `on` and pose `at` on its top (x, y [m], yaw [deg]).
 
-    A hand may grasp it up to `slide` [m] from its middle, along its longest side, or as `grips` say for its kind. If a
-    `hand` holds it at first, `in_hand` is its place in the frame of that hand: x, y, z [m] and a rotation vector [deg];
-    else its axis `up` points upwards at first. Where it is placed it stands on its x-y side.
+    A hand may grasp it up to `slide` [m] from its centre along its longest side, or as `grips` state for its kind. If a
+    `hand` has it initially, `in_hand` is its pose in the frame of that hand: x, y, z [m] and a rotation vector [deg];
+    else its axis `up` points upwards initially. Placed objects stand on their x-y side.
     """
 
     name: str
@@ -143,21 +143,21 @@ class SceneObject:
     grips: Mapping[str, Grip] = field(default_factory=dict)
 
     def grip(self, kind: str) -> Grip:
-        """Return where a kind of hand takes the object."""
+        """Return the grip of a kind of hand."""
         return self.grips.get(kind, Grip(slide=self.slide))
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """How two objects stand when they are joined, and where the screw goes in; all in the frame of the first.
+    """The relative pose of two objects that are screwed together, and the screw, in the frame of the first object.
 
     Attributes:
-        parts: their names.
-        position: of the second [m].
-        yaw: of the second [deg].
-        screw: the head of the screw [m].
-        along: unit vector, the way the screw goes in.
-        tool: from the hand to the head of the screw, along the fingers of a human, the z of other hands [m].
+        parts: names of the objects.
+        position: of the second object [m].
+        yaw: of the second object [deg].
+        screw: position of the screw head [m].
+        along: direction of the screw (unit vector).
+        tool: distance from the hand to the screw head, along the fingers of a human hand, z of other hands [m].
     """
 
     parts: tuple[str, str]
@@ -170,7 +170,7 @@ class Assembly:
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A free choice of the scene: the keys that hold it, and why it is as it is."""
+    """A parameter that the source of the scene leaves open: its keys in the file and the reason for its value."""
 
     keys: tuple[str, ...]
     reason: str
@@ -184,18 +184,18 @@ class Scene:
         name: short name.
         title: one line.
         domain: name or path of the PDDL domain.
-        initial: atoms that hold at first, as text.
-        goal: atoms that are to hold, as text.
+        initial: atoms of the initial state, as text.
+        goal: atoms of the goal, as text.
         phase_seconds: duration of each phase [s].
         slices: slices per phase of a path.
         human: the human, or None.
         robots: robots by name.
         tables: tables by full name.
-        things: objects by name.
-        joints: which objects can be screwed together, and how.
-        depth: longest sequence of actions that a search tries.
-        choices: free choices with reasons.
-        values: the table of values it was read from, heights as they are now; `read_scene` makes it again from them.
+        objects: by name.
+        assemblies: objects that can be screwed together.
+        depth: longest sequence of actions of a search.
+        choices: parameters that the source leaves open, with reasons.
+        values: the TOML values with current heights; `read_scene(values)` returns an equal scene.
     """
 
     name: str
@@ -208,8 +208,8 @@ class Scene:
     human: Human | None
     robots: Mapping[str, Robot]
     tables: Mapping[str, Table]
-    things: Mapping[str, SceneObject]
-    joints: tuple[Assembly, ...] = ()
+    objects: Mapping[str, SceneObject]
+    assemblies: tuple[Assembly, ...] = ()
     depth: int = 4
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -225,28 +225,29 @@ class Scene:
         return {hand.full: hand for agent in self.agents for hand in agent.hands}
 
     @property
-    def objects(self) -> dict[str, str]:
-        """Every name that a plan can speak of -> its type in the domain."""
+    def object_types(self) -> dict[str, str]:
+        """Name of every end-effector, table and object -> its type in the PDDL domain."""
         return (
             {name: hand.kind for name, hand in self.hands.items()}
             | dict.fromkeys(self.tables, "table")
-            | dict.fromkeys(self.things, "thing")
+            | dict.fromkeys(self.objects, "thing")
         )
 
     def with_heights(self, heights: Mapping[str, float]) -> Scene:
-        """Return the scene with other table heights [m].
+        """Return the scene with other table heights.
 
         Args:
-            heights: name of a table ("left" or "table.left") -> height.
+            heights: name of a table ("left" or "table.left") -> height [m], 0 to 3.
 
         Raises:
-            SceneError: there is no such table, or a height is not above 0.
+            SceneError: there is no such table, or a height is out of range.
         """
         tables = dict(self.tables)
         for name, height in heights.items():
             full = name if name in tables else f"table.{name}"
             if full not in tables:
-                raise SceneError(f"{self.name}: no table {name!r}{did_you_mean(full, tables)}")
+                hint = did_you_mean(full, tables) or f"; known are {', '.join(tables)}"
+                raise SceneError(f"{self.name}: no table {name!r}{hint}")
             if not 0.0 < height < 3.0:
                 raise SceneError(f"{self.name}: height of {full} is {height:g} m, expected 0 to 3 m")
             tables[full] = replace(tables[full], height=float(height))
@@ -255,7 +256,7 @@ class Scene:
         return replace(self, tables=tables, values={**self.values, "tables": written})
 
     def draw_heights(self, rng: np.random.Generator) -> Scene:
-        """Return the scene with every height drawn uniformly from its range; given heights stay."""
+        """Return the scene with every table height drawn uniformly from its range."""
         drawn = {
             name: float(rng.uniform(*table.heights))
             for name, table in self.tables.items()

@@ -1,4 +1,4 @@
-"""Scene files: TOML to a frozen `Scene`; every key is checked, an unknown one is refused."""
+"""Scene files: TOML to a frozen `Scene`, strict in keys, types and ranges."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ LEGS = ("planted", "solved", "locked")
 
 @cache
 def known_robots() -> dict[str, Any]:
-    """Return the table of robots that a scene may call by name (read once)."""
+    """Return the table of robots that scenes refer to by name (read once)."""
     return tomllib.loads(ROBOTS.read_text(encoding="utf-8"))
 
 
 def shipped_scenes() -> tuple[str, ...]:
-    """Return the names of the scenes that come with the package."""
+    """Return the names of the scenes in the package."""
     return tuple(sorted(file.stem for file in SHIPPED.glob("*.toml")))
 
 
 def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> Scene:
-    """Return a shipped scene by its name, or the one in a TOML file.
+    """Return a shipped scene by its name, or the scene in a TOML file.
 
     Args:
         which: name or path.
-        changes: dotted key of the file -> value that stands in for it, such as `{"human.stature": 1.6}`.
+        changes: dotted key of the file -> other value, such as `{"human.stature": 1.6}`.
 
     Raises:
         SceneError: unknown name, unreadable file, unknown key, wrong value or unknown table, hand or joint.
@@ -51,18 +51,18 @@ def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> S
     if not path.is_file():
         names = shipped_scenes()
         hint = did_you_mean(str(which), names)
-        raise SceneError(f"scene {str(which)!r} is neither shipped ({', '.join(names)}) nor a file{hint}")
+        raise SceneError(f"scene is {str(which)!r}, expected {', '.join(names)} or the path of a TOML file{hint}")
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(f"{path}: cannot be read ({error}); give a TOML text file") from error
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and deep nesting
-        raise SceneError(f"{path}: not TOML: {error}; mend the line") from error
+        raise SceneError(f"{path}: not TOML: {error}; correct that line") from error
     return read_scene(values, path.stem, changes)
 
 
 def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[str, Any] | None = None) -> Scene:
-    """Return the scene that a table of values describes.
+    """Return the scene of a table of values, as read from TOML.
 
     Raises:
         SceneError: as `load_scene`.
@@ -70,7 +70,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
     chosen = _changed(values, changes or {}, name)
     entries = TomlTable(name, chosen, SceneError)
     tables = {f"table.{key}": _table(key, entry) for key, entry in entries.tables("tables").items()}
-    things = {key: _thing(key, entry, tables) for key, entry in entries.tables("objects").items()}
+    objects = {key: _object(key, entry, tables) for key, entry in entries.tables("objects").items()}
     scene = Scene(
         name=name,
         title=entries.text("title", ""),
@@ -82,8 +82,10 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         human=_human(entries.table("human")) if entries.has("human") else None,
         robots={key: _robot(key, entry) for key, entry in entries.tables("robots").items()},
         tables=tables,
-        things=things,
-        joints=tuple(_joint(number, entry, name, things) for number, entry in enumerate(_list(entries, "joints"))),
+        objects=objects,
+        assemblies=tuple(
+            _assembly(number, entry, name, objects) for number, entry in enumerate(_list(entries, "joints"))
+        ),
         depth=int(entries.number("depth", 4, low=1, high=40)),
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
         values=chosen,
@@ -94,7 +96,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
 
 
 def _changed(values: Mapping[str, Any], changes: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Return a copy with dotted keys replaced; only keys that the file holds can be."""
+    """Return a copy with other values for dotted keys, which must be in the file."""
     try:
         result = copy.deepcopy(dict(values))
     except RecursionError as error:
@@ -105,14 +107,13 @@ def _changed(values: Mapping[str, Any], changes: Mapping[str, Any], name: str) -
         for key in parents:
             inner = inner.get(key) if isinstance(inner, dict) else None
         if not isinstance(inner, dict) or last not in inner:
-            raise SceneError(f"{name}: no key {dotted!r} to change; name one that the scene file holds")
+            raise SceneError(f"{name}: no key {dotted!r} to change; give a key of the scene file")
         inner[last] = value
     return result
 
 
 def _list(entries: TomlTable, key: str) -> list[Any]:
-    entries.queried.add(key)
-    value = entries.values.get(key, [])
+    value = entries.values[key] if entries.has(key) else []
     if not isinstance(value, list):
         raise SceneError(f"{entries.where}: {key} is {value!r}, expected a list of tables ([[{key}]])")
     return value
@@ -126,7 +127,6 @@ def _choice(number: int, value: Any, name: str) -> FreeParameter:
 
 
 def _human(entries: TomlTable) -> Human:
-
     x, y = entries.vector("position", 2, (0.0, 0.0))
     hands = [f"{side}_hand" for side in ("left", "right")]
     chosen = entries.texts("hands", ("right_hand",))
@@ -152,21 +152,21 @@ def _human(entries: TomlTable) -> Human:
 
 def _robot(name: str, entries: TomlTable) -> Robot:
     if name in ("human", "table"):
-        raise SceneError(f"{entries.where}: a robot cannot be called {name!r}; give it another name")
+        raise SceneError(f"{entries.where}: robot name {name!r} is reserved; give it another name")
     model = entries.text("model")
     known = known_robots().get(model, {})
     position = entries.values.get("position")
     if isinstance(position, list) and len(position) == 2 and "height" in known:
-        place = (*entries.vector("position", 2), float(known["height"]))
+        placement = (*entries.vector("position", 2), float(known["height"]))
     else:
-        place = entries.vector("position", 3)
+        placement = entries.vector("position", 3)
     hands = entries.tables("hands")
     if not hands:
         defaults = known.get("hands", {})
         hands = {hand: TomlTable(f"{entries.where}.hands.{hand}", {}, SceneError) for hand in defaults}
     robot = Robot(
         name=name,
-        position=place,
+        position=placement,
         yaw=entries.number("yaw", 0.0),
         hands=tuple(_hand(name, hand, entry, known.get("hands", {}).get(hand, {})) for hand, entry in hands.items()),
         locked=entries.texts("locked", tuple(known.get("locked", ()))),
@@ -195,7 +195,7 @@ def _table(name: str, entries: TomlTable) -> Table:
     if isinstance(entries.values.get("height"), list):
         low, high = entries.vector("height", 2, low=0.01)
         if high < low:
-            raise SceneError(f"{entries.where}: height is [{low:g}, {high:g}], expected the lower one first")
+            raise SceneError(f"{entries.where}: height is [{low:g}, {high:g}], expected [lowest, highest]")
     else:
         low = high = entries.number("height", low=0.01, high=3.0)
     table = Table(
@@ -211,8 +211,8 @@ def _table(name: str, entries: TomlTable) -> Table:
     return table
 
 
-def _thing(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> SceneObject:
-    thing = SceneObject(
+def _object(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> SceneObject:
+    scene_object = SceneObject(
         name=name,
         size=entries.vector("size", 3, low=0.001),
         mass=entries.number("mass", low=0.0),
@@ -225,10 +225,12 @@ def _thing(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> SceneO
         grips={kind: _grip(entry) for kind, entry in entries.tables("grips").items()},
     )
     entries.done()
-    table = tables[thing.on]
-    if any(abs(at) > size / 2 for at, size in zip(thing.at[:2], table.size, strict=True)):
-        raise SceneError(f"{entries.where}: at {thing.at[:2]} is off {thing.on}, whose top is {table.size}")
-    return thing
+    table = tables[scene_object.on]
+    if any(abs(at) > size / 2 for at, size in zip(scene_object.at[:2], table.size, strict=True)):
+        raise SceneError(
+            f"{entries.where}: at {scene_object.at[:2]} is off {scene_object.on}, whose top is {table.size}"
+        )
+    return scene_object
 
 
 def _grip(entries: TomlTable) -> Grip:
@@ -241,15 +243,15 @@ def _grip(entries: TomlTable) -> Grip:
     return grip
 
 
-def _joint(number: int, value: Any, name: str, things: Mapping[str, SceneObject]) -> Assembly:
+def _assembly(number: int, value: Any, name: str, objects: Mapping[str, SceneObject]) -> Assembly:
     entries = TomlTable(f"{name}: joints[{number}]", value, SceneError)
     parts = entries.texts("parts")
     if len(set(parts)) != 2:
         raise SceneError(f"{entries.where}: parts is {list(parts)}, expected the names of two objects")
     for part in parts:
-        if part not in things:
-            raise SceneError(f"{entries.where}: no object {part!r}{did_you_mean(part, things)}")
-    joint = Assembly(
+        if part not in objects:
+            raise SceneError(f"{entries.where}: no object {part!r}{did_you_mean(part, objects)}")
+    assembly = Assembly(
         parts=(parts[0], parts[1]),
         position=entries.vector("position", 3),
         yaw=entries.number("yaw", 0.0),
@@ -258,21 +260,23 @@ def _joint(number: int, value: Any, name: str, things: Mapping[str, SceneObject]
         tool=entries.number("tool", 0.0, low=0.0),
     )
     entries.done()
-    return joint
+    return assembly
 
 
 def _check_names(scene: Scene) -> None:
-    """Refuse atoms about something that is not there."""
-    known = scene.objects
+    """Refuse a scene without agents, and hands or atoms with unknown names."""
+    known = scene.object_types
     if not scene.agents:
-        raise SceneError(f"{scene.name}: nobody is there; give a human or a robot")
-    for thing in scene.things.values():
-        if thing.hand and thing.hand not in scene.hands:
-            hint = did_you_mean(thing.hand, scene.hands) or f"; known are {', '.join(scene.hands)}"
-            raise SceneError(f"{scene.name}: objects.{thing.name} is in unknown hand {thing.hand!r}{hint}")
+        raise SceneError(f"{scene.name}: no agent, expected [human] or [robots.NAME]; add one of them")
+    for scene_object in scene.objects.values():
+        if scene_object.hand and scene_object.hand not in scene.hands:
+            hint = did_you_mean(scene_object.hand, scene.hands) or f"; known are {', '.join(scene.hands)}"
+            raise SceneError(
+                f"{scene.name}: objects.{scene_object.name} is in unknown hand {scene_object.hand!r}{hint}"
+            )
     for text in (*scene.initial, *scene.goal):
         _, _, inside = text.partition("(")
         for word in (part.strip() for part in inside.rstrip(") ").split(",")):
             if word and word not in known:
                 hint = did_you_mean(word, known) or f"; known are {', '.join(known)}"
-                raise SceneError(f"{scene.name}: {text!r} speaks of unknown {word!r}{hint}")
+                raise SceneError(f"{scene.name}: {text!r} contains unknown {word!r}{hint}")

@@ -109,7 +109,7 @@ def hand_positions(world: World, q: Array) -> tuple[Array, Array]:
     """Positions of both hands (T, 6) [m] and their Jacobian (T, 6, nq)."""
     names = [f"human.{side}_hand" for side in SIDES]
     kinematics = world.at(q, names)
-    places = [kinematics.place(name) for name in names]
+    places = [kinematics.placement(name) for name in names]
     return (
         np.concatenate([place.position for place in places], axis=1),
         np.concatenate([place.jacobian[:, :3] for place in places], axis=1),

@@ -11,6 +11,7 @@ import lgp
 from lgp.motion import Motion
 from lgp.scene.scene_file import read_scene
 from tests.support.lgp_worlds import HUMAN_ONLY
+from tests.support.says import says
 
 BOX = HUMAN_ONLY | {"initial": ["on_table(box)", "free(human.right_hand)", "free(human.left_hand)"]}
 
@@ -23,22 +24,24 @@ def plan() -> lgp.Plan:
 def test_objects_lie_still_and_are_met_by_the_hand(plan: lgp.Plan) -> None:
     motion = Motion(plan)
     assert len(motion.time) == len(plan.time) + 1 == len(motion.path)
-    box = motion.thing("box").position
-    half, top = plan.scene.things["box"].size[2] / 2, plan.scene.tables["table.near"].height
+    box = motion.object_poses("box").position
+    half, top = plan.scene.objects["box"].size[2] / 2, plan.scene.tables["table.near"].height
     # It may be taken up and put down on the way, by no more than the tolerance of a path.
     np.testing.assert_allclose(box[[0, 1, -1], 2], top + half, atol=1e-5)
     hand = motion.frames(["human.right_hand"])["human.right_hand"].position
     assert np.linalg.norm(hand[0] - box[0]) > 0.2
     # The hand may grasp off the middle, along the longest side.
-    assert np.linalg.norm(hand[-1] - box[-1]) <= plan.scene.things["box"].slide + 1e-5
+    assert np.linalg.norm(hand[-1] - box[-1]) <= plan.scene.objects["box"].slide + 1e-5
 
 
 def test_a_saved_plan_moves_the_same(plan: lgp.Plan, tmp_path: Path) -> None:
     plan.save(tmp_path)
     again = lgp.Plan.load(tmp_path)
     assert again.scene == plan.scene
-    for name in plan.scene.things:
-        np.testing.assert_allclose(Motion(again).thing(name).position, Motion(plan).thing(name).position, atol=1e-12)
+    for name in plan.scene.objects:
+        np.testing.assert_allclose(
+            Motion(again).object_poses(name).position, Motion(plan).object_poses(name).position, atol=1e-12
+        )
 
 
 def test_all_joints_of_the_human_are_there(plan: lgp.Plan) -> None:
@@ -54,5 +57,6 @@ def test_heights_given_to_a_scene_are_saved_with_it() -> None:
 
 def test_a_plan_that_failed_has_no_motion() -> None:
     failed = lgp.Plan(read_scene(BOX, "box"), False, "infeasible", "too far", (), np.zeros(0), {})
-    with pytest.raises(lgp.LgpError, match="too far"):
+    with pytest.raises(lgp.LgpError) as error:
         Motion(failed)
+    says(error, "too far")

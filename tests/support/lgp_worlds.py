@@ -1,4 +1,4 @@
-"""Worlds and differences shared by the tests of `lgp.world`."""
+"""Worlds, random configurations and finite differences for the tests of `lgp`."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ HUMAN_ONLY = {
 
 @cache
 def human_world(legs: str = "solved") -> World:
-    """Return a world with nobody but a human, not at the origin and turned."""
+    """Return a world with a human alone, away from the origin and rotated."""
     scene = read_scene(HUMAN_ONLY)
     assert scene.human is not None
     return World(replace(scene, human=replace(scene.human, legs=legs)))
@@ -51,7 +51,7 @@ def screwdriver_world() -> World:
 
 
 def anywhere(world: World, n: int, seed: int = 0) -> Array:
-    """Return (n, nq) random configurations inside the limits, legs bent enough for every place of the pelvis."""
+    """Return (n, nq) random configurations inside the limits, legs bent enough for every position of the pelvis."""
     q = np.random.default_rng(seed).uniform(world.lower, world.upper, (n, world.nq))
     if "human.pelvis_z" in world.column:
         at = world.column["human.pelvis_z"]

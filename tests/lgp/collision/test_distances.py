@@ -13,7 +13,7 @@ RIGHT = "human.right_hand"
 
 
 def _pair(collisions: Collisions, first: str, second: str) -> int:
-    names = [{collisions.bodies[side].name for side in pair} for pair in collisions.pairs]
+    names = [{collisions.shapes[side].name for side in pair} for pair in collisions.pairs]
     return names.index({first, second})
 
 
@@ -22,10 +22,10 @@ def test_distances_are_what_a_ruler_says() -> None:
     world = world.with_scene(world.scene.with_heights({"near": 0.3}))
     collisions = Collisions(world)
     pair = _pair(collisions, "human.head", "box")
-    kinematics = world.at(world.start[None], collisions.frames)
+    kinematics = world.at(world.initial_configuration[None], collisions.frames)
     found = collisions.distances(kinematics, [0], np.zeros(0), np.array([0]), np.array([pair]))
     # The box lies below the head: nearest is the lower end of the head's capsule, radius 0.1 m at 1.75 m stature.
-    end = kinematics.place("human.middle_cervical_Y").position[0]
+    end = kinematics.placement("human.middle_cervical_Y").position[0]
     box = ModeSequence(world, ()).pose("box", 0, kinematics, np.zeros(0))
     local = box.rotation[0].T @ (end - box.position[0])
     gap = np.linalg.norm(np.maximum(np.abs(local) - np.array([0.15, 0.05, 0.1]), 0.0)) - 0.1
@@ -35,7 +35,7 @@ def test_distances_are_what_a_ruler_says() -> None:
 def test_distance_goes_below_zero_by_the_depth() -> None:
     world = human_world()
     pair = _pair(Collisions(world), "human.right_palm", "table.near")
-    q = world.start.copy()
+    q = world.initial_configuration.copy()
     depths = []
     for height in (0.6, 0.61, 0.62):
         lifted = world.with_scene(world.scene.with_heights({"near": height}))
@@ -59,10 +59,10 @@ def test_derivatives_by_differences_objects_and_variables_included() -> None:
     )
     collisions = Collisions(world, modes)
     rng = np.random.default_rng(0)
-    q = np.clip(world.start + 0.25 * rng.standard_normal((8, world.nq)), world.lower, world.upper)
+    q = np.clip(world.initial_configuration + 0.25 * rng.standard_normal((8, world.nq)), world.lower, world.upper)
     phases, z = np.repeat(np.arange(4), 2), 0.6 * rng.uniform(modes.lower, modes.upper)
     kinematics = world.at(q, collisions.frames)
-    rows = collisions.near(kinematics, phases, z, within=0.3)
+    rows = collisions.near_pairs(kinematics, phases, z, within=0.3)
     found = collisions.distances(kinematics, phases, z, *rows)
     assert len(found.value) > 50
     assert (found.value < 0).any()
@@ -87,10 +87,12 @@ def test_the_filter_keeps_every_row_that_is_near() -> None:
     q = anywhere(world, 6)
     kinematics = world.at(q, collisions.frames)
     phases = np.zeros(6, dtype=int)
-    everything = collisions.near(kinematics, phases, np.zeros(0), within=np.inf)
+    everything = collisions.near_pairs(kinematics, phases, np.zeros(0), within=np.inf)
     all_rows = collisions.distances(kinematics, phases, np.zeros(0), *everything)
     kept = set(
-        zip(*(part.tolist() for part in collisions.near(kinematics, phases, np.zeros(0), within=0.1)), strict=True)
+        zip(
+            *(part.tolist() for part in collisions.near_pairs(kinematics, phases, np.zeros(0), within=0.1)), strict=True
+        )
     )
     near = all_rows.value < 0.1
     assert near.any()
@@ -105,8 +107,8 @@ def test_the_resting_postures_are_clear_of_tables_of_any_height() -> None:
         heights = dict.fromkeys(("left", "center", "right"), float(height))
         lifted = world.with_scene(world.scene.with_heights(heights))
         collisions = Collisions(lifted)
-        kinematics = lifted.at(lifted.start[None], collisions.frames)
-        rows = collisions.near(kinematics, [0], np.zeros(0), within=0.3)
+        kinematics = lifted.at(lifted.initial_configuration[None], collisions.frames)
+        rows = collisions.near_pairs(kinematics, [0], np.zeros(0), within=0.3)
         assert collisions.distances(kinematics, [0], np.zeros(0), *rows).value.min() > 0.03
 
 
@@ -122,9 +124,9 @@ def test_an_object_may_touch_what_holds_it_around_a_switch() -> None:
         ],
     )
     collisions = Collisions(world, modes)
-    kinematics = world.at(np.tile(world.start, (4, 1)), collisions.frames)
-    z = modes.guess(np.tile(world.start, (3, 1)))
-    slices, pairs = collisions.near(kinematics, np.arange(4), z, within=np.inf)
+    kinematics = world.at(np.tile(world.initial_configuration, (4, 1)), collisions.frames)
+    z = modes.guess(np.tile(world.initial_configuration, (3, 1)))
+    slices, pairs = collisions.near_pairs(kinematics, np.arange(4), z, within=np.inf)
     met = {(int(at), collisions.name(int(pair))) for at, pair in zip(slices, pairs, strict=True)}
     assert (0, "table.start and screwdriver") not in met
     assert (0, "table.right and screwdriver") in met
@@ -144,14 +146,14 @@ def test_neighbours_of_one_body_are_no_pairs() -> None:
         "human.trunk and human.abdomen",
         "human.right_upper_arm and human.right_forearm",
     }
-    assert len(Collisions(human_world("planted")).bodies) == len(collisions.bodies) + 4
+    assert len(Collisions(human_world("planted")).shapes) == len(collisions.shapes) + 4
 
 
 @pytest.mark.parametrize("legs", ["planted", "solved"])
 def test_no_near_rows_give_empty_arrays(legs: str) -> None:
     world = human_world(legs)
     collisions = Collisions(world)
-    kinematics = world.at(world.start[None], collisions.frames)
+    kinematics = world.at(world.initial_configuration[None], collisions.frames)
     none = np.zeros(0, dtype=np.intp)
     found = collisions.distances(kinematics, [0], np.zeros(0), none, none)
     assert found.by_q.shape == (0, world.nq)

@@ -54,7 +54,7 @@ def test_limits_name_joint_time_and_value_and_slowing_down_keeps_them() -> None:
     world = screwdriver_world()
     columns = world.columns("baxter")
     at = world.column["baxter.left_s1"]
-    knots = np.tile(world.start, (5, 1))
+    knots = np.tile(world.initial_configuration, (5, 1))
     knots[:, at] += np.linspace(0.0, 1.2, 5)
     fast = JointTrajectory(knots, 0.5)
     (broken,) = violations(world, fast, columns)
@@ -63,7 +63,7 @@ def test_limits_name_joint_time_and_value_and_slowing_down_keeps_them() -> None:
     slow, factor = time_scaled(world, fast, columns)
     assert factor == pytest.approx(1.001 * abs(broken.value) / 1.5)
     assert violations(world, slow, columns) == []
-    knots[:, at] = np.linspace(world.start[at], world.upper[at] + 0.2, 5)
+    knots[:, at] = np.linspace(world.initial_configuration[at], world.upper[at] + 0.2, 5)
     assert violations(world, JointTrajectory(knots, 9.0), columns)[0].kind == "position"
 
 
@@ -104,13 +104,13 @@ def seen(world: World, spots: list[np.ndarray], stale: float = 0.0, **more: obje
     for number, spot in enumerate(spots):
         time = 0.05 * number
         things = {"box": TrackedPose(np.eye(3), np.asarray(spot, dtype=float), time - stale)}
-        view.add(Observation(time, world.start, things))
+        view.add(Observation(time, world.initial_configuration, things))
     return view
 
 
 def top(world: World) -> np.ndarray:
     table = world.scene.tables["table.near"]
-    return np.array([*table.position, table.height + world.scene.things["box"].size[2] / 2])
+    return np.array([*table.position, table.height + world.scene.objects["box"].size[2] / 2])
 
 
 def test_an_object_at_rest_on_a_table_is_placed(world: World) -> None:
@@ -138,7 +138,7 @@ def test_an_object_that_is_lost_is_neither_here_nor_there(world: World) -> None:
 
 
 def test_an_object_in_the_hand_is_grasped_and_the_scene_has_it_there(world: World) -> None:
-    at = world.at(world.start[None], [HAND]).position[0, 0]
+    at = world.at(world.initial_configuration[None], [HAND]).position[0, 0]
     view = seen(world, [at] * 8)
     assert grasped(view, HAND, "box").holds
     assert free(view, HAND).holds is False
@@ -152,7 +152,7 @@ def test_an_object_in_the_hand_is_grasped_and_the_scene_has_it_there(world: Worl
     from lgp.kinematics.modes import ModeSequence
 
     modes = ModeSequence(held, ())
-    pose = modes.pose("box", 0, held.at(held.start[None], modes.frames), np.zeros(0))
+    pose = modes.pose("box", 0, held.at(held.initial_configuration[None], modes.frames), np.zeros(0))
     np.testing.assert_allclose(pose.position[0], at, atol=1e-9)
     np.testing.assert_allclose(pose.rotation[0], np.eye(3), atol=1e-9)
 
@@ -167,17 +167,17 @@ def test_start_and_end_predicates_are_those_of_the_domain(world: World) -> None:
 
 
 def test_the_scene_that_is_seen_is_the_scene_that_was(world: World) -> None:
-    box = replace(world.scene.things["box"], at=(0.05, -0.04, 33.0))
+    box = replace(world.scene.objects["box"], at=(0.05, -0.04, 33.0))
     scene = read_scene(
         world.scene.values, "box", {"objects.box": {**world.scene.values["objects"]["box"], "at": [0.05, -0.04, 33.0]}}
     )
-    assert scene.things["box"] == box
+    assert scene.objects["box"] == box
     from lgp.execution.simulation import SimulatedRobots, SimulatedWorld
 
     there = world.with_scene(scene)
-    simulation = SimulatedWorld(there, SimulatedRobots(there, there.start), there.start)
+    simulation = SimulatedWorld(there, SimulatedRobots(there, there.initial_configuration), there.initial_configuration)
     for number in range(1, 9):
         simulation.step(0.05 * number)
     task = task_of(scene)
     again = scene_now(scene, simulation.view, set(), task.holding(task.initial))
-    np.testing.assert_allclose(again.things["box"].at, box.at, atol=1e-9)
+    np.testing.assert_allclose(again.objects["box"].at, box.at, atol=1e-9)

@@ -43,7 +43,7 @@ def scene_before(number: int) -> Scene:
     """Return the world as it is planned before an action."""
     planner = toolbox()
     row = number * planner.motion.phases.slices
-    poses = {name: planner.motion.thing(name) for name in planner.plan.scene.things}
+    poses = {name: planner.motion.object_poses(name) for name in planner.plan.scene.objects}
     view = TrackedWorld(planner.motion.world)
     for time in np.arange(0.0, 0.4, 0.05):
         things = {name: TrackedPose(at.rotation[row], at.position[row], time) for name, at in poses.items()}
@@ -84,7 +84,7 @@ def test_a_new_plan_begins_with_the_hold_that_goes_on() -> None:
     pair = {"baxter.right_w2", HANDLE}
     touching = [at for at in range(len(bodies.pairs)) if set(bodies.name(at).split(" and ")) == pair]
     assert touching
-    assert np.isinf(bodies.slack(range(3))[:, touching]).all()
+    assert np.isinf(bodies.allowed_penetration(range(3))[:, touching]).all()
 
 
 def test_a_hand_that_holds_is_free_after_its_next_action() -> None:
@@ -102,7 +102,7 @@ def test_a_hand_that_holds_is_free_after_its_next_action() -> None:
 
 def test_an_arm_without_a_part_moves_as_planned_as_a_whole_or_not_at_all() -> None:
     world = screwdriver_world()
-    planned = world.start + np.linspace(0.0, 0.1, 4)[:, None]
+    planned = world.initial_configuration + np.linspace(0.0, 0.1, 4)[:, None]
     left, right = (set(np.flatnonzero(world.support(f"baxter.{side}"))) for side in ("left", "right"))
     assert left | right <= set(planned_course(world, planned[0], planned, []).columns)
     off = planned[0].copy()

@@ -78,7 +78,7 @@ def test_the_log_scores_as_the_executed_path_does(tmp_path: Path) -> None:
 
 def test_the_load_is_in_the_log(ran: tuple[Path, dict[str, Any], list[Any]]) -> None:
     rows = of_topic(ran[0] / "run.mcap", "/ergonomics/posture")
-    mass = small_plan().scene.things["screwdriver"].mass
+    mass = small_plan().scene.objects["screwdriver"].mass
     assert rows[0]["load"] == 0.0
     assert {row["load"] for row in rows} <= {0.0, mass}
     scores = reba.score(reba.read(ran[0] / "run.mcap"))

@@ -47,7 +47,7 @@ def test_the_scene_says_why_it_is_as_it_is() -> None:
         assert task_of(scene).objects["baxter.left"] == "vacuum_gripper"
         assert all(choice.reason and choice.keys for choice in scene.choices)
     # 18 mm plywood of 680 kg/m3.
-    for thing in scene.things.values():
+    for thing in scene.objects.values():
         assert thing.mass == pytest.approx(680.0 * np.prod(thing.size), abs=0.02)
 
 
@@ -65,12 +65,12 @@ def test_a_planned_sequence_keeps_its_geometry() -> None:
     assert max(found.residuals[name] for name in ("equality", "inequality")) <= 1e-6
     motion = Motion(found)
     poses = motion.frames(["baxter.left", "baxter.right", "human.right_hand"])
-    handle, side = motion.thing(HANDLE), motion.thing(SIDE)
+    handle, side = motion.object_poses(HANDLE), motion.object_poses(SIDE)
     last = {step: int(np.flatnonzero(motion.phase == step)[-1]) for step in range(8)}
 
     def grip(thing: str, kind: str, at: int) -> np.ndarray:
-        pose = motion.thing(thing)
-        return pose.position[at] + pose.rotation[at] @ motion.plan.scene.things[thing].grips[kind].at
+        pose = motion.object_poses(thing)
+        return pose.position[at] + pose.rotation[at] @ motion.plan.scene.objects[thing].grips[kind].at
 
     # Both hands are on the handle at the handover: the cup on its middle, the palm along its upper edge.
     at = last[1]
@@ -88,7 +88,7 @@ def test_a_planned_sequence_keeps_its_geometry() -> None:
         poses["baxter.right"].position[last[6]], grip(HANDLE, "parallel_gripper", last[6]), atol=1e-6
     )
     # At the end the parts stand as joined, and the fingers point along the screw.
-    joint = motion.plan.scene.joints[0]
+    joint = motion.plan.scene.assemblies[0]
     where = handle.position[-1] + handle.rotation[-1] @ joint.position
     np.testing.assert_allclose(side.position[-1], where, atol=1e-6)
     along = handle.rotation[-1] @ joint.along
@@ -152,12 +152,12 @@ def test_joined_parts_and_hands_at_work_may_touch() -> None:
     world = World(lgp.load_scene("toolbox"))
     phases = Phases.of(world.scene, parse_sequence(task_of(world.scene), paper("ergonomic")))
     collisions = Collisions(world, ModeSequence(world, phases.switches))
-    names = [tuple(collisions.bodies[side].name for side in pair) for pair in collisions.pairs]
+    names = [tuple(collisions.shapes[side].name for side in pair) for pair in collisions.pairs]
 
     def touching(first: str, second: str, phase: int) -> set[bool]:
         pairs = [at for at, (one, two) in enumerate(names) if one.startswith(first) and two.startswith(second)]
         assert pairs
-        return set(np.isinf(collisions.slack([phase])[0, pairs]).tolist())
+        return set(np.isinf(collisions.allowed_penetration([phase])[0, pairs]).tolist())
 
     # The side touches the handle from its place (phase 5 ends with it) on; the gripper from its hold (phase 6) on.
     assert [touching(HANDLE, SIDE, phase) for phase in (4, 5, 7)] == [{False}, {True}, {True}]
@@ -171,14 +171,14 @@ def test_other_orders_start_from_the_best_motion_of_the_same_actions() -> None:
     task = task_of(world.scene)
     first, second = (Phases.of(world.scene, parse_sequence(task, paper(name))) for name in CONDITIONS)
     memory = WarmStartCache(world)
-    assert memory.start(second, world.start) is None
+    assert memory.start(second, world.initial_configuration) is None
     rng = np.random.default_rng(0)
     keys = rng.uniform(world.lower, world.upper, (first.count, world.nq))
     size = ModeSequence(world, first.switches).size
     variables = rng.uniform(-1.0, 1.0, size)
     memory.keep(first, 2.0, keys, variables)
     memory.keep(first, 3.0, keys * 0.0, variables)
-    found = memory.start(second, world.start)
+    found = memory.start(second, world.initial_configuration)
     assert found is not None
     left = np.flatnonzero(world.support("baxter.left"))
     # Its grasp of the side is third in one order and fourth in the other; before it the arm is on its way there.

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from lgp.errors import WorldError
 from lgp.kinematics.human import ISB, joint_names
-from lgp.kinematics.leg_ik import STRAIGHTEST, knees, solve_legs
+from lgp.kinematics.leg_ik import solve_legs
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
 from reba.posture.columns import COLUMNS, INDEX
@@ -19,6 +19,7 @@ from reba.readers.recognise import choose
 from reba.readers.recording.profile import find_profile
 from reba.readers.recording.stream import ReadLog, Recording, array_stream
 from tests.support.lgp_worlds import anywhere, differences, human_world
+from tests.support.says import says
 
 
 def _as_recorded(path: Path, joints: dict[str, np.ndarray], pelvis: np.ndarray) -> np.ndarray:
@@ -61,25 +62,6 @@ def test_jacobian_by_differences(legs_mode: str, smooth: bool) -> None:
     np.testing.assert_allclose(jacobian, full[:, :, posture.columns], rtol=1e-4, atol=2e-4)
 
 
-def test_knees_and_their_slope_belong_together_beyond_the_length_of_a_leg() -> None:
-    heights = np.concatenate([np.linspace(-0.3, -0.002, 12), np.linspace(-0.0015, 0.003, 19), [0.02, 0.2]])
-    pelvis = np.zeros((len(heights), 5))
-    pelvis[:, 2] = heights
-    pelvis[:, [0, 1, 3, 4]] = np.random.default_rng(3).uniform(-0.02, 0.02, (len(heights), 4))
-    bend, slope, beyond, by_pelvis = knees(pelvis, 1.75, "male")
-    assert (beyond > 0.0).sum() > 20
-    assert (bend[beyond <= 0.0] >= STRAIGHTEST).all()
-    assert (bend > 0.0).sum() > 50
-    assert (bend[beyond > 0.0] < STRAIGHTEST).all()
-    step = 1e-7
-    for joint in range(5):
-        moved = np.zeros(5)
-        moved[joint] = step
-        high, low = (knees(pelvis + sign * moved, 1.75, "male") for sign in (1.0, -1.0))
-        np.testing.assert_allclose(slope[:, :, joint], (high[0] - low[0]) / (2 * step), rtol=2e-3, atol=2e-4)
-        np.testing.assert_allclose(by_pelvis[:, :, joint], (high[2] - low[2]) / (2 * step), atol=1e-6)
-
-
 def test_smooth_flexion_is_the_definition_outside_its_band() -> None:
     world = human_world()
     posture, q = PostureMap(world), anywhere(world, 400, seed=2)
@@ -96,7 +78,7 @@ def test_smooth_flexion_is_the_definition_outside_its_band() -> None:
 def test_smooth_flexion_has_no_jump_when_an_arm_swings_sideways() -> None:
     world = human_world()
     posture = PostureMap(world)
-    q = np.tile(world.start, (2001, 1))
+    q = np.tile(world.initial_configuration, (2001, 1))
     q[:, world.column["human.right_shoulder_Z"]] = 0.6
     q[:, world.column["human.right_shoulder_X"]] = np.linspace(0.3, 1.55, 2001)
     column = INDEX["upper_arm_flexion_right"]
@@ -104,17 +86,18 @@ def test_smooth_flexion_has_no_jump_when_an_arm_swings_sideways() -> None:
     assert np.abs(np.diff(posture.evaluate(q, smooth=True)[0][:, column])).max() < 0.5
 
 
-def test_legs_too_short_are_told_with_a_derivative() -> None:
+def test_leg_shortfall_by_differences() -> None:
     world = human_world("solved")
     posture, q = PostureMap(world), anywhere(world, 20, seed=4)
-    _, jacobian = posture.reach(q)
-    full = differences(lambda x: posture.reach(x)[0], q)
+    _, jacobian = posture.leg_shortfall(q)
+    full = differences(lambda x: posture.leg_shortfall(x)[0], q)
     np.testing.assert_allclose(jacobian, full[:, :, posture.columns], atol=1e-6)
 
 
 def test_a_world_without_a_human_has_no_posture() -> None:
     world = human_world()
-    nobody = World.__new__(World)
-    nobody.__dict__ = {**world.__dict__, "scene": type(world.scene)(**{**vars(world.scene), "human": None})}
-    with pytest.raises(WorldError, match="no human"):
-        PostureMap(nobody)
+    robots_only = World.__new__(World)
+    robots_only.__dict__ = {**world.__dict__, "scene": type(world.scene)(**{**vars(world.scene), "human": None})}
+    with pytest.raises(WorldError) as error:
+        PostureMap(robots_only)
+    says(error, "no human")

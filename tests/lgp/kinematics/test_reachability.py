@@ -23,7 +23,7 @@ def test_least_squares_finds_the_nearest_point_of_a_box() -> None:
 def test_every_point_a_hand_can_be_at_is_found_again() -> None:
     for legs in ("planted", "solved"):
         world = human_world(legs)
-        q = np.tile(world.start, (12, 1))
+        q = np.tile(world.initial_configuration, (12, 1))
         arm = [column for name, column in world.column.items() if "right" in name and "hip" not in name]
         arm = [column for column in arm if not any(part in world.joints[column] for part in ("knee", "ankle"))]
         q[:, arm] = anywhere(world, 12)[:, arm]
@@ -58,7 +58,7 @@ def test_human_and_robot_reach_all_three_tables_and_only_the_robot_the_start() -
 @needs_robots
 def test_the_right_arm_carries_the_screwdriver_to_every_table_at_every_height() -> None:
     world = screwdriver_world()
-    found = transport_reachability(world, "screwdriver", heights=(0.6, 1.6), spots=2, starts=4)
+    found = transport_reachability(world, "screwdriver", heights=(0.6, 1.6), spots=2, attempts=4)
     right = found[found["hand"] == "baxter.right"]
     assert right.groupby(["table", "height"])["reached"].max().all()
     assert not found[found["hand"] == "baxter.left"]["reached"].any()

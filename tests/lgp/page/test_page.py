@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import lgp
 from lgp.errors import LgpError
-from lgp.kinematics.modes import ROLES, KinematicSwitch
+from lgp.kinematics.modes import ACTIONS, KinematicSwitch
 from lgp.motion import Motion
 from lgp.page import page as libraries
 from lgp.page.camera import ANGLE, Subject, framed, hidden, shots
@@ -53,8 +53,8 @@ def scene_with(*robots: str) -> Scene:
     for name in robots:
         hands = tuple(replace(hand, agent=name) for hand in first.hands)
         found[name] = replace(first, name=name, hands=hands)
-    parts = {name: replace(scene.things["screwdriver"], name=name) for name in ("toolbox/handle", "toolbox/side.left")}
-    return replace(scene, robots=found, things={**scene.things, **parts})
+    parts = {name: replace(scene.objects["screwdriver"], name=name) for name in ("toolbox/handle", "toolbox/side.left")}
+    return replace(scene, robots=found, objects={**scene.objects, **parts})
 
 
 def said(scene: Scene, *switches: KinematicSwitch) -> list[str]:
@@ -87,11 +87,11 @@ def test_a_worker_is_told_what_to_do() -> None:
     ]
 
 
-@pytest.mark.parametrize("kind", list(ROLES))
+@pytest.mark.parametrize("kind", list(ACTIONS))
 @pytest.mark.parametrize("actor", ["human.right_hand", "baxter.left"])
 @pytest.mark.parametrize("robots", [("baxter",), ("baxter", "panda")])
 def test_every_kind_of_action_has_words(kind: str, actor: str, robots: tuple[str, ...]) -> None:
-    fields = {"hand": actor, "thing": "toolbox/handle"}
+    fields = {"hand": actor, "object_name": "toolbox/handle"}
     fields |= {
         "handover": {"hand": "baxter.right", "giver": actor},
         "place": {"table": "table.center"},
@@ -234,7 +234,9 @@ def test_packed_motion_is_that_of_the_plan(plan: lgp.Plan, page: Path) -> None:
     motion = Motion(plan)
     at = [int(np.abs(time - moment).argmin()) for moment in motion.time]
     np.testing.assert_allclose(time[at], motion.time, atol=1e-6)
-    np.testing.assert_allclose(position[at, view["frames"].index("box")], motion.thing("box").position, atol=2e-4)
+    np.testing.assert_allclose(
+        position[at, view["frames"].index("box")], motion.object_poses("box").position, atol=2e-4
+    )
     wrist = motion.frames(["human.right_wrist_X"])["human.right_wrist_X"].position
     np.testing.assert_allclose(position[at, view["frames"].index("human.right_wrist_X")], wrist, atol=2e-4)
     turns = np.frombuffer(base64.b64decode(view["rotation"]), "<i2").reshape(-1, count, 4) / 32767

@@ -139,7 +139,9 @@ def test_costs_have_the_gradient_they_say(world: World, task: Task, ergonomics: 
 def test_bends_are_second_derivatives_where_nothing_jumps(world: World, task: Task, number: int) -> None:
     sequence = phases(world, task)
     problem = PathProblem(world, sequence, kept=sequence.keys[number : number + 1], enforced=[number], stop=False)
-    x, left = project_to_feasible(problem, problem.join(world.start[None], np.zeros(problem.modes.size)))
+    x, left = project_to_feasible(
+        problem, problem.join(world.initial_configuration[None], np.zeros(problem.modes.size))
+    )
     x, left = project_to_feasible(problem, x, 1e-9)
     assert left < 1e-8
     y = np.array([0.3, -0.7, 0.4, 0.2, -0.1, 0.5])

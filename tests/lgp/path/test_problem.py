@@ -20,15 +20,15 @@ from tests.support.lgp_worlds import human_world
 def standing() -> tuple[np.ndarray, LegReachConstraint]:
     world = human_world("solved")
     legs, rng = LegReachConstraint(world), np.random.default_rng(0)
-    q = np.tile(world.start, (40, 1))
+    q = np.tile(world.initial_configuration, (40, 1))
     q[:, legs.columns] += 0.02 * rng.normal(size=(40, len(legs.columns)))
-    q[:5, legs.columns] = world.start[legs.columns]
+    q[:5, legs.columns] = world.initial_configuration[legs.columns]
     return q, legs
 
 
 def test_one_row_keeps_both_legs_long_enough(standing: tuple[np.ndarray, LegReachConstraint]) -> None:
     q, legs = standing
-    both = PostureMap(human_world("solved")).reach(q)[0]
+    both = PostureMap(human_world("solved")).leg_shortfall(q)[0]
     value, _ = legs.evaluate(q)
     assert (value >= both.max(axis=1)).all()
     assert (value <= both.max(axis=1) + BLEND * np.log(2.0) + 1e-12).all()
@@ -124,7 +124,7 @@ def test_the_ergonomic_hessian_comes_in_parts_that_are_convex(kind: str, sums: b
     cost = Ergonomics(world, dreba.load(kind))
     assert (len(cost.parts) > 5) == sums
     assert sorted(np.concatenate(cost.parts).tolist()) == sorted(set(np.concatenate(cost.parts).tolist()))
-    q = np.tile(world.start, (6, 1))
+    q = np.tile(world.initial_configuration, (6, 1))
     q[:, cost.columns] += 0.1 * np.random.default_rng(1).normal(size=(6, len(cost.columns)))
     q = np.clip(q, world.lower, world.upper)
     value, gradient, bends = cost.model_at(q, np.zeros(6))
@@ -141,7 +141,7 @@ def test_the_ergonomic_hessian_comes_in_parts_that_are_convex(kind: str, sums: b
 def test_the_hessian_of_a_sum_holds_the_curvature_of_the_angles() -> None:
     world = human_world("solved")
     cost = Ergonomics(world, dreba.load("convex"))
-    q = world.start[None].copy()
+    q = world.initial_configuration[None].copy()
     # Away from the knots of the hinges, where second derivatives jump.
     for name, value in (("clavicle_joint_X", 0.05), ("shoulder_Z", 0.65), ("shoulder_X", 0.33)):
         q[0, world.column[f"human.right_{name}"]] = value

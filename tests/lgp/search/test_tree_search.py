@@ -163,7 +163,7 @@ def test_conflicts_are_remembered() -> None:
 def test_unreachable_and_too_deep() -> None:
     nothing = search(task(start=("on_table",)), MadeUp(1))
     assert nothing.status is SearchStatus.UNREACHABLE
-    assert "free(human) never holds" in nothing.reason
+    assert "free(human) is never true" in nothing.reason
     assert nothing.gap == math.inf
     shallow = search(task(), MadeUp(1, 0.0), Budget(depth=0))
     assert shallow.status is SearchStatus.INFEASIBLE

@@ -146,7 +146,7 @@ def test_nan_and_null_are_not_measured() -> None:
 
 BAD_FIRST = {
     "not json": "not JSON",
-    "[1, 2]": "no JSON object",
+    "[1, 2]": "not a JSON object",
     '{"time": 0, "trunk_flexoin": 3}': "did you mean 'trunk_flexion'",
     '{"time": "noon", "trunk_flexion": 3}': "number of seconds",
     '{"time": 0, "trunk_flexion": "x"}': "trunk_flexion",

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lgp.kinematics.world import FEW, Forward, World
+from lgp.kinematics.batched_kinematics import BatchedKinematics
+from lgp.kinematics.world import LOOP_UP_TO, World
 from tests.support.lgp_worlds import human_world, needs_robots, screwdriver_world
 
 
@@ -46,7 +47,7 @@ def test_any_tree(seed: int, n: int) -> None:
     model = random_tree(seed)
     q = np.random.default_rng(seed).uniform(-3.0, 3.0, (n, model.nq))
     frames = [number for number, frame in enumerate(model.frames) if frame.type == pin.FrameType.OP_FRAME]
-    found = Forward(model).at(q, frames)
+    found = BatchedKinematics(model).at(q, frames)
     for mine, theirs in zip((found.rotation, found.position, found.spatial), one_by_one(model, q, frames), strict=True):
         np.testing.assert_allclose(mine, theirs, atol=1e-12)
 
@@ -55,7 +56,7 @@ def test_any_tree(seed: int, n: int) -> None:
 def test_a_world_is_placed_the_same_way_by_few_and_by_many(make: object) -> None:
     world = make()  # type: ignore[operator]
     assert isinstance(world, World)
-    q = np.random.default_rng(0).uniform(world.lower, world.upper, (2 * FEW, world.nq))
+    q = np.random.default_rng(0).uniform(world.lower, world.upper, (2 * LOOP_UP_TO, world.nq))
     names = [*world.scene.hands, *(world.model.frames[number].name for number in range(5, 12))]
     many, few = world.at(q, names), [world.at(row[None], names) for row in q]
     np.testing.assert_allclose(many.rotation, np.concatenate([one.rotation for one in few]), atol=1e-12)

@@ -1,0 +1,41 @@
+"""Robot models: files, packages and locked joints."""
+
+from __future__ import annotations
+
+from importlib import metadata
+
+import pytest
+
+from lgp.errors import WorldError
+from lgp.kinematics import robot
+from lgp.kinematics.world import World
+from lgp.scene.model import Robot
+from lgp.scene.scene_file import load_scene
+from tests.support.lgp_worlds import needs_robots
+from tests.support.says import says
+
+
+def test_without_the_package_the_command_to_install_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(name: str) -> metadata.Distribution:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(robot.metadata, "distribution", absent)
+    with pytest.raises(WorldError) as error:
+        World(load_scene("screwdriver"))
+    says(error, "pip install 'dreba[robots]'")
+
+
+def test_unknown_robots_are_refused() -> None:
+    with pytest.raises(WorldError) as error:
+        robot.urdf_of("baxtr")
+    says(error, "did you mean 'baxter'")
+
+
+@needs_robots
+def test_wrong_locked_joints_are_refused() -> None:
+    with pytest.raises(WorldError) as error:
+        robot.robot_model(Robot("b", (0, 0, 0), 0, (), ("left_x*",), {}, "baxter"))
+    says(error, "no joint matches 'left_x*'")
+    with pytest.raises(WorldError) as error:
+        robot.robot_model(Robot("b", (0, 0, 0), 0, (), (), {"left_s9": 1.0}, "baxter"))
+    says(error, "no joint 'left_s9'", "did you mean 'left_s")
