@@ -33,6 +33,7 @@ from lgp.execution.ros_messages import (
     TRAJECTORY,
     TRANSFORMS,
     encode,
+    encoder,
     joint_state,
     trajectory,
     transforms,
@@ -72,7 +73,7 @@ class RunLog:
         profile: "ros2" where every topic holds ROS 2 messages.
 
     Raises:
-        LgpError: the file cannot be written.
+        LgpError: the file cannot be written, or mcap-ros2-support is not installed.
 
     Example:
         >>> with RunLog(Path("run.mcap"), time.time(), {}) as log:         # doctest: +SKIP
@@ -82,6 +83,7 @@ class RunLog:
     def __init__(self, file: Path, epoch: float, about: Mapping[str, str], profile: str = "") -> None:
         from mcap.writer import CompressionType, Writer
 
+        encoder(JOINT_STATE)  # a missing package is reported before the file is replaced
         self.epoch = epoch
         try:
             self._stream: IO[bytes] = file.open("wb")

@@ -13,6 +13,7 @@ import lgp
 import reba
 from lgp.execution.commands import export
 from lgp.execution.log_reader import messages
+from lgp.execution.ros_messages import DEFINITIONS
 from lgp.execution.session import TICK
 from lgp.execution.worker import WorkerBehaviour
 from lgp.kinematics.posture import PostureMap
@@ -110,6 +111,16 @@ def test_commands_are_trajectories_of_the_robot(ran: tuple[Path, dict[str, Any],
     end = dict(zip(states[-1].name, states[-1].position, strict=True))
     final = dict(zip(commands[-1].joint_names, commands[-1].points[-1].positions, strict=True))
     assert end == pytest.approx(final, abs=1e-9)
+
+
+def test_every_ros_message_is_what_ros_writes(ran: tuple[Path, dict[str, Any], list[Any]]) -> None:
+    typestores = pytest.importorskip("rosbags.typesys")
+    store = typestores.get_typestore(typestores.Stores.ROS2_HUMBLE)
+    logged = [message for message in messages(ran[0] / "run.mcap") if message.encoding == "cdr"]
+    assert {message.schema[0] for message in logged} == set(DEFINITIONS)
+    for message in logged:
+        kind = message.schema[0]
+        assert bytes(store.serialize_cdr(store.deserialize_cdr(message.data, kind), kind)) == message.data
 
 
 def test_the_same_seed_gives_the_same_run(ran: tuple[Path, dict[str, Any], list[Any]], tmp_path: Path) -> None:
