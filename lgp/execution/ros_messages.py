@@ -1,4 +1,4 @@
-"""ROS 2 messages that a run is logged in: their definitions, and values of them as plain data.
+"""ROS 2 messages of the log of a run: definitions, values as plain data, and their CDR serialisation.
 
 Definitions: sensor_msgs, trajectory_msgs, tf2_msgs, geometry_msgs and std_msgs of ROS 2 (Apache-2.0), comments left
 out; concatenated as https://mcap.dev/spec/registry#ros2msg asks for.
@@ -65,11 +65,11 @@ DEFINITIONS: Final[dict[str, str]] = {
 }
 """Type -> definition."""
 STEP = 0.05
-"""[s] Between points of a trajectory."""
+"""[s] Time between points of a trajectory."""
 
 
-def joint_state(stamp: int, names: Sequence[str], position: Array) -> dict[str, Any]:
-    """Return a joint state; `stamp` in nanoseconds since 1970."""
+def joint_state_message(stamp: int, names: Sequence[str], position: Array) -> dict[str, Any]:
+    """Return a sensor_msgs/JointState; `stamp` in nanoseconds since 1970, positions [rad, m]."""
     return {
         "header": _header(stamp, ""),
         "name": list(names),
@@ -79,8 +79,8 @@ def joint_state(stamp: int, names: Sequence[str], position: Array) -> dict[str, 
     }
 
 
-def transforms(stamp: int, poses: Mapping[str, tuple[Array, Array]]) -> dict[str, Any]:
-    """Return poses (rotation (3, 3), position (3,)) of frames in the world."""
+def transforms_message(stamp: int, poses: Mapping[str, tuple[Array, Array]]) -> dict[str, Any]:
+    """Return a tf2_msgs/TFMessage of frames in the world: rotations (3, 3), positions (3,) [m]."""
     return {
         "transforms": [
             {
@@ -96,18 +96,20 @@ def transforms(stamp: int, poses: Mapping[str, tuple[Array, Array]]) -> dict[str
     }
 
 
-def trajectory(stamp: int, names: Sequence[str], segment: JointTrajectory, columns: Indices) -> dict[str, Any]:
-    """Return the motion of some joints, from rest to rest, with velocities and accelerations."""
-    count = max(int(np.ceil(segment.duration / STEP)), 1)
-    times = np.linspace(0.0, segment.duration, count + 1)
+def trajectory_message(
+    stamp: int, names: Sequence[str], trajectory: JointTrajectory, columns: Indices
+) -> dict[str, Any]:
+    """Return a trajectory_msgs/JointTrajectory of some joints, with velocities and accelerations, every `STEP`."""
+    count = max(int(np.ceil(trajectory.duration / STEP)), 1)
+    times = np.linspace(0.0, trajectory.duration, count + 1)
     return {
         "header": _header(stamp, ""),
         "joint_names": list(names),
         "points": [
             {
-                "positions": segment.at(t)[columns].tolist(),
-                "velocities": segment.velocity(t)[columns].tolist(),
-                "accelerations": segment.acceleration(t)[columns].tolist(),
+                "positions": trajectory.at(t)[columns].tolist(),
+                "velocities": trajectory.velocity(t)[columns].tolist(),
+                "accelerations": trajectory.acceleration(t)[columns].tolist(),
                 "effort": [],
                 "time_from_start": _seconds(round(t * 1e9)),
             }
@@ -117,7 +119,7 @@ def trajectory(stamp: int, names: Sequence[str], segment: JointTrajectory, colum
 
 
 def quaternion(rotation: Array) -> Array:
-    """Return x, y, z, w of a rotation (3, 3)."""
+    """Return the quaternion x, y, z, w of a rotation (3, 3)."""
     import pinocchio as pin
 
     return np.asarray(pin.Quaternion(np.ascontiguousarray(rotation)).coeffs())

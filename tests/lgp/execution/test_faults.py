@@ -9,7 +9,7 @@ import pytest
 import lgp
 from lgp.execution.executive import Settings
 from lgp.execution.faults import KINDS, parse_fault
-from lgp.execution.session import ExecutionRun, RunOptions, compare
+from lgp.execution.session import ExecutionRun, RunOptions, retarget_cost
 from lgp.execution.worker import EXACT
 from tests.support.execution_plans import kinds, saved, went
 from tests.support.lgp_worlds import needs_robots
@@ -33,16 +33,16 @@ def test_a_moved_object_moves_one_motion_and_the_rest_goes_on(folder: Path) -> N
 
 
 def test_moving_a_motion_is_compared_with_a_new_plan(folder: Path) -> None:
-    run = RunOptions(speed=0.0, compare=False, habits=EXACT, faults=(parse_fault("moved@1"),))
+    run = RunOptions(speed=0.0, compare=False, behaviour=EXACT, faults=(parse_fault("moved@1"),))
     session = ExecutionRun(folder, run)
     session.go()
-    (shift,) = session.executive.shifts
-    found = compare(session.planner, shift, 3.0)
-    assert found["action"].startswith("grasp(1,")
-    assert found["greedy"] > 0.0
-    assert found["extra"] == pytest.approx(found["greedy"] - found["anew"])
-    # The greedy rest is one of the motions that a new plan may choose.
-    assert found["extra"] > -1e-3 * found["anew"]
+    (retargeted,) = session.executive.retargeted
+    comparison = retarget_cost(session.planner, retargeted, 3.0)
+    assert comparison["action"].startswith("grasp(1,")
+    assert comparison["greedy"] > 0.0
+    assert comparison["extra"] == pytest.approx(comparison["greedy"] - comparison["anew"])
+    # The retargeted motions are one of the solutions that a new plan may have.
+    assert comparison["extra"] > -1e-3 * comparison["anew"]
 
 
 def test_an_object_put_out_of_reach_makes_a_new_plan(folder: Path) -> None:
@@ -58,7 +58,7 @@ def test_an_object_put_out_of_reach_makes_a_new_plan(folder: Path) -> None:
 def test_a_search_that_runs_out_of_time_ends_the_run_and_says_why(folder: Path) -> None:
     summary, _ = went(folder, "away@3", settings=Settings(search=0.0))
     assert summary["state"] == "failed"
-    assert "none was found in 0 s, and moving this motion is not possible" in summary["why"]
+    assert "none was found in 0 s, and the motion cannot be retargeted" in summary["why"]
 
 
 def test_a_dropped_object_is_waited_for_and_fetched_again(folder: Path) -> None:
@@ -72,7 +72,7 @@ def test_a_dropped_object_is_waited_for_and_fetched_again(folder: Path) -> None:
 def test_an_object_that_nobody_picks_up_ends_the_run(folder: Path) -> None:
     from dataclasses import replace
 
-    summary, _ = went(folder, "dropped@2", habits=replace(EXACT, help=1e9), settings=QUICK)
+    summary, _ = went(folder, "dropped@2", behaviour=replace(EXACT, help=1e9), settings=QUICK)
     assert summary["state"] == "failed"
     assert "put it back on a table" in summary["why"]
 
@@ -105,10 +105,10 @@ def test_an_action_that_never_ends_is_tried_once_more_and_given_up(folder: Path,
 
 
 def test_a_motion_too_fast_is_slowed_down_or_refused(folder: Path) -> None:
-    session = ExecutionRun(folder, RunOptions(speed=0.0, compare=False, habits=EXACT))
+    session = ExecutionRun(folder, RunOptions(speed=0.0, compare=False, behaviour=EXACT))
     session.planner.motion.world.model.velocityLimit *= 0.3
     assert session.go()["slowed"] >= 1
-    session = ExecutionRun(folder, RunOptions(speed=0.0, habits=EXACT, settings=Settings(slow_down=False)))
+    session = ExecutionRun(folder, RunOptions(speed=0.0, behaviour=EXACT, settings=Settings(slow_down=False)))
     session.planner.motion.world.model.velocityLimit *= 0.3
     summary = session.go()
     assert summary["state"] == "failed"

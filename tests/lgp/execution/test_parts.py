@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lgp.execution.predicates import check, end_of, first_failing, free, grasped, on_table, placed, start_of
-from lgp.execution.ros_messages import DEFINITIONS, TRAJECTORY, encode, quaternion, trajectory
+from lgp.execution.ros_messages import DEFINITIONS, TRAJECTORY, encode, quaternion, trajectory_message
 from lgp.execution.tracked_scene import atoms_now, carrier, scene_now
 from lgp.execution.tracking import Observation, TrackedPose, TrackedWorld
 from lgp.execution.trajectory import Brake, JointTrajectory, time_scaled, violations
@@ -71,7 +71,7 @@ def test_messages_are_what_ros_writes() -> None:
     typestores = pytest.importorskip("rosbags.typesys")
     store = typestores.get_typestore(typestores.Stores.ROS2_HUMBLE)
     segment = JointTrajectory(np.random.default_rng(1).normal(size=(4, 3)), 0.3)
-    message = trajectory(1_700_000_000_123_456_789, ["a", "joint_b", "c"], segment, np.arange(3))
+    message = trajectory_message(1_700_000_000_123_456_789, ["a", "joint_b", "c"], segment, np.arange(3))
     data = encode(TRAJECTORY, message)
     read = store.deserialize_cdr(data, TRAJECTORY)
     assert list(read.joint_names) == ["a", "joint_b", "c"]
@@ -103,8 +103,8 @@ def seen(world: World, spots: list[np.ndarray], stale: float = 0.0, **more: obje
     view = TrackedWorld(world)
     for number, spot in enumerate(spots):
         time = 0.05 * number
-        things = {"box": TrackedPose(np.eye(3), np.asarray(spot, dtype=float), time - stale)}
-        view.add(Observation(time, world.start, things))
+        objects = {"box": TrackedPose(np.eye(3), np.asarray(spot, dtype=float), time - stale)}
+        view.add(Observation(time, world.start, objects))
     return view
 
 

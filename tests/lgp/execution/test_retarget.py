@@ -9,7 +9,7 @@ import numpy as np
 import lgp
 from lgp.collision.distances import Collisions
 from lgp.execution.fixed_path import SLACK, FixedPathBounds, planned_course, still_hands
-from lgp.execution.replan import again, shortened
+from lgp.execution.replan import first_reasons, remaining_actions
 from lgp.execution.retarget import Phase, Planner
 from lgp.execution.tracking import Observation, TrackedPose, TrackedWorld
 from lgp.kinematics.modes import ModeSequence
@@ -46,8 +46,8 @@ def scene_before(number: int) -> Scene:
     poses = {name: planner.motion.thing(name) for name in planner.plan.scene.things}
     view = TrackedWorld(planner.motion.world)
     for time in np.arange(0.0, 0.4, 0.05):
-        things = {name: TrackedPose(at.rotation[row], at.position[row], time) for name, at in poses.items()}
-        view.add(Observation(time, planner.motion.path[row], things, frozenset({"baxter.left", "baxter.right"})))
+        objects = {name: TrackedPose(at.rotation[row], at.position[row], time) for name, at in poses.items()}
+        view.add(Observation(time, planner.motion.path[row], objects, frozenset({"baxter.left", "baxter.right"})))
     return planner.scene(number, view)
 
 
@@ -61,15 +61,15 @@ def test_a_hand_that_holds_stands_still_in_a_moved_motion_wherever_it_holds() ->
     start[arm] += np.where(np.arange(len(arm)) == 3, 0.2, 0.015)
     phase = planner.retarget(GIVES, scene_before(GIVES), start)
     assert isinstance(phase, Phase)
-    at = world.at(phase.segment.knots, ["baxter.right"]).position[:, 0]
+    at = world.at(phase.trajectory.knots, ["baxter.right"]).position[:, 0]
     np.testing.assert_allclose(at, np.broadcast_to(at[0], at.shape), atol=1e-4)
-    np.testing.assert_allclose(phase.segment.knots[0], start)
+    np.testing.assert_allclose(phase.trajectory.knots[0], start)
 
 
 def test_a_new_plan_begins_with_the_hold_that_goes_on() -> None:
     planner, scene = toolbox(), scene_before(GIVES)
     assert f"holding(baxter.right, {HANDLE})" in [text.replace(",", ", ").replace("  ", " ") for text in scene.initial]
-    found = planner.anew(GIVES, scene, planner.motion.path[GIVES * planner.motion.phases.slices], 5.0)
+    found = planner.replan(GIVES, scene, planner.motion.path[GIVES * planner.motion.phases.slices], 5.0)
     assert found.feasible
     assert [action.partition("(")[0] for action in found.actions] == ["handover", "place", "screw"]
     arm = np.flatnonzero(planner.motion.world.support("baxter.right"))
@@ -121,7 +121,7 @@ def test_what_is_left_is_tried_first_with_what_must_be_done_again() -> None:
     bounds = FixedPathBounds(world, slices=planner.motion.phases.slices)
     task = task_of(world.scene)
     # The screwdriver lies where it was at first: it was dropped on the way.
-    assert again(planner.motion, task, 1, bounds) == planner.actions
+    assert remaining_actions(planner.motion, task, 1, bounds) == planner.actions
     path, variables = bounds.shapes[planner.actions]
     np.testing.assert_array_equal(path, planner.motion.path)
     np.testing.assert_array_equal(variables, planner.motion.variables)
@@ -129,7 +129,7 @@ def test_what_is_left_is_tried_first_with_what_must_be_done_again() -> None:
 
 def test_who_acts_by_a_plan_keeps_it_when_there_is_a_new_one() -> None:
     planner = Planner(small_plan())
-    kept = planner.as_it_is()
+    kept = planner.snapshot()
     scene = lgp.load_scene("screwdriver").with_heights({"left": 0.9, "center": 1.0, "right": 1.2})
     planner.follow(lgp.plan(scene, None, sequence=small_plan().actions[:3], slices=3))
     assert planner.motion.phases.slices == 3
@@ -138,4 +138,6 @@ def test_who_acts_by_a_plan_keeps_it_when_there_is_a_new_one() -> None:
 
 def test_reasons_are_told_once_and_the_first_of_them_only() -> None:
     reason = "; ".join(f"phase {n}, grasp({n}, baxter.left, box): baxter.left is {n // 2} m away" for n in range(2, 12))
-    assert shortened(reason) == "baxter.left is 1 m away; baxter.left is 2 m away; baxter.left is 3 m away; and 2 more"
+    assert (
+        first_reasons(reason) == "baxter.left is 1 m away; baxter.left is 2 m away; baxter.left is 3 m away; and 2 more"
+    )

@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 
 import lgp
-from lgp.execution import server as serving
 from lgp.execution.events import Event, Hub
 from lgp.execution.server import PageServer
 
@@ -84,9 +83,8 @@ def test_a_reader_that_missed_nothing_or_comes_from_another_run_gets_the_present
         assert heard(answer)[0] == 2
 
 
-def test_a_quiet_connection_is_kept_alive(server: PageServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(serving, "KEEP_ALIVE", 0.1)
-    with stream(server) as answer:
+def test_a_quiet_connection_is_kept_alive(page: Path, hub: Hub) -> None:
+    with PageServer(page, hub, keep_alive=0.1) as server, stream(server) as answer:
         heard(answer)
         assert answer.readline().startswith(b": ")
 

@@ -62,7 +62,7 @@ def test_nobody_is_late_for_an_action_before_its_motion_is_over(ran: tuple[Path,
 def test_the_log_scores_as_the_executed_path_does(tmp_path: Path) -> None:
     """Angles by the posture table of the log, by its joint states and by the configurations themselves agree."""
     folder = saved(tmp_path)
-    went(folder, habits=WorkerBehaviour(), seed=4)
+    went(folder, behaviour=WorkerBehaviour(), seed=4)
     states = of_topic(folder / "run.mcap", "/state")
     times, q = np.array([one["time"] for one in states]), np.array([one["q"] for one in states])
     truth = PostureMap(Motion(small_plan()).world).angles(q)
@@ -127,7 +127,7 @@ def test_the_same_seed_gives_the_same_run(ran: tuple[Path, dict[str, Any], list[
     folder = saved(tmp_path)
     _, again = went(folder)
     assert [(e.time, e.text) for e in ran[2]] == [(e.time, e.text) for e in again]
-    _, other = went(folder, habits=WorkerBehaviour())
+    _, other = went(folder, behaviour=WorkerBehaviour())
     assert [e.time for e in other] != [e.time for e in again]
 
 
@@ -139,10 +139,10 @@ def test_a_recorded_run_is_followed_again(ran: tuple[Path, dict[str, Any], list[
 
 def test_a_recording_without_the_objects_is_refused(tmp_path: Path) -> None:
     from lgp.execution.log import RunLog
-    from lgp.execution.ros_messages import TRANSFORMS, transforms
+    from lgp.execution.ros_messages import TRANSFORMS, transforms_message
 
     with RunLog(tmp_path / "other.mcap", 1.0, {}) as log:
-        log.message("/tf", TRANSFORMS, 0.0, transforms(0, {"screw": (np.eye(3), np.zeros(3))}))
+        log.message("/tf", TRANSFORMS, 0.0, transforms_message(0, {"screw": (np.eye(3), np.zeros(3))}))
     with pytest.raises(lgp.LgpError, match=r"no transform of object 'screwdriver'.*screw"):
         went(saved(tmp_path / "plan"), replay=tmp_path / "other.mcap")
 
