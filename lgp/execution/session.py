@@ -300,8 +300,9 @@ def retarget_cost(planner: Planner, retargeted: RetargetedAction, seconds: float
         seconds: wall-clock time of the search.
 
     Returns:
-        `action`, costs `greedy` (retargeted) and `anew` (new plan), `extra` (greedy - anew), `share` (extra / anew),
-        `actions` of the new plan and `same_actions`: whether they are the remaining ones. Costs are None without path.
+        `action`, costs `greedy` (retargeted) and `anew` (new plan), their difference `extra` and its `share` of the new
+        plan, `actions` of the new plan and `same_actions`: whether they are the remaining ones. A cost without path
+        is None.
     """
     own = planner.snapshot()
     own.use(retargeted.motion)

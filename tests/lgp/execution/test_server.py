@@ -17,6 +17,7 @@ import pytest
 import lgp
 from lgp.execution.events import Event, Hub
 from lgp.execution.server import PageServer
+from tests.support.says import says
 
 pytestmark = pytest.mark.slow
 
@@ -132,5 +133,6 @@ def test_only_this_machine_sees_the_page(server: PageServer) -> None:
 def test_a_port_that_is_taken_is_one_clear_error(page: Path, hub: Hub) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(lgp.LgpError, match=f"port {port}.*--port"):
+        with pytest.raises(lgp.LgpError) as error:
             PageServer(page, hub, port=port)
+        says(error, f"port {port}", "--port")

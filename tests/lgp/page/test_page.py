@@ -18,14 +18,14 @@ import lgp
 from lgp.errors import LgpError
 from lgp.kinematics.modes import ROLES, KinematicSwitch
 from lgp.motion import Motion
-from lgp.page import page as libraries
-from lgp.page.camera import ANGLE, Subject, framed, hidden, shots
-from lgp.page.page import runs, write_page
+from lgp.page.camera import ANGLE, Subject, framed, occluded_share, shots
+from lgp.page.page import check_packages, score_spans, write_page
 from lgp.page.sentences import humanised, sentences
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene, read_scene
 from reba.posture import columns as columns_
 from tests.support.lgp_worlds import HUMAN_ONLY, needs_robots
+from tests.support.says import says
 
 pytestmark = pytest.mark.slow
 
@@ -117,7 +117,7 @@ def test_the_ribbon_holds_every_true_score(plan: lgp.Plan) -> None:
     posture = plan.posture.copy()
     posture[1:3, 0] = 50.0  # bent forward for two slices
     bent = replace(plan, posture=posture)
-    ribbon = runs(bent)
+    ribbon = score_spans(bent)
     scores = bent.reba()
     assert scores is not None
     time = np.concatenate([[0.0], plan.time])
@@ -128,7 +128,7 @@ def test_the_ribbon_holds_every_true_score(plan: lgp.Plan) -> None:
     for number, score in enumerate(np.asarray(scores.reba, dtype=int)):
         middle = (time[number] + time[number + 1]) / 2.0
         assert [run.score for run in ribbon if run.start < middle < run.end] == [score]
-    assert runs(replace(plan, posture=np.zeros((0, 0)))) == ()
+    assert score_spans(replace(plan, posture=np.zeros((0, 0)))) == ()
 
 
 corners = st.lists(st.tuples(*[st.floats(-2.0, 2.0)] * 3), min_size=2, max_size=20)
@@ -155,8 +155,8 @@ def test_a_shot_leaves_the_side_where_something_stands_before_it() -> None:
     free = shots([Subject(box, spots, np.zeros((0, 3)))], 0.0)[0].towards
     wall = 0.5 * free + 0.2 * np.random.default_rng(0).normal(size=(2000, 3))
     chosen = shots([Subject(box, spots, wall)], 0.0)[0].towards
-    assert hidden(spots, wall, free) == 1.0
-    assert hidden(spots, wall, chosen) == 0.0
+    assert occluded_share(spots, wall, free) == 1.0
+    assert occluded_share(spots, wall, chosen) == 0.0
 
 
 @needs_page
@@ -200,20 +200,20 @@ def test_colours_meet_without_a_gap_and_face_outwards() -> None:
 @needs_page
 @needs_robots
 def test_a_robot_is_seen_as_its_urdf_says_in_few_triangles() -> None:
-    from lgp.page.objects import FACES, parts
+    from lgp.page.objects import FACES, robot_meshes
 
     robot = load_scene("screwdriver_panda").robots["panda"]
-    found = parts(robot)
-    links = [part.link for part in found]
+    visuals = robot_meshes(robot)
+    links = [part.link for part in visuals]
     assert set(links) == {f"panda_link{number}" for number in range(8)} | {
         "panda_hand", "panda_leftfinger", "panda_rightfinger",
     }  # fmt: skip
-    assert all(len(part.mesh.faces) <= 1.2 * FACES for part in found)
-    arm = np.ptp(found[links.index("panda_link5")].mesh.vertices, axis=0)
+    assert all(len(part.mesh.faces) <= 1.2 * FACES for part in visuals)
+    arm = np.ptp(visuals[links.index("panda_link5")].mesh.vertices, axis=0)
     np.testing.assert_allclose(arm, [0.11, 0.18, 0.31], atol=0.02)
-    assert len(np.unique(found[links.index("panda_hand")].mesh.colours, axis=0)) >= 2
+    assert len(np.unique(visuals[links.index("panda_hand")].mesh.colours, axis=0)) >= 2
     # One mesh for both fingers, turned.
-    left, right = found[links.index("panda_leftfinger")], found[links.index("panda_rightfinger")]
+    left, right = visuals[links.index("panda_leftfinger")], visuals[links.index("panda_rightfinger")]
     assert left.key == right.key
     np.testing.assert_allclose(np.abs(np.diag(right.place)[:2]), 1.0)
 
@@ -277,19 +277,18 @@ def test_nothing_is_asked_from_elsewhere(page: Path) -> None:
         assert "import " not in text.replace("!important", "")
 
 
-def test_a_missing_package_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    def gone(name: str) -> None:
-        raise ImportError(name)
-
-    monkeypatch.setattr(libraries, "import_module", gone)
-    with pytest.raises(LgpError, match=r"install it with: pip install 'dreba\[page\]'"):
-        libraries.check()
+def test_a_missing_package_is_one_line() -> None:
+    with pytest.raises(LgpError) as error:
+        check_packages({"no_such_module": "such-package"})
+    says(error, "such-package", 'pip install "dreba[page]"')
 
 
 @needs_page
 def test_a_plan_that_is_none_has_no_page(plan: lgp.Plan, tmp_path: Path) -> None:
-    with pytest.raises(LgpError, match="there is no motion"):
+    with pytest.raises(LgpError) as error:
         write_page(replace(plan, feasible=False, reason="out of reach"), tmp_path / "page")
+    says(error, "box", "not feasible", "out of reach")
     (tmp_path / "file").write_text("")
-    with pytest.raises(LgpError, match="cannot be written"):
+    with pytest.raises(LgpError) as error:
         write_page(plan, tmp_path / "file" / "page", pictures=False)
+    says(error, tmp_path / "file" / "page", "another folder")
