@@ -12,10 +12,11 @@ import pytest
 import lgp
 import reba
 from lgp.execution.commands import export
+from lgp.execution.faults import parse_fault
 from lgp.execution.log_reader import messages
 from lgp.execution.ros_messages import DEFINITIONS
-from lgp.execution.session import TICK
-from lgp.execution.worker import WorkerBehaviour
+from lgp.execution.session import TICK, ExecutionRun, RunOptions, retarget_cost
+from lgp.execution.worker import EXACT, WorkerBehaviour
 from lgp.kinematics.posture import PostureMap
 from lgp.motion import Motion
 from tests.support.execution_plans import kinds, saved, small_plan, went
@@ -147,6 +148,19 @@ def test_a_recording_without_the_objects_is_refused(tmp_path: Path) -> None:
     with pytest.raises(lgp.LgpError) as error:
         went(saved(tmp_path / "plan"), replay=tmp_path / "other.mcap")
     says(error, "other.mcap", "'screwdriver'", "screw")
+
+
+def test_moving_a_motion_is_compared_with_a_new_plan(tmp_path: Path) -> None:
+    run = RunOptions(speed=0.0, compare=False, behaviour=EXACT, faults=(parse_fault("moved@1"),))
+    session = ExecutionRun(saved(tmp_path), run)
+    session.go()
+    (retargeted,) = session.executive.retargeted
+    comparison = retarget_cost(session.planner, retargeted, 3.0)
+    assert comparison["action"].startswith("grasp(1,")
+    assert comparison["greedy"] > 0.0
+    assert comparison["extra"] == pytest.approx(comparison["greedy"] - comparison["anew"])
+    # The retargeted motions are one of the solutions that a new plan may have.
+    assert comparison["extra"] > -1e-3 * comparison["anew"]
 
 
 def test_exported_trajectories_are_the_planned_motion(tmp_path: Path) -> None:
