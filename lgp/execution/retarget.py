@@ -240,9 +240,11 @@ class Planner:
         stands on the table is placed beside it, at their planned relative pose.
         """
         switch = self.motion.phases.switches[number]
-        mine, own = f"{number}.{switch.thing}.", f"{number - since}.{switch.thing}."
+        planned_prefix, prefix = f"{number}.{switch.thing}.", f"{number - since}.{switch.thing}."
         fixed_variables = {
-            own + name.removeprefix(mine): at for name, at in self.plan.variables.items() if name.startswith(mine)
+            prefix + name.removeprefix(planned_prefix): value
+            for name, value in self.plan.variables.items()
+            if name.startswith(planned_prefix)
         }
         joints = [joint for joint in self.plan.scene.joints if switch.thing in joint.parts]
         if switch.kind != "place" or (not joints and target is None):
@@ -258,7 +260,7 @@ class Planner:
                 moved = TrackedPose(turn @ goal.rotation, position + turn @ (goal.position - was.position), 0.0)
                 target = self._on(switch.table, moved)
         if target is not None:
-            fixed_variables = {own + name: value for name, value in target._asdict().items()}
+            fixed_variables = {prefix + name: value for name, value in target._asdict().items()}
         return fixed_variables, not joints
 
     def _acting(self, number: int) -> Indices:
