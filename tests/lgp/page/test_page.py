@@ -77,7 +77,7 @@ def test_a_missing_package_is_one_line() -> None:
 def test_a_plan_that_is_none_has_no_page(plan: lgp.Plan, tmp_path: Path) -> None:
     with pytest.raises(LgpError) as error:
         write_page(replace(plan, feasible=False, reason="out of reach"), tmp_path / "page")
-    says(error, "box", "not feasible", "out of reach")
+    says(error, "box", "feasible", "out of reach")
     (tmp_path / "file").write_text("")
     with pytest.raises(LgpError) as error:
         write_page(plan, tmp_path / "file" / "page", pictures=False)
