@@ -158,15 +158,15 @@ class Planner:
         first = np.clip(start, world.lower, world.upper)
         action, seconds = self.actions[number], self.motion.phases.seconds
         resting = self._acting(number - 1) if pause else None
-        holding_hands = still_hands(self.motion.modes, number)
+        holding = still_hands(self.motion.modes, number)
         hands = self.motion.phases.switches[number].hands
-        planned = planned_course(world, first, self.planned(number).trajectory.knots, [*hands, *holding_hands])
+        planned = planned_course(world, first, self.planned(number).trajectory.knots, [*hands, *holding])
         initial_guess = self.planned(number).trajectory.knots, phase_variables(self.motion, number, number + 1)
         best: Phase | None = None
         for attempt_world, fixed_variables in self._attempts(number, world, first, target):
             for course in (planned, None) if self.collision_free and len(planned.columns) else (planned,):
                 bounds = self._bounds(
-                    attempt_world, first, pins=fixed_variables, still=holding_hands, course=course, resting=resting
+                    attempt_world, first, pins=fixed_variables, still=holding, course=course, resting=resting
                 )
                 bounds.shapes[action,] = initial_guess
                 result = bounds.solve("sequence", (action,), None)
@@ -293,8 +293,8 @@ class Planner:
         in_hand = any(one.hand.startswith("human.") for one in scene.things.values())
         # The grip of a part in the hand of the person is given: they may need any rotation of the hand to place it.
         for attempt_world in (world, world.with_free_hands("human")) if in_hand else (world,):
-            holding_hands = [hand for hand, _, _ in ModeSequence(attempt_world, ()).held_at_first]
-            bounds = self._bounds(attempt_world, first, still=holding_hands)
+            holding = [hand for hand, _, _ in ModeSequence(attempt_world, ()).held_at_first]
+            bounds = self._bounds(attempt_world, first, still=holding)
             plan = replan_remaining(self.motion, task, number, bounds, seconds, thorough)
             if plan.feasible:
                 break
