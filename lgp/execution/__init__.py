@@ -1,10 +1,11 @@
-"""Execution: follow a plan step by step while the world deviates.
+"""Execution: follow a plan action by action while the world deviates from it.
 
-source (simulated or replayed tracker) -> `View` -> predicates of the current action -> `Executive`
-    -> commands to the robots (`Segment`s), events to the page, everything to the log
+observations (simulated or recorded) -> `TrackedWorld` -> predicates of the current action -> `Executive`
+    -> robot motions (`JointTrajectory`), events for page and log
 
-The human is watched, never commanded. An object found elsewhere than planned moves one robot motion there (`Planner`);
-if that is infeasible the rest is planned anew.
+The human is observed, never commanded. If an object is not where the plan has it, the motion of the current action is
+retargeted to its tracked pose (`Planner.retarget`); if that is infeasible, the remaining actions are replanned
+(`Planner.replan`).
 """
 
 from __future__ import annotations

@@ -1,30 +1,27 @@
-"""What happened, as the page and the log are told; `Hub` keeps all of it for readers of other threads."""
+"""Events of a run for page and log; `Hub` keeps them for readers in other threads."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
-
-STATES: Final = ("waiting", "running", "done", "failed", "finished")
-"""waiting: for the world, or for the human, who is late. running: somebody acts. done: an action ended. The last two
-end the run."""
+from typing import Any
 
 
 @dataclass(frozen=True)
 class Event:
-    """One thing that happened.
+    """An event of a run.
 
     Attributes:
         number: counts from 1 over the whole run, restarts included.
         time: [s] since the run began.
         action: number of the current action in its plan, from 0; None before the first and after the last.
-        state: one of `STATES`.
-        kind: what happened, one word: told, started, ended, stopped, retargeted, replanned, fault ...
-        text: a sentence for people.
+        state: "waiting" (for the world, or for a human who is late), "running" (human or robot acts), "done" (an
+            action ended), or "failed" and "finished", which end the run.
+        kind: one word: "told" (the human has to act), "started", "ended", "retargeted", "replanned", "fault" ...
+        text: the event in a sentence.
         details: numbers and names.
-        plan: which plan it is about: 0 is the first, 1 the one that was made anew first ...
+        plan: 0 for the first plan, 1 for the first replanned one ...
     """
 
     number: int
@@ -37,17 +34,17 @@ class Event:
     plan: int = 0
 
     def page(self) -> dict[str, Any]:
-        """Return what the page is told."""
+        """Return the data that the page receives."""
         about = {"action": self.action, "state": self.state, "text": self.text, "time": round(self.time, 3)}
         return {**about, "plan": self.plan}
 
     def record(self) -> dict[str, Any]:
-        """Return all of it as plain data."""
+        """Return all fields as plain data, as the log holds them."""
         return {**vars(self)}
 
 
 class Hub:
-    """All events so far, for readers of other threads.
+    """All events so far, for readers in other threads.
 
     Args:
         first: events of an earlier part of the run.
@@ -58,7 +55,7 @@ class Hub:
         self._lock = threading.Lock()
 
     def add(self, event: Event) -> None:
-        """Take in one more event."""
+        """Append an event."""
         with self._lock:
             self._events.append(event)
 

@@ -1,8 +1,9 @@
-"""The executive: which action is current, whether it may begin, whether it is done, and what to do if it is not.
+"""The executive: state machine that follows a plan action by action, by predicates on the tracked world.
 
 waiting -> (start predicates hold) -> moving -> (motion over, end predicates hold) -> next action
-An object elsewhere than planned: that motion is moved there. A world that contradicts the plan: the rest is planned
-anew. Nothing happens in time: tried once more, then failed.
+Deviations: an object is not at its planned pose -> the motion is retargeted; the world contradicts the plan or the
+motion is infeasible -> the remaining actions are replanned; a time limit passes -> the action is repeated, then the run
+fails.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from lgp.execution.predicates import (
     gripper_commands,
     start_of,
 )
-from lgp.execution.replan import shortened
+from lgp.execution.replan import first_reasons
 from lgp.execution.retarget import Phase, Planner
 from lgp.execution.simulation import Robots
 from lgp.execution.tracked_scene import ObjectUnavailable, carrier
@@ -33,23 +34,23 @@ from lgp.execution.trajectory import BRAKE, Brake, robot_columns, time_scaled, v
 from lgp.motion import Motion
 from lgp.page.sentences import sentences
 
-Report = Callable[[str, str, str, dict[str, Any]], None]
-"""Takes state, kind, text and details of what happened."""
-SURE = 3
-"""Looks in a row that must say that an object was dropped."""
+OnEvent = Callable[[str, str, str, dict[str, Any]], None]
+"""Callback with the state, kind, text and details of an event, see `events.Event`."""
+DROP_OBSERVATIONS = 3
+"""Number of successive observations without an object in the hand that count as a drop, against tracker noise."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How patient the executive is.
+    """Time limits and attempts of the executive.
 
     Attributes:
-        patience: time that an action may take longer than its motion, and that is waited for its start [s].
-        reminder: time after which somebody who is late is waited for, as the page then says [s].
+        patience: largest wait for the start of an action, and largest excess of its duration over its motion [s].
+        reminder: excess of its duration after which the page says that the action is late [s].
         grace: time after which a start predicate that does not hold contradicts the plan [s].
-        attempts: how often an action is tried.
-        search: wall-clock time for a new plan [s].
-        slow_down: whether motions faster than the robot's limits are slowed down; otherwise the run fails.
+        attempts: number of attempts at an action.
+        search: wall-clock time of the search for a new plan [s].
+        slow_down: whether motions above the velocity limits of a robot are slowed down; otherwise the run fails.
     """
 
     patience: float = 15.0
@@ -62,7 +63,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class RetargetedAction:
-    """A motion that was moved: of which action of which plan, and how it is now."""
+    """A retargeted motion: the plan and number of its action, and the new motion."""
 
     motion: Motion
     number: int
@@ -70,29 +71,23 @@ class RetargetedAction:
 
 
 class Executive:
-    """Follows a plan.
+    """State machine that follows a plan; the caller adds an observation to `view` before each `step`.
 
     Args:
-        planner: the plan, and new motions.
-        view: the tracked world; the caller adds observations.
-        robots: what is commanded.
-        report: is told what happens.
-        settings: how patient it is.
-        number: of the action to begin with.
+        planner: the plan, and new motions and plans.
+        view: the tracked world.
+        robots: receive the commands.
+        on_event: is called with each event.
+        settings: time limits and attempts.
+        number: of the first action.
 
     Attributes:
         number: of the current action.
         stage: waiting, moving, finished or failed.
         phase: motion of the current action, None while waiting.
-        replans: how often the rest was planned anew.
-        shifts: motions that were moved because the world had changed, not because the one before was moved.
-        verdicts: on the predicates that were checked last.
-
-    Example:
-        >>> executive = Executive(planner, view, robots, report)            # doctest: +SKIP
-        >>> while not executive.over:                                       # doctest: +SKIP
-        ...     view.add(source.observe())
-        ...     executive.step()
+        replans: number of times the remaining actions were replanned.
+        retargeted: motions retargeted because the world had changed, not because the one before was retargeted.
+        predicate_states: of the predicates that were checked last.
     """
 
     def __init__(
@@ -100,23 +95,23 @@ class Executive:
         planner: Planner,
         view: TrackedWorld,
         robots: Robots,
-        report: Report,
+        on_event: OnEvent,
         settings: Settings | None = None,
         number: int = 0,
     ) -> None:
-        self.planner, self.view, self.robots, self.report = planner, view, robots, report
+        self.planner, self.view, self.robots, self.on_event = planner, view, robots, on_event
         self.settings = Settings() if settings is None else settings
         self.number, self.stage = number, "waiting"
         self.phase: Phase | None = None
         self.replans = 0
-        self.shifts: list[RetargetedAction] = []
-        self.verdicts: dict[str, PredicateState] = {}
+        self.retargeted: list[RetargetedAction] = []
+        self.predicate_states: dict[str, PredicateState] = {}
         self._since: float | None = None
         self._attempts = 0
-        self._again = self._moved_before = False
-        self._told = ""
-        self._doubts = 0
-        self._sure_since = 0.0
+        self._restarts = self._previous_retargeted = False
+        self._last_reason = ""
+        self._drop_observations = 0
+        self._known_since = 0.0
 
     @property
     def over(self) -> bool:
@@ -124,7 +119,7 @@ class Executive:
         return self.stage in ("finished", "failed")
 
     def step(self) -> None:
-        """Go on by one observation."""
+        """Advance by one observation."""
         if self._since is None:
             self._since = self._now
         if self.stage == "waiting" and self.view.settled():
@@ -141,20 +136,20 @@ class Executive:
         return self._now - (self._now if self._since is None else self._since)
 
     def _enter(self, stage: str) -> None:
-        self.stage, self._since, self._told, self._doubts = stage, self._now, "", 0
-        self._sure_since = self._now
+        self.stage, self._since, self._last_reason, self._drop_observations = stage, self._now, "", 0
+        self._known_since = self._now
 
     def _check(self, which: str) -> dict[str, PredicateState]:
-        """Check the start or end predicates of the current action."""
+        """Return the states of the start or end predicates of the current action."""
         planner, action = self.planner, self.planner.actions[self.number]
-        wanted = start_of(planner.task, action) if which == "start" else end_of(planner.task, action)
+        predicates = start_of(planner.task, action) if which == "start" else end_of(planner.task, action)
         state = planner.states[self.number + (which == "end")]
-        self.verdicts = check(wanted, self.view, planner.task, state)
-        return self.verdicts
+        self.predicate_states = check(predicates, self.view, planner.task, state)
+        return self.predicate_states
 
     def _wait(self) -> None:
-        """Begin the action once its start predicates hold."""
-        if self._again and self._waited < BRAKE + self.view.tolerances.window:
+        """Start the action once its start predicates hold."""
+        if self._restarts and self._waited < BRAKE + self.view.tolerances.window:
             return
         starts = self._check("start")
         if all_hold(starts):
@@ -163,104 +158,104 @@ class Executive:
         if all_hold(self._check("end")):
             self._end("was done already")
             return
-        self.verdicts = starts
+        self.predicate_states = starts
         why = first_failing(starts)
-        if any(verdict.holds is None for verdict in starts.values()):
-            self._sure_since = self._now
-        if self._now - self._sure_since > self.settings.grace:
-            self._plan_anew(why)
+        if any(state.holds is None for state in starts.values()):
+            self._known_since = self._now
+        if self._now - self._known_since > self.settings.grace:
+            self._replan(why)
         else:
-            self._hold_on(why)
+            self._wait_for(why)
 
-    def _hold_on(self, why: str) -> None:
-        """Wait, and say for what; give up when it takes too long."""
+    def _wait_for(self, why: str) -> None:
+        """Report the reason of the wait; fail after the time limit."""
         if self._waited > self.settings.patience:
-            self._fail(f"waited {self._waited:.0f} s in vain: {why}")
-        elif (words := re.sub(r"[\d.]+", "", why)) != self._told and self._waited > 0.5 * self.settings.grace:
-            self._told = words
-            self.report("waiting", "waiting", f"{why[:1].upper()}{why[1:]}.", {})
+            self._fail(f"waited {self._waited:.0f} s, limit {self.settings.patience:.0f} s: {why}")
+        elif (reason := re.sub(r"[\d.]+", "", why)) != self._last_reason and self._waited > 0.5 * self.settings.grace:
+            self._last_reason = reason
+            self.on_event("waiting", "waiting", f"{why[:1].upper()}{why[1:]}.", {})
 
     def _prepare(self) -> None:
-        """Find the motion of the action, moved to where things are if need be, and begin it."""
-        off = self.planner.deviations(self.number, self.view)
+        """Start the motion of the action, retargeted if the world deviates from the plan."""
+        deviations = self.planner.deviations(self.number, self.view)
         phase = self.planner.planned(self.number)
-        if off or self._again:
+        if deviations or self._restarts:
             try:
                 scene = self.planner.scene(self.number, self.view)
             except ObjectUnavailable as error:
-                self._hold_on(str(error))
+                self._wait_for(str(error))
                 return
-            found = self.planner.retarget(self.number, scene, self.view.now.q)
-            if isinstance(found, str):
-                self._plan_anew(f"moving this motion is not possible: {found}")
+            retargeted = self.planner.retarget(self.number, scene, self.view.now.q)
+            if isinstance(retargeted, str):
+                self._replan(f"the motion cannot be retargeted: {retargeted}")
                 return
-            details = {"cost": found.cost, "why": ", ".join(off) or "from here"}
-            self.report("waiting", "retargeted", "The motion is moved to where things are.", details)
-            if self._again or not self._moved_before:
-                self.shifts.append(RetargetedAction(self.planner.motion, self.number, found))
-            phase = found
-        self._moved_before = phase.scene is not None
-        checked = self._checked(phase)
-        if checked is not None:
-            self._begin(checked)
+            details = {"cost": retargeted.cost, "why": ", ".join(deviations) or "start from here"}
+            self.on_event("waiting", "retargeted", "The motion is adapted to where the objects are.", details)
+            if self._restarts or not self._previous_retargeted:
+                self.retargeted.append(RetargetedAction(self.planner.motion, self.number, retargeted))
+            phase = retargeted
+        self._previous_retargeted = phase.scene is not None
+        executable = self._within_limits(phase)
+        if executable is not None:
+            self._begin(executable)
 
-    def _checked(self, phase: Phase) -> Phase | None:
-        """Return a motion that the robots can execute, or None if there is none."""
+    def _within_limits(self, phase: Phase) -> Phase | None:
+        """Return the motion slowed down to the velocity limits of the robots; fail and return None if not allowed."""
         world = self.planner.motion.world
         columns = robot_columns(world)
-        broken = violations(world, phase.segment, columns)
-        if any(one.kind == "position" for one in broken) or (broken and not self.settings.slow_down):
-            self._fail(f"the motion breaks a limit: {broken[0]}")
+        violated = violations(world, phase.trajectory, columns)
+        if any(one.kind == "position" for one in violated) or (violated and not self.settings.slow_down):
+            self._fail(f"the motion exceeds a limit: {violated[0]}")
             return None
-        if broken:
-            segment, factor = time_scaled(world, phase.segment, columns)
-            self.report("waiting", "slowed", f"The motion is slowed down to {1 / factor:.0%}: {broken[0]}", {
-                "factor": factor, "limits": [str(one) for one in broken],
+        if violated:
+            trajectory, factor = time_scaled(world, phase.trajectory, columns)
+            self.on_event("waiting", "slowed", f"The motion is slowed down to {1 / factor:.0%}: {violated[0]}", {
+                "factor": factor, "limits": [str(one) for one in violated],
             })  # fmt: skip
-            phase = replace(phase, segment=segment)
+            phase = replace(phase, trajectory=trajectory)
         return phase
 
     def _begin(self, phase: Phase) -> None:
         action, scene = self.planner.actions[self.number], self.planner.plan.scene
-        self.phase, self._again = phase, False
+        self.phase, self._restarts = phase, False
         self._expected = {
             name: at for name in action.arguments if name in scene.objects and (at := self.view.mean(name)) is not None
         }
-        believed = self.planner.believed(self.number)
-        self._carried = {name: hand for name in scene.objects if (hand := carrier(self.view, name, believed))}
+        nominal = self.planner.nominal(self.number)
+        self._carried = {name: hand for name in scene.objects if (hand := carrier(self.view, name, nominal))}
         self._enter("moving")
-        self.robots.follow(phase.segment)
-        self._line = sentences(scene, self.planner.motion.phases.switches)[self.number]
-        details = {"label": action.at(self.number + 1), "seconds": phase.segment.duration}
-        self.report("running", "told" if self._line.you else "started", self._line.text, details)
+        self.robots.follow(phase.trajectory)
+        self._instruction = sentences(scene, self.planner.motion.phases.switches)[self.number]
+        details = {"label": action.at(self.number + 1), "seconds": phase.trajectory.duration}
+        self.on_event("running", "told" if self._instruction.you else "started", self._instruction.text, details)
 
     def _move(self) -> None:
-        """Watch the world while the motion goes on; end the action once its end predicates hold."""
+        """Watch for disturbances during the motion; end the action once its end predicates hold."""
         phase = self.phase
         if phase is None or self._disturbed(phase):
             return
-        if self._waited < phase.segment.duration:
+        if self._waited < phase.trajectory.duration:
             return
         for hand, closed in gripper_commands(self.planner.task, self.planner.actions[self.number], self.view):
             self.robots.grip(hand, closed)
-        verdicts = self._check("end")
-        if all_hold(verdicts):
+        ends = self._check("end")
+        if all_hold(ends):
             self._end("is done")
-        elif self._waited > phase.segment.duration + self.settings.patience:
-            self._try_again(first_failing(verdicts))
-        elif self._waited > phase.segment.duration + self.settings.reminder and not self._told:
-            self._told = first_failing(verdicts)
-            self.report("waiting", "late", self._line.text, {"why": self._told})
+        elif self._waited > phase.trajectory.duration + self.settings.patience:
+            self._repeat(first_failing(ends))
+        elif self._waited > phase.trajectory.duration + self.settings.reminder and not self._last_reason:
+            self._last_reason = first_failing(ends)
+            self.on_event("waiting", "late", self._instruction.text, {"why": self._last_reason})
 
     def _disturbed(self, phase: Phase) -> bool:
-        """Stop the robots if the motion has lost its sense; return whether they were stopped."""
-        approaching = self._waited < phase.segment.duration
+        """Stop the robots if an object was lost, moved or dropped; return whether they were stopped."""
+        approaching = self._waited < phase.trajectory.duration
         robot = self._robot_acts()
         for name, expected in self._expected.items() if approaching or not robot else ():
             if robot and self.view.seen(name) is None:
                 self._stop("lost", f"{name} is lost from tracking")
                 return True
-            if name not in self._carried and self._shifted(name, expected) and (robot or self._beyond(name)):
+            if name not in self._carried and self._displaced(name, expected) and (robot or self._unreachable(name)):
                 self._stop("moved", f"{name} was moved")
                 return True
         hands = self.planner.plan.scene.hands
@@ -269,16 +264,16 @@ class Executive:
             for name, hand in self._carried.items()
             if hands[hand].agent != "human" and grasped(self.view, hand, name).holds is False
         ]
-        self._doubts = self._doubts + 1 if dropped and approaching else 0
-        if self._doubts >= SURE:
+        self._drop_observations = self._drop_observations + 1 if dropped and approaching else 0
+        if self._drop_observations >= DROP_OBSERVATIONS:
             for name in dropped:
                 self.robots.grip(self._carried[name], False)
             self._stop("dropped", f"{dropped[0]} was dropped")
             return True
         return False
 
-    def _beyond(self, name: str) -> bool:
-        """Return whether the human cannot do their action where an object is now; else expect it there."""
+    def _unreachable(self, name: str) -> bool:
+        """Return whether the human cannot reach a displaced object; if they can, expect it at its new pose."""
         now = self.view.mean(name)
         if now is None or not self.view.table_under(name):
             return False
@@ -289,24 +284,24 @@ class Executive:
             return False
         return isinstance(self.planner.retarget(self.number, scene, self.view.now.q), str)
 
-    def _shifted(self, name: str, expected: TrackedPose) -> bool:
-        """Return whether an object has come to rest elsewhere than the motion expects it."""
+    def _displaced(self, name: str, expected: TrackedPose) -> bool:
+        """Return whether an object rests away from the pose that the motion expects."""
         now = self.view.mean(name)
         away = np.inf if now is None else np.linalg.norm(now.position - expected.position)
         return bool(away > self.view.tolerances.moved and self.view.rests(name))
 
     def _stop(self, kind: str, why: str) -> None:
-        """Bring the robots to rest; the action begins again from there."""
+        """Bring the robots to rest; the action restarts from there."""
         phase = self.phase
         if phase is not None:
             since = self._waited
-            self.robots.follow(Brake(phase.segment.at(since), phase.segment.velocity(since)))
-        self.phase, self._again = None, True
+            self.robots.follow(Brake(phase.trajectory.at(since), phase.trajectory.velocity(since)))
+        self.phase, self._restarts = None, True
         self._enter("waiting")
-        self.report("waiting", kind, f"The robot stops: {why}.", {})
+        self.on_event("waiting", kind, f"The robot stops: {why}.", {})
 
-    def _try_again(self, why: str) -> None:
-        """Begin the action once more, or give up."""
+    def _repeat(self, why: str) -> None:
+        """Repeat the action, or fail after the last attempt."""
         self._attempts += 1
         if self._attempts >= self.settings.attempts:
             self._fail(f"{self.planner.actions[self.number].at(self.number + 1)} was not finished in time: {why}")
@@ -314,65 +309,67 @@ class Executive:
         for hand, closed in gripper_commands(self.planner.task, self.planner.actions[self.number], self.view):
             if closed:
                 self.robots.grip(hand, False)
-        self.phase, self._again = None, True
+        self.phase, self._restarts = None, True
         self._enter("waiting")
-        self.report("waiting", "timeout", "This takes too long; once more.", {"why": why})
+        self.on_event("waiting", "timeout", "The action takes too long and is repeated.", {"why": why})
 
-    def _plan_anew(self, why: str) -> None:
-        """Plan the rest again from the world as it is."""
+    def _replan(self, why: str) -> None:
+        """Replan the remaining actions from the tracked world."""
         planner = self.planner
         if self.replans >= self.settings.attempts * len(planner.actions):
-            self._fail(f"planned anew {self.replans} times: {why}")
+            self._fail(f"replanned {self.replans} times without success: {why}")
             return
         try:
             scene = planner.scene(self.number, self.view)
         except ObjectUnavailable as error:
-            self._hold_on(str(error))
+            self._wait_for(str(error))
             return
         if self._open_empty():
             return
-        self.report("waiting", "planning", "What is left is planned anew.", {"why": why})
-        found = planner.anew(self.number, scene, self.view.now.q, self.settings.search)
-        if not found.feasible:
-            late = f"none was found in {self.settings.search:.0f} s, and {why}"
-            self._fail(f"no plan from here: {late if found.status == 'exhausted' else shortened(found.reason)}")
+        self.on_event("waiting", "planning", "The remaining actions are replanned.", {"why": why})
+        plan = planner.replan(self.number, scene, self.view.now.q, self.settings.search)
+        if not plan.feasible:
+            timeout = f"none was found in {self.settings.search:.0f} s, and {why}"
+            self._fail(f"no plan from here: {timeout if plan.status == 'exhausted' else first_reasons(plan.reason)}")
             return
         self.replans += 1
-        planner.follow(found)
-        self.number, self.phase, self._attempts, self._again = 0, None, 0, False
+        planner.follow(plan)
+        self.number, self.phase, self._attempts, self._restarts = 0, None, 0, False
         self._enter("waiting")
-        self.report("waiting", "replanned", f"There is a new plan of {len(found.actions)} actions.", {
-            "actions": list(found.actions), "cost": found.costs["total"], "seconds": found.search["seconds"],
+        self.on_event("waiting", "replanned", f"There is a new plan of {len(plan.actions)} actions.", {
+            "actions": list(plan.actions), "cost": plan.costs["total"], "seconds": plan.search["seconds"],
             "why": why,
         })  # fmt: skip
 
     def _open_empty(self) -> bool:
-        """Open closed grippers that have nothing in them; return whether there were any."""
-        things, reach = self.planner.plan.scene.objects, self.view.tolerances.reach
-        empty = [hand for hand in self.view.now.closed if all(self.view.gap(hand, name) > reach for name in things)]
+        """Open closed grippers without an object; return whether there were any."""
+        object_names, reach = self.planner.plan.scene.objects, self.view.tolerances.reach
+        empty = [
+            hand for hand in self.view.now.closed if all(self.view.gap(hand, name) > reach for name in object_names)
+        ]
         for hand in empty:
             self.robots.grip(hand, False)
         return bool(empty)
 
     def resume(self) -> None:
-        """Begin the current action from wherever the robots stopped."""
-        self._again = True
+        """Restart the current action from the present configuration of the robots."""
+        self._restarts = True
 
     def _end(self, how: str) -> None:
         label = self.planner.actions[self.number].at(self.number + 1)
         took = self._waited
-        self.report("done", "ended", f"{label} {how}.", {"label": label, "seconds": took})
-        self.phase, self._attempts, self._again = None, 0, False
+        self.on_event("done", "ended", f"{label} {how}.", {"label": label, "seconds": took})
+        self.phase, self._attempts, self._restarts = None, 0, False
         if self.number + 1 == len(self.planner.actions):
             self._enter("finished")
-            self.report("finished", "finished", "All is done.", {})
+            self.on_event("finished", "finished", "All actions are done.", {})
         else:
             self.number += 1
             self._enter("waiting")
 
     def _fail(self, why: str) -> None:
         self._enter("failed")
-        self.report("failed", "failed", f"{why[:1].upper()}{why[1:]}.", {"why": why})
+        self.on_event("failed", "failed", f"{why[:1].upper()}{why[1:]}.", {"why": why})
 
     def _robot_acts(self) -> bool:
         hands = self.planner.plan.scene.hands

@@ -1,4 +1,4 @@
-"""Faults to try: what goes wrong, in which action, by how much."""
+"""Faults that a simulated run injects: kind, action, amount."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from lgp.logic.task import Action
 from reba.errors import did_you_mean
 
 KINDS: Final[dict[str, tuple[float, str]]] = {
-    "moved": (0.10, "the object is pushed aside on its table, by so many metres"),
+    "moved": (0.10, "the object is pushed aside on its table, by the amount [m]"),
     "away": (0.0, "the object is put onto the table farthest from its own"),
     "dropped": (0.0, "the object slips out of the hand"),
-    "lost": (2.0, "the object is lost from tracking, for so many seconds"),
-    "stuck": (0.0, "whoever acts does nothing: the gripper does not obey, the human does not move"),
-    "killed": (0.0, "the process is killed (SIGKILL); go on with --resume"),
+    "lost": (2.0, "the object is lost from tracking, for the amount [s]"),
+    "stuck": (0.0, "the gripper ignores its commands, or the human does not move"),
+    "killed": (0.0, "the process is killed (SIGKILL); continue with --resume"),
 }
-"""Kind -> default amount, what happens."""
+"""Kind -> default amount, effect."""
 WHEN = 0.5
 """Share of the motion of an action after which its fault happens; `lost` and `stuck` begin with it."""
 EDGE = 0.03
-"""[m] What is pushed aside stays so far from the edge of its table."""
+"""[m] Smallest distance from the edge of its table of an object that is pushed aside."""
 _TEXT = re.compile(r"(?P<kind>[a-z]+)@(?P<action>\d+)(?::(?P<amount>[\d.]+))?")
 
 
@@ -52,30 +52,30 @@ def parse_fault(text: str) -> Fault:
     """Return the fault of a text KIND@ACTION[:AMOUNT]; actions count from 1, as plans print them.
 
     Raises:
-        LgpError: it is not of that form.
+        LgpError: the text has another form, or the kind is unknown.
 
     >>> parse_fault("moved@1:0.2")
     Fault(kind='moved', action=0, amount=0.2)
     """
-    found = _TEXT.fullmatch(text.strip())
-    if found is None or int(found["action"]) < 1:
+    match = _TEXT.fullmatch(text.strip())
+    if match is None or int(match["action"]) < 1:
         raise LgpError(f"fault {text!r}: expected KIND@ACTION or KIND@ACTION:AMOUNT, as in moved@1:0.1")
-    if found["kind"] not in KINDS:
-        hint = did_you_mean(found["kind"], KINDS) or f"; known are {', '.join(KINDS)}"
+    if match["kind"] not in KINDS:
+        hint = did_you_mean(match["kind"], KINDS) or f"; known are {', '.join(KINDS)}"
         raise LgpError(f"fault {text!r}: unknown kind{hint}")
     try:
-        amount = float(found["amount"]) if found["amount"] else KINDS[found["kind"]][0]
+        amount = float(match["amount"]) if match["amount"] else KINDS[match["kind"]][0]
     except ValueError as error:
-        raise LgpError(f"fault {text!r}: {found['amount']!r} is no number") from error
-    return Fault(found["kind"], int(found["action"]) - 1, amount)
+        raise LgpError(f"fault {text!r}: {match['amount']!r} is not a number") from error
+    return Fault(match["kind"], int(match["action"]) - 1, amount)
 
 
 class Faults:
-    """Lets faults happen in a simulated world.
+    """Injects faults into a simulated world.
 
     Args:
-        faults: what is to go wrong; each happens once, in the first plan only.
-        simulation, tracker, worker: where.
+        faults: each happens once, in the first plan only.
+        simulation, tracker, worker: what they act on.
         rng: of directions.
     """
 
@@ -91,66 +91,65 @@ class Faults:
         self.simulation, self.tracker, self.worker, self.rng = simulation, tracker, worker, rng
         self._due: list[tuple[float, Fault, Action]] = []
 
-    def told(self, number: int, action: Action, seconds: float) -> None:
-        """Take in that an action begins whose motion takes some seconds."""
+    def on_start(self, number: int, action: Action, seconds: float) -> None:
+        """Schedule the faults of an action that starts now, whose motion takes some seconds."""
         for fault in [one for one in self.waiting if one.action == number]:
             self.waiting.remove(fault)
             delay = 0.0 if fault.kind in ("lost", "stuck") else WHEN * seconds
             self._due.append((self.simulation.time + delay, fault, action))
 
     def step(self, time: float) -> list[str]:
-        """Let everything happen that is due; return it in words."""
+        """Inject the faults that are due at a time [s]; return a sentence about each."""
         due = [entry for entry in self._due if entry[0] <= time]
         self._due = [entry for entry in self._due if entry[0] > time]
-        return [self._happen(fault, action) for _, fault, action in due]
+        return [self._inject(fault, action) for _, fault, action in due]
 
-    def _happen(self, fault: Fault, action: Action) -> str:
+    def _inject(self, fault: Fault, action: Action) -> str:
         scene = self.simulation.world.scene
-        things = [name for name in action.arguments if name in scene.objects]
+        object_names = [name for name in action.arguments if name in scene.objects]
         hands = [name for name in action.arguments if name in scene.hands]
         if fault.kind == "killed":
             os.kill(os.getpid(), signal.SIGKILL)
         if fault.kind == "stuck":
             return self._jam(hands)
-        if not things:
-            return f"{fault.kind}: {action} is about no object, nothing happens"
-        name = things[0]
+        if not object_names:
+            return f"{fault.kind}: {action} has no object, no effect"
+        name = object_names[0]
         if fault.kind == "lost":
             self.tracker.lost[name] = self.simulation.time + fault.amount
-            return f"{name} is out of sight for {fault.amount:g} s"
+            return f"{name} is lost from tracking for {fault.amount:g} s"
         if fault.kind == "dropped":
-            if not self.simulation.things[name].hand:
-                return f"dropped: {name} is in no hand, nothing happens"
+            if not self.simulation.objects[name].hand:
+                return f"dropped: {name} is in no hand, no effect"
             self.simulation.put(name)
             return f"{name} slips out of the hand"
-        return self._shift(fault, name)
+        return self._displace(fault, name)
 
-    def _shift(self, fault: Fault, name: str) -> str:
-        """Put an object elsewhere on its table, or onto another one."""
+    def _displace(self, fault: Fault, name: str) -> str:
+        """Push an object aside on its table, or put it onto the farthest one."""
         table = self.simulation.view.table_under(name)
-        if not table or self.simulation.things[name].hand:
-            return f"{fault.kind}: {name} lies on no table, nothing happens"
+        if not table or self.simulation.objects[name].hand:
+            return f"{fault.kind}: {name} lies on no table, no effect"
         tables = self.simulation.world.scene.tables
         if fault.kind == "away":
             own = np.array(tables[table].position)
             far = max(tables, key=lambda other: float(np.linalg.norm(np.array(tables[other].position) - own)))
             self.simulation.lay(name, far, 0.0, 0.0)
             return f"{name} is put onto {far}"
-        x, y = self._spot(name, table, fault.amount)
+        x, y = self._free_position(name, table, fault.amount)
         self.simulation.lay(name, table, x, y)
         return f"{name} is pushed aside by {fault.amount:g} m"
 
-    def _spot(self, name: str, table: str, amount: float) -> tuple[float, float]:
-        """Return a place on a table about so far from where an object is, in a random direction with room for it."""
-
+    def _free_position(self, name: str, table: str, amount: float) -> tuple[float, float]:
+        """Return x, y [m] on a table about `amount` from an object, in a random direction with room for it."""
         top = self.simulation.world.scene.tables[table]
         x, y, _, _ = on_table(top, self.simulation.pose(name))
         room = np.maximum(np.array(top.size) / 2.0 - EDGE, 0.0)
         first = self.rng.uniform(0.0, 2.0 * np.pi)
         angles = first + np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
-        spots = np.clip(np.array([x, y]) + amount * np.stack([np.cos(angles), np.sin(angles)], axis=1), -room, room)
-        reached = np.linalg.norm(spots - [x, y], axis=1)
-        best = spots[int(np.argmax(reached > 0.95 * reached.max()))]
+        positions = np.clip(np.array([x, y]) + amount * np.stack([np.cos(angles), np.sin(angles)], axis=1), -room, room)
+        reached = np.linalg.norm(positions - [x, y], axis=1)
+        best = positions[int(np.argmax(reached > 0.95 * reached.max()))]
         return float(best[0]), float(best[1])
 
     def _jam(self, hands: list[str]) -> str:
@@ -158,7 +157,7 @@ class Faults:
         robots = [name for name in hands if scene.hands[name].agent != "human"]
         if robots:
             self.simulation.robots.stuck.update(robots)
-            return f"the gripper of {robots[0]} does not obey"
+            return f"the gripper of {robots[0]} ignores its commands"
         if self.worker is not None:
             self.worker.stuck = True
-        return "the human does nothing"
+        return "the human does not move"

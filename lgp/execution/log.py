@@ -1,16 +1,16 @@
-"""The log of a run: one MCAP file with everything that happened, readable up to the moment of any crash.
+"""The log of a run: one MCAP file, written in small chunks, so that it is readable up to the moment of a crash.
 
 Topics, times in seconds since the run began plus its first wall-clock time:
-    /plan                     JSON  the plan that is followed from now on, as plan.json holds it
+    /plan                     JSON  the plan in force, as plan.json holds it
     /scene                    JSON  the scene it is for
     /events                   JSON  what happened (`Event`)
-    /predicates               JSON  start or end predicates of the current action, whenever a verdict changes
-    /state                    JSON  what a restart needs, see `resume.checkpoint`
-    /comparison               JSON  what moving a motion cost against a new plan
+    /predicates               JSON  start or end predicates of the current action, whenever one changes
+    /state                    JSON  what a restart needs, see `log_reader.checkpoint`
+    /comparison               JSON  cost of retargeting against a new plan, see `session.retarget_cost`
     /ergonomics/posture       JSON  posture angles [deg] and carried load [kg] of the human; `reba score` reads them
     /human/joint_states       sensor_msgs/JointState, joints of human.urdf
     /<robot>/joint_states     sensor_msgs/JointState, joints of its URDF
-    /<robot>/trajectory       trajectory_msgs/JointTrajectory, each motion as it was commanded
+    /<robot>/trajectory       trajectory_msgs/JointTrajectory, each motion as commanded
     /tf                       tf2_msgs/TFMessage: tracked objects and the pelvis (`middle_pelvis`) in `world`
 """
 
@@ -33,9 +33,10 @@ from lgp.execution.ros_messages import (
     TRAJECTORY,
     TRANSFORMS,
     encode,
-    joint_state,
-    trajectory,
-    transforms,
+    encoder,
+    joint_state_message,
+    trajectory_message,
+    transforms_message,
 )
 from lgp.execution.tracked_scene import carrier
 from lgp.execution.tracking import TrackedWorld
@@ -50,7 +51,7 @@ from reba.files import as_json
 from reba.posture.columns import COLUMNS
 
 CHUNK: Final = 16_384
-"""[bytes] A chunk is written when it is as large, which is a quarter of a second of a run."""
+"""[bytes] Size at which a chunk is written: about 0.25 s of a run."""
 JSON_SCHEMAS: Final = {
     "/plan": "lgp.Plan",
     "/scene": "lgp.Scene",
@@ -63,25 +64,22 @@ JSON_SCHEMAS: Final = {
 
 
 class RunLog:
-    """Writes the log of a run.
+    """Writer of the log of a run.
 
     Args:
-        file: where; what is there is replaced.
+        file: replaced if it exists.
         epoch: wall-clock time at which the run began [s].
-        about: kept as metadata `run`.
+        about: metadata `run`.
         profile: "ros2" where every topic holds ROS 2 messages.
 
     Raises:
-        LgpError: the file cannot be written.
-
-    Example:
-        >>> with RunLog(Path("run.mcap"), time.time(), {}) as log:         # doctest: +SKIP
-        ...     log.json("/events", 0.0, {"text": "begins"})
+        LgpError: the file cannot be written, or mcap-ros2-support is not installed.
     """
 
     def __init__(self, file: Path, epoch: float, about: Mapping[str, str], profile: str = "") -> None:
         from mcap.writer import CompressionType, Writer
 
+        encoder(JOINT_STATE)  # a missing package is reported before the file is replaced
         self.epoch = epoch
         try:
             self._stream: IO[bytes] = file.open("wb")
@@ -105,12 +103,12 @@ class RunLog:
         self.raw(channel, self.stamp(time), as_json(value).encode())
 
     def message(self, topic: str, kind: str, time: float, value: dict[str, Any]) -> None:
-        """Write a ROS 2 message of a type in `messages.DEFINITIONS`."""
+        """Write a ROS 2 message of a type in `ros_messages.DEFINITIONS`."""
         channel = self._channel(topic, "cdr", kind, "ros2msg", DEFINITIONS[kind])
         self.raw(channel, self.stamp(time), encode(kind, value))
 
     def copy(self, topic: str, encoding: str, schema: tuple[str, str, bytes], stamp: int, data: bytes) -> None:
-        """Write a message of another log as it is."""
+        """Write a message of another log unchanged."""
         name, kind, text = schema
         self.raw(self._channel(topic, encoding, name, kind, text.decode()), stamp, data)
 
@@ -123,11 +121,11 @@ class RunLog:
         self._writer.add_message(channel, stamp, data, stamp)
 
     def flush(self) -> None:
-        """Hand finished chunks to the system, so that they outlive the process."""
+        """Hand finished chunks to the operating system, so that they survive a crash of the process."""
         self._stream.flush()
 
     def close(self) -> None:
-        """Write what is left and the summary."""
+        """Write the last chunk and the summary."""
         if not self._stream.closed:
             self._writer.finish()
             self._stream.close()
@@ -139,79 +137,73 @@ class RunLog:
         return self._channels[topic, name]
 
 
-__all__ = ["CHUNK", "JOINT_STATE", "JSON_SCHEMAS", "TRAJECTORY", "TRANSFORMS", "RunLog"]
 PELVIS = "middle_pelvis"
-"""Frame of the pelvis in ISB axes, as the profile human_description of `reba` has it."""
+"""Name of the pelvis frame in ISB axes in the profile human_description of `reba`."""
 
 
 class Recorder:
-    """Writes moments, events and commands into a log.
-
-    Args:
-        log: where.
-        world: kinematics and scene.
-    """
+    """Writes observations, events and commands of a run into its log."""
 
     def __init__(self, log: RunLog, world: World) -> None:
-
         self.log, self.world = log, world
         self._posture = PostureMap(world) if world.scene.human is not None else None
         self._columns = {name: world.columns(name) for name in world.scene.robots}
-        self._verdicts: dict[str, PredicateState] = {}
+        self._predicate_states: dict[str, PredicateState] = {}
 
     def plan(self, time: float, plan: Plan, folder: str) -> None:
-        """Write the plan that is followed from now on, and its scene."""
+        """Write the plan in force from now on, and its scene."""
         steps = {"actions": list(plan.actions), "columns": list(plan.joints), "costs": plan.costs}
         self.log.json("/plan", time, {"folder": folder, **steps, "time": plan.time, "path": plan.path})
         self.log.json("/scene", time, {"name": plan.scene.name, "values": plan.scene.values})
 
     def event(self, event: Event) -> None:
-        """Write what happened."""
+        """Write an event."""
         self.log.json("/events", event.time, event.record())
 
-    def predicates(self, time: float, number: int, verdicts: dict[str, PredicateState]) -> None:
-        """Write the verdicts on the predicates of an action if any changed."""
-        if verdicts and verdicts != self._verdicts:
-            self._verdicts = dict(verdicts)
-            found = {name: {"holds": one.holds, "why": "" if one.holds else one.why} for name, one in verdicts.items()}
-            self.log.json("/predicates", time, {"time": time, "action": number, "predicates": found})
+    def predicates(self, time: float, number: int, states: dict[str, PredicateState]) -> None:
+        """Write the states of the predicates of an action if any changed."""
+        if states and states != self._predicate_states:
+            self._predicate_states = dict(states)
+            predicates = {
+                name: {"holds": one.holds, "why": "" if one.holds else one.why} for name, one in states.items()
+            }
+            self.log.json("/predicates", time, {"time": time, "action": number, "predicates": predicates})
 
-    def command(self, time: float, segment: JointTrajectory) -> None:
-        """Write the motion that the robots are sent on."""
+    def command(self, time: float, trajectory: JointTrajectory) -> None:
+        """Write the motion that is commanded to the robots."""
         for name, columns in self._columns.items():
-            message = trajectory(self.log.stamp(time), self._joints(name), segment, columns)
+            message = trajectory_message(self.log.stamp(time), self._joints(name), trajectory, columns)
             self.log.message(f"/{name}/trajectory", TRAJECTORY, time, message)
 
-    def moment(self, view: TrackedWorld, believed: AbstractSet[Atom]) -> None:
-        """Write joints, tracked poses and the posture of the present moment.
+    def moment(self, view: TrackedWorld, nominal: AbstractSet[Atom]) -> None:
+        """Write joints, tracked poses and posture of the last observation.
 
         Args:
-            view: the tracked world.
-            believed: what the plan has, which decides where a hand is at an object on a table.
+            nominal: atoms that hold by the plan; they decide where a hand is at an object on a table.
         """
         now = view.now
         stamp = self.log.stamp(now.time)
-        poses = {name: (at.rotation, at.position) for name, at in now.things.items() if view.seen(name)}
+        poses = {name: (at.rotation, at.position) for name, at in now.objects.items() if view.seen(name)}
         if self._posture is not None:
             joints = {name: float(values[0]) for name, values in human_joints(self.world, now.q[None]).items()}
-            message = joint_state(stamp, list(joints), np.array(list(joints.values())))
+            message = joint_state_message(stamp, list(joints), np.array(list(joints.values())))
             self.log.message("/human/joint_states", JOINT_STATE, now.time, message)
             at = self.world.at(now.q[None], ["human.pelvis_tilt"])
             poses[PELVIS] = at.rotation[0, 0] @ ISB, at.position[0, 0]
             angles = dict(zip(COLUMNS, self._posture.angles(now.q[None])[0].tolist(), strict=True))
-            self.log.json("/ergonomics/posture", now.time, {"time": now.time, **angles, "load": load(view, believed)})
+            self.log.json("/ergonomics/posture", now.time, {"time": now.time, **angles, "load": load(view, nominal)})
         for name, columns in self._columns.items():
-            message = joint_state(stamp, self._joints(name), now.q[columns])
+            message = joint_state_message(stamp, self._joints(name), now.q[columns])
             self.log.message(f"/{name}/joint_states", JOINT_STATE, now.time, message)
-        self.log.message("/tf", TRANSFORMS, now.time, transforms(stamp, poses))
+        self.log.message("/tf", TRANSFORMS, now.time, transforms_message(stamp, poses))
         self.log.flush()
 
     def _joints(self, robot: str) -> list[str]:
         return [self.world.joints[column].partition(".")[2] for column in self._columns[robot]]
 
 
-def load(view: TrackedWorld, believed: AbstractSet[Atom]) -> float:
+def load(view: TrackedWorld, nominal: AbstractSet[Atom]) -> float:
     """Return the mass that the human holds [kg]."""
     scene = view.world.scene
-    hands = {name: carrier(view, name, believed) for name in scene.objects}
+    hands = {name: carrier(view, name, nominal) for name in scene.objects}
     return float(sum(scene.objects[name].mass for name, hand in hands.items() if hand.startswith("human.")))

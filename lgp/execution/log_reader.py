@@ -1,4 +1,4 @@
-"""Reading the log of a run back, also one that a crash cut off."""
+"""Reader of the log of a run, also of one that a crash cut short; checkpoints to resume from."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ import numpy as np
 from lgp.errors import LgpError
 from lgp.execution.events import Event
 from lgp.execution.log import RunLog
-from lgp.execution.simulation import Attachment
+from lgp.execution.simulation import Placement
 from reba.arrays import Array
 from reba.readers.mcap.container import Container
 
 LIMIT = 1 << 28
-"""[bytes] Largest chunk that is unpacked."""
+"""[bytes] Largest chunk that is decompressed: a guard against damaged lengths."""
 
 
 @dataclass(frozen=True)
-class Logged:
+class LoggedMessage:
     """One message of a log; `stamp` in nanoseconds since 1970."""
 
     topic: str
@@ -34,12 +34,12 @@ class Logged:
 
 
 @dataclass(frozen=True)
-class Past:
-    """What a log says about a run.
+class LoggedRun:
+    """The part of a run that a log holds.
 
     Attributes:
         epoch: wall-clock time at which the run began [s].
-        events: all of it so far.
+        events: all events so far.
         state: the last checkpoint.
         last: time of the last message [s since the run began].
         file: the log.
@@ -59,23 +59,22 @@ class Past:
 
     @property
     def over(self) -> bool:
-        """Whether the run came to an end."""
+        """Whether the run has ended."""
         return bool(self.events) and self.events[-1].state in ("finished", "failed")
 
 
-def messages(file: Path) -> Iterator[Logged]:
-    """Yield the messages of a log up to its end or to where it breaks off.
+def messages(file: Path) -> Iterator[LoggedMessage]:
+    """Yield the messages of a log up to its end, or to where a crash cut it short.
 
     Raises:
         ReadError: the file is no MCAP log.
     """
-
     container = Container(file, check_crc=True, limit_bytes=LIMIT)
-    for segment in container.segments:
-        loaded = container.load(segment)
-        found = loaded.scan
+    for chunk in container.segments:
+        loaded = container.load(chunk)
+        scan = loaded.scan
         rows = zip(
-            found.payloads.tolist(), found.lengths.tolist(), found.channels.tolist(), found.times.tolist(), strict=True
+            scan.payloads.tolist(), scan.lengths.tolist(), scan.channels.tolist(), scan.times.tolist(), strict=True
         )
         for payload, length, number, stamp in rows:
             channel = container.channels.get(number)
@@ -83,11 +82,11 @@ def messages(file: Path) -> Iterator[Logged]:
             if channel is not None and schema is not None:
                 about = (schema.name, schema.encoding, bytes(schema.data))
                 data = bytes(loaded.data[payload : payload + length])
-                yield Logged(channel.topic, channel.encoding, about, int(stamp), data)
+                yield LoggedMessage(channel.topic, channel.encoding, about, int(stamp), data)
 
 
-def read_past(file: Path) -> Past | None:
-    """Return what a run came to, None if the log breaks off before it says.
+def read_logged_run(file: Path) -> LoggedRun | None:
+    """Return the logged part of a run, None if the log ends before its first checkpoint.
 
     Raises:
         ReadError: the file is no MCAP log.
@@ -103,24 +102,24 @@ def read_past(file: Path) -> Past | None:
             state = json.loads(message.data)
     if state is None:
         return None
-    return Past(state["epoch"], tuple(events), state, last / 1e9 - state["epoch"], file)
+    return LoggedRun(state["epoch"], tuple(events), state, last / 1e9 - state["epoch"], file)
 
 
-ASIDE = ".interrupted"
-"""Added to the name of a log while its messages are copied."""
+INTERRUPTED = ".interrupted"
+"""Suffix of the name of an interrupted log while its messages are copied into the new one."""
 
 
 def checkpoint(
-    epoch: float, time: float, q: Array, closed: Iterable[str], things: Mapping[str, Attachment]
+    epoch: float, time: float, q: Array, closed: Iterable[str], objects: Mapping[str, Placement]
 ) -> dict[str, Any]:
     """Return what a restart needs of the world as plain data.
 
     Args:
         epoch: wall-clock time at which the run began [s].
         time: since then [s].
-        q: (nq,) configuration of everybody.
+        q: (nq,) configuration of human and robots [rad, m].
         closed: hands whose grippers are closed.
-        things: where objects truly are, for a simulated world.
+        objects: true placements of the objects of a simulated world.
     """
     return {
         "epoch": epoch,
@@ -129,39 +128,39 @@ def checkpoint(
         "closed": sorted(closed),
         "things": {
             name: {"hand": at.hand, "rotation": at.rotation.tolist(), "position": at.position.tolist()}
-            for name, at in things.items()
+            for name, at in objects.items()
         },
     }
 
 
-def attachments(state: Mapping[str, Any]) -> dict[str, Attachment]:
-    """Return where objects are by a checkpoint."""
+def placements(state: Mapping[str, Any]) -> dict[str, Placement]:
+    """Return the placements of objects in a checkpoint."""
     return {
-        name: Attachment(at["hand"], np.array(at["rotation"]), np.array(at["position"]))
+        name: Placement(at["hand"], np.array(at["rotation"]), np.array(at["position"]))
         for name, at in state["things"].items()
     }
 
 
-def continue_log(file: Path) -> Past:
-    """Set the log of an interrupted run aside and return what it says.
+def continue_log(file: Path) -> LoggedRun:
+    """Rename the log of an interrupted run and return the run that it holds.
 
     Raises:
-        LgpError: there is no log, or its run is over.
+        LgpError: there is no log, or its run has ended.
         ReadError: it is no MCAP log.
     """
-    aside = file.with_name(file.name + ASIDE)
-    pasts = [past for past in map(_past, (file, aside)) if past is not None]
-    if not pasts:
-        raise LgpError(f"{file}: there is no log to go on from; run without --resume")
-    past = max(pasts, key=lambda one: one.last)
-    if past.over:
-        raise LgpError(f"{file}: the run is over; run without --resume to begin again")
-    os.replace(past.file, aside)
-    return replace(past, file=aside)
+    aside = file.with_name(file.name + INTERRUPTED)
+    candidates = [run for run in map(_logged, (file, aside)) if run is not None]
+    if not candidates:
+        raise LgpError(f"{file}: there is no log of an interrupted run; run without --resume")
+    run = max(candidates, key=lambda one: one.last)
+    if run.over:
+        raise LgpError(f"{file}: the run has ended; run without --resume to start again")
+    os.replace(run.file, aside)
+    return replace(run, file=aside)
 
 
-def _past(file: Path) -> Past | None:
-    """Return what a log says, None if there is none or it breaks off before it says where the run stood."""
+def _logged(file: Path) -> LoggedRun | None:
+    """Return the run that a log holds, None without a log or without a checkpoint in it."""
     if not file.is_file() or not file.stat().st_size:
         return None
-    return read_past(file)
+    return read_logged_run(file)

@@ -1,7 +1,7 @@
-"""The whole rest planned anew from the world as it is, beginning with what the plan in force says about it.
+"""Replanning of the remaining actions from the tracked world, warm-started by the plan in force.
 
-What is left of that plan, with the last actions before it where the world asks for them again, is the first sequence
-looked at, and starts from its motion: most often that is a plan at once, and its cost prunes the search.
+The first candidate sequence is what remains of that plan, with earlier actions that have to be repeated; its motion is
+the initial guess. It is feasible most often, and its cost is an upper bound that prunes the search.
 """
 
 from __future__ import annotations
@@ -19,51 +19,51 @@ from lgp.planner import parse_sequence, plan_within
 from lgp.search.tree_search import Budget
 from reba.arrays import Array
 
-FURTHER = (1, 3)
-"""A new plan may have so many actions more than were left; the second only if there is none with the first."""
-BETTER = 3.0
-"""[s] Time that is spent on looking for something better than what was left of the plan in force."""
-REASONS = 3
-"""So many reasons why there is no plan are told."""
+EXTRA_ACTIONS = (1, 3)
+"""Largest number of actions of a new plan beyond the remaining ones; the second if there is no plan with the first."""
+IMPROVEMENT_SECONDS = 3.0
+"""[s] Wall-clock time of the search for a better plan if the remaining actions are feasible."""
+SHOWN_REASONS = 3
+"""Number of reasons of infeasibility in a message."""
 
 
-def plan_rest(
+def replan_remaining(
     motion: Motion, task: Task, number: int, bounds: FixedPathBounds, seconds: float, thorough: bool = False
 ) -> Plan:
-    """Return a new plan; `feasible` says whether there is one.
+    """Return a new plan, which may be infeasible.
 
     Args:
         motion: of the plan in force.
-        task: of the world as it is.
-        number: of its action that could not be done.
-        bounds: of the world as it is.
+        task: of the tracked world.
+        number: of the action of that plan that failed.
+        bounds: of the tracked world.
         seconds: wall-clock time of the search.
-        thorough: whether all of that time is used where what is left of the plan can be done; otherwise a better plan
-            is looked for during `BETTER` only.
+        thorough: search for all of that time even if the remaining actions are feasible; otherwise for
+            `IMPROVEMENT_SECONDS` then.
     """
-    left = len(motion.phases.actions) - number
-    first = again(motion, task, number, bounds)
-    known = plan_within(bounds, task, first) if first else None
-    if known is not None and known.feasible and not thorough:
-        seconds = min(BETTER, seconds)
-    for more in FURTHER:
-        budget = Budget(depth=max(left + more, len(first)), seconds=seconds)
-        found = plan_within(bounds, task, None, budget, first)
-        if found.feasible or found.status == "exhausted":
+    remaining = len(motion.phases.actions) - number
+    first = remaining_actions(motion, task, number, bounds)
+    continued = plan_within(bounds, task, first) if first else None
+    if continued is not None and continued.feasible and not thorough:
+        seconds = min(IMPROVEMENT_SECONDS, seconds)
+    for extra in EXTRA_ACTIONS:
+        budget = Budget(depth=max(remaining + extra, len(first)), seconds=seconds)
+        plan = plan_within(bounds, task, None, budget, first)
+        if plan.feasible or plan.status == "exhausted":
             break
-    return found if found.feasible or known is None or not known.feasible else known
+    return plan if plan.feasible or continued is None or not continued.feasible else continued
 
 
-def again(motion: Motion, task: Task, number: int, bounds: FixedPathBounds) -> tuple[Action, ...]:
-    """Return the last actions of a plan that lead to the goal from the world as it is, () if none do.
+def remaining_actions(motion: Motion, task: Task, number: int, bounds: FixedPathBounds) -> tuple[Action, ...]:
+    """Return the last actions of a plan that lead to the goal from the tracked world, () if none do.
 
-    The bounds are told how they were planned.
+    Their planned motion becomes the initial guess of the bounds.
 
     Args:
         motion: of the plan.
-        task: of the world as it is.
-        number: of the action that could not be done; as few as possible of those before it are done again.
-        bounds: of the world as it is.
+        task: of the tracked world.
+        number: of the action that failed; as few as possible of those before it are repeated.
+        bounds: of the tracked world.
     """
     phases = motion.phases
     for first in range(number, -1, -1):
@@ -71,26 +71,26 @@ def again(motion: Motion, task: Task, number: int, bounds: FixedPathBounds) -> t
             actions = parse_sequence(task, map(str, phases.actions[first:]))
         except LogicError:
             continue
-        path, variables = motion.path[first * phases.slices :], brought(motion, first)
+        path, variables = motion.path[first * phases.slices :], phase_variables(motion, first)
         bounds.suggest(actions, path[phases.slices :: phases.slices], variables)
         bounds.shapes[actions] = path, variables
         return actions
     return ()
 
 
-def shortened(reason: str) -> str:
-    """Return the first reasons why there is no plan, each once, without the steps they were met at.
+def first_reasons(reason: str) -> str:
+    """Return the first `SHOWN_REASONS` reasons of infeasibility, each once, without phase and action.
 
-    >>> shortened("phase 1, grasp(1, baxter.left, box): too far; phase 2, grasp(2, baxter.left, box): too far")
+    >>> first_reasons("phase 1, grasp(1, baxter.left, box): too far; phase 2, grasp(2, baxter.left, box): too far")
     'too far'
     """
     parts = dict.fromkeys(re.sub(r"^(\w+: )?phase \d+(, [^:]*)?: ", "", part) for part in reason.split("; "))
-    more = len(parts) - REASONS
-    return "; ".join(list(parts)[:REASONS]) + (f"; and {more} more" if more > 0 else "")
+    more = len(parts) - SHOWN_REASONS
+    return "; ".join(list(parts)[:SHOWN_REASONS]) + (f"; and {more} more" if more > 0 else "")
 
 
-def brought(motion: Motion, first: int, last: int | None = None) -> Array:
-    """Return the variables that the actions of a plan from one to before another bring, by default to its end."""
+def phase_variables(motion: Motion, first: int, last: int | None = None) -> Array:
+    """Return the variables (k,) of the actions `first` to `last` - 1 of a plan, by default to its end [m, rad]."""
     end = motion.phases.count if last is None else last
     own = [first <= int(name.partition(".")[0]) < end for name in motion.modes.names]
     return motion.variables[np.array(own, dtype=bool)]

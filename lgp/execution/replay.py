@@ -1,7 +1,7 @@
 """A recording as the source of observations: tracked poses, and joints of human and robots if it has them.
 
-Whatever `reba` reads as transforms serves (tf2_msgs/TFMessage, foxglove.FrameTransforms ...): a frame with the name of
-an object is that object. Agents that were not recorded move as the run has them; grippers always do.
+All transforms that `reba` reads are accepted (tf2_msgs/TFMessage, foxglove.FrameTransforms ...): a frame with the name
+of an object is that object. Joints of agents that were not recorded, and all grippers, come from the simulated robots.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ class Replay:
     Args:
         file: an MCAP recording.
         world: kinematics and scene.
-        robots: whose grippers are observed with it, and whose joints if they were not recorded.
+        robots: source of grippers, and of joints that were not recorded.
 
     Attributes:
         seconds: length of the recording [s].
-        time: present time since its beginning [s]; the caller moves it on.
+        time: since its beginning [s]; the caller advances it.
 
     Raises:
         LgpError: an object of the scene is not in the recording.
@@ -42,34 +42,34 @@ class Replay:
     def __init__(self, file: Path, world: World, robots: SimulatedRobots) -> None:
         self.world, self.robots, self.time = world, robots, 0.0
         recording = open_mcap(file)
-        found = {name: _poses(recording, name) for name in world.scene.objects}
-        absent = [name for name, samples in found.items() if not len(samples)]
+        poses = {name: _poses(recording, name) for name in world.scene.objects}
+        absent = [name for name, samples in poses.items() if not len(samples)]
         if absent:
             known = [name for stream in recording.streams if stream.kind == "frames" for name in stream.names]
             hint = did_you_mean(absent[0], known) or f"; frames are {', '.join(known) or 'none'}"
             raise LgpError(f"{file}: no transform of object {absent[0]!r}{hint}")
         joints = [_joints(recording, world, agent.name) for agent in world.scene.agents]
-        ends = [samples[[0, -1], 0] for samples in (*found.values(), *(one for one, _ in joints)) if len(samples)]
+        ends = [samples[[0, -1], 0] for samples in (*poses.values(), *(one for one, _ in joints)) if len(samples)]
         begin = min(end[0] for end in ends)
         self.seconds = float(max(end[1] for end in ends) - begin)
-        self._things = {name: _since(samples, begin) for name, samples in found.items()}
+        self._poses = {name: _since(samples, begin) for name, samples in poses.items()}
         self._joints = [(_since(samples, begin), columns) for samples, columns in joints if len(samples)]
 
     def observe(self) -> Observation:
-        """Return the present moment; objects that were not seen lately keep their last sighting."""
+        """Return the observation at `time`: the last recorded pose of each object, the last recorded joints."""
         from scipy.spatial.transform import Rotation
 
-        things = {}
-        for name, samples in self._things.items():
+        objects = {}
+        for name, samples in self._poses.items():
             at = int(np.searchsorted(samples[:, 0], self.time + 1e-9)) - 1
             if at >= 0:
                 turn = Rotation.from_quat(samples[at, 1:5]).as_matrix()
-                things[name] = TrackedPose(turn, samples[at, 5:], float(samples[at, 0]))
+                objects[name] = TrackedPose(turn, samples[at, 5:], float(samples[at, 0]))
         q = self.robots.q.copy()
         for samples, columns in self._joints:
             at = max(int(np.searchsorted(samples[:, 0], self.time + 1e-9)) - 1, 0)
             q[columns] = samples[at, 1:]
-        return Observation(self.time, q, things, frozenset(self.robots.closed))
+        return Observation(self.time, q, objects, frozenset(self.robots.closed))
 
 
 def _poses(recording: Recording, name: str) -> Array:
@@ -88,7 +88,7 @@ def _poses(recording: Recording, name: str) -> Array:
 
 
 def _joints(recording: Recording, world: World, agent: str) -> tuple[Array, Indices]:
-    """Return (n, 1 + k) time and joints of an agent, and their columns of q; nothing if they were not recorded."""
+    """Return (n, 1 + k) time and joints of an agent, and their columns of q (k,); n = 0 if they were not recorded."""
     own = {name.partition(".")[2]: at for name, at in world.column.items() if name.startswith(f"{agent}.")}
     for stream in _streams(recording, "joints"):
         names = [name for name in stream.names if name in own]
@@ -108,7 +108,7 @@ def _streams(recording: Recording, kind: str) -> Iterable[Stream]:
 
 
 def _since(samples: Array, begin: float) -> Array:
-    """Return samples with their time counted from the beginning."""
+    """Return samples (n, ...) with their time, the first column, counted from `begin` [s]."""
     moved = samples.copy()
     if len(moved):
         moved[:, 0] -= begin

@@ -1,4 +1,4 @@
-"""ROS 2 messages that a run is logged in: their definitions, and values of them as plain data.
+"""ROS 2 messages of the log of a run: definitions, values as plain data, and their CDR serialisation.
 
 Definitions: sensor_msgs, trajectory_msgs, tf2_msgs, geometry_msgs and std_msgs of ROS 2 (Apache-2.0), comments left
 out; concatenated as https://mcap.dev/spec/registry#ros2msg asks for.
@@ -6,16 +6,15 @@ out; concatenated as https://mcap.dev/spec/registry#ros2msg asks for.
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any, Final
 
 import numpy as np
 
+from lgp.errors import LgpError
 from lgp.execution.trajectory import JointTrajectory
 from reba.arrays import Array, Indices
-from reba.readers.mcap.ros import Number, RosArray, Struct, Text, Type, parse
 
 _LINE = "\n" + "=" * 80 + "\n"
 _HEADER = "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
@@ -66,11 +65,11 @@ DEFINITIONS: Final[dict[str, str]] = {
 }
 """Type -> definition."""
 STEP = 0.05
-"""[s] Between points of a trajectory."""
+"""[s] Time between points of a trajectory."""
 
 
-def joint_state(stamp: int, names: Sequence[str], position: Array) -> dict[str, Any]:
-    """Return a joint state; `stamp` in nanoseconds since 1970."""
+def joint_state_message(stamp: int, names: Sequence[str], position: Array) -> dict[str, Any]:
+    """Return a sensor_msgs/JointState; `stamp` in nanoseconds since 1970, positions [rad, m]."""
     return {
         "header": _header(stamp, ""),
         "name": list(names),
@@ -80,8 +79,8 @@ def joint_state(stamp: int, names: Sequence[str], position: Array) -> dict[str, 
     }
 
 
-def transforms(stamp: int, poses: Mapping[str, tuple[Array, Array]]) -> dict[str, Any]:
-    """Return poses (rotation (3, 3), position (3,)) of frames in the world."""
+def transforms_message(stamp: int, poses: Mapping[str, tuple[Array, Array]]) -> dict[str, Any]:
+    """Return a tf2_msgs/TFMessage of frames in the world: rotations (3, 3), positions (3,) [m]."""
     return {
         "transforms": [
             {
@@ -97,18 +96,20 @@ def transforms(stamp: int, poses: Mapping[str, tuple[Array, Array]]) -> dict[str
     }
 
 
-def trajectory(stamp: int, names: Sequence[str], segment: JointTrajectory, columns: Indices) -> dict[str, Any]:
-    """Return the motion of some joints, from rest to rest, with velocities and accelerations."""
-    count = max(int(np.ceil(segment.duration / STEP)), 1)
-    times = np.linspace(0.0, segment.duration, count + 1)
+def trajectory_message(
+    stamp: int, names: Sequence[str], trajectory: JointTrajectory, columns: Indices
+) -> dict[str, Any]:
+    """Return a trajectory_msgs/JointTrajectory of some joints, with velocities and accelerations, every `STEP`."""
+    count = max(int(np.ceil(trajectory.duration / STEP)), 1)
+    times = np.linspace(0.0, trajectory.duration, count + 1)
     return {
         "header": _header(stamp, ""),
         "joint_names": list(names),
         "points": [
             {
-                "positions": segment.at(t)[columns].tolist(),
-                "velocities": segment.velocity(t)[columns].tolist(),
-                "accelerations": segment.acceleration(t)[columns].tolist(),
+                "positions": trajectory.at(t)[columns].tolist(),
+                "velocities": trajectory.velocity(t)[columns].tolist(),
+                "accelerations": trajectory.acceleration(t)[columns].tolist(),
                 "effort": [],
                 "time_from_start": _seconds(round(t * 1e9)),
             }
@@ -118,7 +119,7 @@ def trajectory(stamp: int, names: Sequence[str], segment: JointTrajectory, colum
 
 
 def quaternion(rotation: Array) -> Array:
-    """Return x, y, z, w of a rotation (3, 3)."""
+    """Return the quaternion x, y, z, w of a rotation (3, 3)."""
     import pinocchio as pin
 
     return np.asarray(pin.Quaternion(np.ascontiguousarray(rotation)).coeffs())
@@ -132,58 +133,29 @@ def _seconds(nanoseconds: int) -> dict[str, int]:
     return {"sec": nanoseconds // 1_000_000_000, "nanosec": nanoseconds % 1_000_000_000}
 
 
-HEADER: Final = b"\x00\x01\x00\x00"
-_CODES: Final = {
-    "u1": "B", "i1": "b", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q", "f4": "f", "f8": "d",
-}  # fmt: skip
-
-
 def encode(kind: str, value: dict[str, Any]) -> bytes:
-    """Return a message of a type in `messages.DEFINITIONS`.
+    """Return a message of a type in `DEFINITIONS` in CDR (little-endian), as ROS 2 serialises it.
 
     Raises:
-        KeyError: the type is not there, or a field is missing.
+        LgpError: mcap-ros2-support is not installed.
 
     >>> encode("tf2_msgs/msg/TFMessage", {"transforms": []})
     b'\\x00\\x01\\x00\\x00\\x00\\x00\\x00\\x00'
     """
-    body = bytearray()
-    _write(_layout(kind), value, body)
-    return HEADER + bytes(body)
+    return encoder(kind)(value)
 
 
 @cache
-def _layout(kind: str) -> Struct:
-    return parse(DEFINITIONS[kind], kind)
+def encoder(kind: str) -> Callable[[dict[str, Any]], bytes]:
+    """Return the CDR serialiser of a type in `DEFINITIONS`.
 
-
-def _write(kind: Type, value: Any, body: bytearray) -> None:
-    if isinstance(kind, Struct):
-        for name, inner in kind.fields:
-            _write(inner, value[name], body)
-    elif isinstance(kind, Number):
-        _numbers(kind.code, [value], body)
-    elif isinstance(kind, Text):
-        text = value.encode() + b"\0"
-        _numbers("u4", [len(text)], body)
-        body += text
-    else:
-        _sequence(kind, value, body)
-
-
-def _sequence(kind: RosArray, value: list[Any], body: bytearray) -> None:
-    if kind.length is None:
-        _numbers("u4", [len(value)], body)
-    if isinstance(kind.element, Number):
-        _numbers(kind.element.code, value, body)
-    else:
-        for item in value:
-            _write(kind.element, item, body)
-
-
-def _numbers(code: str, values: list[Any], body: bytearray) -> None:
-    """Write numbers one after the other, the first at a multiple of their size; none need no gap."""
-    if values:
-        size = int(code[1])
-        body += bytes(-len(body) % size)
-        body += struct.pack(f"<{len(values)}{_CODES[code]}", *values)
+    Raises:
+        LgpError: mcap-ros2-support is not installed.
+    """
+    try:
+        from mcap_ros2._dynamic import serialize_dynamic  # what `mcap_ros2.writer.Writer` encodes with
+    except ImportError as error:
+        raise LgpError(
+            'the log of a run needs the package mcap-ros2-support; install it with: pip install "dreba[run]"'
+        ) from error
+    return serialize_dynamic(kind, DEFINITIONS[kind])[kind]

@@ -1,7 +1,7 @@
-"""The live page: its files, and server-sent events that tell it what is current.
+"""The live page: static files, and server-sent events with the current action.
 
-A browser that was cut off sends the number of the last event it saw and gets what it missed; numbers go on over a
-restart of the run. https://html.spec.whatwg.org/multipage/server-sent-events.html
+A browser that reconnects sends the number of the last event it received and gets the later ones; numbers continue over
+a restart of the run. https://html.spec.whatwg.org/multipage/server-sent-events.html
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from starlette.applications import Starlette
 
 HOST = "127.0.0.1"
-"""Nobody else sees the page unless asked for."""
-LOOK = 0.05
-"""[s] Between looks for new events."""
+"""Loopback: other machines see the page only with another host."""
+POLL = 0.05
+"""[s] Time between checks for new events."""
 KEEP_ALIVE = 10.0
-"""[s] After which a comment shows proxies and browsers that the connection lives."""
+"""[s] Silence after which a comment is sent, so that proxies and browsers keep the connection."""
 LINGER = 1.5
-"""[s] Longest wait for browsers to take the last event before the server stops."""
+"""[s] Largest wait for browsers to receive the last event before the server stops."""
 
 
 class PageServer:
@@ -42,31 +42,29 @@ class PageServer:
         hub: the events.
         host: address to listen at.
         port: 0 for any free one.
+        keep_alive: silence after which a comment is sent [s].
 
     Attributes:
-        address: where the page is.
+        address: URL of the page.
 
     Raises:
-        LgpError: the server is not installed, or the address is taken.
-
-    Example:
-        >>> with PageServer(Path("plan/page"), hub) as server:              # doctest: +SKIP
-        ...     print(server.address)
-        http://127.0.0.1:8642/
+        LgpError: uvicorn is not installed, or the address is in use.
     """
 
-    def __init__(self, page: Path, hub: Hub, host: str = HOST, port: int = 0) -> None:
+    def __init__(self, page: Path, hub: Hub, host: str = HOST, port: int = 0, keep_alive: float = KEEP_ALIVE) -> None:
         try:
             import uvicorn
         except ImportError as error:
-            raise LgpError("the live page needs a server; pip install 'dreba[run]', or use --no-page") from error
+            raise LgpError(
+                'the live page needs the package uvicorn; install it with: pip install "dreba[run]", or use --no-page'
+            ) from error
         self.hub = hub
         self._readers = Readers()
         self._socket = _bind(host, port)
         bound, number = self._socket.getsockname()[:2]
         self.address = f"http://{f'[{bound}]' if ':' in bound else bound}:{number}/"
         self._files = Files(page)
-        app = application(self._files, hub, self._readers)
+        app = application(self._files, hub, self._readers, keep_alive)
         config = uvicorn.Config(app, log_level="error", lifespan="off", timeout_graceful_shutdown=1)
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(target=self._server.run, args=([self._socket],), daemon=True)
@@ -83,7 +81,7 @@ class PageServer:
         self._files.show(page)
 
     def close(self) -> None:
-        """Let readers take the last event, then stop."""
+        """Wait until readers have the last event, then stop."""
         last = self.hub.last
         if self._thread.is_alive() and last is not None:
             self._readers.wait(last.number, LINGER)
@@ -95,7 +93,7 @@ class PageServer:
 
 
 class Files:
-    """The files of a folder that may change while they are served, as an ASGI application."""
+    """ASGI application that serves the files of a folder, which can be replaced while it runs."""
 
     def __init__(self, folder: Path) -> None:
         self.show(folder)
@@ -111,7 +109,7 @@ class Files:
 
 
 class Readers:
-    """Up to which event each connected reader was served."""
+    """The last event that each connected reader received."""
 
     def __init__(self) -> None:
         self.over = threading.Event()
@@ -119,7 +117,7 @@ class Readers:
         self._changed = threading.Condition()
 
     def served(self, reader: int, number: int | None) -> None:
-        """Note the last event of a reader, None when it leaves."""
+        """Set the last event of a reader, None when it disconnects."""
         with self._changed:
             if number is None:
                 self._served.pop(reader, None)
@@ -128,12 +126,12 @@ class Readers:
             self._changed.notify_all()
 
     def wait(self, number: int, seconds: float) -> None:
-        """Wait until all readers have an event, at most some seconds."""
+        """Wait until all readers have received an event, at most some seconds."""
         with self._changed:
             self._changed.wait_for(lambda: all(at >= number for at in self._served.values()), seconds)
 
 
-def application(files: Files, hub: Hub, readers: Readers) -> Starlette:
+def application(files: Files, hub: Hub, readers: Readers, keep_alive: float = KEEP_ALIVE) -> Starlette:
     """Return the ASGI application: `/events`, and the files of the page."""
     from starlette.applications import Starlette as App
     from starlette.requests import Request
@@ -141,41 +139,43 @@ def application(files: Files, hub: Hub, readers: Readers) -> Starlette:
     from starlette.routing import Mount, Route
 
     async def events(request: Request) -> StreamingResponse:
-        stream = follow(hub, readers, _number(request.headers.get("last-event-id")))
+        stream = follow(hub, readers, _number(request.headers.get("last-event-id")), keep_alive)
         headers = {"Cache-Control": "no-cache", "X-Accel-Buffering": "no"}
         return StreamingResponse(stream, media_type="text/event-stream", headers=headers)
 
     return App(routes=[Route("/events", events), Mount("/", files)])
 
 
-async def follow(hub: Hub, readers: Readers, seen: int | None) -> AsyncIterator[str]:
-    """Yield server-sent events: what a reader missed, at least the present state at once, then all that follow."""
+async def follow(
+    hub: Hub, readers: Readers, received: int | None, keep_alive: float = KEEP_ALIVE
+) -> AsyncIterator[str]:
+    """Yield server-sent events: those after the last `received` one, at least the current one, then all that follow."""
     reader = id(asyncio.current_task())
-    number, quiet = seen or 0, 0.0
+    number, silence = received or 0, 0.0
     readers.served(reader, number)
     last = hub.last
-    first = hub.after(number) if seen is not None else []
+    missed = hub.after(number) if received is not None else []
     try:
-        for event in first or ([last] if last is not None else []):
+        for event in missed or ([last] if last is not None else []):
             yield sent(event)
             number = event.number
         while not readers.over.is_set():
             readers.served(reader, number)
-            await asyncio.sleep(LOOK)
+            await asyncio.sleep(POLL)
             new = hub.after(number)
             for event in new:
                 yield sent(event)
                 number = event.number
-            quiet = 0.0 if new else quiet + LOOK
-            if quiet >= KEEP_ALIVE:
-                quiet = 0.0
-                yield ": still here\n\n"
+            silence = 0.0 if new else silence + POLL
+            if silence >= keep_alive:
+                silence = 0.0
+                yield ": keep-alive\n\n"
     finally:
         readers.served(reader, None)
 
 
 def sent(event: Event) -> str:
-    """Return an event as it goes over the wire.
+    """Return an event in the format of server-sent events.
 
     >>> print(sent(Event(7, 1.5, 0, "running", "started", "The robot moves")), end="")
     id: 7
@@ -193,7 +193,7 @@ def _bind(host: str, port: int) -> socket.socket:
     """Return a listening socket.
 
     Raises:
-        LgpError: the address is taken or not of this machine.
+        LgpError: the address is in use or not of this machine.
     """
     listening: socket.socket | None = None
     try:
@@ -205,20 +205,20 @@ def _bind(host: str, port: int) -> socket.socket:
     except OSError as error:
         if listening is not None:
             listening.close()
-        what = error.strerror or error
-        raise LgpError(f"cannot listen at {host} port {port}: {what}; choose another with --port") from error
+        reason = error.strerror or error
+        raise LgpError(f"cannot listen at {host} port {port}: {reason}; choose another with --port") from error
     return listening
 
 
 PAGE = "page"
-"""Folder of the page, in that of its plan."""
+"""Subfolder of a plan with its page."""
 PORT = 8642
-"""Where the page is served unless another port is asked for."""
+"""Default port of the page."""
 
 
 @dataclass(frozen=True)
 class Address:
-    """Where the page is served."""
+    """Host and port of the page."""
 
     host: str = HOST
     port: int = PORT
@@ -227,30 +227,30 @@ class Address:
 def run_live(
     folder: Path,
     run: RunOptions,
-    told: Callable[[Event], None] | None = None,
+    on_event: Callable[[Event], None] | None = None,
     address: Address | None = None,
-    served: Callable[[str], None] | None = None,
+    on_served: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
-    """Run the plan in a folder and return what happened, see `ExecutionRun.go`.
+    """Run the plan in a folder and return the summary of the run, see `ExecutionRun.go`.
 
     Args:
-        folder: with the plan; log, page and new plans go there.
-        run: how it is run.
-        told: is called with every event.
+        folder: with the plan; log, page and new plans are written there.
+        run: options.
+        on_event: is called with each event.
         address: of the page; None for no page.
-        served: is called with the page's address.
+        on_served: is called with the URL of the page.
 
     Raises:
-        LgpError: the plan cannot be run, or the page not be served.
+        LgpError: the plan cannot be run, or the page cannot be served.
     """
     servers: list[PageServer] = []
 
-    def planned(plan: Plan, where: Path) -> None:
-        # The first plan's page is there before the server is.
+    def on_plan(plan: Plan, where: Path) -> None:
+        # The page of the first plan is written before the server starts.
         if servers:
             servers[0].show(_page(plan, where))
 
-    session = ExecutionRun(folder, run, told, planned)
+    session = ExecutionRun(folder, run, on_event, on_plan)
     if address is None:
         return session.go()
     try:
@@ -260,14 +260,13 @@ def run_live(
         raise
     with server:
         servers.append(server)
-        if served is not None:
-            served(server.address)
+        if on_served is not None:
+            on_served(server.address)
         return session.go()
 
 
 def _page(plan: Plan, where: Path) -> Path:
-    """Return the folder of a plan's page, which is written if it is not there."""
-
+    """Return the folder of the page of a plan; the page is written if it does not exist."""
     folder = where / PAGE
     if not (folder / "index.html").is_file():
         write_page(plan, folder, pictures=False)

@@ -1,6 +1,6 @@
-"""One run from beginning to end: everything is put together here.
+"""One run of a plan: connects world, executive, page and log, and compares retargeted motions with new plans.
 
-plan folder -> Planner; simulated or replayed world -> View -> Executive -> events -> page, log
+plan folder -> `Planner`; simulated or recorded world -> `TrackedWorld` -> `Executive` -> events -> page, log
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lgp.execution.executive import Executive, RetargetedAction, Settings
 from lgp.execution.faults import Fault, Faults
 from lgp.execution.fixed_path import FixedPathBounds, still_hands
 from lgp.execution.log import Recorder, RunLog
-from lgp.execution.log_reader import Past, attachments, checkpoint, continue_log
+from lgp.execution.log_reader import LoggedRun, checkpoint, continue_log, placements
 from lgp.execution.predicates import gripper_commands
 from lgp.execution.replay import Replay
 from lgp.execution.retarget import Phase, Planner, load_plan
@@ -34,16 +34,15 @@ from lgp.scene.model import Scene
 from lgp.search.tree_search import BoundResult
 
 TICK = 0.05
-"""[s] Between observations."""
-LATE = 0.2
-"""[s] The clock is caught up with after shorter delays only."""
-STATE = 0.25
-"""[s] Between checkpoints, besides those at every event."""
+"""[s] Time between observations."""
+MAX_LAG = 0.2
+"""[s] Largest delay that is made up for; longer ones, as by planning, shift the schedule."""
+CHECKPOINT = 0.25
+"""[s] Time between checkpoints, besides those at each event."""
 LOG = "run.mcap"
-"""The log, in the folder of the plan."""
+"""Name of the log in the folder of the plan."""
 REPLANS = "replans"
-"""Folder of the plans that were made during a run, in that of the plan."""
-Told = Callable[[Event], None]
+"""Subfolder of the plan for plans made during a run."""
 
 
 @dataclass(frozen=True)
@@ -51,23 +50,23 @@ class RunOptions:
     """How a plan is run.
 
     Attributes:
-        seed: of everything random.
-        speed: simulated seconds in one of the clock; 0 for as fast as possible.
-        settings: patience of the executive.
-        habits: of the simulated human.
+        seed: of the random numbers.
+        speed: simulated seconds per second of the clock; 0 for as fast as possible.
+        settings: time limits of the executive.
+        behaviour: deviations of the simulated human from the plan.
         noise: standard deviation of tracked positions [m].
-        scatter: standard deviation of where objects lie at first from where it was planned, in x and y [m].
-        faults: what is to go wrong.
-        replay: recording that is watched instead of a simulated tracker and human.
+        scatter: standard deviation of initial object positions from the planned ones, in x and y [m].
+        faults: that are injected.
+        replay: recording that replaces the simulated tracker and human.
         cost: dREBA model of new motions.
-        compare: whether moved motions are compared with new plans at the end.
-        resume: whether the unfinished run in the folder goes on.
+        compare: whether retargeted motions are compared with new plans at the end.
+        resume: whether the interrupted run in the folder continues.
     """
 
     seed: int = 0
     speed: float = 1.0
     settings: Settings = field(default_factory=Settings)
-    habits: WorkerBehaviour = field(default_factory=WorkerBehaviour)
+    behaviour: WorkerBehaviour = field(default_factory=WorkerBehaviour)
     noise: float = 0.001
     scatter: float = 0.0
     faults: tuple[Fault, ...] = ()
@@ -81,28 +80,24 @@ class ExecutionRun:
     """A run of the plan in a folder.
 
     Args:
-        folder: with the plan; the log goes there.
-        run: how it is run.
-        told: is called with every event.
-        planned: is called with every plan that is followed from then on, and its folder.
+        folder: with the plan; the log is written there.
+        run: options.
+        on_event: is called with each event.
+        on_plan: is called with each plan that comes into force, and its folder.
 
     Raises:
-        LgpError: there is no plan, it is not feasible, or there is nothing to resume.
-
-    Example:
-        >>> Session(Path("plan"), Run(speed=0)).go()["state"]               # doctest: +SKIP
-        'finished'
+        LgpError: there is no feasible plan, or no interrupted run to resume.
     """
 
     def __init__(
         self,
         folder: Path,
         run: RunOptions | None = None,
-        told: Told | None = None,
-        planned: Callable[[Plan, Path], None] | None = None,
+        on_event: Callable[[Event], None] | None = None,
+        on_plan: Callable[[Plan, Path], None] | None = None,
     ) -> None:
         self.folder, self.run = folder, RunOptions() if run is None else run
-        self._told, self._planned = told, planned
+        self._on_event, self._on_plan = on_event, on_plan
         past = continue_log(folder / LOG) if self.run.resume else None
         self.events = [] if past is None else list(past.events)
         self.hub = Hub([event for event in self.events if event.kind != "fault"])
@@ -113,7 +108,7 @@ class ExecutionRun:
         self._open(past)
 
     def go(self) -> dict[str, Any]:
-        """Run to the end and return what happened.
+        """Run to the end and return the summary.
 
         Raises:
             LgpError: the log cannot be written.
@@ -127,8 +122,7 @@ class ExecutionRun:
                     due += TICK / speed
                     late = clock.monotonic() - due
                     clock.sleep(max(-late, 0.0))
-                    # Time spent on planning is not made up for.
-                    due += late if late > LATE else 0.0
+                    due += late if late > MAX_LAG else 0.0
             return self._summary()
         finally:
             self.close()
@@ -139,8 +133,8 @@ class ExecutionRun:
         if self._old is not None:
             self._old.unlink(missing_ok=True)
 
-    def _build(self, past: Past | None) -> None:
-        """Build the world, its tracker and the executive, at the beginning or where an earlier run stopped."""
+    def _build(self, past: LoggedRun | None) -> None:
+        """Build world, tracker and executive, in the initial state or in that of an interrupted run."""
         world, run = self.planner.motion.world, self.run
         state = {} if past is None else past.state
         q = np.array(state["q"]) if state else self.planner.motion.path[0]
@@ -153,30 +147,30 @@ class ExecutionRun:
         self.faults: Faults | None = None
         if run.replay is not None:
             if run.faults or run.scatter:
-                raise LgpError("faults and scatter belong to a simulated world; leave them out with a replay")
+                raise LgpError("faults and scatter need a simulated world; leave them out with --replay")
             if run.replay.resolve() == (self.folder / LOG).resolve():
                 raise LgpError(
-                    f"{run.replay}: the log of this run goes there; copy the recording to another place first"
+                    f"{run.replay}: the log of this run is written there; copy the recording to another file first"
                 )
             self.source: ObservationSource = Replay(run.replay, world, self.robots)
         else:
-            self.simulation = SimulatedWorld(world, self.robots, q, attachments(state) if state else None)
+            self.simulation = SimulatedWorld(world, self.robots, q, placements(state) if state else None)
             tracker = SimulatedTracker(self.simulation, rngs[0], run.noise)
             self.source = tracker
             if world.scene.human is not None:
-                self.worker = Worker(self.simulation, run.habits, rngs[1])
+                self.worker = Worker(self.simulation, run.behaviour, rngs[1])
             faults = run.faults if past is None else ()
             self._check_faults(faults)
             self.faults = Faults(faults, self.simulation, tracker, self.worker, rngs[2])
             if past is None:
                 self._scatter(rngs[2])
         number = int(state.get("number", 0))
-        self.executive = Executive(self.planner, self.view, self.robots, self._report, run.settings, number)
+        self.executive = Executive(self.planner, self.view, self.robots, self._on_executive_event, run.settings, number)
         if state:
             self.executive.replans = int(state["replans"])
             self.executive.resume()
 
-    def _open(self, past: Past | None) -> None:
+    def _open(self, past: LoggedRun | None) -> None:
         epoch = clock.time() if past is None else past.epoch
         self._saved = -np.inf
         about = {"plan": self.planner.plan.scene.name, "seed": str(self.run.seed)}
@@ -188,7 +182,7 @@ class ExecutionRun:
         else:
             self._number = past.events[-1].number if past.events else 0
             past.copy_into(self.log)
-            self._report("waiting", "resumed", "The run goes on where it was interrupted.", {})
+            self._on_executive_event("waiting", "resumed", "The run continues where it was interrupted.", {})
         self._old = None if past is None else past.file
 
     def _tick(self) -> None:
@@ -202,16 +196,16 @@ class ExecutionRun:
             self.simulation.step(self._time)
         if self.faults is not None:
             for text in self.faults.step(self._time):
-                self._report(self.events[-1].state, "fault", text, {})
+                self._on_executive_event(self.events[-1].state, "fault", text, {})
         self.view.add(self.source.observe())
-        self.recorder.moment(self.view, self.planner.believed(self.executive.number))
+        self.recorder.moment(self.view, self.planner.nominal(self.executive.number))
         self.executive.step()
-        self.recorder.predicates(self._time, self.executive.number, self.executive.verdicts)
-        if self._time - self._saved >= STATE:
+        self.recorder.predicates(self._time, self.executive.number, self.executive.predicate_states)
+        if self._time - self._saved >= CHECKPOINT:
             self._save()
 
-    def _report(self, state: str, kind: str, text: str, details: dict[str, Any]) -> None:
-        """Take in what the executive says."""
+    def _on_executive_event(self, state: str, kind: str, text: str, details: dict[str, Any]) -> None:
+        """Log an event, pass it to the page, and start the motion of the human and the faults of the action."""
         executive = self.executive
         number = None if state == "finished" else executive.number
         if kind == "replanned":
@@ -225,21 +219,21 @@ class ExecutionRun:
             self.hub.add(event)
         self.recorder.event(event)
         if kind in ("told", "started") and executive.phase is not None:
-            self.recorder.command(self._time, executive.phase.segment)
+            self.recorder.command(self._time, executive.phase.trajectory)
             if self.worker is not None:
-                self.worker.told(self.planner, executive.number, executive.phase)
+                self.worker.on_action(self.planner, executive.number, executive.phase)
             if self.faults is not None and executive.replans == 0:
                 action = self.planner.actions[executive.number]
-                self.faults.told(executive.number, action, executive.phase.segment.duration)
-        if self._told is not None:
-            self._told(event)
+                self.faults.on_start(executive.number, action, executive.phase.trajectory.duration)
+        if self._on_event is not None:
+            self._on_event(event)
         self._save()
 
     def _follow(self, plan: Plan, where: Path) -> None:
         self.where = where
         self.recorder.plan(self._time, plan, self._relative())
-        if self._planned is not None:
-            self._planned(plan, where)
+        if self._on_plan is not None:
+            self._on_plan(plan, where)
 
     def _relative(self) -> str:
         return self.where.relative_to(self.folder).as_posix()
@@ -248,22 +242,22 @@ class ExecutionRun:
         self._saved = self._time
         executive, robots = self.executive, self.robots
         q = self.source.observe().q if self.simulation is None else self.simulation.q
-        things = {} if self.simulation is None else self.simulation.things
-        state = checkpoint(self.log.epoch, self._time, q, robots.closed, things)
+        objects = {} if self.simulation is None else self.simulation.objects
+        state = checkpoint(self.log.epoch, self._time, q, robots.closed, objects)
         state |= {"number": executive.number, "folder": self._relative(), "replans": executive.replans}
         self.log.json("/state", self._time, state)
         self.log.flush()
 
     def _scatter(self, rng: np.random.Generator) -> None:
-        """Put every object a little off its place."""
+        """Displace all objects on tables at random."""
         simulation = self.simulation
         if simulation is None or self.run.scatter <= 0.0:
             return
-        for name, thing in simulation.world.scene.objects.items():
-            if not thing.hand:
-                half = np.array(simulation.world.scene.tables[thing.on].size) / 2.0
-                x, y = np.clip(np.array(thing.at[:2]) + rng.normal(0.0, self.run.scatter, 2), -half, half)
-                simulation.lay(name, thing.on, float(x), float(y))
+        for name, scene_object in simulation.world.scene.objects.items():
+            if not scene_object.hand:
+                half = np.array(simulation.world.scene.tables[scene_object.on].size) / 2.0
+                x, y = np.clip(np.array(scene_object.at[:2]) + rng.normal(0.0, self.run.scatter, 2), -half, half)
+                simulation.lay(name, scene_object.on, float(x), float(y))
 
     def _check_faults(self, faults: tuple[Fault, ...]) -> None:
         count = len(self.planner.actions)
@@ -272,13 +266,13 @@ class ExecutionRun:
                 raise LgpError(f"fault {fault.kind}@{fault.action + 1}: the plan has {count} actions")
 
     def _summary(self) -> dict[str, Any]:
-        """Return what happened, with the costs of what was moved beside those of new plans."""
-        events, compared = self.events, []
+        """Return the summary of the run, with the costs of retargeted motions beside those of new plans."""
+        events, comparisons = self.events, []
         if self.run.compare and self.executive.stage == "finished":
-            for shift in self.executive.shifts:
-                found = compare(self.planner, shift, self.run.settings.search)
-                compared.append(found)
-                self.log.json("/comparison", self._time, found)
+            for retargeted in self.executive.retargeted:
+                comparison = retarget_cost(self.planner, retargeted, self.run.settings.search)
+                comparisons.append(comparison)
+                self.log.json("/comparison", self._time, comparison)
         kinds = [event.kind for event in events]
         return {
             "state": self.executive.stage,
@@ -289,88 +283,89 @@ class ExecutionRun:
             "replanned": kinds.count("replanned"),
             "stops": {kind: kinds.count(kind) for kind in ("moved", "dropped", "lost", "timeout")},
             "slowed": kinds.count("slowed"),
-            "comparison": compared,
+            "comparison": comparisons,
             "output": str(self.folder / LOG),
         }
 
 
-def compare(planner: Planner, shift: RetargetedAction, seconds: float) -> dict[str, Any]:
-    """Return the costs of a moved motion with its greedy rest, of a new plan, and their difference.
+def retarget_cost(planner: Planner, retargeted: RetargetedAction, seconds: float) -> dict[str, Any]:
+    """Return the cost of a retargeted motion and of all later ones retargeted in turn, against that of a new plan.
 
-    The new plan is the better of two: what a search finds, and the greedy rest optimised as a whole, as solutions of
-    path problems are local.
+    The new plan is the better of two, as solutions of path problems are local: the result of a search, and the
+    retargeted motions optimised as a whole.
 
     Args:
         planner: of the run.
-        shift: the motion that was moved.
-        seconds: wall-clock time for the search.
+        retargeted: the motion.
+        seconds: wall-clock time of the search.
 
     Returns:
-        action, greedy, anew, extra (greedy - anew), share (extra / anew), actions of the new plan, whether they differ
-        from those that were left; costs are None where there is no such path.
+        `action`, costs `greedy` (retargeted) and `anew` (new plan), their difference `extra` and its `share` of the new
+        plan, `actions` of the new plan and `same_actions`: whether they are the remaining ones. A cost without path
+        is None.
     """
-    own = planner.as_it_is()
-    own.use(shift.motion)
-    phase, scene = shift.phase, shift.phase.scene
-    left = [str(action) for action in own.actions[shift.number :]]
-    found: dict[str, Any] = {"action": own.actions[shift.number].at(shift.number + 1), "extra": None, "share": None}
+    own = planner.snapshot()
+    own.use(retargeted.motion)
+    number, phase, scene = retargeted.number, retargeted.phase, retargeted.phase.scene
+    remaining = [str(action) for action in own.actions[number:]]
+    comparison: dict[str, Any] = {"action": own.actions[number].at(number + 1), "extra": None, "share": None}
     if scene is None:
-        return found
-    rest = _greedy(own, shift.number, phase)
-    greedy, whole = (None, None) if rest is None else _costs(own, shift.number, scene, rest)
-    new = own.anew(shift.number, scene, phase.segment.knots[0], seconds, thorough=True)
-    labels = [label.replace(f"({at + 1}, ", "(") for at, label in enumerate(new.actions)]
-    anew = float(new.costs["total"]) if new.feasible else None
-    if whole is not None and (anew is None or whole < anew):
-        anew, labels = whole, left
-    found |= {"greedy": greedy, "anew": anew, "actions": labels, "same_actions": labels == left}
-    if greedy is not None and anew is not None:
-        found |= {"extra": greedy - anew, "share": (greedy - anew) / anew}
-    return found
+        return comparison
+    greedy_phases = _greedy(own, number, phase)
+    greedy, whole = (None, None) if greedy_phases is None else _costs(own, number, scene, greedy_phases)
+    plan = own.replan(number, scene, phase.trajectory.knots[0], seconds, thorough=True)
+    labels = [label.replace(f"({at + 1}, ", "(") for at, label in enumerate(plan.actions)]
+    replanned = float(plan.costs["total"]) if plan.feasible else None
+    if whole is not None and (replanned is None or whole < replanned):
+        replanned, labels = whole, remaining
+    comparison |= {"greedy": greedy, "anew": replanned, "actions": labels, "same_actions": labels == remaining}
+    if greedy is not None and replanned is not None:
+        comparison |= {"extra": greedy - replanned, "share": (greedy - replanned) / replanned}
+    return comparison
 
 
 def _greedy(planner: Planner, number: int, phase: Phase) -> list[Phase] | None:
-    """Return the moved motion and all later ones, each moved in its turn; None if one is infeasible."""
-    found = [phase]
+    """Return the retargeted motion and all later ones, each retargeted in turn; None if one is infeasible."""
+    phases = [phase]
     for later in range(number + 1, len(planner.actions)):
-        view = _after(planner, later - 1, found[-1])
+        view = _after(planner, later - 1, phases[-1])
         following = planner.retarget(later, planner.scene(later, view), view.now.q, pause=True)
         if isinstance(following, str):
             return None
-        found.append(following)
-    return found
+        phases.append(following)
+    return phases
 
 
-def _costs(planner: Planner, number: int, scene: Scene, rest: list[Phase]) -> tuple[float, float | None]:
-    """Return the cost of motions one after the other, and when they are optimised as a whole (None: it failed)."""
-    solutions = [phase.solution for phase in rest if phase.solution is not None]
-    keys = np.stack([phase.segment.knots[-1] for phase in rest])
+def _costs(planner: Planner, number: int, scene: Scene, phases: list[Phase]) -> tuple[float, float | None]:
+    """Return the cost of successive motions, and of their joint optimum (None: infeasible)."""
+    solutions = [phase.solution for phase in phases if phase.solution is not None]
+    keys = np.stack([phase.trajectory.knots[-1] for phase in phases])
     variables = np.concatenate([solution.variables for solution in solutions])
-    path = np.concatenate([phase.segment.knots[1:] for phase in rest])
-    world, start = planner.motion.world.with_scene(scene), rest[0].segment.knots[0]
+    path = np.concatenate([phase.trajectory.knots[1:] for phase in phases])
+    world, start = planner.motion.world.with_scene(scene), phases[0].trajectory.knots[0]
     slices = planner.motion.phases.slices
     bounds = FixedPathBounds(
         world,
         planner.ergonomics(),
         start=start,
         slices=slices,
-        collisions=planner.apart,
+        collisions=planner.collision_free,
         still=still_hands(planner.motion.modes, number),
     )
     actions = planner.actions[number:]
     problem = bounds.problem("path", bounds.phases(actions))
     greedy = problem.costs(problem.join(path, variables)).total
     first = replace(solutions[-1], keys=keys, variables=variables, path=None)
-    found = bounds.solve("path", actions, BoundResult(True, greedy, payload=first))
-    return greedy, found.cost if found.feasible else None
+    result = bounds.solve("path", actions, BoundResult(True, greedy, payload=first))
+    return greedy, result.cost if result.feasible else None
 
 
 def _after(planner: Planner, number: int, phase: Phase) -> TrackedWorld:
-    """Return the world as it is after a moved motion, as if it had been tracked at rest for a while."""
+    """Return the world after a retargeted motion as if tracked at rest for a window."""
     scene, action = phase.scene, planner.actions[number]
     if scene is None or phase.solution is None:
-        raise LgpError("only a motion that was moved knows the world it ends in")
-    world, q = planner.motion.world.with_scene(scene), phase.segment.knots[-1]
+        raise LgpError("expected a retargeted motion: only those have a scene and a solution")
+    world, q = planner.motion.world.with_scene(scene), phase.trajectory.knots[-1]
     modes = ModeSequence(world, Phases.of(scene, (action,)).switches)
     kinematics = world.at(q[None], modes.frames)
     poses = {}
@@ -378,11 +373,11 @@ def _after(planner: Planner, number: int, phase: Phase) -> TrackedWorld:
         pose = modes.pose(name, 1, kinematics, phase.solution.variables)
         poses[name] = pose.rotation[0], pose.position[0]
     view = TrackedWorld(world)
-    closed = {thing.hand for thing in scene.objects.values() if thing.hand and not thing.hand.startswith("human.")}
+    closed = {one.hand for one in scene.objects.values() if one.hand and not one.hand.startswith("human.")}
     for time in (0.0, view.tolerances.window):
-        things = {name: TrackedPose(*pose, time) for name, pose in poses.items()}
-        view.add(Observation(time, q, things, frozenset(closed)))
+        objects = {name: TrackedPose(*pose, time) for name, pose in poses.items()}
+        view.add(Observation(time, q, objects, frozenset(closed)))
         for hand, shut in gripper_commands(planner.task, action, view):
             (closed.add if shut else closed.discard)(hand)
-    view.add(Observation(view.now.time, q, view.now.things, frozenset(closed)))
+    view.add(Observation(view.now.time, q, view.now.objects, frozenset(closed)))
     return view

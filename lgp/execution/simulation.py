@@ -1,4 +1,4 @@
-"""A simulated world: what objects do when hands take them, carry them and let go."""
+"""Simulation of the world: robots that follow commands, objects that hands take, carry and release, a noisy tracker."""
 
 from __future__ import annotations
 
@@ -18,14 +18,17 @@ from lgp.kinematics.world import World
 from reba.arrays import Array
 
 GRASP = 0.025
-"""[m] A hand gets hold of an object whose box is this near to its grasping point."""
+"""[m] Largest distance of the grasping point of a hand from the box of an object that it can take."""
 LEVEL = 0.03
-"""[m] An object let go of this near above a table stands on it without falling."""
+"""[m] Largest height above a table from which a released object comes to rest on it."""
+
+ROTATION_NOISE = 0.003
+"""[rad] Standard deviation of the tracked rotation about each axis: a millimetre at the ends of a tool of 0.6 m."""
 
 
 @dataclass(frozen=True)
-class Attachment:
-    """Where an object is: in a hand (pose in its frame), or with `hand` "" at rest in the world."""
+class Placement:
+    """The pose of an object: in the frame of a hand, or with `hand` "" at rest in the world."""
 
     hand: str
     rotation: Array
@@ -33,46 +36,46 @@ class Attachment:
 
 
 class SimulatedWorld:
-    """Robots, the human's body and the objects, as they truly are.
+    """The true state of robots, human and objects.
 
     Args:
         world: kinematics and scene.
-        robots: what moves by command.
-        q: (nq,) first configuration of everybody.
-        things: object -> where it is; from the scene by default.
+        robots: the commanded robots.
+        q: (nq,) initial configuration of human and robots [rad, m].
+        objects: object -> placement; from the scene by default.
 
     Attributes:
         time: [s] since the run began.
-        q: (nq,) configuration of everybody; whoever simulates the human writes those columns.
-        things: object -> where it is.
-        view: the true world as if it were tracked without error.
+        q: (nq,) configuration; `Worker` writes the columns of the human.
+        objects: object -> placement.
+        view: the world as a tracker without error sees it.
     """
 
     def __init__(
-        self, world: World, robots: SimulatedRobots, q: Array, things: Mapping[str, Attachment] | None = None
+        self, world: World, robots: SimulatedRobots, q: Array, objects: Mapping[str, Placement] | None = None
     ) -> None:
         self.world, self.robots = world, robots
         self.time, self.q = 0.0, np.array(q, dtype=float)
-        self.things = dict(things) if things is not None else self._first()
+        self.objects = dict(objects) if objects is not None else self._initial_placements()
         self.view = TrackedWorld(world)
-        self.look()
+        self.observe()
 
     def step(self, time: float) -> None:
-        """Go on to a time [s]; the human's columns of q are to be written before."""
+        """Advance to a time [s]; the columns of the human in q are written before."""
         self.time = time
         self.robots.step(time)
         self.q[self.robots.columns] = self.robots.q[self.robots.columns]
         self._grippers()
-        self.look()
+        self.observe()
 
-    def look(self) -> None:
-        """Take the present into the true view."""
-        poses = {name: self.pose(name) for name in self.things}
+    def observe(self) -> None:
+        """Append the true state to `view`."""
+        poses = {name: self.pose(name) for name in self.objects}
         self.view.add(Observation(self.time, self.q.copy(), poses, frozenset(self.robots.closed)))
 
     def pose(self, name: str) -> TrackedPose:
-        """Return where an object is now."""
-        at = self.things[name]
+        """Return the true pose of an object."""
+        at = self.objects[name]
         if not at.hand:
             return TrackedPose(at.rotation, at.position, self.time)
         hand = self._hand(at.hand)
@@ -83,74 +86,73 @@ class SimulatedWorld:
         return box_gap(self._hand(hand).position, self.pose(name), self.world.scene.objects[name])
 
     def take(self, hand: str, name: str) -> bool:
-        """Let a hand take an object, from whoever has it; return whether it got hold of it."""
+        """Attach an object to a hand that reaches it, from any other hand; return whether it does."""
         if self.gap(hand, name) > GRASP:
             return False
-        self.things[name] = Attachment(hand, *in_hand(self._hand(hand), self.pose(name)))
+        self.objects[name] = Placement(hand, *in_hand(self._hand(hand), self.pose(name)))
         return True
 
     def put(self, name: str) -> None:
-        """Let go of an object: it comes to rest, with its nearest side down, on what is under it."""
+        """Release an object: it comes to rest on its nearest side, on the table or the floor below it."""
         pose, scene = self.pose(name), self.world.scene
-        thing = scene.objects[name]
-        low = pose.position[2] - half_height(thing, pose.rotation)
+        scene_object = scene.objects[name]
+        low = pose.position[2] - half_height(scene_object, pose.rotation)
         under = [
             table for table in scene.tables.values() if on_top(table, pose.position) and table.height <= low + LEVEL
         ]
         if under:
             table = max(under, key=lambda one: one.height)
             x, y, yaw, up = on_table(table, pose)
-            rotation, position = resting(table, thing, x, y, np.radians(yaw), up)
+            rotation, position = resting(table, scene_object, x, y, np.radians(yaw), up)
         else:
             rotation, position = pose.rotation, pose.position.copy()
-            position[2] = half_height(thing, rotation)
-        self.things[name] = Attachment("", rotation, position)
+            position[2] = half_height(scene_object, rotation)
+        self.objects[name] = Placement("", rotation, position)
 
     def lay(self, name: str, table: str, x: float, y: float) -> None:
-        """Put an object on a table at x, y [m] of its top, turned as it is."""
-        top, thing = self.world.scene.tables[table], self.world.scene.objects[name]
+        """Put an object on a table at x, y [m] of its top, with its present yaw and upward side."""
+        top, scene_object = self.world.scene.tables[table], self.world.scene.objects[name]
         _, _, yaw, up = on_table(top, self.pose(name))
-        self.things[name] = Attachment("", *resting(top, thing, x, y, np.radians(yaw), up))
+        self.objects[name] = Placement("", *resting(top, scene_object, x, y, np.radians(yaw), up))
 
     def _grippers(self) -> None:
-        """Let closed grippers take what is in them, open ones let go."""
+        """Attach objects to the grippers that closed on them, release those of grippers that opened."""
         scene = self.world.scene
         grippers = [hand for hand in scene.hands if scene.hands[hand].agent != "human"]
         for name in scene.objects:
-            owner = self.things[name].hand
+            owner = self.objects[name].hand
             if owner in grippers and owner not in self.robots.closed:
                 near = [hand for hand in scene.hands if hand not in grippers and self.gap(hand, name) <= GRASP]
                 if not near or not self.take(near[0], name):
                     self.put(name)
         for hand in grippers:
-            if hand in self.robots.closed and all(at.hand != hand for at in self.things.values()):
+            if hand in self.robots.closed and all(at.hand != hand for at in self.objects.values()):
                 gaps = {name: self.gap(hand, name) for name in scene.objects}
                 nearest = min(gaps, key=lambda name: gaps[name], default="")
-                if nearest and self.things[nearest].hand not in grippers:
+                if nearest and self.objects[nearest].hand not in grippers:
                     self.take(hand, nearest)
 
     def _hand(self, name: str) -> TrackedPose:
         at = self.world.at(self.q[None], [name])
         return TrackedPose(at.rotation[0, 0], at.position[0, 0], self.time)
 
-    def _first(self) -> dict[str, Attachment]:
-
+    def _initial_placements(self) -> dict[str, Placement]:
         modes = ModeSequence(self.world, ())
         kinematics = self.world.at(self.q[None], modes.frames)
-        found = {}
-        for name, thing in self.world.scene.objects.items():
+        placements = {}
+        for name, scene_object in self.world.scene.objects.items():
             pose = modes.pose(name, 0, kinematics, np.zeros(0))
             at = TrackedPose(pose.rotation[0], pose.position[0], 0.0)
-            held = in_hand(self._hand(thing.hand), at) if thing.hand else (at.rotation, at.position)
-            found[name] = Attachment(thing.hand, *held)
-        return found
+            local = in_hand(self._hand(scene_object.hand), at) if scene_object.hand else (at.rotation, at.position)
+            placements[name] = Placement(scene_object.hand, *local)
+        return placements
 
 
 class Robots(Protocol):
-    """All robots of a scene; the human is not among them."""
+    """Interface to all robots of a scene."""
 
     def follow(self, move: Move) -> None:
-        """Move from now on; of the configurations of everybody, robots take their own joints."""
+        """Follow a motion from now on; its columns of the human are ignored."""
         ...
 
     def grip(self, hand: str, closed: bool) -> None:
@@ -159,19 +161,19 @@ class Robots(Protocol):
 
 
 class SimulatedRobots:
-    """Robots that follow exactly.
+    """Robots that follow their commands without error.
 
     Args:
-        world: whose robots.
-        q: (nq,) first configuration of everybody.
+        world: kinematics and scene.
+        q: (nq,) initial configuration [rad, m].
         closed: hands whose grippers are closed at first.
 
     Attributes:
         columns: of q that belong to robots.
-        q: (nq,) present configuration; only `columns` mean anything.
-        speed: (nq,) present velocity.
+        q: (nq,) configuration; only `columns` are up to date.
+        speed: (nq,) velocity.
         closed: hands whose grippers are closed.
-        stuck: hands whose grippers do not obey, for trying faults.
+        stuck: hands whose grippers ignore commands, see the fault `stuck`.
     """
 
     def __init__(self, world: World, q: Array, closed: frozenset[str] = frozenset()) -> None:
@@ -183,7 +185,7 @@ class SimulatedRobots:
         self._move: Move | None = None
 
     def follow(self, move: Move) -> None:
-        """Move from now on."""
+        """Follow a motion from now on."""
         self._move, self._began = move, self._time
 
     def grip(self, hand: str, closed: bool) -> None:
@@ -192,7 +194,7 @@ class SimulatedRobots:
             (self.closed.add if closed else self.closed.discard)(hand)
 
     def step(self, time: float) -> None:
-        """Go on to a time [s]."""
+        """Advance to a time [s]."""
         self._time = time
         if self._move is not None:
             since = time - self._began
@@ -201,33 +203,29 @@ class SimulatedRobots:
 
 
 class SimulatedTracker:
-    """Observations of a simulated world.
+    """A tracker of the simulated world with normally distributed errors.
 
     Args:
-        simulation: what is tracked.
-        rng: of the noise.
+        simulation: the true state.
+        rng: of the errors.
         noise: standard deviation of each coordinate [m].
-        turn: standard deviation about each axis [rad].
 
     Attributes:
         lost: object -> time until which it is not seen [s].
     """
 
-    def __init__(
-        self, simulation: SimulatedWorld, rng: np.random.Generator, noise: float = 0.001, turn: float = 0.003
-    ) -> None:
-        self.simulation, self.rng = simulation, rng
-        self.noise, self.turn = noise, turn
+    def __init__(self, simulation: SimulatedWorld, rng: np.random.Generator, noise: float = 0.001) -> None:
+        self.simulation, self.rng, self.noise = simulation, rng, noise
         self.lost: dict[str, float] = {}
         self._seen: dict[str, TrackedPose] = {}
 
     def observe(self) -> Observation:
-        """Return the present moment; an object that is lost keeps its last sighting."""
+        """Return the current observation; a lost object keeps its last tracked pose."""
         truth = self.simulation
-        for name in truth.things:
+        for name in truth.objects:
             pose = truth.pose(name)
             shift = self.rng.normal(0.0, self.noise, 3)
-            turn = exponential(self.rng.normal(0.0, self.turn, 3))
+            turn = exponential(self.rng.normal(0.0, ROTATION_NOISE, 3))
             if truth.time >= self.lost.get(name, 0.0):
                 self._seen[name] = TrackedPose(pose.rotation @ turn, pose.position + shift, truth.time)
         return Observation(truth.time, truth.q.copy(), dict(self._seen), frozenset(truth.robots.closed))

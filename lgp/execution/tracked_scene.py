@@ -1,4 +1,4 @@
-"""The tracked world as a scene: what a motion or a whole plan can begin from."""
+"""The tracked world as a scene, from which a motion or a plan can start."""
 
 from __future__ import annotations
 
@@ -19,67 +19,67 @@ from lgp.scene.model import Scene, Table
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array
 
-LASTING = ("placed", "screwed")
-"""Predicates that stay true once they were."""
+PERSISTENT = ("placed", "screwed")
+"""Predicates that stay true once the plan has made them true."""
 
 
 class ObjectUnavailable(LgpError):
-    """An object is where no motion can begin: lost from tracking, or neither in a hand nor on a table."""
+    """No motion can start with an object: it is lost from tracking, moves, or is neither in a hand nor on a table."""
 
 
-def scene_now(scene: Scene, view: TrackedWorld, believed: AbstractSet[Atom], atoms: Iterable[Atom]) -> Scene:
-    """Return a scene with its objects where they are seen.
+def scene_now(scene: Scene, view: TrackedWorld, nominal: AbstractSet[Atom], atoms: Iterable[Atom]) -> Scene:
+    """Return a scene with its objects at their tracked poses.
 
     Args:
-        scene: who and what is there.
+        scene: with the agents, tables and objects.
         view: the tracked world.
-        believed: what the plan has.
-        atoms: what holds, see `atoms_now`.
+        nominal: atoms that hold by the plan.
+        atoms: initial atoms of the new scene, see `atoms_now`.
 
     Raises:
-        OutOfPlace: an object is lost, moves, or is neither in a hand nor on a table.
+        ObjectUnavailable: an object is lost, moves, or is neither in a hand nor on a table.
     """
     values: dict[str, Any] = copy.deepcopy(dict(scene.values))
     for name in scene.objects:
-        values["objects"][name] = _placed(scene, view, name, carrier(view, name, believed), values["objects"][name])
+        values["objects"][name] = _placed(scene, view, name, carrier(view, name, nominal), values["objects"][name])
     values["initial"] = [str(atom) for atom in atoms]
     return _joined(read_scene(values, scene.name), values)
 
 
-def atoms_now(view: TrackedWorld, task: Task, believed: AbstractSet[Atom]) -> tuple[Atom, ...]:
-    """Return the atoms that hold: seen where they have geometry, else as the plan has them.
+def atoms_now(view: TrackedWorld, task: Task, nominal: AbstractSet[Atom]) -> tuple[Atom, ...]:
+    """Return the atoms that hold: by geometry where they have any, else by the plan (`nominal`).
 
-    Where an object was put last and what is screwed together stays so, whatever is seen.
+    Atoms of `PERSISTENT` predicates that hold by the plan are kept whatever is seen.
     """
-    found = []
+    atoms = []
     for atom in task.atoms:
-        verdict = evaluate_predicate(view, atom)
-        if verdict is None or verdict.holds is None or (atom.predicate in LASTING and not verdict.holds):
-            holds = atom in believed
+        state = evaluate_predicate(view, atom)
+        if state is None or state.holds is None or (atom.predicate in PERSISTENT and not state.holds):
+            holds = atom in nominal
         elif atom.predicate == "grasped":
-            hand, thing = atom.arguments
-            holds = carrier(view, thing, believed) == hand
+            hand, object_name = atom.arguments
+            holds = carrier(view, object_name, nominal) == hand
         elif atom.predicate == "on_table":
-            holds = verdict.holds and not carrier(view, atom.arguments[0], believed)
+            holds = state.holds and not carrier(view, atom.arguments[0], nominal)
         else:
-            holds = verdict.holds
+            holds = state.holds
         if holds:
-            found.append(atom)
-    return tuple(found)
+            atoms.append(atom)
+    return tuple(atoms)
 
 
-def carrier(view: TrackedWorld, thing: str, believed: AbstractSet[Atom]) -> str:
-    """Return the hand that has an object, "" if none.
+def carrier(view: TrackedWorld, object_name: str, nominal: AbstractSet[Atom]) -> str:
+    """Return the hand that carries an object, "" if none.
 
-    A hand at an object on a table has it if the plan has it so, or, where the plan has no hand keeping it where it
-    stands, if a gripper is closed on it.
+    A hand at an object that stands on a table carries it if it does so by the plan, or if its gripper is closed and by
+    the plan no hand holds the object in place.
     """
-    lies = view.seen(thing) is not None and view.table_under(thing)
-    kept = any(atom.predicate in ("held", "holding") and atom.arguments[-1] == thing for atom in believed)
+    on_any_table = view.seen(object_name) is not None and view.table_under(object_name)
+    held = any(atom.predicate in ("held", "holding") and atom.arguments[-1] == object_name for atom in nominal)
     for hand in view.world.scene.hands:
-        if grasped(view, hand, thing).holds:
-            sure = Atom("grasped", (hand, thing)) in believed
-            if sure or not lies or (hand in view.now.closed and not kept):
+        if grasped(view, hand, object_name).holds:
+            planned = Atom("grasped", (hand, object_name)) in nominal
+            if planned or not on_any_table or (hand in view.now.closed and not held):
                 return hand
     return ""
 
@@ -100,9 +100,9 @@ def on_table(table: Table, at: TrackedPose) -> tuple[float, float, float, str]:
 
 
 def _joined(scene: Scene, values: dict[str, Any]) -> Scene:
-    """Return a scene in which parts that stand nearly as their joint has them do so exactly.
+    """Return a scene in which parts within `TOGETHER` of the relative position of their joint stand there exactly.
 
-    A screw asks for that, and nobody stands parts up to a fraction of a millimetre.
+    A screw action requires the exact position, which people do not reach.
     """
     for joint in scene.assemblies:
         base, other = (scene.objects[name] for name in joint.parts)
@@ -120,13 +120,13 @@ def _joined(scene: Scene, values: dict[str, Any]) -> Scene:
 
 
 def _placed(scene: Scene, view: TrackedWorld, name: str, hand: str, values: dict[str, Any]) -> dict[str, Any]:
-    """Return the values of an object where it is seen."""
+    """Return the scene values of an object at its tracked pose, in a hand or (`hand` "") on a table."""
     at = view.mean(name)
     if at is None:
-        raise ObjectUnavailable(f"{name} is lost from tracking; bring it back into sight")
+        raise ObjectUnavailable(f"{name} is lost from tracking; bring it into view of the tracker")
     kept = {key: value for key, value in values.items() if key not in ("at", "hand", "in_hand", "up")}
     if hand:
-        rotation, position = in_hand(view.hand(hand), view.now.things[name])
+        rotation, position = in_hand(view.hand(hand), view.now.objects[name])
         vector = np.degrees(logarithm(rotation[None])[0])
         return kept | {"hand": hand, "in_hand": [*position.tolist(), *vector.tolist()]}
     table = view.table_under(name)

@@ -1,4 +1,4 @@
-"""Observed poses and the recent past of the world: `TrackedWorld` answers what geometry can say about them."""
+"""Observations of the world over a short window, and the geometric relations read off them (`TrackedWorld`)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from reba.arrays import Array
 
 @dataclass(frozen=True)
 class TrackedPose:
-    """A pose in the world: rotation (3, 3), position (3,) [m], and when it was seen [s]."""
+    """A pose in the world: rotation (3, 3), position (3,) [m], time of its observation [s]."""
 
     rotation: Array
     position: Array
@@ -25,42 +25,42 @@ class TrackedPose:
 
 @dataclass(frozen=True)
 class Observation:
-    """One moment.
+    """The observed state of the world at one time.
 
     Attributes:
         time: [s] since the run began.
-        q: (nq,) joints of everybody: encoders of the robots, motion capture of the human [rad, m].
-        things: last sighting of each object that was ever seen.
+        q: (nq,) joints: encoders of the robots, motion capture of the human [rad, m].
+        objects: last tracked pose of each object that was ever seen.
         closed: robot hands whose grippers are closed.
     """
 
     time: float
     q: Array
-    things: Mapping[str, TrackedPose]
+    objects: Mapping[str, TrackedPose]
     closed: frozenset[str] = frozenset()
 
 
 class ObservationSource(Protocol):
-    """Where observations come from: a simulated tracker, a recording, a real one."""
+    """A source of observations: simulated tracker, recording or real tracker."""
 
     def observe(self) -> Observation:
-        """Return the present moment."""
+        """Return the current observation."""
         ...
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What counts as met; generous against the noise of optical trackers (about 1 mm).
+    """Tolerances of the predicates; wide against the noise of optical trackers (about 1 mm).
 
     Attributes:
-        reach: largest gap between the point of a hand that grasps and the box of an object in it [m].
-        still: objects that move less within the window are at rest, or move with the hand [m].
+        reach: largest distance between the grasping point of a hand and the box of an object in it [m].
+        still: largest distance from its mean position over the window of an object at rest [m].
         level: largest gap between the underside of an object and the table it lies on [m].
-        moved, turned: an object farther from where it was planned is somewhere else [m, rad].
-        joints: robots farther from where a motion starts are somewhere else [rad].
-        window: time that is looked back [s].
-        fresh: sightings that are older say nothing about movement [s].
-        stale: objects not seen for longer are lost [s].
+        moved, turned: largest deviation of an object from its planned pose [m, rad].
+        joints: largest deviation of a robot joint from the initial configuration of a motion [rad].
+        window: length of the observed past [s].
+        fresh: largest age of a tracked pose that counts as an observation of movement [s].
+        stale: age of its last tracked pose after which an object is lost [s].
     """
 
     reach: float = 0.03
@@ -75,22 +75,7 @@ class Tolerances:
 
 
 class TrackedWorld:
-    """The last moments of the world, and what can be said about them.
-
-    Args:
-        world: kinematics and scene.
-        tolerances: what counts as met.
-
-    Attributes:
-        world, tolerances: as given.
-        now: the last observation.
-
-    Example:
-        >>> view = View(world)                                      # doctest: +SKIP
-        >>> view.add(source.observe())                              # doctest: +SKIP
-        >>> view.gap("baxter.right", "screwdriver")                 # doctest: +SKIP
-        0.21
-    """
+    """The observations of the last `Tolerances.window`, and the geometric relations that hold in them."""
 
     def __init__(self, world: World, tolerances: Tolerances | None = None) -> None:
         self.world = world
@@ -103,92 +88,89 @@ class TrackedWorld:
         return self._past[-1][0]
 
     def add(self, observation: Observation) -> None:
-        """Take in one more moment and forget what is older than the window."""
+        """Append an observation and drop those older than the window."""
         hands = tuple(self.world.scene.hands)
         at = self.world.at(observation.q[None], hands)
-        found = {
+        hand_poses = {
             name: TrackedPose(at.rotation[0, number], at.position[0, number], observation.time)
             for name, number in at.index.items()
         }
-        self._past.append((observation, found))
+        self._past.append((observation, hand_poses))
         while self.now.time - self._past[0][0].time > self.tolerances.window + 1e-6:
             self._past.popleft()
 
     def settled(self) -> bool:
-        """Return whether the window is full, so that rest can be told from a glance."""
+        """Return whether the window is long enough to tell rest from movement."""
         return self.now.time - self._past[0][0].time > 0.6 * self.tolerances.window
 
     def hand(self, name: str) -> TrackedPose:
-        """Return where a hand is; its position is the point that grasps."""
+        """Return the pose of a hand; its position is the grasping point."""
         return self._past[-1][1][name]
 
-    def seen(self, thing: str) -> TrackedPose | None:
-        """Return where an object is, None if it is lost from tracking."""
-        sighting = self.now.things.get(thing)
-        if sighting is None or self.now.time - sighting.time > self.tolerances.stale:
-            return None
-        return sighting
+    def seen(self, object_name: str) -> TrackedPose | None:
+        """Return the pose of an object, None if it is lost from tracking."""
+        pose = self.now.objects.get(object_name)
+        return None if pose is None or self.now.time - pose.time > self.tolerances.stale else pose
 
-    def mean(self, thing: str) -> TrackedPose | None:
-        """Return an object at rest where it was on average over the window, which evens out noise."""
-        last = self.seen(thing)
+    def mean(self, object_name: str) -> TrackedPose | None:
+        """Return the mean pose of an object over the window, None if it is lost: at rest, the mean cancels noise."""
+        last = self.seen(object_name)
         if last is None:
             return None
-        seen = [at.things[thing] for at, _ in self._fresh(thing)] or [last]
+        seen = [at.objects[object_name] for at, _ in self._fresh(object_name)] or [last]
         left, _, right = np.linalg.svd(np.sum([one.rotation for one in seen], axis=0))
         turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
         return TrackedPose(turn, np.mean([one.position for one in seen], axis=0), last.time)
 
-    def gap(self, hand: str, thing: str) -> float:
+    def gap(self, hand: str, object_name: str) -> float:
         """Return the distance [m] between the grasping point of a hand and the box of a seen object, 0 inside it."""
-        return box_gap(self.hand(hand).position, self.now.things[thing], self.world.scene.objects[thing])
+        return box_gap(self.hand(hand).position, self.now.objects[object_name], self.world.scene.objects[object_name])
 
-    def watched(self, thing: str) -> bool:
-        """Return whether an object was seen for long enough that rest can be told from movement."""
-        seen = self._fresh(thing)
+    def watched(self, object_name: str) -> bool:
+        """Return whether an object was seen for long enough to tell rest from movement."""
+        seen = self._fresh(object_name)
         return bool(seen) and seen[-1][0].time - seen[0][0].time > 0.6 * self.tolerances.window
 
-    def rests(self, thing: str) -> bool:
+    def rests(self, object_name: str) -> bool:
         """Return whether a watched object has not moved in the window."""
-        return self.watched(thing) and _spread([at.things[thing].position for at, _ in self._fresh(thing)]) <= (
-            self.tolerances.still
-        )
+        positions = [at.objects[object_name].position for at, _ in self._fresh(object_name)]
+        return self.watched(object_name) and _spread(positions) <= self.tolerances.still
 
-    def moves_with(self, thing: str, hand: str) -> bool:
+    def moves_with(self, object_name: str, hand: str) -> bool:
         """Return whether a watched object has not moved in the frame of a hand in the window, both at rest included."""
-        spots = [
-            hands[hand].rotation.T @ (at.things[thing].position - hands[hand].position)
-            for at, hands in self._fresh(thing)
+        positions = [
+            hands[hand].rotation.T @ (at.objects[object_name].position - hands[hand].position)
+            for at, hands in self._fresh(object_name)
         ]
-        return self.watched(thing) and _spread(spots) <= self.tolerances.still
+        return self.watched(object_name) and _spread(positions) <= self.tolerances.still
 
-    def _fresh(self, thing: str) -> list[tuple[Observation, dict[str, TrackedPose]]]:
-        """Return the moments of the window in which an object was really seen."""
+    def _fresh(self, object_name: str) -> list[tuple[Observation, dict[str, TrackedPose]]]:
+        """Return the observations of the window in which an object was seen, with the poses of the hands."""
         return [
             (at, hands)
             for at, hands in self._past
-            if thing in at.things and at.time - at.things[thing].time <= self.tolerances.fresh
+            if object_name in at.objects and at.time - at.objects[object_name].time <= self.tolerances.fresh
         ]
 
-    def table_under(self, thing: str) -> str:
-        """Return the full name of the table that a seen object lies on, "" if on none."""
-        scene, sighting = self.world.scene, self.now.things[thing]
-        low = sighting.position[2] - half_height(scene.objects[thing], sighting.rotation)
+    def table_under(self, object_name: str) -> str:
+        """Return the full name of the table that a seen object lies on, "" if there is none."""
+        scene, pose = self.world.scene, self.now.objects[object_name]
+        low = pose.position[2] - half_height(scene.objects[object_name], pose.rotation)
         for name, table in scene.tables.items():
-            if on_top(table, sighting.position) and abs(low - table.height) <= self.tolerances.level:
+            if on_top(table, pose.position) and abs(low - table.height) <= self.tolerances.level:
                 return name
         return ""
 
 
-def box_gap(point: Array, at: TrackedPose, thing: SceneObject) -> float:
+def box_gap(point: Array, at: TrackedPose, scene_object: SceneObject) -> float:
     """Return the distance [m] of a (3,) point from the box of an object, 0 inside it."""
-    inside = np.abs(at.rotation.T @ (point - at.position)) - np.array(thing.size) / 2.0
+    inside = np.abs(at.rotation.T @ (point - at.position)) - np.array(scene_object.size) / 2.0
     return float(np.linalg.norm(np.maximum(inside, 0.0)))
 
 
-def half_height(thing: SceneObject, rotation: Array) -> float:
-    """Return how far [m] an object reaches below its middle when turned by a (3, 3) rotation."""
-    return float(np.abs(rotation[2]) @ np.array(thing.size)) / 2.0
+def half_height(scene_object: SceneObject, rotation: Array) -> float:
+    """Return the height [m] of an object's centre above its lowest point under a rotation (3, 3)."""
+    return float(np.abs(rotation[2]) @ np.array(scene_object.size)) / 2.0
 
 
 def on_top(table: Table, position: Array) -> bool:
@@ -199,7 +181,7 @@ def on_top(table: Table, position: Array) -> bool:
     return bool(abs(along) <= table.size[0] / 2.0 and abs(across) <= table.size[1] / 2.0)
 
 
-def _spread(spots: list[Array]) -> float:
-    """Return the largest distance [m] of spots from their middle."""
-    points = np.array(spots)
+def _spread(positions: list[Array]) -> float:
+    """Return the largest distance [m] of positions (3,) from their mean."""
+    points = np.array(positions)
     return float(np.linalg.norm(points - points.mean(axis=0), axis=1).max())

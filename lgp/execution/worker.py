@@ -1,4 +1,4 @@
-"""The simulated human: does what the page shows, in their own time and way; nobody commands them."""
+"""The simulated human: acts as the page shows, with delays, pace, sway and placements of their own."""
 
 from __future__ import annotations
 
@@ -7,132 +7,138 @@ from dataclasses import dataclass
 import numpy as np
 
 from lgp.errors import LgpError
-from lgp.execution.retarget import Phase, Planner, Spot
+from lgp.execution.retarget import Phase, Planner, TablePose
 from lgp.execution.simulation import SimulatedWorld
 from lgp.execution.trajectory import JointTrajectory
 from lgp.kinematics.modes import ACTIONS
 from lgp.logic.task import Action
 
 CORRECTIONS = 3
-"""A hand that missed an object reaches for it this often again."""
-SWINGS = 3
-"""Waves that the sway of a motion is made of."""
+"""Number of further attempts of a hand that missed an object."""
+SWAY_WAVES = 3
+"""Number of sine waves, of 1, 2 ... half periods, in the sway of a motion."""
 
 
 @dataclass(frozen=True)
 class WorkerBehaviour:
-    """How a person departs from the plan.
+    """Deviations of a person from the plan.
 
     Attributes:
-        delay: median time until they begin [s]; spread by a third.
-        pace: standard deviation of the logarithm of their pace.
-        sway: of each joint on the way [rad]; it vanishes where a motion begins and ends.
-        spot: standard deviation of where they put things from where it was planned, in x and y [m].
-        help: time after which they pick up what lies on the floor [s].
+        delay: median reaction time [s]; its logarithm has a standard deviation of 0.3.
+        pace: standard deviation of the logarithm of the duration of a motion.
+        sway: standard deviation of each joint on the way [rad]; zero at both ends of a motion.
+        placement: standard deviation of placements from the planned ones, in x and y [m].
+        help: time after which an object on the floor is put back [s].
     """
 
     delay: float = 0.4
     pace: float = 0.1
     sway: float = 0.015
-    spot: float = 0.03
+    placement: float = 0.03
     help: float = 3.0
 
 
 EXACT = WorkerBehaviour(0.0, 0.0, 0.0, 0.0)
-"""Somebody who moves as planned."""
+"""A person who moves as planned, without delay."""
 
 
 class Worker:
     """A person in a simulated world.
 
     Args:
-        simulation: the world they act in.
-        habits: how they depart from the plan.
-        rng: of their delays, pace, sway and spots.
+        simulation: the world in which they act.
+        behaviour: deviations from the plan.
+        rng: of the deviations.
 
     Attributes:
-        stuck: whether they do nothing, for trying faults.
+        stuck: whether they do not move, see the fault `stuck`.
     """
 
-    def __init__(self, simulation: SimulatedWorld, habits: WorkerBehaviour, rng: np.random.Generator) -> None:
-        self.simulation, self.habits, self.rng = simulation, habits, rng
+    def __init__(self, simulation: SimulatedWorld, behaviour: WorkerBehaviour, rng: np.random.Generator) -> None:
+        self.simulation, self.behaviour, self.rng = simulation, behaviour, rng
         self.columns = simulation.world.columns("human")
         self.stuck = False
         self._planner: Planner | None = None
         self._number = -1
-        self._segment: JointTrajectory | None = None
+        self._trajectory: JointTrajectory | None = None
         self._next: tuple[Planner, int, Phase] | None = None
         self._floor_since: dict[str, float] = {}
 
-    def told(self, planner: Planner, number: int, phase: Phase) -> None:
-        """See the current action and its motion on the page; begin after a while, and after what is in hand is done.
+    def on_action(self, planner: Planner, number: int, phase: Phase) -> None:
+        """React to the current action on the page, after an action of their own that is under way.
 
         Args:
-            planner: what is followed.
+            planner: with the plan in force.
             number: of the action.
             phase: its motion.
         """
         action = self._action()
-        if self._segment is not None and action is not None and self._hand(action) and not self.stuck:
-            self._next = planner.as_it_is(), number, phase
+        if self._trajectory is not None and action is not None and self._hand(action) and not self.stuck:
+            self._next = planner.snapshot(), number, phase
             return
-        # The plan may be replaced by another one while this is still done.
-        self._planner, self._number = planner.as_it_is(), number
+        # The plan may be replaced before this action ends.
+        self._planner, self._number = planner.snapshot(), number
         spread = np.exp(self.rng.normal(0.0, 0.3))
         self._tries = 0
-        self._begin(self._own(phase).segment, self.habits.delay * spread)
+        self._begin(self._own(phase).trajectory, self.behaviour.delay * spread)
 
     def step(self, time: float) -> None:
-        """Write the human's joints of a time [s] into the world, and act on arriving."""
+        """Write the human joints at a time [s] into the simulation; take or release at the end of a motion."""
         self._help(time)
-        if self._segment is None or self.stuck:
+        if self._trajectory is None or self.stuck:
             return
         part = min(max((time - self._start) / self._duration, 0.0), 1.0)
         fade = 1.0 - part**3 * (part * (6.0 * part - 15.0) + 10.0)
-        waves = np.sin(np.pi * part * np.arange(1, SWINGS + 1)) @ self._sway
-        q = self._segment.at(part * self._segment.duration)[self.columns] + fade * self._offset + waves
+        waves = np.sin(np.pi * part * np.arange(1, SWAY_WAVES + 1)) @ self._sway
+        q = self._trajectory.at(part * self._trajectory.duration)[self.columns] + fade * self._offset + waves
         world = self.simulation.world
         self.simulation.q[self.columns] = np.clip(q, world.lower[self.columns], world.upper[self.columns])
         if part >= 1.0:
-            self._segment = None
+            self._trajectory = None
             self._arrive()
-            if self._next is not None and self._segment is None:
+            if self._next is not None and self._trajectory is None:
                 waiting, self._next = self._next, None
-                self.told(*waiting)
+                self.on_action(*waiting)
 
-    def _begin(self, segment: JointTrajectory, delay: float) -> None:
-        self._segment = segment
+    def _begin(self, trajectory: JointTrajectory, delay: float) -> None:
+        self._trajectory = trajectory
         self._start = self.simulation.time + delay
-        self._duration = segment.duration * np.exp(self.rng.normal(0.0, self.habits.pace))
-        self._offset = self.simulation.q[self.columns] - segment.knots[0][self.columns]
-        self._sway = self.rng.normal(0.0, self.habits.sway / SWINGS, (SWINGS, len(self.columns)))
+        self._duration = trajectory.duration * np.exp(self.rng.normal(0.0, self.behaviour.pace))
+        self._offset = self.simulation.q[self.columns] - trajectory.knots[0][self.columns]
+        self._sway = self.rng.normal(0.0, self.behaviour.sway / SWAY_WAVES, (SWAY_WAVES, len(self.columns)))
 
     def _own(self, phase: Phase) -> Phase:
-        """Return the motion with the person's own idea of where to put a thing, and to where things truly are."""
+        """Return the motion to the true poses of the objects, with a placement that deviates from the plan."""
         planner, action = self._planner, self._action()
         if planner is None or action is None or not self._hand(action):
             return phase
-        spot = None
+        target = None
         if (
             ACTIONS[action.name].attaches_to == "table"
-            and self.habits.spot > 0.0
+            and self.behaviour.placement > 0.0
             and not self._joined(action.arguments[1])
         ):
-            x, y, yaw = planner.planned_spot(self._number)
-            x, y = self.rng.normal((x, y), self.habits.spot)
-            spot = Spot(float(x), float(y), yaw)
-        if spot is None and not planner.deviations(self._number, self.simulation.view):
+            x, y, yaw = planner.planned_placement(self._number)
+            x, y = self.rng.normal((x, y), self.behaviour.placement)
+            target = TablePose(float(x), float(y), yaw)
+        if target is None and not planner.deviations(self._number, self.simulation.view):
             return phase
-        return self._again(spot) or phase
+        return self._retargeted(target) or phase
 
-    def _joined(self, thing: str) -> bool:
-        """Return whether a thing is put beside one that it is to be joined with, which leaves no choice."""
+    def _joined(self, object_name: str) -> bool:
+        """Return whether a part is placed beside the one that it is joined with: its placement is then exact."""
         scene, under = self.simulation.world.scene, self.simulation.view.table_under
-        others = [name for joint in scene.assemblies if thing in joint.parts for name in joint.parts if name != thing]
+        others = [
+            name
+            for joint in scene.assemblies
+            if object_name in joint.parts
+            for name in joint.parts
+            if name != object_name
+        ]
         return any(under(name) not in ("", scene.objects[name].on) for name in others)
 
     def _arrive(self) -> None:
-        """Do with the hand what the action wants of it, or reach again."""
+        """Take or release the object of the action, or reach for it again."""
         action = self._action()
         hand = "" if action is None else self._hand(action)
         if action is None or not hand:
@@ -141,18 +147,18 @@ class Worker:
         if kind.attaches_to == "hand" and not kind.given_by:
             done = self.simulation.take(hand, action.arguments[1])
         elif kind.attaches_to == "table":
-            if self.simulation.things[action.arguments[1]].hand == hand:
+            if self.simulation.objects[action.arguments[1]].hand == hand:
                 self.simulation.put(action.arguments[1])
         elif kind.attaches_to == "hand":
             done = self.simulation.gap(hand, action.arguments[1]) <= self.simulation.view.tolerances.reach
         if not done and self._tries < CORRECTIONS:
             self._tries += 1
-            phase = self._again()
+            phase = self._retargeted()
             if phase is not None:
-                self._begin(phase.segment, self.habits.delay)
+                self._begin(phase.trajectory, self.behaviour.delay)
 
-    def _again(self, spot: Spot | None = None) -> Phase | None:
-        """Return the motion to where things truly are, None if there is none."""
+    def _retargeted(self, target: TablePose | None = None) -> Phase | None:
+        """Return the motion to the true poses of the objects, None if there is none."""
         planner = self._planner
         if planner is None:
             return None
@@ -160,17 +166,17 @@ class Worker:
             scene = planner.scene(self._number, self.simulation.view)
         except LgpError:
             return None
-        found = planner.retarget(self._number, scene, self.simulation.q, spot)
-        return found if isinstance(found, Phase) else None
+        phase = planner.retarget(self._number, scene, self.simulation.q, target)
+        return phase if isinstance(phase, Phase) else None
 
     def _help(self, time: float) -> None:
-        """Put back what has lain on the floor for a while, onto the table where it lay at first."""
+        """Put objects that have lain on the floor for a while back onto the table of the initial scene."""
         simulation = self.simulation
-        for name, thing in simulation.world.scene.objects.items():
-            if simulation.things[name].hand or simulation.view.table_under(name):
+        for name, scene_object in simulation.world.scene.objects.items():
+            if simulation.objects[name].hand or simulation.view.table_under(name):
                 self._floor_since.pop(name, None)
-            elif time - self._floor_since.setdefault(name, time) > self.habits.help and not self.stuck:
-                simulation.lay(name, thing.on, *thing.at[:2])
+            elif time - self._floor_since.setdefault(name, time) > self.behaviour.help and not self.stuck:
+                simulation.lay(name, scene_object.on, *scene_object.at[:2])
 
     def _action(self) -> Action | None:
         return None if self._planner is None else self._planner.actions[self._number]

@@ -1,6 +1,6 @@
-"""The page for the worker: a plan as a presentation that says, shows and plays each action.
+"""The page for the worker: a plan as a presentation with a sentence and an animation of each action.
 
-plan -> sentences, view (meshes, frames, shots) -> data, pictures -> folder with index.html
+plan -> sentences, scene animation (meshes, frames, shots) -> packed data, pictures -> folder with index.html
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A coloured triangle mesh, and the surface of blended solids as one."""
+"""Coloured triangle meshes, and the mesh of a smooth union of rounded solids."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     import pyvista
 
 PROBE = 0.002
-"""[m] How far on both sides of a surface is looked for its outside."""
+"""[m] Distance of the probes on both sides of a face that tell its outside."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A mesh.
+    """A coloured triangle mesh.
 
     Attributes:
         vertices: (n, 3) [m].
@@ -35,12 +35,12 @@ class Mesh:
     gloss: float = 0.2
 
 
-def scattered(mesh: Mesh, apart: float) -> Array:
-    """Return points (k, 3) all over a mesh, about so far apart [m]; the same ones every time."""
+def surface_points(mesh: Mesh, spacing: float) -> Array:
+    """Return points (k, 3) all over a mesh, about `spacing` from each other [m]; always the same ones."""
     corners = mesh.vertices[mesh.faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2.0
     # Triangle k begins where the areas before it end, so that small ones share their points.
-    share = np.floor(np.cumsum(area) / apart**2).astype(int)
+    share = np.floor(np.cumsum(area) / spacing**2).astype(int)
     counts = np.diff(share, prepend=0)
     chosen = np.repeat(np.arange(len(counts)), counts)
     weights = np.random.default_rng(0).dirichlet(np.ones(3), len(chosen))
@@ -72,7 +72,7 @@ class Solid:
     """A rounded solid: a limb that tapers from one point to another, or an ellipsoid (both ends the same).
 
     Attributes:
-        bone: what it moves with.
+        bone: joint that it moves with.
         colour: name of its colour.
         start, end: (3,) [m].
         radii: at start and end [m], or the three of an ellipsoid.
@@ -87,7 +87,7 @@ class Solid:
     axes: Array
 
     def distance(self, points: Array) -> Array:
-        """Return about how far (n, 3) points are outside [m], (n,); negative inside."""
+        """Return the approximate signed distance (n,) of (n, 3) points from the surface [m]; negative inside."""
         if len(self.radii) == 3:
             scaled = (points - self.start) @ self.axes / np.array(self.radii)
             near = np.linalg.norm(scaled, axis=1)
@@ -105,7 +105,7 @@ class Solid:
 
 
 def surface(solids: Sequence[Solid], voxel: float, blend: float, floor: float = -np.inf) -> pyvista.PolyData:
-    """Return the surface of solids that run into each other like flesh.
+    """Return the surface of the smooth union of solids.
 
     The field is the polynomial smooth minimum of the distances (Quilez, "smooth minimum"), its zero level is found
     by VTK's flying edges.
@@ -113,8 +113,8 @@ def surface(solids: Sequence[Solid], voxel: float, blend: float, floor: float = 
     Args:
         solids: in the order in which they are joined.
         voxel: edge of the grid [m].
-        blend: width over which two solids run into each other [m].
-        floor: everything below this z is cut off.
+        blend: width of the transition between two solids [m].
+        floor: z of the plane below which the surface is cut off [m].
     """
     import pyvista
 
@@ -142,7 +142,7 @@ def painted(skin: pyvista.PolyData, solids: Sequence[Solid], colours: Mapping[st
 
     Args:
         skin: as `surface` returns it.
-        solids: what it was made of.
+        solids: of the surface.
         colours: name of a colour -> "#rrggbb".
         gloss: of the mesh.
     """

@@ -1,4 +1,4 @@
-"""The meshes of a robot: what its URDF shows, read with its colours and reduced to what a page needs."""
+"""Meshes of robots, tables and objects: visuals of a URDF, decimated, and simple shapes by the table objects.toml."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from lgp.scene.model import Robot, SceneObject, Table
 from reba.arrays import Array
 
 FACES = 2500
-"""Most triangles of one link."""
+"""Largest number of triangles of a link."""
 KEPT = 60
-"""Triangles of a piece that is small enough to stay as it is."""
+"""Number of triangles up to which a piece is not decimated."""
 SMALLEST = 0.012
-"""[m] Parts smaller than this are markers of sensors, not bodies."""
+"""[m] Parts smaller than this mark sensors and are left out."""
 PALE = np.array([205, 208, 212], np.uint8)
-"""Colour of a part that has none."""
+"""sRGB of a part without a colour."""
 CREASE = 35.0
-"""[deg] Edges sharper than this stay edges."""
+"""[deg] Edges sharper than this are drawn as edges."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinkMesh:
-    """What is seen of a link: its name, the mesh file or shape as a key to share it by, (4, 4) place in the link."""
+    """A visual of a link: name of the link, key of the shared mesh, (4, 4) pose in the link, mesh."""
 
     link: str
     key: str
@@ -40,8 +40,8 @@ class LinkMesh:
     mesh: Mesh
 
 
-def parts(robot: Robot) -> list[LinkMesh]:
-    """Return what is seen of a robot, link by link.
+def robot_meshes(robot: Robot) -> list[LinkMesh]:
+    """Return the visuals of a robot, link by link.
 
     Raises:
         WorldError: its URDF or a mesh cannot be read.
@@ -52,18 +52,18 @@ def parts(robot: Robot) -> list[LinkMesh]:
     except (OSError, ET.ParseError) as error:
         raise WorldError(f"{urdf}: cannot be read as URDF ({error})") from error
     paints = {entry.get("name"): _rgba(entry) for entry in root.findall("material")}
-    found = []
+    visuals = []
     for link in root.findall("link"):
         for visual in link.findall("visual"):
             paint = _paint(visual, paints)
-            # What is half transparent marks a sensor or a zone.
+            # Transparent visuals mark sensors or zones.
             if paint is not None and paint[3] < 1.0:
                 continue
             rgb = PALE if paint is None else np.array(np.clip(paint[:3], 0, 1) * 255, np.uint8)
             shape, mesh = _shape(visual, urdf, rgb)
             if mesh is not None and np.ptp(mesh.vertices, axis=0).max() > SMALLEST:
-                found.append(LinkMesh(str(link.get("name")), f"{shape} {rgb.tolist()}", _origin(visual), mesh))
-    return found
+                visuals.append(LinkMesh(str(link.get("name")), f"{shape} {rgb.tolist()}", _origin(visual), mesh))
+    return visuals
 
 
 def _shape(visual: ET.Element, urdf: Path, rgb: NDArray[np.uint8]) -> tuple[str, Mesh | None]:
@@ -90,7 +90,7 @@ def _shape(visual: ET.Element, urdf: Path, rgb: NDArray[np.uint8]) -> tuple[str,
 
 @cache
 def _load(file: Path, scale: tuple[float, ...], paint: tuple[int, ...]) -> Mesh:
-    """Return a mesh file, reduced; parts without a colour of their own get `paint`."""
+    """Return a mesh file, decimated; parts without a colour get `paint`."""
     import trimesh
 
     try:
@@ -109,13 +109,13 @@ def _colour(body: Any, paint: tuple[int, ...]) -> NDArray[np.uint8]:
 def reduced(bodies: list[tuple[Array, NDArray[np.int64], NDArray[np.uint8]]]) -> Mesh:
     """Return vertices (n, 3), faces (m, 3) and colours (3,) as one mesh of at most about `FACES` triangles.
 
-    Edges of the surface stay edges: vertices there are split. Blacks become dark greys, so that a shape is seen.
+    Vertices at sharp edges are split, so that they are shaded as edges. Black becomes dark grey, to show the shape.
     """
     import pyvista
     import trimesh
 
     total = sum(len(faces) for _, faces, _ in bodies)
-    found = []
+    meshes = []
     for vertices, faces, rgb in bodies:
         whole = trimesh.Trimesh(vertices, faces, process=False)
         whole.merge_vertices(merge_tex=True, merge_norm=True)
@@ -130,8 +130,8 @@ def reduced(bodies: list[tuple[Array, NDArray[np.int64], NDArray[np.uint8]]]) ->
             points = np.asarray(body.points, dtype=float)
             tint = (52 + 0.78 * rgb.astype(float)).astype(np.uint8)
             colours = np.broadcast_to(tint, points.shape)
-            found.append(Mesh(points, np.asarray(body.regular_faces, np.int64), colours, gloss=0.5))
-    return joined(found)
+            meshes.append(Mesh(points, np.asarray(body.regular_faces, np.int64), colours, gloss=0.5))
+    return joined(meshes)
 
 
 def _file(name: str, urdf: Path) -> Path:
@@ -145,7 +145,7 @@ def _file(name: str, urdf: Path) -> Path:
             return folder / rest
         if (folder / inside).is_file():
             return folder / inside
-    raise WorldError(f"{urdf}: its mesh {name} is not there; install the whole package of the robot")
+    raise WorldError(f"{urdf}: its mesh {name} does not exist; install the whole package of the robot")
 
 
 def _paint(visual: ET.Element, paints: dict[str | None, list[float] | None]) -> list[float] | None:
@@ -174,7 +174,7 @@ def _numbers(text: str) -> list[float]:
     return [float(word) for word in text.split()]
 
 
-TABLE = Path(__file__).parent / "data" / "things.toml"
+TABLE = Path(__file__).parent / "data" / "objects.toml"
 
 
 @cache
@@ -184,7 +184,7 @@ def shapes() -> dict[str, Any]:
 
 
 def table_mesh(table: Table) -> Mesh:
-    """Return a table: its top at its height, on four legs, a small one on a pillar with a foot."""
+    """Return a table: its top on four legs, or a small one on a pillar with a foot."""
     look = shapes()["table"]
     length, width = table.size
     middle = table.height - table.thickness / 2.0
@@ -201,18 +201,13 @@ def table_mesh(table: Table) -> Mesh:
     return joined(bodies)
 
 
-def thing_mesh(thing: SceneObject, number: int) -> Mesh:
-    """Return an object: the shape that a word of its name stands for, else a box.
-
-    Args:
-        thing: the object.
-        number: in the scene, for a colour of its own.
-    """
+def object_mesh(scene_object: SceneObject, number: int) -> Mesh:
+    """Return an object: the shape of a word of its name in objects.toml, else a box; `number` chooses its colour."""
     data = shapes()
     tint = data["colours"][number % len(data["colours"])]
-    words = thing.name.replace(".", " ").replace("_", " ").replace("/", " ").split()
+    words = scene_object.name.replace(".", " ").replace("_", " ").replace("/", " ").split()
     entries = next((data["shapes"][word] for word in words if word in data["shapes"]), [{"kind": "box"}])
-    size = np.array(thing.size)
+    size = np.array(scene_object.size)
     return joined([_piece(entry, size, entry.get("colour", tint)) for entry in entries])
 
 
@@ -241,7 +236,7 @@ def _bar(size: Array, at: Array, longest: int, tint: str) -> Mesh:
     body = trimesh.creation.revolve([*profile, (0, half)], sections=28)
     points = np.empty_like(body.vertices)
     points[:, longest] = body.vertices[:, 2]
-    # The remaining axes follow in order, so that the bar is turned and not mirrored.
+    # A cyclic permutation of the axes is a rotation, not a mirror image.
     for source, axis in enumerate(((longest + 1) % 3, (longest + 2) % 3)):
         points[:, axis] = body.vertices[:, source] * size[axis]
     return reduced([(points + at, body.faces, colour(tint))])

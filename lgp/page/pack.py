@@ -1,4 +1,4 @@
-"""A view as plain data for the page's script: whole numbers in base64, which a script file holds without a server."""
+"""A scene animation as plain data for the script of the page: integers in base64, readable without a server."""
 
 from __future__ import annotations
 
@@ -14,19 +14,15 @@ from lgp.page.view import SceneAnimation
 from reba.arrays import Array
 
 FULL = 32767
-"""Largest of the whole numbers that stand for lengths."""
+"""Largest 16-bit integer, which stands for the largest length."""
 DIRECTIONS = 2000
-"""In which the points that frame a shot are outermost."""
+"""Number of directions whose outermost points frame a shot."""
 
 
 def packed(view: SceneAnimation) -> dict[str, Any]:
-    """Return a view as data that JSON holds.
+    """Return a scene animation as plain data.
 
-    Positions are whole numbers times a scale, little-endian; quaternions x, y, z, w times 32767.
-
-    Example:
-        >>> packed(view(motion))["time"][:2]                             # doctest: +SKIP
-        [0.0, 0.05]
+    Positions are little-endian 16-bit integers times a scale [m]; quaternions x, y, z, w are integers over 32767.
     """
     position = view.place[:, :, :3, 3]
     return {
@@ -77,7 +73,7 @@ def _skin(view: SceneAnimation) -> dict[str, Any] | None:
 
 
 def _shot(shot: Shot) -> dict[str, Any]:
-    """Return a shot; of its points those that are outermost in some direction, which frame it the same."""
+    """Return a shot with only those points that are outermost in some direction: they give the same camera."""
     spread = np.random.default_rng(0).normal(size=(DIRECTIONS, 3))
     chosen = np.unique((shot.points @ spread.T).argmax(axis=0))
     return {"points": _rounded(shot.points[chosen].ravel()), "towards": _rounded(shot.towards)}
@@ -96,10 +92,10 @@ def _quaternions(rotation: Array) -> Array:
     """Return (T, F, 4) from (T, F, 3, 3), without jumps of sign from moment to moment."""
     from scipy.spatial.transform import Rotation
 
-    found = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat().reshape(*rotation.shape[:2], 4)
-    jumps = np.where((found[1:] * found[:-1]).sum(axis=2) < 0.0, -1.0, 1.0)
-    found[1:] *= np.cumprod(jumps, axis=0)[:, :, None]
-    return np.asarray(found)
+    quaternions = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat().reshape(*rotation.shape[:2], 4)
+    jumps = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=2) < 0.0, -1.0, 1.0)
+    quaternions[1:] *= np.cumprod(jumps, axis=0)[:, :, None]
+    return np.asarray(quaternions)
 
 
 def _rounded(values: Array) -> list[float]:

@@ -1,4 +1,4 @@
-"""A plan as a folder that any browser opens: the presentation, what it needs, and pictures for those without WebGL."""
+"""A plan as a folder for any browser: the presentation, its libraries, and pictures for browsers without WebGL."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import hashlib
 import json
 import shutil
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from functools import cache
@@ -20,7 +21,7 @@ from lgp.motion import Motion
 from lgp.page.pack import packed
 from lgp.page.pictures import write_pictures
 from lgp.page.sentences import Instruction, humanised, sentences
-from lgp.page.view import SceneAnimation, view
+from lgp.page.view import SceneAnimation, scene_animation
 from lgp.plan_record import Plan
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 from reba.report.labels import LEVEL_COLOURS, TEXT_ON
@@ -29,7 +30,7 @@ from reba.report.page import read, template
 ASSETS = "assets"
 PICTURES = "pictures"
 NARROW = 3.0
-"""[%] Shorter runs of the ribbon have no number in them."""
+"""[%] Narrower spans of the ribbon have no number."""
 RING = 0.08
 """[m] Smallest radius of the ring around the object of an action."""
 SCRIPTS = ("stage.js", "player.js", "live.js")
@@ -40,28 +41,24 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
 
     The same plan gives the same files. Served over HTTP, the page follows a running plan: it listens to `events`
     beside it, server-sent events whose data are `{"action": number from 0 or null, "state": "waiting" | "running" |
-    "done" | "failed" | "finished", "text": "...", "time": seconds, "plan": number}`; it loads itself anew when `plan`
+    "done" | "failed" | "finished", "text": "...", "time": seconds, "plan": number}`; it reloads when `plan`
     changes.
 
     Args:
-        plan: a feasible one.
-        folder: made if it is not there; what else lies there stays.
-        pictures: also draw the stills and films that stand in where there is no WebGL.
+        plan: feasible.
+        folder: created if it does not exist; other files in it stay.
+        pictures: also draw stills and films for browsers without WebGL.
 
     Returns:
         The page, `index.html` in the folder.
 
     Raises:
-        LgpError: there is no motion, a package is missing, or the folder cannot be written.
-
-    Example:
-        >>> write_page(lgp.Plan.load("plan"), "plan/page")               # doctest: +SKIP
-        PosixPath('plan/page/index.html')
+        LgpError: the plan is infeasible, a package is missing, or the folder cannot be written.
     """
-    check()
+    check_packages()
     out = Path(folder)
     motion = Motion(plan)
-    seen = view(motion)
+    animation = scene_animation(motion)
     lines = sentences(plan.scene, motion.phases.switches)
     try:
         assets = out / ASSETS
@@ -70,10 +67,10 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
             shutil.copyfile(file, assets / name)
         for name in ("page.css", *SCRIPTS):
             (assets / name).write_text(read("lgp.page", f"template/{name}"), encoding="utf-8")
-        data = _script({"view": packed(seen), **_facts(plan, motion, seen, lines)})
+        data = _script({"view": packed(animation), **_facts(plan, motion, animation, lines)})
         (assets / "plan.js").write_text(data, encoding="utf-8")
         if pictures:
-            write_pictures(seen, out / PICTURES)
+            write_pictures(animation, out / PICTURES)
         else:
             shutil.rmtree(out / PICTURES, ignore_errors=True)
         index = out / "index.html"
@@ -84,32 +81,32 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
 
 
 def _script(data: dict[str, Any]) -> str:
-    """Return data as a script, because pages from a file may not read other files."""
+    """Return data as a script: pages opened from a file may not read data files."""
     return f"window.PLAN = {json.dumps(data, separators=(',', ':'), allow_nan=False)};\n"
 
 
-def _facts(plan: Plan, motion: Motion, seen: SceneAnimation, lines: tuple[Instruction, ...]) -> dict[str, Any]:
-    """Return what the player knows beside the view."""
-    things = [switch.object_name for switch in motion.phases.switches]
+def _facts(plan: Plan, motion: Motion, animation: SceneAnimation, lines: tuple[Instruction, ...]) -> dict[str, Any]:
+    """Return the data of the player beside the animation: actions and score spans."""
+    object_names = [switch.object_name for switch in motion.phases.switches]
     return {
         "actions": [
             {
                 "text": line.text,
                 "you": line.you,
-                "frame": seen.frames.index(thing),
-                "radius": max(RING, round(0.6 * max(plan.scene.objects[thing].size), 3)),
+                "frame": animation.frames.index(name),
+                "radius": max(RING, round(0.6 * max(plan.scene.objects[name].size), 3)),
             }
-            for line, thing in zip(lines, things, strict=True)
+            for line, name in zip(lines, object_names, strict=True)
         ],
         "runs": [
             {"start": run.start, "end": run.end, "score": run.score, "risk": risk(run.level), "colour": run.colour}
-            for run in runs(plan)
+            for run in score_spans(plan)
         ],
     }
 
 
 def _html(plan: Plan, lines: tuple[Instruction, ...], pictures: bool, data: str) -> str:
-    ribbon = runs(plan)
+    ribbon = score_spans(plan)
     total = float(plan.time[-1])
     return template("lgp.page", "template/index.html").render(
         title=humanised(plan.scene.name).capitalize(),
@@ -121,7 +118,7 @@ def _html(plan: Plan, lines: tuple[Instruction, ...], pictures: bool, data: str)
         reba=plan.summary()["reba"],
         seconds=total,
         scripts=SCRIPTS,
-        # A page of another plan at the same address is not shown with the data of the former one.
+        # A new address of the data, so that browsers do not reuse cached data of another plan.
         version=hashlib.sha256(data.encode()).hexdigest()[:12],
         assets=ASSETS,
         pictures=PICTURES if pictures else "",
@@ -145,17 +142,20 @@ TABLE = Path(__file__).parent / "data" / "libraries.toml"
 
 @cache
 def table() -> dict[str, Any]:
-    """Return what is needed and where it is (read once)."""
+    """Return the table libraries.toml (read once)."""
     return tomllib.loads(TABLE.read_text(encoding="utf-8"))
 
 
-def check() -> None:
-    """Raise the one line that says what to install, if anything that a page needs is missing.
+def check_packages(modules: Mapping[str, str] | None = None) -> None:
+    """Check that the packages of a page are installed.
+
+    Args:
+        modules: module -> package; those of libraries.toml by default.
 
     Raises:
-        LgpError: a package is not installed.
+        LgpError: a package is missing.
     """
-    for module, package in table()["modules"].items():
+    for module, package in (table()["modules"] if modules is None else modules).items():
         try:
             import_module(module)
         except ImportError as error:
@@ -167,9 +167,9 @@ def library_files() -> dict[str, Path]:
     """Return name in the page -> file of a library.
 
     Raises:
-        LgpError: the package that carries it is not installed, or its files are elsewhere.
+        LgpError: its package is missing, or has no such file.
     """
-    found = {}
+    files = {}
     for library in table()["libraries"]:
         try:
             distribution = metadata.distribution(library["package"])
@@ -182,17 +182,17 @@ def library_files() -> dict[str, Path]:
                 raise LgpError(
                     f"{library['package']} {distribution.version} has no {pattern}; install {library['works']}"
                 )
-            found[name] = Path(str(distribution.locate_file(inside[-1])))
-    return found
+            files[name] = Path(str(distribution.locate_file(inside[-1])))
+    return files
 
 
 def _missing(package: str) -> LgpError:
-    return LgpError(f"the page needs the package {package}; install it with: pip install 'dreba[page]'")
+    return LgpError(f'the page needs the package {package}; install it with: pip install "dreba[page]"')
 
 
 @dataclass(frozen=True)
 class ScoreSpan:
-    """Slices of one score: start and end [s], score, action level, its colour and that of text on it."""
+    """Successive slices of one score: start and end [s], score, action level, its colour and that of text on it."""
 
     start: float
     end: float
@@ -202,8 +202,8 @@ class ScoreSpan:
     ink: str
 
 
-def runs(plan: Plan) -> tuple[ScoreSpan, ...]:
-    """Return the ribbon of a plan; () without a human. Each slice counts from the one before it."""
+def score_spans(plan: Plan) -> tuple[ScoreSpan, ...]:
+    """Return the spans of equal REBA score in a plan, () without a human; slices begin where the former one ends."""
     scores = plan.reba()
     if scores is None:
         return ()
@@ -212,7 +212,7 @@ def runs(plan: Plan) -> tuple[ScoreSpan, ...]:
     firsts = np.flatnonzero(np.diff(total, prepend=-1))
     lasts = np.append(firsts[1:], len(total))
     return tuple(
-        _run(float(time[first]), float(time[last]), int(total[first]))
+        _span(float(time[first]), float(time[last]), int(total[first]))
         for first, last in zip(firsts, lasts, strict=True)
     )
 
@@ -222,7 +222,7 @@ def risk(level: int) -> str:
     return ACTION_LEVELS[level][0]
 
 
-def _run(start: float, end: float, score: int) -> ScoreSpan:
+def _span(start: float, end: float, score: int) -> ScoreSpan:
     level = int(LEVEL_OF[score])
     colour = LEVEL_COLOURS[level]
     return ScoreSpan(round(start, 6), round(end, 6), score, level, colour, TEXT_ON.get(colour, "#1b2430"))

@@ -1,4 +1,4 @@
-"""The person as bodies to look at: a skin that bends with the bones, a head, hands and shoes."""
+"""Meshes of the person: a skin that bends with the bones (linear blend skinning), a head, hands and shoes."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from reba.posture.columns import SIDES
 
 TABLE = Path(__file__).parent / "data" / "person.toml"
 INFLUENCES = 4
-"""Bones that may pull at one place of the skin."""
+"""Number of bones with a weight at a vertex of the skin."""
 SOFT = 0.012
-"""[m] How fast a bone's hold on the skin fades with the distance."""
+"""[m] Length over which the weight of a bone decays by a factor e with its distance."""
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """A mesh that follows several bones.
+    """A mesh that moves with several bones.
 
     Attributes:
-        mesh: where it was bound, in the axes of the person's place.
+        mesh: in the binding posture, in the frame of the person.
         bones: names of the joints.
-        inverse: (B, 4, 4) from there into each bone.
+        inverse: (B, 4, 4) from that frame into each bone in the binding posture.
         index: (n, 4) bones of each vertex.
         weight: (n, 4), rows sum to 1.
     """
@@ -45,7 +45,7 @@ class Skin:
 
 @dataclass(frozen=True, eq=False)
 class PersonModel:
-    """A person: the skin, and stiff parts as (joint, mesh) in the axes of the joint."""
+    """A person: the skin, and rigid parts as (joint, mesh in the frame of the joint)."""
 
     skin: Skin
     parts: tuple[tuple[str, Mesh], ...]
@@ -53,18 +53,14 @@ class PersonModel:
 
 @cache
 def figure(stature: float, sex: str) -> PersonModel:
-    """Return the figure of a person.
+    """Return the meshes of a person.
 
     Args:
         stature: [m].
         sex: "male" or "female".
 
     Raises:
-        SceneError: nobody is that tall, or the sex is unknown.
-
-    Example:
-        >>> figure(1.75, "male").skin.weight.shape[1]                    # doctest: +SKIP
-        4
+        SceneError: the stature is out of range, or the sex is unknown.
     """
     table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
     shape = _Shape(table, stature, sex)
@@ -73,7 +69,7 @@ def figure(stature: float, sex: str) -> PersonModel:
 
 
 class _Shape:
-    """Solids of the table, placed on the joints of a person who stands as `bind` says."""
+    """Solids of the table person.toml on the joints of a person in its posture `bind`."""
 
     def __init__(self, table: dict[str, Any], stature: float, sex: str) -> None:
         import pinocchio as pin
@@ -109,7 +105,7 @@ class _Shape:
         )
 
     def part(self, name: str, side: str) -> tuple[str, Mesh]:
-        """Return the joint and the mesh of a stiff part; the left one is the right one in a mirror."""
+        """Return joint and mesh of a rigid part; the left one is the mirror image of the right one."""
         entry = self.table[name]
         joint = entry["joint"].format(side="right")
         solids = [self.solid(solid, which) for solid in entry["solids"] for which in _sides(solid) or ("right",)]

@@ -1,4 +1,4 @@
-"""Pictures of a view where no WebGL is: a still of the end of each action, and its motion as a short film (WebP)."""
+"""Pictures for browsers without WebGL: a still of the end of each action, and its motion as a short film (WebP)."""
 
 from __future__ import annotations
 
@@ -20,25 +20,21 @@ FILM = (560, 420)
 """[pixels]"""
 FRAMES_PER_SECOND = 6.0
 FINER = 1.5
-"""Pictures are drawn this much larger and made smaller, for smooth edges."""
+"""Factor of supersampling, for smooth edges."""
 QUALITY = 82
 LIGHTS = (((-0.8, 0.9, 0.8), 0.62), ((1.0, 0.5, 0.6), 0.32), ((0.0, -0.6, 0.8), 0.12))
-"""Places around the eye (right, up, towards the eye) and strengths."""
+"""Positions relative to the eye (right, up, towards the eye) and intensities."""
 AMBIENT = 0.34
 GROUND = "#eef1f4"
 FLOOR = "#dfe4e8"
 
 
 def write_pictures(view: SceneAnimation, folder: Path) -> None:
-    """Write `start.webp`, and for each action `action-1.webp` and the film `action-1-film.webp`.
-
-    Example:
-        >>> write_pictures(view(motion), Path("page/pictures"))          # doctest: +SKIP
-    """
+    """Write `start.webp`, and for each action `action-1.webp` and the film `action-1-film.webp`."""
     import pyvista
 
     folder.mkdir(parents=True, exist_ok=True)
-    # VTK warns that there is no display; it needs none.
+    # VTK warns about the missing display, which it does not need.
     with pyvista.vtk_verbosity("error"):
         _write(view, folder)
 
@@ -68,7 +64,7 @@ def _save(path: Path, images: list[Image.Image], milliseconds: float = 0.0) -> N
 
 
 class _Stage:
-    """A scene that is drawn off screen, one moment after another."""
+    """A scene that is rendered off screen, one moment after another."""
 
     def __init__(self, view: SceneAnimation) -> None:
         import pyvista
@@ -89,7 +85,7 @@ class _Stage:
             self.skin = self._add(view.skin[0].mesh)[0]
 
     def picture(self, moment: int, shot: Shot, size: tuple[int, int]) -> Image.Image:
-        """Return a moment as it is seen in a shot."""
+        """Return the picture of a moment in a shot."""
         from PIL import Image
 
         for body, actor in zip(self.view.bodies, self.actors, strict=True):

@@ -1,4 +1,4 @@
-"""What a worker reads: each action of a plan in a sentence."""
+"""Instructions to the worker: a sentence for each action of a plan."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ class Instruction:
 
 
 def sentences(scene: Scene, switches: Sequence[KinematicSwitch]) -> tuple[Instruction, ...]:
-    """Return the lines of a sequence of actions.
+    """Return the instructions of a sequence of actions.
 
     Args:
-        scene: where they happen.
-        switches: the actions as geometry, in order.
+        scene: with their hands, objects and tables.
+        switches: the actions in order.
 
     Example:
         >>> from lgp.scene.scene_file import load_scene
-        >>> from lgp.kinematics.modes import Switch
+        >>> from lgp.kinematics.modes import KinematicSwitch
         >>> scene = load_scene("screwdriver")
-        >>> print(sentences(scene, [Switch("grasp", "baxter.left", "screwdriver")])[0].text)
+        >>> print(sentences(scene, [KinematicSwitch("grasp", "baxter.left", "screwdriver")])[0].text)
         The robot, using its left arm, picks up the screwdriver from the start table.
     """
-    lies: dict[str, str] = {name: thing.on for name, thing in scene.objects.items()}
+    table_of: dict[str, str] = {name: scene_object.on for name, scene_object in scene.objects.items()}
     lines = []
     for switch in switches:
-        lines.append(_line(scene, switch, lies.get(switch.object_name, "")))
+        lines.append(_line(scene, switch, table_of.get(switch.object_name, "")))
         if switch.action.attaches_to:
-            lies[switch.object_name] = switch.table
+            table_of[switch.object_name] = switch.table
     return tuple(lines)
 
 
 def humanised(name: str) -> str:
-    """Return a name of a plan as people say it.
+    """Return a name of a plan in words.
 
     >>> humanised("toolbox/side.left"), humanised("table.start"), humanised("right_hand")
     ('left toolbox side', 'start table', 'right hand')
@@ -70,18 +70,18 @@ def humanised(name: str) -> str:
 
 @cache
 def table() -> dict[str, Any]:
-    """Return the table of sentences (read once)."""
+    """Return the table sentences.toml (read once)."""
     return tomllib.loads(TABLE.read_text(encoding="utf-8"))
 
 
-def _line(scene: Scene, switch: KinematicSwitch, lies: str) -> Instruction:
+def _line(scene: Scene, switch: KinematicSwitch, source_table: str) -> Instruction:
     words, actor = table()["words"], switch.giver or switch.hand
     you, takes = _is_human(scene, actor), _is_human(scene, switch.hand)
     names = {
-        "thing": f"the {humanised(switch.object_name)}",
+        "object": f"the {humanised(switch.object_name)}",
         "other": f"the {humanised(switch.other)}",
         "table": f"the {humanised(switch.table)}",
-        "from": words["from"].format(table=f"the {humanised(lies)}") if lies else "",
+        "from": words["from"].format(table=f"the {humanised(source_table)}") if source_table else "",
         "hand": humanised(scene.hands[switch.hand].name),
         "giver": humanised(scene.hands[actor].name),
         "robot": _robot(scene, actor),
@@ -109,7 +109,7 @@ def _robot(scene: Scene, hand: str) -> str:
 
 
 def _arm(scene: Scene, hand: str) -> str:
-    """Return which arm a robot uses, "" if it has one only."""
+    """Return the arm that a robot uses, in words; "" if it has only one."""
     if len(_agent(scene, hand).hands) <= 1:
         return ""
     return str(table()["words"]["arm"].format(arm=_limb(scene, hand)))

@@ -1,4 +1,4 @@
-"""A plan as what is seen of it: meshes, the frames they move with, and where these are from moment to moment."""
+"""A plan as an animated scene: meshes, the frames that they move with, and the poses of these over time."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import numpy as np
 from lgp.kinematics import human
 from lgp.motion import Motion
 from lgp.page.camera import Shot, shots_of
-from lgp.page.mesh import Mesh, scattered
-from lgp.page.objects import parts, table_mesh, thing_mesh
+from lgp.page.mesh import Mesh, surface_points
+from lgp.page.objects import object_mesh, robot_meshes, table_mesh
 from lgp.page.person import Skin, figure
 from lgp.plan_record import Plan
 from lgp.scene.model import Human
 from reba.arrays import Array, Indices
 
 RATE = 20.0
-"""[Hz] Moments at least; players interpolate between them."""
-APART = 0.03
-"""[m] Between the points that are looked at for what hides what."""
+"""[Hz] Smallest rate of moments; players interpolate between them."""
+SPACING = 0.03
+"""[m] Distance between the surface points of the occlusion test."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeshInstance:
-    """A mesh (its number) that moves with a frame (its number, None for one that stands still), (4, 4) place in it."""
+    """A mesh (its number) with a (4, 4) pose in a frame (its number, None for the world)."""
 
     mesh: int
     frame: int | None
@@ -34,15 +34,15 @@ class MeshInstance:
 
 @dataclass(frozen=True, eq=False)
 class SceneAnimation:
-    """What is seen of a plan.
+    """An animated scene.
 
     Attributes:
         meshes: each once.
-        bodies: what is stiff.
+        bodies: rigid meshes in their frames.
         skin: of the human and the frames (B,) of its bones, None without a human.
-        frames: their names.
+        frames: names of the frames.
         time: (T,) moments [s].
-        place: (T, F, 4, 4) of the frames in the world [m].
+        place: (T, F, 4, 4) poses of the frames in the world [m].
         ends: (K,) number of the last moment of each action.
         shots: of the start, then of each action.
     """
@@ -57,8 +57,8 @@ class SceneAnimation:
     shots: tuple[Shot, ...]
 
 
-def view(motion: Motion) -> SceneAnimation:
-    """Return what is seen of a plan, interpolated between its slices by splines of the joints.
+def scene_animation(motion: Motion) -> SceneAnimation:
+    """Return the animation of a plan, interpolated between its slices by cubic splines of the joints.
 
     Args:
         motion: of a feasible plan.
@@ -69,12 +69,12 @@ def view(motion: Motion) -> SceneAnimation:
     dense, steps = _dense(motion)
     stage = _Stage(dense)
     stage.tables()
-    stage.things()
+    stage.objects()
     stage.robots()
     skin = stage.person() if dense.plan.scene.human else None
     place = np.stack(list(stage.place.values()), axis=1)
     ends = (np.arange(dense.phases.count) + 1) * dense.phases.slices
-    points = [scattered(mesh, APART) for mesh in stage.meshes]
+    points = [surface_points(mesh, SPACING) for mesh in stage.meshes]
     solid = [_solid(stage, skin, points, place[end]) for end in (0, *ends)]
     return SceneAnimation(
         tuple(stage.meshes),
@@ -89,7 +89,7 @@ def view(motion: Motion) -> SceneAnimation:
 
 
 def _dense(motion: Motion) -> tuple[Motion, int]:
-    """Return the same motion in shorter slices, and how many of them are one slice of the plan."""
+    """Return the motion in shorter slices, and their number per slice of the plan."""
     from scipy.interpolate import CubicSpline
 
     plan = motion.plan
@@ -103,18 +103,18 @@ def _dense(motion: Motion) -> tuple[Motion, int]:
 
 
 def _solid(stage: _Stage, skin: tuple[Skin, Indices] | None, points: list[Array], place: Array) -> Array:
-    """Return points (k, 3) all over the bodies at a moment; those of each mesh are given."""
-    found = []
+    """Return the surface points (k, 3) of all bodies at a moment in the world [m], from those of each mesh."""
+    solid = []
     for body in stage.bodies:
         at = body.place if body.frame is None else place[body.frame] @ body.place
-        found.append(points[body.mesh] @ at[:3, :3].T + at[:3, 3])
+        solid.append(points[body.mesh] @ at[:3, :3].T + at[:3, 3])
     if skin is not None:
-        found.append(skinned(skin[0], place[skin[1]]))
-    return np.concatenate(found)
+        solid.append(skinned(skin[0], place[skin[1]]))
+    return np.concatenate(solid)
 
 
 class _Stage:
-    """Collects meshes, frames and bodies."""
+    """Builder of a scene animation: collects meshes, frames and bodies."""
 
     def __init__(self, motion: Motion) -> None:
         self.motion, self.scene = motion, motion.plan.scene
@@ -128,30 +128,30 @@ class _Stage:
             place = _standing((*table.position, 0.0), table.yaw)
             self.bodies.append(MeshInstance(self.mesh(name, table_mesh(table)), None, place))
 
-    def things(self) -> None:
-        for number, (name, thing) in enumerate(self.scene.objects.items()):
+    def objects(self) -> None:
+        for number, (name, scene_object) in enumerate(self.scene.objects.items()):
             poses = self.motion.object_poses(name)
             frame = self.frame(name, _matrices(poses.rotation, poses.position))
-            self.bodies.append(MeshInstance(self.mesh(name, thing_mesh(thing, number)), frame, np.eye(4)))
+            self.bodies.append(MeshInstance(self.mesh(name, object_mesh(scene_object, number)), frame, np.eye(4)))
 
     def robots(self) -> None:
         for robot in self.scene.robots.values():
-            seen = parts(robot)
-            links = list(dict.fromkeys(f"{robot.name}.{part.link}" for part in seen))
+            visuals = robot_meshes(robot)
+            links = list(dict.fromkeys(f"{robot.name}.{part.link}" for part in visuals))
             poses = self.motion.frames(links)
             frames: dict[str, tuple[int | None, Array]] = {}
             for link in links:
                 place = _matrices(poses[link].rotation, poses[link].position)
-                still = bool(np.ptp(place, axis=0).max() < 1e-9)
-                frames[link] = (None, place[0]) if still else (self.frame(link, place), np.eye(4))
-            for part in seen:
+                fixed = bool(np.ptp(place, axis=0).max() < 1e-9)
+                frames[link] = (None, place[0]) if fixed else (self.frame(link, place), np.eye(4))
+            for part in visuals:
                 number, place = frames[f"{robot.name}.{part.link}"]
                 self.bodies.append(MeshInstance(self.mesh(part.key, part.mesh), number, place @ part.place))
 
     def person(self) -> tuple[Skin, Indices]:
         person = self.scene.human
         if person is None:
-            raise ValueError("the scene has no human, and one was to be drawn")
+            raise ValueError("the scene has no human; expected one to draw")
         shape = figure(person.stature, person.sex)
         joints = list(dict.fromkeys([*shape.skin.bones, *(joint for joint, _ in shape.parts)]))
         numbers = {
@@ -184,12 +184,12 @@ def _joints(person: Human, values: Mapping[str, Array], names: list[str]) -> dic
     q = np.empty((len(next(iter(values.values()))), model.nq))
     for name, column in columns.items():
         q[:, column] = values[name]
-    found = np.empty((len(names), len(q), 4, 4))
+    poses = np.empty((len(names), len(q), 4, 4))
     for row, configuration in enumerate(q):
         pin.forwardKinematics(model, data, configuration)
         for number, name in enumerate(names):
-            found[number, row] = ground @ data.oMi[model.getJointId(name)].homogeneous
-    return dict(zip(names, found, strict=True))
+            poses[number, row] = ground @ data.oMi[model.getJointId(name)].homogeneous
+    return dict(zip(names, poses, strict=True))
 
 
 def skinned(skin: Skin, place: Array) -> Array:

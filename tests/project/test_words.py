@@ -58,6 +58,16 @@ def texts(source: str) -> Iterator[tuple[str, int]]:
             yield token.string, token.start[0]
 
 
+def coined_words(text: str) -> list[re.Match[str]]:
+    """Return the coined words of a text; one alone in quotes or backticks is a key of an output, which stays."""
+    quoted = {'""', "``"}
+    return [
+        match
+        for match in TEXT.finditer(text)
+        if text[match.start() - 1] + text[match.end() : match.end() + 1] not in quoted
+    ]
+
+
 @pytest.mark.parametrize("room", ROOMS)
 def test_names_are_words_of_the_field(room: str) -> None:
     coined = []
@@ -78,14 +88,12 @@ def test_texts_are_words_of_the_field(room: str) -> None:
         f"{path.relative_to(ROOT)}:{line} {match.group()}"
         for path in files_of(room)
         for text, line in texts(path.read_text(encoding="utf-8"))
-        for match in TEXT.finditer(text)
+        for match in coined_words(text)
     ]
     folder = ROOT / room
     pages = [path for kind in ("*.html", "*.toml", "*.js") for path in folder.rglob(kind)] if "/" in room else []
     coined += [
-        f"{path.relative_to(ROOT)} {match.group()}"
-        for path in pages
-        for match in TEXT.finditer(path.read_text("utf-8"))
+        f"{path.relative_to(ROOT)} {match.group()}" for path in pages for match in coined_words(path.read_text("utf-8"))
     ]
     assert coined == []
 
@@ -99,4 +107,4 @@ def files_of(room: str) -> list[Path]:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_pages_are_words_of_the_field(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    assert [match.group() for match in TEXT.finditer(text) if page.stem != "glossary"] == []
+    assert [match.group() for match in coined_words(text) if page.stem != "glossary"] == []

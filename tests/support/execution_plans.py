@@ -21,7 +21,7 @@ SEQUENCE = (
 
 @cache
 def small_plan() -> lgp.Plan:
-    """Return a plan without ergonomics, which is planned anew in no time."""
+    """Return a plan without ergonomics, which is replanned quickly."""
     scene = lgp.load_scene("screwdriver").with_heights({"left": 0.9, "center": 1.0, "right": 1.2})
     return lgp.plan(scene, None, sequence=SEQUENCE, slices=4)
 
@@ -35,11 +35,11 @@ def saved(folder: Path) -> Path:
 def went(folder: Path, *faults: str, **more: Any) -> tuple[dict[str, Any], list[Event]]:
     """Run the plan in a folder as fast as possible; return the summary and all events."""
     events: list[Event] = []
-    chosen = {"speed": 0.0, "compare": False, "habits": EXACT, **more}
+    chosen = {"speed": 0.0, "compare": False, "behaviour": EXACT, **more}
     run = RunOptions(faults=tuple(map(parse_fault, faults)), **chosen)
     return ExecutionRun(folder, run, events.append).go(), events
 
 
 def kinds(events: list[Event]) -> list[str]:
-    """Return what happened, one word each."""
+    """Return the kinds of events."""
     return [event.kind for event in events]

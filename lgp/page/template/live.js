@@ -1,68 +1,68 @@
-// Follows a running plan when the page comes from its server; silent where there is none.
+// Follows a running plan if the page comes from its server; does nothing on other servers.
 "use strict";
 
-const AGAIN = 2000; // [ms]
+const RETRY = 2000; // [ms]
 const banner = find(".banner");
-const follow = { heard: false };
+const follow = { connected: false };
 window.follow = follow;
 
-const SAYS = {
+const STATES = {
   running: (yours) => (yours ? "Your turn" : "The robot is working"),
   waiting: (yours) => (yours ? "Waiting for you" : "Waiting"),
   failed: () => "Stopped",
   finished: () => "Finished",
 };
 
-function tell(kind, state, words) {
+function showBanner(kind, state, words) {
   banner.className = `banner ${kind}`;
   find(".state", banner).textContent = state;
   find(".words", banner).textContent = words;
   banner.hidden = !state;
-  root.classList.toggle("told", Boolean(state));
-  root.style.setProperty("--told", `${banner.offsetHeight}px`);
+  root.classList.toggle("has-banner", Boolean(state));
+  root.style.setProperty("--banner", `${banner.offsetHeight}px`);
   if (stage) stage.fit(find("figure", player.slide));
 }
 
-function hear({ action, state, text, plan: made }) {
-  // The run goes on with a plan that was made anew: its page has the same address.
-  if (follow.made !== undefined && made !== undefined && made !== follow.made) location.reload();
-  follow.made = made;
+function onEvent({ action, state, text, plan: number }) {
+  // The run continues with a new plan, whose page has the same address.
+  if (follow.plan !== undefined && number !== undefined && number !== follow.plan) location.reload();
+  follow.plan = number;
   follow.state = state;
   const known = Number.isInteger(action) && plan.actions[action];
   const yours = Boolean(known && known.you);
   if (state !== "done") {
-    const says = SAYS[state];
+    const heading = STATES[state];
     const kind = yours && (state === "waiting" || state === "running") ? "yours" : state;
-    if (says) tell(kind, says(yours), text || "");
+    if (heading) showBanner(kind, heading(yours), text || "");
   }
-  const place = state === "finished" ? plan.actions.length + 1 : known ? action + 1 : null;
-  // The worker may look at other slides; only a new action calls the page back.
-  if (place === null || follow.place === place) return;
-  follow.place = place;
-  Reveal.slide(place);
+  const slide = state === "finished" ? plan.actions.length + 1 : known ? action + 1 : null;
+  // The worker may look at other slides; only a new action changes the slide.
+  if (slide === null || follow.slide === slide) return;
+  follow.slide = slide;
+  Reveal.slide(slide);
   if (known && state !== "failed") player.play();
 }
 
 function listen() {
   const source = new EventSource("events");
   source.onopen = () => {
-    follow.heard = true;
-    if (banner.classList.contains("lost")) tell("", "", "");
+    follow.connected = true;
+    if (banner.classList.contains("lost")) showBanner("", "", "");
   };
   source.onmessage = (event) => {
-    follow.heard = true;
-    hear(JSON.parse(event.data));
+    follow.connected = true;
+    onEvent(JSON.parse(event.data));
   };
   source.onerror = () => {
-    // A plain file server has no events: the page stays in the reader's hands. After the end there is nothing to hear.
-    if (!follow.heard || follow.state === "finished") {
+    // A plain file server has no events: the reader controls the page. After the end no events follow.
+    if (!follow.connected || follow.state === "finished") {
       source.close();
       return;
     }
-    if (follow.state !== "failed") tell("lost", "Connection lost", "Trying again …");
+    if (follow.state !== "failed") showBanner("lost", "Connection lost", "Trying to reconnect …");
     if (source.readyState !== EventSource.CLOSED) return;
     source.close();
-    setTimeout(listen, AGAIN);
+    setTimeout(listen, RETRY);
   };
 }
 

@@ -1,4 +1,4 @@
-// The slides: where one is, playing an action by a click, tap, space or enter, and the ribbon.
+// The slides: the current one, playback of an action by a click, tap, space or enter, and the ribbon.
 "use strict";
 
 const root = document.documentElement;
@@ -28,7 +28,7 @@ const player = {
 window.player = player;
 player.stage = stage;
 
-// What a slide plays, and where it rests: [from, to, rest] in seconds.
+// The interval that a slide plays, and the moment that it shows: [from, to, rest] in seconds.
 function span() {
   const number = player.action;
   if (number < 0) return [0, duration, 0];
@@ -59,7 +59,7 @@ player.play = (from = span()[0]) => {
   player.playing = { from, to, begun: performance.now() };
   root.classList.add("playing");
   if (!stage) {
-    // A film starts anew when its address changes.
+    // A new address restarts the film.
     find(".still", player.slide).src = `${film}?${Math.round(player.playing.begun)}`;
   }
   requestAnimationFrame(step);
@@ -83,7 +83,7 @@ function step(now) {
   }
   player.stop();
   const word = find(".play .word", player.slide);
-  word.textContent = word.textContent.replace(/^Play/, "Play again:").replace(/:$/, "").replace(": everything", "");
+  word.textContent = word.textContent.replace(/^Play/, "Play again:").replace(/:$/, "").replace(": all", "");
 }
 
 function changed() {
@@ -109,7 +109,7 @@ function changed() {
   show(span()[2]);
 }
 
-// A click is not the end of a turn of the view.
+// The end of a drag that turns the view is not a click.
 let pressed = null;
 document.addEventListener("pointerdown", (event) => (pressed = [event.clientX, event.clientY, event.timeStamp]));
 document.addEventListener("click", (event) => {
@@ -120,7 +120,7 @@ document.addEventListener("click", (event) => {
 find(".previous").addEventListener("click", () => Reveal.prev());
 find(".next").addEventListener("click", () => Reveal.next());
 
-// The ribbon leads to a moment: to its slide, and the scene as it is then.
+// A click on the ribbon shows that moment, on its slide.
 function seek(event) {
   const box = find(".ribbon").getBoundingClientRect();
   const time = duration * Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);

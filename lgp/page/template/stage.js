@@ -32,7 +32,7 @@ class Stage {
     this.aim(0);
   }
 
-  // A ring around the object of an action, seen through everything.
+  // A ring around the object of an action, drawn over all bodies.
   addRing() {
     const look = { color: linear(0xf0, 0x8a, 0x24), transparent: true, opacity: 0.9, depthTest: false, depthWrite: false };
     this.ring = new THREE.Mesh(new THREE.RingGeometry(0.93, 1, 64), new THREE.MeshBasicMaterial(look));
@@ -41,7 +41,7 @@ class Stage {
     this.mark(null);
   }
 
-  // Draw the ring around a frame [its number], so wide [m]; around nothing for null.
+  // Draw the ring around a frame (its number) with a radius [m]; null hides it.
   mark(frame, radius = 0.1) {
     this.marked = frame;
     this.ring.visible = frame !== null;
@@ -131,7 +131,7 @@ class Stage {
     this.draw();
   }
 
-  // Look at a shot, at once or in a turn of so many seconds.
+  // Look at a shot, at once or in a turn that takes some seconds.
   aim(shot, seconds = 0) {
     this.shot = shot;
     const goal = framed(points(this.view.shots[shot]), this.view.shots[shot].towards, this.camera.aspect, this.view);
@@ -161,8 +161,8 @@ class Stage {
     this.draw();
   }
 
-  fit(holder) {
-    const { clientWidth: width, clientHeight: height } = holder;
+  fit(figure) {
+    const { clientWidth: width, clientHeight: height } = figure;
     if (!width || !height) return;
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
@@ -182,7 +182,7 @@ class Stage {
   }
 }
 
-// As `framed` of the program that wrote the page: the nearest eye that sees all points.
+// The nearest eye with all points in the picture: `framed` of lgp/page/camera.py.
 function framed(seen, direction, aspect, { angle, room, nearest }) {
   const towards = new THREE.Vector3().fromArray(direction);
   const right = new THREE.Vector3(0, 0, 1).cross(towards).normalize();
@@ -204,35 +204,35 @@ function framed(seen, direction, aspect, { angle, room, nearest }) {
   return { target, eye: target.clone().addScaledVector(towards, away - centre) };
 }
 
-// The eye from which the outermost two points are seen equally far aside.
+// The offset of the eye for which the outermost two points are at equal angles from the axis.
 function middle(offsets, depth) {
-  let found = (Math.max(...offsets) + Math.min(...offsets)) / 2;
+  let centre = (Math.max(...offsets) + Math.min(...offsets)) / 2;
   for (let round = 0; round < 8; round += 1) {
-    const seen = offsets.map((value, number) => (value - found) / depth[number]);
+    const seen = offsets.map((value, number) => (value - centre) / depth[number]);
     const [high, low] = [seen.indexOf(Math.max(...seen)), seen.indexOf(Math.min(...seen))];
-    found = (offsets[high] * depth[low] + offsets[low] * depth[high]) / (depth[low] + depth[high]);
+    centre = (offsets[high] * depth[low] + offsets[low] * depth[high]) / (depth[low] + depth[high]);
   }
-  return found;
+  return centre;
 }
 
-// Where the eye is, from the target, on the way around it.
+// The eye relative to the target, on a turn around it: spherical coordinates are interpolated.
 function around(target, eye, goal, share) {
   const from = new THREE.Spherical().setFromVector3(swapped(eye.clone().sub(target)));
   const to = new THREE.Spherical().setFromVector3(swapped(goal.eye.clone().sub(goal.target)));
   const turned = Math.atan2(Math.sin(to.theta - from.theta), Math.cos(to.theta - from.theta));
   const mix = (a, b) => a + share * (b - a);
   const here = new THREE.Spherical(mix(from.radius, to.radius), mix(from.phi, to.phi), from.theta + share * turned);
-  const found = new THREE.Vector3().setFromSpherical(here);
-  return found.set(found.z, found.x, found.y);
+  const eyeNow = new THREE.Vector3().setFromSpherical(here);
+  return eyeNow.set(eyeNow.z, eyeNow.x, eyeNow.y);
 }
 
 // Spherical coordinates of three.js have y upwards.
 const swapped = (vector) => vector.set(vector.y, vector.z, vector.x);
 
 const points = (shot) => {
-  const found = [];
-  for (let at = 0; at < shot.points.length; at += 3) found.push(new THREE.Vector3().fromArray(shot.points, at));
-  return found;
+  const list = [];
+  for (let at = 0; at < shot.points.length; at += 3) list.push(new THREE.Vector3().fromArray(shot.points, at));
+  return list;
 };
 
 const linear = (...rgb) => new THREE.Color(...rgb.map((value) => value / 255)).convertSRGBToLinear();
@@ -275,7 +275,7 @@ function fade() {
   return new THREE.CanvasTexture(canvas);
 }
 
-// A stage, or null where there is no WebGL and pictures stand in.
+// A stage, or null without WebGL: pictures replace it.
 function makeStage(view) {
   const canvas = document.createElement("canvas");
   const context = canvas.getContext("webgl2") || canvas.getContext("webgl");

@@ -67,20 +67,20 @@ def test_trajectories_are_exported_without_a_run(folder: Path, tmp_path: Path, l
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "fact"),
     [
-        (("nowhere",), "cannot be read as a plan"),
-        (("{}", "--fault", "burnt@1"), "unknown kind"),
-        (("{}", "--fault", "moved@9"), "the plan has 3 actions"),
-        (("{}", "--replay", "none.mcap"), "no such recording"),
+        (("nowhere",), "nowhere"),
+        (("{}", "--fault", "burnt@1"), "known are moved"),
+        (("{}", "--fault", "moved@9"), "3 actions"),
+        (("{}", "--replay", "none.mcap"), "none.mcap"),
         (("{}", "--host", "203.0.113.1", "--port", "1"), "--port"),
     ],
 )
 def test_bad_input_is_one_line(
-    folder: Path, lgp_run: Callable[..., Done], arguments: tuple[str, ...], words: str
+    folder: Path, lgp_run: Callable[..., Done], arguments: tuple[str, ...], fact: str
 ) -> None:
     done = lgp_run(*(text.format(folder) for text in arguments), "--speed", "0")
     assert done.returncode == 2
-    assert words in done.stderr
+    assert fact in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert done.stdout == ""

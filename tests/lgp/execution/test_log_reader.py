@@ -13,9 +13,10 @@ import pytest
 
 import lgp
 import reba
-from lgp.execution.log_reader import ASIDE, messages, read_past
+from lgp.execution.log_reader import INTERRUPTED, messages, read_logged_run
 from tests.support.execution_plans import kinds, saved, small_plan, went
 from tests.support.lgp_worlds import needs_robots
+from tests.support.says import says
 
 pytestmark = [pytest.mark.slow, needs_robots]
 CODE = """
@@ -49,7 +50,7 @@ def test_the_log_of_a_killed_run_is_readable_to_the_break(folder: Path) -> None:
 
 
 def test_the_run_goes_on_where_it_was_killed(folder: Path) -> None:
-    before = read_past(folder / "run.mcap")
+    before = read_logged_run(folder / "run.mcap")
     assert before is not None
     assert not before.over
     summary, events = went(folder, resume=True)
@@ -62,15 +63,16 @@ def test_the_run_goes_on_where_it_was_killed(folder: Path) -> None:
     assert times == sorted(set(times))
     whole = [json.loads(one.data)["kind"] for one in messages(folder / "run.mcap") if one.topic == "/events"]
     assert whole == kinds([*before.events, *events])
-    assert not list(folder.glob(f"*{ASIDE}"))
-    with pytest.raises(lgp.LgpError, match="the run is over"):
+    assert not list(folder.glob(f"*{INTERRUPTED}"))
+    with pytest.raises(lgp.LgpError) as error:
         went(folder, resume=True)
+    says(error, folder / "run.mcap", "ended", "without --resume")
 
 
 def test_a_restart_that_is_killed_while_it_copies_loses_nothing(folder: Path) -> None:
     log = folder / "run.mcap"
     whole = log.read_bytes()
-    log.rename(log.with_name(log.name + ASIDE))
+    log.rename(log.with_name(log.name + INTERRUPTED))
     log.write_bytes(whole[: len(whole) // 3])
     summary, _ = went(folder, resume=True)
     assert summary["state"] == "finished"
@@ -87,8 +89,10 @@ def test_a_log_cut_in_the_middle_can_be_gone_on_from(folder: Path) -> None:
 
 def test_there_must_be_something_to_go_on_from(tmp_path: Path) -> None:
     folder = saved(tmp_path)
-    with pytest.raises(lgp.LgpError, match="no log to go on from"):
+    with pytest.raises(lgp.LgpError) as error:
         went(folder, resume=True)
+    says(error, folder / "run.mcap", "no log", "without --resume")
     (folder / "run.mcap").write_bytes(b"no log")
-    with pytest.raises(reba.errors.RebaError, match="MCAP"):
+    with pytest.raises(reba.errors.RebaError) as unreadable:
         went(folder, resume=True)
+    says(unreadable, "run.mcap", "MCAP")

@@ -12,13 +12,16 @@ import pytest
 import lgp
 import reba
 from lgp.execution.commands import export
+from lgp.execution.faults import parse_fault
 from lgp.execution.log_reader import messages
-from lgp.execution.session import TICK
-from lgp.execution.worker import WorkerBehaviour
+from lgp.execution.ros_messages import DEFINITIONS
+from lgp.execution.session import TICK, ExecutionRun, RunOptions, retarget_cost
+from lgp.execution.worker import EXACT, WorkerBehaviour
 from lgp.kinematics.posture import PostureMap
 from lgp.motion import Motion
 from tests.support.execution_plans import kinds, saved, small_plan, went
 from tests.support.lgp_worlds import needs_robots
+from tests.support.says import says
 
 pytestmark = [pytest.mark.slow, needs_robots]
 
@@ -61,7 +64,7 @@ def test_nobody_is_late_for_an_action_before_its_motion_is_over(ran: tuple[Path,
 def test_the_log_scores_as_the_executed_path_does(tmp_path: Path) -> None:
     """Angles by the posture table of the log, by its joint states and by the configurations themselves agree."""
     folder = saved(tmp_path)
-    went(folder, habits=WorkerBehaviour(), seed=4)
+    went(folder, behaviour=WorkerBehaviour(), seed=4)
     states = of_topic(folder / "run.mcap", "/state")
     times, q = np.array([one["time"] for one in states]), np.array([one["q"] for one in states])
     truth = PostureMap(Motion(small_plan()).world).angles(q)
@@ -112,11 +115,21 @@ def test_commands_are_trajectories_of_the_robot(ran: tuple[Path, dict[str, Any],
     assert end == pytest.approx(final, abs=1e-9)
 
 
+def test_every_ros_message_is_what_ros_writes(ran: tuple[Path, dict[str, Any], list[Any]]) -> None:
+    typestores = pytest.importorskip("rosbags.typesys")
+    store = typestores.get_typestore(typestores.Stores.ROS2_HUMBLE)
+    logged = [message for message in messages(ran[0] / "run.mcap") if message.encoding == "cdr"]
+    assert {message.schema[0] for message in logged} == set(DEFINITIONS)
+    for message in logged:
+        kind = message.schema[0]
+        assert bytes(store.serialize_cdr(store.deserialize_cdr(message.data, kind), kind)) == message.data
+
+
 def test_the_same_seed_gives_the_same_run(ran: tuple[Path, dict[str, Any], list[Any]], tmp_path: Path) -> None:
     folder = saved(tmp_path)
     _, again = went(folder)
     assert [(e.time, e.text) for e in ran[2]] == [(e.time, e.text) for e in again]
-    _, other = went(folder, habits=WorkerBehaviour())
+    _, other = went(folder, behaviour=WorkerBehaviour())
     assert [e.time for e in other] != [e.time for e in again]
 
 
@@ -128,12 +141,26 @@ def test_a_recorded_run_is_followed_again(ran: tuple[Path, dict[str, Any], list[
 
 def test_a_recording_without_the_objects_is_refused(tmp_path: Path) -> None:
     from lgp.execution.log import RunLog
-    from lgp.execution.ros_messages import TRANSFORMS, transforms
+    from lgp.execution.ros_messages import TRANSFORMS, transforms_message
 
     with RunLog(tmp_path / "other.mcap", 1.0, {}) as log:
-        log.message("/tf", TRANSFORMS, 0.0, transforms(0, {"screw": (np.eye(3), np.zeros(3))}))
-    with pytest.raises(lgp.LgpError, match=r"no transform of object 'screwdriver'.*screw"):
+        log.message("/tf", TRANSFORMS, 0.0, transforms_message(0, {"screw": (np.eye(3), np.zeros(3))}))
+    with pytest.raises(lgp.LgpError) as error:
         went(saved(tmp_path / "plan"), replay=tmp_path / "other.mcap")
+    says(error, "other.mcap", "'screwdriver'", "screw")
+
+
+def test_moving_a_motion_is_compared_with_a_new_plan(tmp_path: Path) -> None:
+    run = RunOptions(speed=0.0, compare=False, behaviour=EXACT, faults=(parse_fault("moved@1"),))
+    session = ExecutionRun(saved(tmp_path), run)
+    session.go()
+    (retargeted,) = session.executive.retargeted
+    comparison = retarget_cost(session.planner, retargeted, 3.0)
+    assert comparison["action"].startswith("grasp(1,")
+    assert comparison["greedy"] > 0.0
+    assert comparison["extra"] == pytest.approx(comparison["greedy"] - comparison["anew"])
+    # The retargeted motions are one of the solutions that a new plan may have.
+    assert comparison["extra"] > -1e-3 * comparison["anew"]
 
 
 def test_exported_trajectories_are_the_planned_motion(tmp_path: Path) -> None:
