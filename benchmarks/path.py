@@ -30,10 +30,12 @@ from machine import machine, stamp
 import dreba
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
-from lgp.path.bounds import OPTIONS, PathBounds, Solution
-from lgp.path.collision_constraints import CollisionRows
+from lgp.path.bounds import PathBounds
+from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.collision_path import solve_collision_free
 from lgp.path.ergonomics import Ergonomics
+from lgp.path.keyframes import Solution
+from lgp.path.paths import OPTIONS
 from lgp.path.problem import PathProblem
 from lgp.planner import task_of
 from lgp.scene.scene_file import load_scene, read_scene
@@ -115,7 +117,7 @@ def warm_row(case: str, bounds: PathBounds, actions: tuple[Action, ...], repeat:
     keys_ms, keys = best(1, lambda: keys_of(bounds, actions))
     phases = bounds.phases(actions)
     sequence = bounds.problem("sequence", phases)
-    path = sequence.path(sequence.join(keys.keys, keys.variables))
+    path = sequence.path(sequence.join(keys.keyframes, keys.variables))
     setup_ms, problem = best(repeat, lambda: bounds.problem("path", phases))
     x = problem.join(path, keys.variables)
     times, free = timed(repeat, lambda: Solver(bounds.options).solve(problem, x))
@@ -123,18 +125,22 @@ def warm_row(case: str, bounds: PathBounds, actions: tuple[Action, ...], repeat:
     row |= {"median_ms": float(np.median(times))}
     if bounds.collisions:
         ms, (problem, found) = best(repeat, lambda: around(bounds, phases, free))
-        rows = CollisionRows(bounds.world, phases, bounds.start)
+        rows = CollisionConstraints(bounds.world, phases, bounds.initial_configuration)
         row = describe(case, problem, found) | {"ms": ms, "keys_ms": keys_ms, "setup_ms": setup_ms}
-        row |= {"free_ms": min(times), "penetration": rows.worst(*problem.split(found.x))[0]}
-        active = [y for y, about in zip(found.y_in, problem.rows.in_rows, strict=True) if about.kind == "collision"]
+        row |= {"free_ms": min(times), "penetration": rows.deepest_penetration(*problem.split(found.x))[0]}
+        active = [
+            y for y, about in zip(found.y_in, problem.constraints.in_rows, strict=True) if about.kind == "collision"
+        ]
         row |= {"rows": len(active), "active": int(np.count_nonzero(np.array(active) > 1e-6))}
     return row
 
 
 def around(bounds: PathBounds, phases: Any, free: Result) -> tuple[PathProblem, Result]:
     """Solve with collisions, from the path without."""
-    rows = CollisionRows(bounds.world, phases, bounds.start)
-    return solve_collision_free(lambda given: bounds.problem("path", phases, apart=given), rows, free, bounds.options)
+    rows = CollisionConstraints(bounds.world, phases, bounds.initial_configuration)
+    return solve_collision_free(
+        lambda given: bounds.problem("path", phases, collision_constraints=given), rows, free, bounds.options
+    )
 
 
 def describe(case: str, problem: PathProblem, found: Result) -> dict[str, Any]:
@@ -162,7 +168,7 @@ def beside_komo(python: str | None, repeat: int) -> list[dict[str, Any]]:
         return rows
     phases = bounds.phases(actions)
     problem = bounds.problem("path", phases)
-    words = task_text(world, phases, keys_of(bounds, actions).keys, cost, TOLERANCES, repeat)
+    words = task_text(world, phases, keys_of(bounds, actions).keyframes, cost, TOLERANCES, repeat)
     with tempfile.TemporaryDirectory() as folder:
         task, scene = Path(folder) / "task.json", Path(folder) / "scene.g"
         task.write_text(json.dumps(words), encoding="utf-8")
@@ -177,9 +183,9 @@ def beside_komo(python: str | None, repeat: int) -> list[dict[str, Any]]:
     for line in ran.stdout.splitlines():
         found = json.loads(line)
         path = np.array(found.pop("path"))
-        variables = problem.modes.guess(path[phases.keys])
-        values = problem.rows.evaluate(path, variables).equality
-        jumps = np.array([row.kind == "jump" for row in problem.rows.eq_rows])
+        variables = problem.modes.guess(path[phases.keyframes])
+        values = problem.constraints.evaluate(path, variables).equality
+        jumps = np.array([row.kind == "pose_continuity" for row in problem.constraints.eq_rows])
         price = problem.costs(problem.join(path, variables)).total
         found |= {"slices": phases.total, "iterations": found.pop("evaluations"), "cost": price}
         # What KOMO demands where limbs rest is a little different, so only grasps and placements are compared.

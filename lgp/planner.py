@@ -21,10 +21,10 @@ from lgp.kinematics.world import World
 from lgp.kinematics.world import World as Model
 from lgp.logic.pddl import SHIPPED, PddlDomain, load_domain
 from lgp.logic.task import Action, Task, ground, parse_atom
-from lgp.path.bounds import PathBounds, Solution
-from lgp.path.collision_constraints import CollisionRows
+from lgp.path.bounds import PathBounds
 from lgp.path.costs import Weights
 from lgp.path.ergonomics import Ergonomics
+from lgp.path.keyframes import Solution
 from lgp.plan_record import Plan
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
@@ -218,7 +218,7 @@ def _record(scene: Scene, bounds: PathBounds, found: SearchResult) -> Plan:
         "status": found.status.name.lower(),
         "reason": found.reason,
         "joints": bounds.world.joints,
-        "start": bounds.start,
+        "start": bounds.initial_configuration,
         "search": counts,
         "tree": found.nodes,
     }
@@ -232,10 +232,10 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
 
     phases = bounds.phases(tuple(skeleton))
     problem = bounds.problem("path", phases)
-    path = solution.keys if solution.path is None else solution.path
+    path = solution.keyframes if solution.path is None else solution.path
     x = problem.join(path, solution.variables)
     costs = problem.costs(x)
-    touching = CollisionRows(bounds.world, phases, bounds.start).worst(*problem.split(x))
+    touching = bounds.paths.collision_constraints(phases).deepest_penetration(*problem.split(x))
     posture = np.zeros((0, 0))
     if bounds.world.scene.human is not None:
         posture = PostureMap(bounds.world).angles(path)
@@ -248,7 +248,7 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
         "posture": posture,
         "carried": phases.loads(),
         "costs": {"total": costs.total, "acceleration": costs.acceleration, "ergonomics": costs.ergonomics},
-        "residuals": problem.rows.residuals(*problem.split(x)) | {"penetration": touching[0]},
+        "residuals": problem.constraints.residuals(*problem.split(x)) | {"penetration": touching[0]},
         "solver": {
             "status": solution.result.status.name.lower(),
             "kkt": solution.result.kkt,

@@ -72,8 +72,8 @@ def again(motion: Motion, task: Task, number: int, bounds: FixedPathBounds) -> t
         except LogicError:
             continue
         path, variables = motion.path[first * phases.slices :], brought(motion, first)
-        bounds.suggest(actions, path[phases.slices :: phases.slices], variables)
-        bounds.shapes[actions] = path, variables
+        bounds.set_initial_guess(actions, path[phases.slices :: phases.slices], variables)
+        bounds.planned_motions[actions] = path, variables
         return actions
     return ()
 

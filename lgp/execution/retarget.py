@@ -17,7 +17,7 @@ import numpy as np
 
 import dreba
 from lgp.errors import LgpError
-from lgp.execution.fixed_path import FixedPathBounds, planned_course, still_hands
+from lgp.execution.fixed_path import FixedPathBounds, holding_hands, planned_course
 from lgp.execution.replan import brought, plan_rest
 from lgp.execution.tracked_scene import atoms_now, carrier, in_hand, on_table, scene_now
 from lgp.execution.tracking import TrackedPose, TrackedWorld
@@ -28,9 +28,9 @@ from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.logic.task import Action, Atom
 from lgp.motion import Motion
-from lgp.path.bounds import Solution
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.ergonomics import Ergonomics as Cost
+from lgp.path.keyframes import Solution
 from lgp.plan_record import Plan
 from lgp.planner import COST, task_of
 from lgp.scene.model import Scene
@@ -160,15 +160,17 @@ class Planner:
         first = np.clip(start, world.lower, world.upper)
         action, seconds = self.actions[number], self.motion.phases.seconds
         resting = self._acting(number - 1) if pause else None
-        still = still_hands(self.motion.modes, number)
+        still = holding_hands(self.motion.modes, number)
         hands = self.motion.phases.switches[number].hands
         planned = planned_course(world, first, self.planned(number).segment.knots, [*hands, *still])
         shape = self.planned(number).segment.knots, brought(self.motion, number, number + 1)
         best: Phase | None = None
         for there, pins in self._attempts(number, world, first, spot):
             for course in (planned, None) if self.apart and len(planned.columns) else (planned,):
-                bounds = self._bounds(there, first, pins=pins, still=still, course=course, resting=resting)
-                bounds.shapes[action,] = shape
+                bounds = self._bounds(
+                    there, first, fixed_variables=pins, holding=still, prescribed=course, resting=resting
+                )
+                bounds.planned_motions[action,] = shape
                 found = bounds.solve("sequence", (action,), None)
                 bodies = found.feasible
                 found = bounds.solve("path", (action,), found) if bodies else found
@@ -207,7 +209,7 @@ class Planner:
             number,
         )
         pins = self._pins(last, number, world.scene, None)[0] if last > number else {}
-        bounds = self._bounds(world, first, pins=pins, still=still_hands(self.motion.modes, number))
+        bounds = self._bounds(world, first, fixed_variables=pins, holding=holding_hands(self.motion.modes, number))
         actions = self.actions[number : last + 1]
         found = bounds.solve("sequence", actions, None)
         if not found.feasible:
@@ -218,7 +220,9 @@ class Planner:
     def _bounds(self, world: World, first: Array, **more: Any) -> FixedPathBounds:
         """Return bounds for new motions from a configuration (nq,), see `FixedPathBounds`."""
         slices = self.motion.phases.slices
-        return FixedPathBounds(world, self.ergonomics(), start=first, slices=slices, collisions=self.apart, **more)
+        return FixedPathBounds(
+            world, self.ergonomics(), initial_configuration=first, slices=slices, collisions=self.apart, **more
+        )
 
     def planned_spot(self, number: int) -> Spot:
         """Return where the plan puts the object of a placement."""
@@ -281,7 +285,7 @@ class Planner:
         in_hand = any(thing.hand.startswith("human.") for thing in scene.things.values())
         # How a part lies in the person's hand is settled: they put it down with whatever turn of the hand that takes.
         for there in (world, world.with_free_hands("human")) if in_hand else (world,):
-            bounds = self._bounds(there, first, still=[hand for hand, _, _ in ModeSequence(there, ()).held_at_first])
+            bounds = self._bounds(there, first, holding=[hand for hand, _, _ in ModeSequence(there, ()).held_at_first])
             found = plan_rest(self.motion, task, number, bounds, seconds, thorough)
             if found.feasible:
                 break

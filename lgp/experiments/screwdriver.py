@@ -75,7 +75,12 @@ def plan_run(
     start = world.start if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
     rows, paths = [], []
     weights = Weights(ergonomics=changed.weight)
-    given: dict[str, Any] = {"weights": weights, "start": start, "slices": slices, "collisions": collisions}
+    given: dict[str, Any] = {
+        "weights": weights,
+        "initial_configuration": start,
+        "slices": slices,
+        "collisions": collisions,
+    }
     for condition, found in _conditions(task_of(scene), world, ergonomics, given):
         common = {"run": run, "condition": condition, "initial": initial}
         rows.append(_row(scene, found) | common | {"seed": seed})
@@ -145,7 +150,7 @@ def _conditions(
     before = PathBounds(world, None, **given)
     plain = plan_within(before, task, budget=budget)
     yield without, plain
-    bounds = PathBounds(world, ergonomics, **given, like=before)
+    bounds = PathBounds(world, ergonomics, **given, reference=before)
     sequence = parse_sequence(task, plain.actions) if plain.feasible else ()
     second = plan_within(bounds, task, sequence) if plain.feasible else plain
     yield with_, plan_within(bounds, task, None, budget, sequence)

@@ -150,13 +150,13 @@ def _condition(bounds: PathBounds, task: Task, depth: int, collisions: bool, tel
             best, met = again, sequences(again)
         if len(costs) > 1 and costs[-2] - costs[-1] < BETTER * costs[-2]:
             break
-        bounds.reconsider()
+        bounds.forget_paths()
     found = best or again
     orders = {order: plan for order in ORDERS if (plan := best_of(bounds, task, met, order)) is not None}
     lost: dict[str, str] = {}
     if collisions:
         bounds.collisions = True
-        bounds.reconsider()
+        bounds.forget_paths()
         apart = {order: plan_within(bounds, task, skeleton_of(task, plan)) for order, plan in orders.items()}
         orders = {order: plan for order, plan in apart.items() if plan.feasible}
         lost = {order: plan.reason for order, plan in apart.items() if not plan.feasible}
@@ -183,7 +183,7 @@ def _weights(
         for order, plan in orders.items():
             keys = plan.path[np.flatnonzero(np.diff(plan.phase, append=plan.phase[-1] + 1))]
             skeleton = skeleton_of(task, plan)
-            bounds.suggest(skeleton, keys, np.array(list(plan.variables.values())))
+            bounds.set_initial_guess(skeleton, keys, np.array(list(plan.variables.values())))
             again = plan_within(bounds, task, skeleton)
             if again.feasible:
                 rows.append({"weight": factor, "order": order, **parts_of(again, factor)})

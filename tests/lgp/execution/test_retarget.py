@@ -8,7 +8,7 @@ import numpy as np
 
 import lgp
 from lgp.collision.distances import Collisions
-from lgp.execution.fixed_path import SLACK, FixedPathBounds, planned_course, still_hands
+from lgp.execution.fixed_path import SLACK, FixedPathBounds, holding_hands, planned_course
 from lgp.execution.replan import again, shortened
 from lgp.execution.retarget import Phase, Planner
 from lgp.execution.tracking import Observation, TrackedPose, TrackedWorld
@@ -54,7 +54,7 @@ def scene_before(number: int) -> Scene:
 def test_a_hand_that_holds_stands_still_in_a_moved_motion_wherever_it_holds() -> None:
     planner = toolbox()
     world, row = planner.motion.world, GIVES * planner.motion.phases.slices
-    assert still_hands(planner.motion.modes, GIVES) == ("baxter.right",)
+    assert holding_hands(planner.motion.modes, GIVES) == ("baxter.right",)
     start = planner.motion.path[row].copy()
     arm = np.flatnonzero(world.support("baxter.right"))
     # It holds a little elsewhere than planned: one joint is far from the plan, the others are near it.
@@ -92,7 +92,7 @@ def test_a_hand_that_holds_is_free_after_its_next_action() -> None:
     task = task_of(world.scene)
     names = ("grasp(human.right_hand, screwdriver)", "place(human.right_hand, screwdriver, table.center)",
              "grasp(baxter.right, screwdriver)", "place(baxter.right, screwdriver, table.left)")  # fmt: skip
-    bounds = FixedPathBounds(world, slices=2, still=["baxter.right"])
+    bounds = FixedPathBounds(world, slices=2, holding=["baxter.right"])
     problem = bounds.problem("path", bounds.phases(tuple(map(task.action, names))))
     arm = np.flatnonzero(world.support("baxter.right"))
     room = (problem.upper - problem.lower)[: 8 * world.nq].reshape(8, -1)[:, arm].max(axis=1)
@@ -122,7 +122,7 @@ def test_what_is_left_is_tried_first_with_what_must_be_done_again() -> None:
     task = task_of(world.scene)
     # The screwdriver lies where it was at first: it was dropped on the way.
     assert again(planner.motion, task, 1, bounds) == planner.actions
-    path, variables = bounds.shapes[planner.actions]
+    path, variables = bounds.planned_motions[planner.actions]
     np.testing.assert_array_equal(path, planner.motion.path)
     np.testing.assert_array_equal(variables, planner.motion.variables)
 

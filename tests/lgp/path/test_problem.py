@@ -1,4 +1,4 @@
-"""What a path model is made of: the row of both legs, the curvature that is kept, the ergonomic Hessian in parts."""
+"""Parts of a path model: leg reach, convexified curvature, the ergonomic Hessian in blocks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lgp.kinematics.posture import PostureMap
 from lgp.path.constraints import BLEND, LegReachConstraint
 from lgp.path.costs import CondensedQuadratic, eliminate_slices, quadratic
 from lgp.path.ergonomics import Ergonomics
-from lgp.path.hessian import SPARE, Convexity
+from lgp.path.hessian import MIN_CURVATURE_SHARE, Convexity
 from tests.support.lgp_worlds import human_world
 
 
@@ -26,7 +26,7 @@ def standing() -> tuple[np.ndarray, LegReachConstraint]:
     return q, legs
 
 
-def test_one_row_keeps_both_legs_long_enough(standing: tuple[np.ndarray, LegReachConstraint]) -> None:
+def test_one_constraint_bounds_the_reach_of_both_legs(standing: tuple[np.ndarray, LegReachConstraint]) -> None:
     q, legs = standing
     both = PostureMap(human_world("solved")).reach(q)[0]
     value, _ = legs.evaluate(q)
@@ -34,7 +34,9 @@ def test_one_row_keeps_both_legs_long_enough(standing: tuple[np.ndarray, LegReac
     assert (value <= both.max(axis=1) + BLEND * np.log(2.0) + 1e-12).all()
 
 
-def test_the_row_has_the_slope_it_says_and_bends_upwards(standing: tuple[np.ndarray, LegReachConstraint]) -> None:
+def test_leg_reach_has_its_stated_gradient_and_convex_curvature(
+    standing: tuple[np.ndarray, LegReachConstraint],
+) -> None:
     q, legs = standing
     _, slope = legs.evaluate(q)
     for at, column in enumerate(legs.columns):
@@ -53,7 +55,7 @@ def convexity(joints: int = 3) -> tuple[Convexity, np.ndarray]:
     return Convexity([(columns, condensed)], [columns], [columns], (joints, 0)), np.full(joints, stiff)
 
 
-def test_curvature_is_kept_while_accelerations_or_rows_outweigh_it() -> None:
+def test_negative_curvature_is_used_where_accelerations_or_rows_outweigh_it() -> None:
     test, stiff = convexity()
     jacobian = np.array([[1.0, 0.0, 0.0]])
     kept = np.diag([-50.0 * stiff[0], -0.9 * stiff[1], 2.0])
@@ -61,16 +63,16 @@ def test_curvature_is_kept_while_accelerations_or_rows_outweigh_it() -> None:
     # The second joint is held by nothing but its stiffness, most of which may be used up.
     for steep in (3.0, 9.0):
         (found,) = test.convexify([np.diag([0.0, -steep * stiff[1], 2.0])], [jacobian], 0.0)
-        assert found == pytest.approx(np.diag([0.0, -(1.0 - SPARE) * stiff[1], 2.0]), rel=1e-4)
+        assert found == pytest.approx(np.diag([0.0, -(1.0 - MIN_CURVATURE_SHARE) * stiff[1], 2.0]), rel=1e-4)
 
 
-def test_far_from_its_rows_a_model_keeps_no_negative_curvature() -> None:
+def test_far_from_its_constraints_a_model_has_no_negative_curvature() -> None:
     test, stiff = convexity()
     kept = np.diag([-0.5 * stiff[0], 1.0, 0.0])
     assert test.convexify([kept], [np.eye(3)], 1.0)[0] == pytest.approx(np.diag([0.0, 1.0, 0.0]))
 
 
-def test_variables_that_nothing_costs_keep_no_negative_curvature() -> None:
+def test_variables_without_cost_have_no_negative_curvature() -> None:
     condensed = CondensedQuadratic(np.array([[1.0]]), np.array([[1.0]]))
     falling, both = np.diag([0.0, -1.0]), np.array([0, 1])
     # Rows that tie the variable to the joint hold it; rows on the joint alone do not.
@@ -88,7 +90,7 @@ def two_switches(joints: int) -> tuple[Convexity, list[np.ndarray], np.ndarray]:
     return test, columns, np.kron(2.0 * condensed.cost, np.eye(joints))
 
 
-def test_a_switch_that_bends_much_takes_nothing_from_another() -> None:
+def test_large_curvature_of_one_switch_does_not_reduce_that_of_another() -> None:
     test, _, cost = two_switches(2)
     steep, mild = np.diag([0.0, -1e3 * cost[1, 1]]), np.diag([-0.05 * cost[2, 2], 0.0])
     jacobian = np.zeros((1, 2))
@@ -99,7 +101,7 @@ def test_a_switch_that_bends_much_takes_nothing_from_another() -> None:
 
 @given(seed=st.integers(0, 10_000), size=st.floats(-2.0, 3.0))
 @settings(max_examples=60, deadline=None)
-def test_what_is_kept_leaves_one_minimum(seed: int, size: float) -> None:
+def test_convexified_models_have_one_minimum(seed: int, size: float) -> None:
     rng = np.random.default_rng(seed)
     test, columns, cost = two_switches(4)
     bends = [10.0**size * cost.max() * (root + root.T) for root in rng.normal(size=(2, 4, 4))]
@@ -119,7 +121,7 @@ def test_what_is_kept_leaves_one_minimum(seed: int, size: float) -> None:
 
 
 @pytest.mark.parametrize(("kind", "sums"), [("convex", True), ("soft", False)])
-def test_the_ergonomic_hessian_comes_in_parts_that_are_convex(kind: str, sums: bool) -> None:
+def test_the_ergonomic_hessian_has_convex_blocks(kind: str, sums: bool) -> None:
     world = human_world("solved")
     cost = Ergonomics(world, dreba.load(kind))
     assert (len(cost.parts) > 5) == sums
@@ -127,7 +129,7 @@ def test_the_ergonomic_hessian_comes_in_parts_that_are_convex(kind: str, sums: b
     q = np.tile(world.start, (6, 1))
     q[:, cost.columns] += 0.1 * np.random.default_rng(1).normal(size=(6, len(cost.columns)))
     q = np.clip(q, world.lower, world.upper)
-    value, gradient, bends = cost.model_at(q, np.zeros(6))
+    value, gradient, bends = cost.quadratic_model(q, np.zeros(6))
     assert value == pytest.approx(cost.value(q, np.zeros(6)))
     assert [bend.shape for bend in bends] == [(6, len(part), len(part)) for part in cost.parts]
     assert all(np.linalg.eigvalsh(bend).min() > -1e-6 * np.abs(bend).max() for bend in bends)
@@ -150,9 +152,9 @@ def test_the_hessian_of_a_sum_holds_the_curvature_of_the_angles() -> None:
     columns = cost.columns[part]
 
     def gradient(at: np.ndarray) -> np.ndarray:
-        return cost.model_at(at, np.zeros(1))[1][0, part]
+        return cost.quadratic_model(at, np.zeros(1))[1][0, part]
 
     true = np.array([(gradient(q + 1e-5 * row) - gradient(q - 1e-5 * row)) / 2e-5 for row in np.eye(world.nq)[columns]])
     values, vectors = np.linalg.eigh(0.5 * (true + true.T))
     clipped = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    assert cost.model_at(q, np.zeros(1))[2][number][0] == pytest.approx(clipped, abs=1e-2 * np.abs(values).max())
+    assert cost.quadratic_model(q, np.zeros(1))[2][number][0] == pytest.approx(clipped, abs=1e-2 * np.abs(values).max())
