@@ -251,7 +251,7 @@ class PathProblem:
 
 
 class _Spheres:
-    """Minimum distance of eight pairs of spheres, on two places of the left arm and four of the right, in each slice."""
+    """Minimum distance of eight pairs of spheres in each slice, on two places of the left arm and four of the right."""
 
     def __init__(self, problem: PathProblem, margin: float) -> None:
         self.problem, self.margin = problem, margin
