@@ -8,7 +8,7 @@ its path. The search is then asked for the best sequence. With and without ergon
 - bound / path cost of all feasible sequences, and how often a bound exceeds its path;
 - nodes and problems of the search against all there are;
 - whether both agree on the best cost.
-Last, the time until a screwdriver out of everybody's reach is refused, kinematics built.
+Last, the time until a screwdriver out of reach of all hands is refused, without building the kinematics.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SAME = 1e-6
 
 @dataclass
 class Tally:
-    """What was counted over the runs of one cost."""
+    """Counts over the runs of one cost."""
 
     ratios: dict[str, list[float]] = field(default_factory=lambda: {"pose": [], "sequence": []})
     asked: dict[str, dict[str, int]] = field(
@@ -66,8 +66,8 @@ def skeletons(task: Task, depth: int) -> Iterator[Skeleton]:
     yield from visit(task.initial, (), frozenset({task.initial}))
 
 
-def look(run: int, bounds: PathBounds, task: Task, depth: int, tally: Tally) -> None:
-    """Look at everything, then search with the same bounds: what they know is counted, not solved, again."""
+def compare(run: int, bounds: PathBounds, task: Task, depth: int, tally: Tally) -> None:
+    """Solve all sequences, then search with the same bounds: stored results are counted, not solved again."""
     asked, best = tally.asked["everything"], np.inf
     prefixes = set()
     for skeleton in skeletons(task, depth):
@@ -76,11 +76,11 @@ def look(run: int, bounds: PathBounds, task: Task, depth: int, tally: Tally) -> 
         for end in range(1, len(skeleton) + 1):
             asked["pose"] += skeleton[:end] not in prefixes
             prefixes.add(skeleton[:end])
-            found = bounds.solve("pose", skeleton[:end], pose)
-            refused = refused or not found.feasible
-            if found.feasible:
+            result = bounds.solve("pose", skeleton[:end], pose)
+            refused = refused or not result.feasible
+            if result.feasible:
                 # No path costs less than any of its poses: the largest counts.
-                pose, low = found, max(low, found.cost)
+                pose, low = result, max(low, result.cost)
         asked["sequence"] += 1
         sequence = bounds.solve("sequence", skeleton, None if refused else pose)
         tally.wrong_refusals += refused and sequence.feasible
@@ -136,9 +136,9 @@ def refused(repeat: int = 5) -> dict[str, Any]:
     times = []
     for _ in range(repeat):
         began = time.perf_counter()
-        found = plan(world.scene, None, world=world)
+        far = plan(world.scene, None, world=world)
         times.append(time.perf_counter() - began)
-    return {"milliseconds": 1e3 * min(times), "feasible": found.feasible, "reason": found.reason}
+    return {"milliseconds": 1e3 * min(times), "feasible": far.feasible, "reason": far.reason}
 
 
 def main() -> None:
@@ -148,23 +148,23 @@ def main() -> None:
     parser.add_argument("--depth", type=int, default=4)
     parser.add_argument("--cost", default="convex", help="dREBA model")
     parser.add_argument("--json", type=Path)
-    given = parser.parse_args()
+    options = parser.parse_args()
     world = World(load_scene("screwdriver"))
-    costs = {"no ergonomics": None, given.cost: Ergonomics(world, dreba.load(given.cost))}
+    costs = {"no ergonomics": None, options.cost: Ergonomics(world, dreba.load(options.cost))}
     tallies = {name: Tally() for name in costs}
-    for run in range(given.runs):
+    for run in range(options.runs):
         scene = world.scene.draw_heights(np.random.default_rng([0, run]))
         task = task_of(scene)
         for name, ergonomics in costs.items():
-            look(run, PathBounds(world.with_scene(scene), ergonomics), task, given.depth, tallies[name])
+            compare(run, PathBounds(world.with_scene(scene), ergonomics), task, options.depth, tallies[name])
     figures = {name: show(name, tally) for name, tally in tallies.items()}
     far = refused()
     print(f"\nout of reach: refused in {far['milliseconds']:.1f} ms: {far['reason']}")
     print(f"\n{stamp()}")
-    if given.json:
-        given.json.parent.mkdir(parents=True, exist_ok=True)
-        written = {"machine": machine(), "depth": given.depth, "figures": figures, "refused": far}
-        given.json.write_text(json.dumps(written, indent=1))
+    if options.json:
+        options.json.parent.mkdir(parents=True, exist_ok=True)
+        written = {"machine": machine(), "depth": options.depth, "figures": figures, "refused": far}
+        options.json.write_text(json.dumps(written, indent=1))
 
 
 if __name__ == "__main__":

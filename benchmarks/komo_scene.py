@@ -36,7 +36,7 @@ class JointCost:
     """A quadratic cost on joints, used in place of `lgp.path.ergonomics.Ergonomics`: the same cost KOMO is given."""
 
     stages = (None,)
-    floor = 0.0
+    lower_bound = 0.0
 
     def __init__(self, world: World) -> None:
         self.columns = np.arange(world.nq)
@@ -59,7 +59,7 @@ class JointCost:
         own = (q - self.targets) ** 2 @ self.weights
         return np.asarray(own + HOMING * np.sum((q - self.home) ** 2, axis=1))
 
-    def model_at(self, q: Array, loads: Array, stage: int = -1) -> tuple[Array, Array, list[Array]]:
+    def quadratic_model(self, q: Array, loads: Array, stage: int = -1) -> tuple[Array, Array, list[Array]]:
         """Return value, gradient and the Hessian of each joint."""
         gradient = 2.0 * (self.weights * (q - self.targets) + HOMING * (q - self.home))
         bends = [np.full((len(q), 1, 1), 2.0 * (weight + HOMING)) for weight in self.weights]

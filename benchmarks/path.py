@@ -30,10 +30,12 @@ from machine import machine, stamp
 import dreba
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
-from lgp.path.bounds import OPTIONS, PathBounds, Solution
-from lgp.path.collision_constraints import CollisionRows
+from lgp.path.bounds import PathBounds
+from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.collision_path import solve_collision_free
 from lgp.path.ergonomics import Ergonomics
+from lgp.path.keyframes import Solution
+from lgp.path.paths import OPTIONS
 from lgp.path.problem import PathProblem
 from lgp.planner import task_of
 from lgp.scene.scene_file import load_scene, read_scene
@@ -79,75 +81,79 @@ def actions_of(world: World) -> tuple[Action, ...]:
     return tuple(task.action(line.format(thing=thing)) for thing in world.scene.objects for line in LINES)
 
 
-def keys_of(bounds: PathBounds, actions: tuple[Action, ...]) -> Solution:
-    """Return the key frames of a sequence.
+def keyframes_of(bounds: PathBounds, actions: tuple[Action, ...]) -> Solution:
+    """Return the keyframes of a sequence.
 
     Raises:
-        SystemExit: there are none.
+        SystemExit: the sequence is infeasible.
     """
-    found = None
+    result = None
     for end in range(len(actions)):
-        found = bounds.solve("pose", actions[: end + 1], found)
-    found = bounds.solve("sequence", actions, found)
-    if not found.feasible:
-        raise SystemExit(f"no key frames: {found.reason}")
-    return found.payload
+        result = bounds.solve("pose", actions[: end + 1], result)
+    result = bounds.solve("sequence", actions, result)
+    if not result.feasible:
+        raise SystemExit(f"no keyframes: {result.reason}")
+    return result.payload
 
 
 def best(repeat: int, work: Callable[[], Any]) -> tuple[float, Any]:
-    """Return the least milliseconds of some runs, and what the last one gave."""
-    times, found = timed(repeat, work)
-    return min(times), found
+    """Return the least time of some runs [ms], and the last result."""
+    times, result = timed(repeat, work)
+    return min(times), result
 
 
 def timed(repeat: int, work: Callable[[], Any]) -> tuple[list[float], Any]:
-    """Return the milliseconds of some runs, and what the last one gave."""
+    """Return the times of some runs [ms], and the last result."""
     times = []
     for _ in range(repeat):
         begin = time.perf_counter()
-        found = work()
+        result = work()
         times.append(1e3 * (time.perf_counter() - begin))
-    return times, found
+    return times, result
 
 
 def warm_row(case: str, bounds: PathBounds, actions: tuple[Action, ...], repeat: int) -> dict[str, Any]:
-    """Return one row: a path solved from its key frames, set up apart."""
-    keys_ms, keys = best(1, lambda: keys_of(bounds, actions))
+    """Return one row: a path solved from its keyframes, its set-up timed separately."""
+    keys_ms, keyframes = best(1, lambda: keyframes_of(bounds, actions))
     phases = bounds.phases(actions)
     sequence = bounds.problem("sequence", phases)
-    path = sequence.path(sequence.join(keys.keys, keys.variables))
+    path = sequence.path(sequence.join(keyframes.keyframes, keyframes.variables))
     setup_ms, problem = best(repeat, lambda: bounds.problem("path", phases))
-    x = problem.join(path, keys.variables)
+    x = problem.join(path, keyframes.variables)
     times, free = timed(repeat, lambda: Solver(bounds.options).solve(problem, x))
     row = describe(case, problem, free) | {"ms": min(times), "keys_ms": keys_ms, "setup_ms": setup_ms}
     row |= {"median_ms": float(np.median(times))}
     if bounds.collisions:
-        ms, (problem, found) = best(repeat, lambda: around(bounds, phases, free))
-        rows = CollisionRows(bounds.world, phases, bounds.start)
-        row = describe(case, problem, found) | {"ms": ms, "keys_ms": keys_ms, "setup_ms": setup_ms}
-        row |= {"free_ms": min(times), "penetration": rows.worst(*problem.split(found.x))[0]}
-        active = [y for y, about in zip(found.y_in, problem.rows.in_rows, strict=True) if about.kind == "collision"]
+        ms, (problem, result) = best(repeat, lambda: collision_free(bounds, phases, free))
+        rows = CollisionConstraints(bounds.world, phases, bounds.initial_configuration)
+        row = describe(case, problem, result) | {"ms": ms, "keys_ms": keys_ms, "setup_ms": setup_ms}
+        row |= {"free_ms": min(times), "penetration": rows.deepest_penetration(*problem.split(result.x))[0]}
+        active = [
+            y for y, about in zip(result.y_in, problem.constraints.in_rows, strict=True) if about.kind == "collision"
+        ]
         row |= {"rows": len(active), "active": int(np.count_nonzero(np.array(active) > 1e-6))}
     return row
 
 
-def around(bounds: PathBounds, phases: Any, free: Result) -> tuple[PathProblem, Result]:
-    """Solve with collisions, from the path without."""
-    rows = CollisionRows(bounds.world, phases, bounds.start)
-    return solve_collision_free(lambda given: bounds.problem("path", phases, apart=given), rows, free, bounds.options)
+def collision_free(bounds: PathBounds, phases: Any, free: Result) -> tuple[PathProblem, Result]:
+    """Return the problem and result with collision constraints, from the free path."""
+    rows = CollisionConstraints(bounds.world, phases, bounds.initial_configuration)
+    return solve_collision_free(
+        lambda given: bounds.problem("path", phases, collision_constraints=given), rows, free, bounds.options
+    )
 
 
-def describe(case: str, problem: PathProblem, found: Result) -> dict[str, Any]:
-    """Return what is shown of a result."""
+def describe(case: str, problem: PathProblem, result: Result) -> dict[str, Any]:
+    """Return the figures of a result."""
     return {
         "case": case,
         "slices": problem.phases.total,
         "unknowns": problem.n,
-        "iterations": len(found.iterations) - 1,
-        "violation": found.violation,
-        "cost": found.cost,
-        "status": found.status.name.lower(),
-        "parts_ms": {part: round(1e3 * seconds, 1) for part, seconds in found.seconds.items()},
+        "iterations": len(result.iterations) - 1,
+        "violation": result.violation,
+        "cost": result.cost,
+        "status": result.status.name.lower(),
+        "parts_ms": {part: round(1e3 * seconds, 1) for part, seconds in result.seconds.items()},
     }
 
 
@@ -162,7 +168,7 @@ def beside_komo(python: str | None, repeat: int) -> list[dict[str, Any]]:
         return rows
     phases = bounds.phases(actions)
     problem = bounds.problem("path", phases)
-    words = task_text(world, phases, keys_of(bounds, actions).keys, cost, TOLERANCES, repeat)
+    words = task_text(world, phases, keyframes_of(bounds, actions).keyframes, cost, TOLERANCES, repeat)
     with tempfile.TemporaryDirectory() as folder:
         task, scene = Path(folder) / "task.json", Path(folder) / "scene.g"
         task.write_text(json.dumps(words), encoding="utf-8")
@@ -175,19 +181,19 @@ def beside_komo(python: str | None, repeat: int) -> list[dict[str, Any]]:
         sys.stderr.write(f"{python} could not run KOMO: {ran.stderr.strip().splitlines()[-1:]}\n")
         return rows
     for line in ran.stdout.splitlines():
-        found = json.loads(line)
-        path = np.array(found.pop("path"))
-        variables = problem.modes.guess(path[phases.keys])
-        values = problem.rows.evaluate(path, variables).equality
-        jumps = np.array([row.kind == "jump" for row in problem.rows.eq_rows])
-        price = problem.costs(problem.join(path, variables)).total
-        found |= {"slices": phases.total, "iterations": found.pop("evaluations"), "cost": price}
-        # What KOMO demands where limbs rest is a little different, so only grasps and placements are compared.
-        found |= {
-            "violation": float(np.abs(values[jumps]).max()),
-            "status": f"feasible in {found.pop('good')} of {found.pop('runs')}",
+        row = json.loads(line)
+        path = np.array(row.pop("path"))
+        variables = problem.modes.guess(path[phases.keyframes])
+        values = problem.constraints.evaluate(path, variables).equality
+        poses = np.array([info.kind == "pose_continuity" for info in problem.constraints.eq_rows])
+        cost_here = problem.costs(problem.join(path, variables)).total
+        row |= {"slices": phases.total, "iterations": row.pop("evaluations"), "cost": cost_here}
+        # KOMO constrains resting limbs differently, so only grasps and placements are compared.
+        row |= {
+            "violation": float(np.abs(values[poses]).max()),
+            "status": f"feasible in {row.pop('good')} of {row.pop('runs')}",
         }
-        rows.append(found)
+        rows.append(row)
     return rows
 
 
@@ -241,9 +247,9 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--no-growth", action="store_true", help="leave out how time grows with slices and objects")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
-    given = parser.parse_args()
+    options = parser.parse_args()
     print(stamp())
-    same = beside_komo(given.komo, given.repeat)
+    same = beside_komo(options.komo, options.repeat)
     print(f"\nthe same problem in KOMO (homing {HOMING}, quadratic posture cost):")
     show(same)
     for row in same[1:]:
@@ -254,18 +260,18 @@ def main() -> None:
     print("\nshipped cost, 4 x 10 slices, without collisions and with:")
     cases = [("without", False), ("with collisions", True)]
     plain = [
-        warm_row(name, PathBounds(world, ergonomics, options=OPTIONS, collisions=on), actions_of(world), given.repeat)
+        warm_row(name, PathBounds(world, ergonomics, options=OPTIONS, collisions=on), actions_of(world), options.repeat)
         for name, on in cases
     ]
     show(plain)
-    grown = [] if given.no_growth else growth(min(given.repeat, 3))
+    grown = [] if options.no_growth else growth(min(options.repeat, 3))
     if grown:
         print("\ngrowth:")
         show(grown)
         print(f"time grows as slices^{slope(grown[:5], lambda row: row['slices']):.2f}", end=", ")
         print(f"as objects^{slope(grown[5:], lambda row: row['slices']):.2f}")
-    if given.json:
-        given.json.write_text(json.dumps({"machine": machine(), "same": same, "plain": plain, "growth": grown}))
+    if options.json:
+        options.json.write_text(json.dumps({"machine": machine(), "same": same, "plain": plain, "growth": grown}))
 
 
 if __name__ == "__main__":

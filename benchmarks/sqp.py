@@ -7,7 +7,7 @@ equalities at four key slices, joint limits everywhere, optionally 8 pairs of sp
 in milliseconds and the best of several runs:
 - one QP (the third of a solve from rest) by back end, the active set cold and warm;
 - whole solves: from rest, and warm from the path to places 1 cm away; also by PIQP, and with spheres;
-- verdicts on places out of reach.
+- infeasible places out of reach.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ SLICES = (20, 40, 80, 160, 320)
 OPTIONS = SolverOptions(decrease=1e-4)
 MARGIN = 0.4
 BUDGET = 20.0
-"""Seconds after which a solve by a slow back end is left."""
+"""[s] Time limit of a solve by a slow back end."""
 
 
 def best(work: Callable[[], Any], repeat: int) -> tuple[float, Any]:
-    """Return the least milliseconds of several runs, and what the last one gave."""
+    """Return the least milliseconds of several runs, and the last result."""
     times = []
     for _ in range(repeat):
         start = time.perf_counter()
-        found = work()
+        result = work()
         times.append(time.perf_counter() - start)
-    return 1e3 * min(times), found
+    return 1e3 * min(times), result
 
 
 def third_qp(problem: PathProblem) -> QP:
@@ -73,18 +73,18 @@ def qp_rows(slices: int, repeat: int) -> list[dict[str, Any]]:
     rows = []
     for name, backend, warm in cases:
         backend.solve(qp, warm)
-        milliseconds, found = best(lambda backend=backend, warm=warm: backend.solve(qp, warm), repeat)
-        errors = residuals(qp, found)
+        milliseconds, result = best(lambda backend=backend, warm=warm: backend.solve(qp, warm), repeat)
+        errors = residuals(qp, result)
         rows.append(
             {
                 "table": "qp",
                 "slices": slices,
                 "case": name,
                 "ms": milliseconds,
-                "iterations": found.iterations,
-                "status": found.status.name,
+                "iterations": result.iterations,
+                "status": result.status.name,
                 "violation": errors.primal,
-                "cost": qp.objective(found.x),
+                "cost": qp.objective(result.x),
             }
         )
     return rows
@@ -92,17 +92,17 @@ def qp_rows(slices: int, repeat: int) -> list[dict[str, Any]]:
 
 def solve_row(name: str, slices: int, repeat: int, work: Callable[[], Result]) -> dict[str, Any]:
     """Time a whole solve."""
-    milliseconds, found = best(work, repeat)
+    milliseconds, result = best(work, repeat)
     return {
         "table": "solve",
         "slices": slices,
         "case": name,
         "ms": milliseconds,
-        "iterations": len(found.iterations) - 1,
-        "status": found.status.name,
-        "violation": found.violation,
-        "cost": found.cost,
-        "parts_ms": {part: 1e3 * seconds for part, seconds in found.seconds.items()},
+        "iterations": len(result.iterations) - 1,
+        "status": result.status.name,
+        "violation": result.violation,
+        "cost": result.cost,
+        "parts_ms": {part: 1e3 * seconds for part, seconds in result.seconds.items()},
     }
 
 
@@ -110,9 +110,9 @@ def solve_rows(slices: int, repeat: int) -> list[dict[str, Any]]:
     """Time whole solves: from rest, warm, by PIQP, with spheres, and out of reach."""
     problem, near, far = PathProblem(slices), PathProblem(slices, shift=0.01), PathProblem(slices, shift=0.7)
     spheres, warmer = PathProblem(slices, spheres=True, margin=MARGIN), Solver(OPTIONS)
-    # Results of neighbours to start from; not timed.
-    path, apart = warmer.solve(problem, problem.start()), Solver(OPTIONS)
-    kept = apart.solve(spheres, spheres.start())
+    # Warm starts; not timed.
+    path, sphere_solver = warmer.solve(problem, problem.start()), Solver(OPTIONS)
+    nearby = sphere_solver.solve(spheres, spheres.start())
     other = PathProblem(slices, shift=0.01, spheres=True, margin=MARGIN)
     slow = SolverOptions(decrease=OPTIONS.decrease, seconds=BUDGET)
     return [
@@ -120,7 +120,7 @@ def solve_rows(slices: int, repeat: int) -> list[dict[str, Any]]:
         solve_row("warm, places 1 cm away", slices, repeat, lambda: warmer.solve(near, path.x, warm=path)),
         solve_row("warm, PIQP", slices, 1, lambda: Solver(slow, Piqp()).solve(near, path.x, warm=path)),
         solve_row("spheres, from rest", slices, 1, lambda: Solver(OPTIONS).solve(spheres, spheres.start())),
-        solve_row("spheres, warm", slices, repeat, lambda: apart.solve(other, kept.x, warm=kept)),
+        solve_row("spheres, warm", slices, repeat, lambda: sphere_solver.solve(other, nearby.x, warm=nearby)),
         solve_row("out of reach", slices, 1, lambda: Solver(slow).solve(far, far.start())),
     ]
 
@@ -131,12 +131,12 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--slices", type=int, nargs="+", default=SLICES)
     parser.add_argument("--repeat", type=int, default=3)
-    given = parser.parse_args()
+    options = parser.parse_args()
     rows = []
     print(f"{'T':>4} {'case':24} {'ms':>8} {'steps':>5} {'violation':>9} {'cost':>11}  status")
     for measure in (qp_rows, solve_rows):
-        for slices in given.slices:
-            for row in measure(slices, given.repeat):
+        for slices in options.slices:
+            for row in measure(slices, options.repeat):
                 rows.append(row)
                 print(
                     f"{slices:4d} {row['case']:24} {row['ms']:8.1f} {row['iterations']:5d} {row['violation']:9.1e} "
@@ -148,8 +148,8 @@ def main() -> None:
         if len(chosen) > 1:
             growth = np.polyfit(np.log([r["slices"] for r in chosen]), np.log([r["ms"] for r in chosen]), 1)[0]
             print(f"{name}: time grows as T^{growth:.2f}")
-    if given.json:
-        given.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1))
+    if options.json:
+        options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1))
 
 
 if __name__ == "__main__":

@@ -20,10 +20,10 @@ from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
 from lgp.logic.pddl import SHIPPED, PddlDomain, load_domain
 from lgp.logic.task import Action, Task, ground, parse_atom
-from lgp.path.bounds import PathBounds, Solution
-from lgp.path.collision_constraints import CollisionRows
+from lgp.path.bounds import PathBounds
 from lgp.path.costs import Weights
 from lgp.path.ergonomics import Ergonomics
+from lgp.path.keyframes import Solution
 from lgp.plan_record import Plan
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
@@ -217,7 +217,7 @@ def _record(scene: Scene, bounds: PathBounds, result: SearchResult) -> Plan:
         "status": result.status.name.lower(),
         "reason": result.reason,
         "joints": bounds.world.joints,
-        "start": bounds.start,
+        "start": bounds.initial_configuration,
         "search": counts,
         "tree": result.nodes,
     }
@@ -230,10 +230,10 @@ def _record(scene: Scene, bounds: PathBounds, result: SearchResult) -> Plan:
 def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) -> dict[str, Any]:
     phases = bounds.phases(tuple(skeleton))
     problem = bounds.problem("path", phases)
-    path = solution.keys if solution.path is None else solution.path
+    path = solution.keyframes if solution.path is None else solution.path
     x = problem.join(path, solution.variables)
     costs = problem.costs(x)
-    penetration, *_ = CollisionRows(bounds.world, phases, bounds.start).worst(*problem.split(x))
+    penetration, *_ = bounds.paths.collision_constraints(phases).deepest_penetration(*problem.split(x))
     posture = np.zeros((0, 0))
     if bounds.world.scene.human is not None:
         posture = PostureMap(bounds.world).angles(path)
@@ -246,7 +246,7 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
         "posture": posture,
         "carried": phases.loads(),
         "costs": {"total": costs.total, "acceleration": costs.acceleration, "ergonomics": costs.ergonomics},
-        "residuals": problem.rows.residuals(*problem.split(x)) | {"penetration": penetration},
+        "residuals": problem.constraints.residuals(*problem.split(x)) | {"penetration": penetration},
         "solver": {
             "status": solution.result.status.name.lower(),
             "kkt": solution.result.kkt,

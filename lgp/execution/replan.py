@@ -72,8 +72,8 @@ def remaining_actions(motion: Motion, task: Task, number: int, bounds: FixedPath
         except LogicError:
             continue
         path, variables = motion.path[first * phases.slices :], phase_variables(motion, first)
-        bounds.suggest(actions, path[phases.slices :: phases.slices], variables)
-        bounds.shapes[actions] = path, variables
+        bounds.set_initial_guess(actions, path[phases.slices :: phases.slices], variables)
+        bounds.planned_motions[actions] = path, variables
         return actions
     return ()
 

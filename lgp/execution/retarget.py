@@ -17,7 +17,7 @@ import numpy as np
 
 import dreba
 from lgp.errors import LgpError
-from lgp.execution.fixed_path import FixedPathBounds, planned_course, still_hands
+from lgp.execution.fixed_path import FixedPathBounds, holding_hands, planned_course
 from lgp.execution.replan import phase_variables, replan_remaining
 from lgp.execution.tracked_scene import atoms_now, carrier, in_hand, on_table, scene_now
 from lgp.execution.tracking import TrackedPose, TrackedWorld
@@ -28,8 +28,8 @@ from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.logic.task import Action, Atom
 from lgp.motion import Motion
-from lgp.path.bounds import Solution
 from lgp.path.ergonomics import Ergonomics
+from lgp.path.keyframes import Solution
 from lgp.plan_record import Plan
 from lgp.planner import COST, task_of
 from lgp.scene.model import Scene
@@ -158,7 +158,7 @@ class Planner:
         first = np.clip(start, world.lower, world.upper)
         action, seconds = self.actions[number], self.motion.phases.seconds
         resting = self._acting(number - 1) if pause else None
-        holding = still_hands(self.motion.modes, number)
+        holding = holding_hands(self.motion.modes, number)
         hands = self.motion.phases.switches[number].hands
         planned = planned_course(world, first, self.planned(number).trajectory.knots, [*hands, *holding])
         initial_guess = self.planned(number).trajectory.knots, phase_variables(self.motion, number, number + 1)
@@ -166,9 +166,14 @@ class Planner:
         for attempt_world, fixed_variables in self._attempts(number, world, first, target):
             for course in (planned, None) if self.collision_free and len(planned.columns) else (planned,):
                 bounds = self._bounds(
-                    attempt_world, first, pins=fixed_variables, still=holding, course=course, resting=resting
+                    attempt_world,
+                    first,
+                    fixed_variables=fixed_variables,
+                    holding=holding,
+                    prescribed=course,
+                    resting=resting,
                 )
-                bounds.shapes[action,] = initial_guess
+                bounds.planned_motions[action,] = initial_guess
                 result = bounds.solve("sequence", (action,), None)
                 sequence_feasible = result.feasible
                 result = bounds.solve("path", (action,), result) if sequence_feasible else result
@@ -205,7 +210,9 @@ class Planner:
         later = (k for k in range(number, len(switches)) if switches[k].object_name == object_name)
         last = next((k for k in later if switches[k].action.attaches_to == "table"), number)
         fixed_variables = self._fixed_variables(last, number, world.scene, None)[0] if last > number else {}
-        bounds = self._bounds(world, first, pins=fixed_variables, still=still_hands(self.motion.modes, number))
+        bounds = self._bounds(
+            world, first, fixed_variables=fixed_variables, holding=holding_hands(self.motion.modes, number)
+        )
         actions = self.actions[number : last + 1]
         result = bounds.solve("sequence", actions, None)
         if not result.feasible:
@@ -217,7 +224,12 @@ class Planner:
         """Return the bounds of motions from a configuration (nq,), see `FixedPathBounds`."""
         slices = self.motion.phases.slices
         return FixedPathBounds(
-            world, self.ergonomics(), start=first, slices=slices, collisions=self.collision_free, **options
+            world,
+            self.ergonomics(),
+            initial_configuration=first,
+            slices=slices,
+            collisions=self.collision_free,
+            **options,
         )
 
     def planned_placement(self, number: int) -> TablePose:
@@ -288,7 +300,7 @@ class Planner:
         # The grip of a part in the hand of the person is given: they may need any rotation of the hand to place it.
         for attempt_world in (world, world.with_free_hands("human")) if in_hand else (world,):
             holding = [hand for hand, _, _ in ModeSequence(attempt_world, ()).held_at_first]
-            bounds = self._bounds(attempt_world, first, still=holding)
+            bounds = self._bounds(attempt_world, first, holding=holding)
             plan = replan_remaining(self.motion, task, number, bounds, seconds, thorough)
             if plan.feasible:
                 break

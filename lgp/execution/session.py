@@ -17,7 +17,7 @@ from lgp.errors import LgpError
 from lgp.execution.events import Event, Hub
 from lgp.execution.executive import Executive, RetargetedAction, Settings
 from lgp.execution.faults import Fault, Faults
-from lgp.execution.fixed_path import FixedPathBounds, still_hands
+from lgp.execution.fixed_path import FixedPathBounds, holding_hands
 from lgp.execution.log import Recorder, RunLog
 from lgp.execution.log_reader import LoggedRun, checkpoint, continue_log, placements
 from lgp.execution.predicates import gripper_commands
@@ -347,15 +347,15 @@ def _costs(planner: Planner, number: int, scene: Scene, phases: list[Phase]) -> 
     bounds = FixedPathBounds(
         world,
         planner.ergonomics(),
-        start=start,
+        initial_configuration=start,
         slices=slices,
         collisions=planner.collision_free,
-        still=still_hands(planner.motion.modes, number),
+        holding=holding_hands(planner.motion.modes, number),
     )
     actions = planner.actions[number:]
     problem = bounds.problem("path", bounds.phases(actions))
     greedy = problem.costs(problem.join(path, variables)).total
-    first = replace(solutions[-1], keys=keys, variables=variables, path=None)
+    first = replace(solutions[-1], keyframes=keys, variables=variables, path=None)
     result = bounds.solve("path", actions, BoundResult(True, greedy, payload=first))
     return greedy, result.cost if result.feasible else None
 

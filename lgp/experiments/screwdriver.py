@@ -75,7 +75,12 @@ def plan_run(
     )
     rows, paths = [], []
     weights = Weights(ergonomics=applied.weight)
-    options: dict[str, Any] = {"weights": weights, "start": start, "slices": slices, "collisions": collisions}
+    options: dict[str, Any] = {
+        "weights": weights,
+        "initial_configuration": start,
+        "slices": slices,
+        "collisions": collisions,
+    }
     for condition, plan in _conditions(task_of(scene), world, ergonomics, options):
         key = {"run": run, "condition": condition, "initial": initial}
         rows.append(_row(scene, plan) | key | {"seed": seed})
@@ -143,7 +148,7 @@ def _conditions(
     reference = PathBounds(world, None, **options)
     plain = plan_within(reference, task, budget=budget)
     yield non_ergonomic, plain
-    bounds = PathBounds(world, ergonomics, **options, like=reference)
+    bounds = PathBounds(world, ergonomics, **options, reference=reference)
     sequence = parse_sequence(task, plain.actions) if plain.feasible else ()
     same_actions = plan_within(bounds, task, sequence) if plain.feasible else plain
     yield ergonomic, plan_within(bounds, task, None, budget, sequence)

@@ -157,14 +157,14 @@ def _plan_condition(
             best, visited = plan, sequences(plan)
         if len(costs) > 1 and costs[-2] - costs[-1] < IMPROVEMENT * costs[-2]:
             break
-        bounds.reconsider()
+        bounds.forget_paths()
     best = best or plan
     first_of_order = {order: best_of(bounds, task, visited, order) for order in ORDERS}
     orders = {order: plan for order, plan in first_of_order.items() if plan is not None}
     infeasible: dict[str, str] = {}
     if collisions:
         bounds.collisions = True
-        bounds.reconsider()
+        bounds.forget_paths()
         free = {order: plan_within(bounds, task, skeleton_of(task, plan)) for order, plan in orders.items()}
         orders = {order: plan for order, plan in free.items() if plan.feasible}
         infeasible = {order: plan.reason for order, plan in free.items() if not plan.feasible}
@@ -190,7 +190,7 @@ def _vary_weight(
         for order, plan in orders.items():
             keyframes = plan.path[np.flatnonzero(np.diff(plan.phase, append=plan.phase[-1] + 1))]
             skeleton = skeleton_of(task, plan)
-            bounds.suggest(skeleton, keyframes, np.array(list(plan.variables.values())))
+            bounds.set_initial_guess(skeleton, keyframes, np.array(list(plan.variables.values())))
             weighted = plan_within(bounds, task, skeleton)
             if weighted.feasible:
                 rows.append({"weight": weight, "order": order, **cost_terms(weighted, weight)})

@@ -1,8 +1,8 @@
-"""What solved problems tell about others of one search: poses that are asked for again, and where to start from.
+"""Warm starts within one search: poses solved before, and the best motion of each set of actions.
 
-A pose depends on the last action, on what has its objects before, and on the number of phases, not on the order of what
-came before. Sequences of the same actions in another order end in similar motions: the best one found is where the
-others start as well, so that orders are compared by their best motions and not by luck.
+A pose depends on the last action, on what its objects are attached to before, and on the number of phases, not on the
+order of earlier actions. Sequences of the same actions in another order end in similar motions: the best one is an
+initial guess of the others, so that orders are compared by their best motions and not by chance.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ from lgp.path.phases import Phases
 from lgp.sqp.result import Result
 from reba.arrays import Array
 
-Key = tuple[str, int]
+Occurrence = tuple[str, int]
+"""An action as text, and how often it occurred before in its sequence."""
 
 
 @dataclass(frozen=True)
 class CachedPose:
-    """A pose (1, nq) that ends `count` phases, its costs without carried loads, and what the solver said."""
+    """A pose (1, nq) [rad, m] that ends `count` phases, its costs without carried loads, and the solver's result."""
 
     count: int
     pose: Array
@@ -38,42 +39,38 @@ class CachedMotion:
     """The best motion of a set of actions: its cost, configurations (nq,) and variables (m,) of every action."""
 
     cost: float
-    keys: dict[Key, Array]
-    variables: dict[Key, Array]
+    keyframes: dict[Occurrence, Array]
+    variables: dict[Occurrence, Array]
 
 
 class WarmStartCache:
-    """What is known of the sequences of a scene.
-
-    Args:
-        world: the kinematics.
-    """
+    """Poses and motions of the sequences of a scene."""
 
     def __init__(self, world: World) -> None:
         self.world = world
         self._poses: dict[Hashable, CachedPose] = {}
-        self._refused: dict[Hashable, str] = {}
-        self._best: dict[frozenset[Key], CachedMotion] = {}
+        self._infeasible: dict[Hashable, str] = {}
+        self._best: dict[frozenset[Occurrence], CachedMotion] = {}
 
     def pose(self, phases: Phases) -> CachedPose | str | None:
-        """Return the pose at the end of a sequence, or the same after another number of phases, or why there is none.
+        """Return the pose at the end of a sequence, perhaps after another number of phases; or why it is infeasible.
 
-        None if nothing is known.
+        None where it is not solved yet.
         """
         key = self._key(phases)
-        if key in self._refused:
-            return f"phase {phases.count}, {phases.label(phases.count - 1)}: {self._refused[key]}"
+        if key in self._infeasible:
+            return f"phase {phases.count}, {phases.label(phases.count - 1)}: {self._infeasible[key]}"
         return self._poses.get(key)
 
-    def note(self, phases: Phases, pose: Array, costs: Costs, result: Result) -> CachedPose:
-        """Remember the pose (1, nq) at the end of a sequence, its costs without loads, and what the solver said."""
-        found = CachedPose(phases.count, pose, costs, result)
-        self._poses[self._key(phases)] = found
-        return found
+    def store_pose(self, phases: Phases, pose: Array, costs: Costs, result: Result) -> CachedPose:
+        """Store the pose (1, nq) at the end of a sequence, its costs without loads, and the solver's result."""
+        cached = CachedPose(phases.count, pose, costs, result)
+        self._poses[self._key(phases)] = cached
+        return cached
 
-    def refuse(self, phases: Phases, why: str) -> None:
-        """Remember that the last action of a sequence has no pose: no number of phases changes that."""
-        self._refused[self._key(phases)] = why.partition(": ")[2] or why
+    def store_infeasible(self, phases: Phases, reason: str) -> None:
+        """Store that the last action of a sequence has no pose, whatever the number of phases."""
+        self._infeasible[self._key(phases)] = reason.partition(": ")[2] or reason
 
     def _key(self, phases: Phases) -> Hashable:
         """Return what the constraints on the pose after the last action depend on, and the load in it."""
@@ -85,45 +82,47 @@ class WarmStartCache:
         )
         return last, before, float(phases.loads()[-1])
 
-    def keep(self, phases: Phases, cost: float, keys: Array, variables: Array) -> None:
-        """Remember the configurations (K, nq) and variables (nz,) of a solved sequence if none was better."""
-        names = _names(phases)
-        known = self._best.get(frozenset(names))
-        if known is not None and known.cost <= cost:
+    def store_motion(self, phases: Phases, cost: float, keyframes: Array, variables: Array) -> None:
+        """Store the keyframes (K, nq) and variables (nz,) of a sequence unless its actions have a cheaper motion."""
+        names = _occurrences(phases)
+        cached = self._best.get(frozenset(names))
+        if cached is not None and cached.cost <= cost:
             return
-        own = _own(ModeSequence(self.world, phases.switches), names)
+        own = _variables_of(ModeSequence(self.world, phases.switches), names)
         self._best[frozenset(names)] = CachedMotion(
-            cost, dict(zip(names, keys.copy(), strict=True)), {name: variables[part] for name, part in own.items()}
+            cost,
+            dict(zip(names, keyframes.copy(), strict=True)),
+            {name: variables[part] for name, part in own.items()},
         )
 
-    def start(self, phases: Phases, first: Array) -> tuple[Array, Array] | None:
-        """Return configurations (K, nq) and variables (nz,) from the best motion of the same actions, None without one.
+    def initial_guess(self, phases: Phases, initial_configuration: Array) -> tuple[Array, Array] | None:
+        """Return keyframes (K, nq) and variables (nz,) from the best motion of the same actions, None without one.
 
-        Each limb is where it was at its own actions, and on the way between them in other phases.
+        Each limb is where it was at its own actions, interpolated between them in other phases.
 
         Args:
             phases: the sequence.
-            first: (nq,) configuration before it.
+            initial_configuration: (nq,) before it [rad, m].
         """
-        names = _names(phases)
-        known = self._best.get(frozenset(names))
-        if known is None:
+        names = _occurrences(phases)
+        cached = self._best.get(frozenset(names))
+        if cached is None:
             return None
         modes = ModeSequence(self.world, phases.switches)
-        keys = np.tile(first, (phases.count, 1))
+        keyframes = np.tile(initial_configuration, (phases.count, 1))
         for hand in dict.fromkeys(hand for switch in phases.switches for hand in switch.hands):
             limb = np.flatnonzero(self.world.support(hand))
             acts = [number for number, switch in enumerate(phases.switches) if hand in switch.hands]
-            values = [first[limb], *(known.keys[names[number]][limb] for number in acts)]
+            values = [initial_configuration[limb], *(cached.keyframes[names[number]][limb] for number in acts)]
             for column, series in zip(limb, np.transpose(values), strict=True):
-                keys[:, column] = np.interp(np.arange(phases.count), [-1, *acts], series)
+                keyframes[:, column] = np.interp(np.arange(phases.count), [-1, *acts], series)
         variables = np.zeros(modes.size)
-        for name, part in _own(modes, names).items():
-            variables[part] = known.variables[name]
-        return keys, variables
+        for name, part in _variables_of(modes, names).items():
+            variables[part] = cached.variables[name]
+        return keyframes, variables
 
 
-def _names(phases: Phases) -> list[Key]:
+def _occurrences(phases: Phases) -> list[Occurrence]:
     """Return each action with how often it was done before."""
     seen: Counter[str] = Counter()
     names = []
@@ -133,7 +132,7 @@ def _names(phases: Phases) -> list[Key]:
     return names
 
 
-def _own(modes: ModeSequence, names: Sequence[Key]) -> dict[Key, slice]:
-    """Return the variables that each action brought."""
+def _variables_of(modes: ModeSequence, names: Sequence[Occurrence]) -> dict[Occurrence, slice]:
+    """Return the variables that each action adds."""
     sides = {name: modes.contact(number) for number, name in enumerate(names)}
-    return {name: found[0].variables for name, found in sides.items() if found is not None}
+    return {name: contact[0].variables for name, contact in sides.items() if contact is not None}

@@ -1,8 +1,8 @@
-"""Solve a path so that no bodies touch: rows where bodies are near, a few steps, rows where they have come near since.
+"""Collision-free path by constraint generation: constrain the pairs of bodies that are near, re-solve, repeat.
 
-Between two choices of rows the pattern is fixed. What was learnt about the rows so far, multipliers and active set,
-goes on to the next round. A path may stay in contact where its surroundings leave no way out that small steps find;
-the caller sees it in the rows that are left violated.
+Between two rounds the set of collision constraints, and with it the sparsity pattern, is fixed; multipliers and active
+set warm-start the next round. The path is the local minimum near its initial guess. Where that one is expensive,
+multi-start solves from other initial guesses, to a coarse tolerance, and returns the cheapest.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lgp.kinematics.world import World
-from lgp.path.collision_constraints import TOLERATED, CollisionRows
+from lgp.path.collision_constraints import MARGIN_TOLERANCE, CollisionConstraints
 from lgp.path.feasibility import CLOSE
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
@@ -24,177 +24,193 @@ from lgp.sqp.solver import Solver
 from reba.arrays import Array, Indices
 
 ROUNDS = 8
-"""Choices of rows."""
-STEPS = 8
-"""Iterations between them, at most."""
-ROUGH = 1e-4
-"""Promised decrease of the cost, relative to it, at which rows are chosen anew."""
-SETTLED = 1e-5
-"""Promised decrease of the cost, relative to it, that is not waited for: rows that come and go change it by more."""
-LONGEST = 0.3
-"""[rad, m] Distances bend too much to trust longer steps."""
-NEAR = 1e-2
-"""[m, rad] Violation up to which a cost is near that of the path it will become."""
+"""Rounds of constraint generation."""
+ROUND_ITERATIONS = 8
+"""SQP iterations of a round before the last, at most."""
+ROUND_DECREASE = 1e-4
+"""Predicted decrease, relative to the cost, that ends a round before the last."""
+FINAL_DECREASE = 1e-5
+"""Predicted decrease, relative to the cost, that ends the last round: constraints added later change it by more."""
+MAX_STEP = 0.3
+"""[rad, m] Largest change of an unknown per iteration: distances are too curved for longer steps."""
+COMPARABLE_VIOLATION = 1e-2
+"""[m, rad] Violation up to which the cost is near that of the feasible path."""
+
+ProblemOf = Callable[[CollisionConstraints], PathProblem]
+"""Active collision constraints -> path problem."""
 
 
 def solve_collision_free(
-    make: Callable[[CollisionRows], PathProblem],
-    rows: CollisionRows,
+    problem_of: ProblemOf,
+    constraints: CollisionConstraints,
     first: Result,
     options: SolverOptions,
     *,
     solved: bool = True,
     rounds: int = ROUNDS,
-    worth: float = math.inf,
+    cost_limit: float = math.inf,
 ) -> tuple[PathProblem, Result]:
-    """Return the last problem and its result.
+    """Return the problem of the last round and its result; constraints left violated show that it failed.
 
     Args:
-        make: the path problem with given rows.
-        rows: none yet, or those of `first`.
-        first: result of the problem with these rows. Without rows, found first, it leads to better paths than most
-            cruder starts.
-        options: of the solver; its budget holds for the last round.
-        solved: whether `first` is at its minimum; otherwise it only says where to begin.
-        rounds: choices of rows.
-        worth: cost from which on a path is given up: more rows seldom make it cheaper.
+        problem_of: makes the path problem.
+        constraints: none active yet, or those of `first`.
+        first: result of the problem with these constraints. The free path leads to better minima than most guesses.
+        options: of the solver; its iterations are those of the last round.
+        solved: whether `first` is at its minimum; otherwise it is an initial guess only.
+        rounds: of constraint generation.
+        cost_limit: cost at which to stop: more constraints seldom make a path cheaper.
     """
-    problem, result = make(rows), first
-    fine = solved
+    problem, result = problem_of(constraints), first
+    final = solved
     for number in range(rounds):
-        violated = rows.extend(*problem.split(result.x))
-        if not violated and fine:
+        violated = constraints.add_violated(*problem.split(result.x))
+        if not violated and final:
             break
         if violated:
-            problem = make(rows)
-        fine = not violated or number == rounds - 1
-        chosen = settled(options) if fine else rough(options)
-        limited = replace(chosen, longest_step=min(LONGEST, options.longest_step))
-        result = Solver(limited).solve(problem, result.x, warm=_longer(result, problem))
-        if result.cost >= worth and result.violation <= NEAR:
+            problem = problem_of(constraints)
+        final = not violated or number == rounds - 1
+        chosen = collision_options(options) if final else round_options(options)
+        limited = replace(chosen, longest_step=min(MAX_STEP, options.longest_step))
+        result = Solver(limited).solve(problem, result.x, warm=_with_new_multipliers(result, problem))
+        if result.cost >= cost_limit and result.violation <= COMPARABLE_VIOLATION:
             break
-        # Where no step lessens the violation of these rows, a finer solve would not either.
-        fine = fine or result.status is SolveStatus.INFEASIBLE
+        # At a stationary point of the violation a solve to the final tolerance would not reduce it either.
+        final = final or result.status is SolveStatus.INFEASIBLE
     return problem, result
 
 
-def rough(options: SolverOptions) -> SolverOptions:
-    """Return settings that stop as soon as a path shows which rows are missing."""
-    near = replace(options, decrease=max(options.decrease, ROUGH), kkt=max(options.kkt, 10.0 * ROUGH))
-    return replace(near, violation=TOLERATED, iterations=STEPS)
+def round_options(options: SolverOptions) -> SolverOptions:
+    """Return options that stop as soon as a path shows which constraints are missing."""
+    coarse = replace(options, decrease=max(options.decrease, ROUND_DECREASE), kkt=max(options.kkt, 10 * ROUND_DECREASE))
+    return replace(coarse, violation=MARGIN_TOLERANCE, iterations=ROUND_ITERATIONS)
 
 
-def settled(options: SolverOptions) -> SolverOptions:
-    """Return settings that stop where costs of paths with rows for collisions no longer change visibly."""
-    return replace(options, decrease=max(options.decrease, SETTLED), kkt=max(options.kkt, 10.0 * SETTLED))
+def collision_options(options: SolverOptions) -> SolverOptions:
+    """Return options that stop where the cost of a path with collision constraints no longer changes visibly."""
+    return replace(options, decrease=max(options.decrease, FINAL_DECREASE), kkt=max(options.kkt, 10 * FINAL_DECREASE))
 
 
-def _longer(warm: Result, problem: PathProblem) -> Result:
-    """Return a result with multipliers 0 for rows that are new; new rows come last."""
-    new = len(problem.rows.in_rows) - len(warm.y_in)
+def _with_new_multipliers(warm: Result, problem: PathProblem) -> Result:
+    """Return a result with multipliers 0 for new constraints, which come last."""
+    new = len(problem.constraints.in_rows) - len(warm.y_in)
     return replace(warm, y_in=np.concatenate([warm.y_in, np.zeros(new)]))
 
 
-SUSPICIOUS = 1.2
-"""Times the cost of the path that need not keep bodies apart; what costs more is worth other starts."""
-ENOUGH = 1.5
-"""Times that cost; once something better is found that costs less than this, the search for more ends."""
-BETTER = 0.97
-"""Times the cost known; a trial that costs more than this is not worth going on with."""
-SHARES = (0.3, 0.5)
-"""How far starts swing out towards the postures drawn, in turn."""
-DRAWN = 24
-"""Starts drawn, of which those are tried that lead least through bodies,"""
-TRIED = 4
-"""and as many others that these make this many."""
-COARSE = SolverOptions(violation=1e-6, kkt=1e-2, decrease=1e-3, iterations=16)
-"""Of trials: good enough to be compared."""
-START_ROUNDS = 5
-"""Choices of rows of a trial."""
+MULTI_START_RATIO = 1.2
+"""Cost of a collision-free path, relative to the free path, above which other initial guesses are solved."""
+GOOD_RATIO = 1.5
+"""Cost, relative to the free path, below which an improved path ends the multi-start."""
+IMPROVEMENT = 0.97
+"""Cost, relative to the best known path, above which a candidate is stopped."""
+GUESS_AMPLITUDES = (0.3, 0.5)
+"""Largest share of the way from the path to random postures, in turn."""
+GUESSES = 24
+"""Initial guesses drawn, of which those with the least total penetration are solved,"""
+CANDIDATES = 4
+"""and as many others, so that there are this many candidates."""
+CANDIDATE_OPTIONS = SolverOptions(violation=1e-6, kkt=1e-2, decrease=1e-3, iterations=16)
+"""Coarse: candidates are only compared."""
+CANDIDATE_ROUNDS = 5
+"""Rounds of constraint generation of a candidate."""
 
 
 @dataclass(frozen=True)
 class CandidatePath:
-    """A path that keeps bodies apart, roughly solved: its rows, its problem and what the solver said."""
+    """A collision-free path to a coarse tolerance: its collision constraints, its problem and the solver's result."""
 
-    rows: CollisionRows
+    constraints: CollisionConstraints
     problem: PathProblem
     result: Result
 
 
 def multi_start(
-    make: Callable[[CollisionRows], PathProblem],
+    problem_of: ProblemOf,
     problem: PathProblem,
     free: Result,
     least: float,
-    like: Array | None = None,
+    reference: Array | None = None,
 ) -> CandidatePath | None:
-    """Return the best trial that costs clearly less than the path known, None where there is none.
+    """Return the cheapest candidate that costs clearly less than the known path, None without one.
 
     Args:
-        make: the path problem with given rows.
-        problem: the one without rows.
+        problem_of: makes the path problem.
+        problem: the one without collision constraints.
         free: its result.
-        least: cost of the path known, inf without one.
-        like: (T, nq) path of the same actions under another cost; its robots move as in the first start.
+        least: cost of the known path, inf without one.
+        reference: (T, nq) path of the same actions under another cost [rad, m]; the first guess has its robot joints.
     """
     path, variables = problem.split(free.x)
     best: CandidatePath | None = None
-    for start in (*_like(problem.world, path, like), *_chosen(problem, path, variables)):
-        rows = CollisionRows(problem.world, problem.phases, problem.start)
-        begin = replace(free, x=problem.join(start, variables))
-        found = CandidatePath(
-            rows,
-            *solve_collision_free(make, rows, begin, COARSE, solved=False, rounds=START_ROUNDS, worth=BETTER * least),
+    for guess in candidate_guesses(problem, path, variables, reference):
+        constraints = CollisionConstraints(problem.world, problem.phases, problem.initial_configuration)
+        begin = replace(free, x=problem.join(guess, variables))
+        limit = IMPROVEMENT * least
+        candidate = CandidatePath(
+            constraints,
+            *solve_collision_free(
+                problem_of,
+                constraints,
+                begin,
+                CANDIDATE_OPTIONS,
+                solved=False,
+                rounds=CANDIDATE_ROUNDS,
+                cost_limit=limit,
+            ),
         )
-        if found.result.violation <= CLOSE and found.result.cost < BETTER * least:
-            best, least = found, found.result.cost
-            if least <= ENOUGH * free.cost:
+        if candidate.result.violation <= CLOSE and candidate.result.cost < limit:
+            best, least = candidate, candidate.result.cost
+            if least <= GOOD_RATIO * free.cost:
                 break
     return best
 
 
-def _like(world: World, path: Array, like: Array | None) -> list[Array]:
-    """Return a start (T, nq) that follows a path but for robots, who move as in another one."""
-    if like is None:
-        return []
-    start = path.copy()
-    for name in world.scene.robots:
-        columns = world.columns(name)
-        start[:, columns] = like[:, columns]
-    return [start]
+def candidate_guesses(
+    problem: PathProblem, path: Array, variables: Array, reference: Array | None = None
+) -> Iterator[Array]:
+    """Yield the initial guesses (T, nq) [rad, m] of the candidates.
 
-
-def _chosen(problem: PathProblem, path: Array, variables: Array) -> list[Array]:
-    """Return the starts (T, nq) to try: those that lead least through bodies and the first ones drawn, in turn."""
-    rows = CollisionRows(problem.world, problem.phases, problem.start)
-    drawn = list(initial_guesses(problem.world, problem.phases, path, DRAWN))
-    deep = np.argsort([rows.overlap(start, variables) for start in drawn], kind="stable").tolist()
-    order = dict.fromkeys(number for pair in zip(deep, range(DRAWN), strict=True) for number in pair)
-    return [drawn[number] for number in list(order)[:TRIED]]
+    First the path with the robot joints of the reference, if there is one; then, in turn, the next of least total
+    penetration and the next drawn.
+    """
+    world = problem.world
+    if reference is not None:
+        robots = [column for name in world.scene.robots for column in world.columns(name)]
+        guess = path.copy()
+        guess[:, robots] = reference[:, robots]
+        yield guess
+    constraints = CollisionConstraints(world, problem.phases, problem.initial_configuration)
+    guesses = list(initial_guesses(world, problem.phases, path, GUESSES))
+    depths = [constraints.total_penetration(guess, variables) for guess in guesses]
+    by_depth = np.argsort(depths, kind="stable").tolist()
+    order = dict.fromkeys(number for pair in zip(by_depth, range(GUESSES), strict=True) for number in pair)
+    yield from (guesses[number] for number in list(order)[:CANDIDATES])
 
 
 def initial_guesses(world: World, phases: Phases, path: Array, count: int) -> Iterator[Array]:
-    """Yield starts (T, nq) that agree with a path (T, nq) at its switches, the same ones each time.
+    """Yield initial guesses (T, nq) [rad, m] that equal the path at its keyframes, from a fixed seed.
+
+    Between keyframes the limbs move towards random postures and back, sin^2 of the time in the phase.
 
     Args:
         world: the kinematics.
         phases: the sequence.
-        path: configurations of all slices.
-        count: how many starts.
+        path: (T, nq) configurations of all slices.
+        count: number of guesses.
     """
-    limbs = _limbs(world, phases)
+    limbs = _moving_limbs(world, phases)
     rng = np.random.default_rng(0)
-    out = (np.sin(np.pi * (np.arange(phases.total) + 1.0) / phases.slices) ** 2).reshape(phases.count, -1, 1)
+    profile = (np.sin(np.pi * (np.arange(phases.total) + 1.0) / phases.slices) ** 2).reshape(phases.count, -1, 1)
     for number in range(count):
-        anywhere = rng.uniform(world.lower[limbs], world.upper[limbs], (phases.count, 1, len(limbs)))
-        start = path.reshape(phases.count, phases.slices, -1).copy()
-        start[..., limbs] += SHARES[number % len(SHARES)] * out * (anywhere - start[..., limbs])
-        yield start.reshape(path.shape)
+        postures = rng.uniform(world.lower[limbs], world.upper[limbs], (phases.count, 1, len(limbs)))
+        guess = path.reshape(phases.count, phases.slices, -1).copy()
+        amplitude = GUESS_AMPLITUDES[number % len(GUESS_AMPLITUDES)]
+        guess[..., limbs] += amplitude * profile * (postures - guess[..., limbs])
+        yield guess.reshape(path.shape)
 
 
-def _limbs(world: World, phases: Phases) -> Indices:
-    """Return the joints that move the hands of robots in a sequence, or of everybody where no robot works in it."""
+def _moving_limbs(world: World, phases: Phases) -> Indices:
+    """Return the joints that move the hands of robots in a sequence, or of all agents where no robot acts in it."""
     hands = {hand for switch in phases.switches for hand in switch.hands}
     robots = {hand for hand in hands if world.scene.hands[hand].agent != "human"}
     return np.flatnonzero(np.max([world.support(hand) for hand in sorted(robots or hands)], axis=0))

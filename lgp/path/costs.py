@@ -1,8 +1,8 @@
 """The sum of squared accelerations: a constant quadratic, and its exact restriction to some slices.
 
-For one joint the cost of a path d (T,), counted from its start, is d'Ad: everybody rests before the first slice and
-stops after the last one. Slices that nothing else acts on are eliminated exactly: d'Ad is minimised over them in closed
-form, which leaves a smaller quadratic on the kept slices that never exceeds the cost of any path through them.
+For one joint the cost of a path d (T,), relative to its initial value, is d'Ad: all agents rest before the first slice
+and stop after the last one. Slices on which no other cost or constraint acts are eliminated (Schur complement): d'Ad
+minimised over them is a smaller quadratic on the knots that never exceeds the cost of any path through them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from reba.arrays import Array, Indices
 
 @dataclass(frozen=True)
 class CondensedQuadratic:
-    """A quadratic on kept slices.
+    """The acceleration cost on the knots, minimised over all other slices.
 
     Attributes:
         cost: (P, P), d'Cd is the least cost of a path through d (P,).
@@ -47,25 +47,25 @@ def quadratic(slices: int, tau: float, stop: bool) -> Array:
     return differences.T @ differences / tau**3
 
 
-def eliminate_slices(matrix: Array, kept: Indices, joined: Sequence[tuple[int, int]] = ()) -> CondensedQuadratic:
-    """Return the quadratic on kept slices that is left when all others are at their best.
+def eliminate_slices(matrix: Array, knots: Indices, joined: Sequence[tuple[int, int]] = ()) -> CondensedQuadratic:
+    """Return the quadratic on the knots, minimised over all other slices.
 
     Args:
         matrix: A (T, T).
-        kept: (P,) slices, rising.
-        joined: pairs of slices (a, b) that are equal; b is not kept.
+        knots: (P,) slices, rising.
+        joined: pairs of slices (a, b) that are equal; b is no knot.
     """
     total = len(matrix)
     spread = np.eye(total)
     for first, second in joined:
         spread[second] = spread[first]
     dropped = {second for _, second in joined}
-    free = np.setdiff1d(np.arange(total), [*kept, *dropped])
+    free = np.setdiff1d(np.arange(total), [*knots, *dropped])
     merged = spread.T @ matrix @ spread
-    expand = spread[:, kept].copy()
-    cost = merged[np.ix_(kept, kept)].copy()
+    expand = spread[:, knots].copy()
+    cost = merged[np.ix_(knots, knots)].copy()
     if len(free):
-        across = merged[np.ix_(free, kept)]
+        across = merged[np.ix_(free, knots)]
         follow = np.linalg.solve(merged[np.ix_(free, free)], across)
         cost -= across.T @ follow
         expand -= spread[:, free] @ follow
@@ -75,7 +75,7 @@ def eliminate_slices(matrix: Array, kept: Indices, joined: Sequence[tuple[int, i
 
 @dataclass(frozen=True)
 class Weights:
-    """What the terms of the cost count.
+    """Weights of the terms of the cost.
 
     Attributes:
         acceleration: per rad^2/s^3 (m^2/s^3 for slides).
@@ -88,7 +88,7 @@ class Weights:
 
 @dataclass(frozen=True)
 class Costs:
-    """The terms of a cost."""
+    """The weighted terms of a cost."""
 
     acceleration: float
     ergonomics: float

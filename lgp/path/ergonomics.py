@@ -1,4 +1,4 @@
-"""The ergonomic cost of configurations: a dREBA surrogate through the posture mapping, and the least it can be."""
+"""Ergonomic cost of configurations: a dREBA surrogate of the mapped posture angles, and its lower bound."""
 
 from __future__ import annotations
 
@@ -17,33 +17,34 @@ from reba.posture.columns import COLUMNS, INDEX
 
 Payload = Literal["linear", "model"]
 PAYLOADS: Final = ("linear", "model")
-STARTS = 24
-"""Random postures from which the least value of a surrogate is searched, besides the first one."""
+MINIMISATIONS = 24
+"""Lowest of the random postures, from which the minimum of a surrogate is computed."""
 PROBES = 64
-"""Random postures in which a surrogate whose angles add up must have no mixed second derivative."""
+"""Random postures in which an additive surrogate must have no mixed second derivative."""
 STEP = 1e-6
-"""[rad] Of the differences that give the second derivatives of the angles."""
+"""[rad] Of the forward differences that give the second derivatives of the angles."""
 
 
 class Ergonomics:
     """A surrogate on the configurations of a world.
 
-    A carried load adds its mass / 5 kg (equation 4 of the paper), which makes light loads cost something: the classes
-    of the score itself begin at 5 kg. Scores count from 0: where a surrogate dips below 0 its least value is
-    subtracted, so that time spent never pays.
+    A carried load adds its mass / 5 kg (equation 4 of the paper), so that light loads have a cost: the load classes
+    of REBA begin at 5 kg. Scores are at least 0: where a surrogate is below 0 its minimum is subtracted, so that no
+    motion gets cheaper by taking longer.
 
     Attributes:
         columns: columns of q that the cost depends on, (k,).
-        floor: least score of any posture inside the joint limits without a load. A surrogate that is convex in the
-            angles has one minimum; others are minimised from many postures: their floor is as sure as that search.
-        shift: what is added to the surrogate's values.
-        form: "linear" adds equation 4, "model" leaves loads to the surrogate.
-        stages: temperatures to minimise at one after another, (None,) for a surrogate without; the last one counts.
-        parts: groups of `columns` whose second derivatives mix, as places in `columns`: one group of all of them, or,
-            where the surrogate is a sum over angles, the joints that an angle shares.
+        lower_bound: least score of any posture inside the joint limits without a load. A surrogate that is convex in
+            the angles has one minimum; others are minimised from many postures, and the bound is their lowest minimum.
+        shift: constant added to the surrogate's values.
+        form: "linear" adds equation 4, "model" passes loads to the surrogate.
+        stages: continuation stages: temperatures to minimise at one after another, (None,) for a surrogate without; the
+            last one is the cost of a plan.
+        parts: blocks of the Hessian as places in `columns`: one block of all of them, or, for an additive surrogate,
+            the joints that share an angle.
 
     Raises:
-        LgpError: the surrogate has a column that is no posture angle.
+        LgpError: an unknown payload, or a surrogate with a column that is no posture angle.
         WorldError: the world has no human.
     """
 
@@ -60,67 +61,70 @@ class Ergonomics:
         self.columns = self.posture.columns
         self.stages: tuple[float | None, ...] = tuple(model.temperatures_) or (None,)
         self._chosen = [INDEX[name] for name in model.joints_]
-        self._last: tuple[Array, Array, Array] | None = None
+        self._evaluated: tuple[Array, Array, Array] | None = None
         q = self._sample()
         angles, jacobian = self._angles(q)
-        self._adds_up = self._is_sum(angles)
-        self.parts = _groups(np.any(jacobian != 0.0, axis=0)) if self._adds_up else [np.arange(len(self.columns))]
+        self._additive = self._is_additive(angles)
+        self.parts = (
+            _coupled_joints(np.any(jacobian != 0.0, axis=0)) if self._additive else [np.arange(len(self.columns))]
+        )
         least = self._minimum(angles)
         self.shift = max(-least, 0.0)
-        self.floor = least + self.shift
+        self.lower_bound = least + self.shift
 
     def value(self, q: Array, loads: Array, stage: int = -1) -> Array:
         """Return the surrogate's score (n,) of configurations (n, nq) with loads (n,) [kg], without `payload`."""
         angles, _ = self._angles(q)
-        given: dict[str, Any] = {"load": self._own(loads), "temperature": self.stages[stage]}
-        return self.shift + np.asarray(self.model.value(angles, **given))
+        factors: dict[str, Any] = {"load": self._model_loads(loads), "temperature": self.stages[stage]}
+        return self.shift + np.asarray(self.model.value(angles, **factors))
 
     def payload(self, loads: Array) -> Array:
-        """Return what loads (n,) [kg] add to the scores of `value`, (n,)."""
-
+        """Return the score (n,) that loads (n,) [kg] add to `value`: mass / 5 kg."""
         return np.asarray(delta_payload(loads, "linear")) if self.form == "linear" else np.zeros(len(loads))
 
-    def _own(self, loads: Array) -> Array:
-        """Return the loads that the model itself is told of."""
+    def _model_loads(self, loads: Array) -> Array:
+        """Return the loads [kg] that the surrogate itself takes into account."""
         return loads if self.form == "model" else np.zeros(len(loads))
 
-    def model_at(self, q: Array, loads: Array, stage: int = -1) -> tuple[Array, Array, list[Array]]:
-        """Return value (n,), gradient (n, k) by `columns`, and a convex Hessian (n, m, m) of each part."""
+    def quadratic_model(self, q: Array, loads: Array, stage: int = -1) -> tuple[Array, Array, list[Array]]:
+        """Return value (n,), gradient (n, k) by `columns`, and a convex Hessian block (n, m, m) of each part."""
         angles, jacobian = self._angles(q)
-        given: dict[str, Any] = {"load": self._own(loads), "temperature": self.stages[stage]}
-        value, slope = self.model.value_and_gradient(angles, **given)
-        gradient = np.matmul(slope[:, None, :], jacobian)[:, 0]
-        if self._adds_up:
-            bends = self._bends(q, slope, jacobian, np.einsum("nii->ni", self.model.hessian(angles, **given)))
+        factors: dict[str, Any] = {"load": self._model_loads(loads), "temperature": self.stages[stage]}
+        value, by_angles = self.model.value_and_gradient(angles, **factors)
+        gradient = np.matmul(by_angles[:, None, :], jacobian)[:, 0]
+        if self._additive:
+            blocks = self._additive_hessian(
+                q, by_angles, jacobian, np.einsum("nii->ni", self.model.hessian(angles, **factors))
+            )
         else:
-            bends = [self._curvature(angles, jacobian, given)]
-        return self.shift + np.asarray(value), gradient, bends
+            blocks = [self._hessian(angles, jacobian, factors)]
+        return self.shift + np.asarray(value), gradient, blocks
 
-    def _bends(self, q: Array, slope: Array, jacobian: Array, bend: Array) -> list[Array]:
-        """Return the convex part of each part's Hessian, that of the angles included: slope and bend are (n, d)."""
+    def _additive_hessian(self, q: Array, slope: Array, jacobian: Array, curvature: Array) -> list[Array]:
+        """Return the convex part of each block, second derivatives of the angles included; slope, curvature (n, d)."""
         longest = max(len(part) for part in self.parts)
         moved = np.repeat(q[None], longest, axis=0)
         for part in self.parts:
             if len(part) > 1:
                 moved[np.arange(len(part)), :, self.columns[part]] += STEP
-        slopes = self._evaluate(moved.reshape(-1, q.shape[1]))[1].reshape(longest, *jacobian.shape)
-        # Joints of different parts share no angle, so one step moves one joint of each.
-        turned = np.einsum("nd,sndk->nsk", slope, slopes - jacobian) / STEP
-        found = []
+        jacobians = self._evaluate(moved.reshape(-1, q.shape[1]))[1].reshape(longest, *jacobian.shape)
+        # Joints of different blocks share no angle, so one step moves one joint of each.
+        by_step = np.einsum("nd,sndk->nsk", slope, jacobians - jacobian) / STEP
+        blocks = []
         for part in self.parts:
             own = jacobian[:, :, part]
-            hessian = np.swapaxes(own, 1, 2) @ (bend[:, :, None] * own)
+            hessian = np.swapaxes(own, 1, 2) @ (curvature[:, :, None] * own)
             if len(part) > 1:
-                twice = turned[:, : len(part), part]
-                hessian = _clipped(hessian + 0.5 * (twice + np.swapaxes(twice, 1, 2)))
-            found.append(hessian)
-        return found
+                mixed = by_step[:, : len(part), part]
+                hessian = _convex_part(hessian + 0.5 * (mixed + np.swapaxes(mixed, 1, 2)))
+            blocks.append(hessian)
+        return blocks
 
     def _angles(self, q: Array) -> tuple[Array, Array]:
-        """Return the angles (n, d) and their Jacobian (n, d, k); those of the last configurations are kept."""
-        if self._last is None or not np.array_equal(self._last[0], q):
-            self._last = q.copy(), *self._evaluate(q)
-        return self._last[1:]
+        """Return the angles (n, d) [deg] and their Jacobian (n, d, k); the last configurations' are stored."""
+        if self._evaluated is None or not np.array_equal(self._evaluated[0], q):
+            self._evaluated = q.copy(), *self._evaluate(q)
+        return self._evaluated[1:]
 
     def _evaluate(self, q: Array) -> tuple[Array, Array]:
         angles, jacobian = self.posture.evaluate(q, smooth=True)
@@ -128,60 +132,60 @@ class Ergonomics:
             angles, jacobian = angles[:, self._chosen], jacobian[:, self._chosen]
         return angles, jacobian
 
-    def _curvature(self, angles: Array, jacobian: Array, given: dict[str, Any]) -> Array:
-
+    def _hessian(self, angles: Array, jacobian: Array, factors: dict[str, Any]) -> Array:
+        """Return the Hessian (n, k, k): Gauss-Newton, or the convex part of the surrogate's where it has no factor."""
         try:
-            factor = self.model.gauss_newton(angles, **given)
+            factor = self.model.gauss_newton(angles, **factors)
         except ModelError:
-            bend = _clipped(self.model.hessian(angles, **given))
-            return np.asarray(np.swapaxes(jacobian, 1, 2) @ bend @ jacobian)
-        factored = factor @ jacobian
-        return np.asarray(np.swapaxes(factored, 1, 2) @ factored)
+            hessian = _convex_part(self.model.hessian(angles, **factors))
+            return np.asarray(np.swapaxes(jacobian, 1, 2) @ hessian @ jacobian)
+        by_joints = factor @ jacobian
+        return np.asarray(np.swapaxes(by_joints, 1, 2) @ by_joints)
 
     def _sample(self) -> Array:
-        """Return the first configuration and random postures inside the limits, (n, nq)."""
+        """Return the initial configuration and random postures within the limits, (n, nq)."""
         rng = np.random.default_rng(0)
         q = np.tile(self.world.initial_configuration, (4000, 1))
         lower, upper = self.world.lower[self.columns], self.world.upper[self.columns]
         q[1:, self.columns] = rng.uniform(lower, upper, (len(q) - 1, len(lower)))
         return q
 
-    def _is_sum(self, angles: Array) -> bool:
+    def _is_additive(self, angles: Array) -> bool:
         """Whether the surrogate is a sum of functions of one angle each."""
-        bend = np.array(self.model.hessian(angles[:PROBES], temperature=self.stages[-1]))
-        np.einsum("nii->ni", bend)[:] = 0.0
-        return not bend.any()
+        hessian = np.array(self.model.hessian(angles[:PROBES], temperature=self.stages[-1]))
+        np.einsum("nii->ni", hessian)[:] = 0.0
+        return not hessian.any()
 
     def _minimum(self, angles: Array) -> float:
-        """Minimise over the box of angles (n, d) that random postures inside the limits span."""
+        """Return the minimum over the box of angles (n, d) [deg] that random postures within the limits span."""
         from scipy.optimize import minimize
 
-        # The box holds combinations that no posture reaches, so its minimum is not above theirs.
+        # The box contains all postures, so its minimum is not above theirs.
         box = list(zip(angles.min(axis=0) - 1.0, angles.max(axis=0) + 1.0, strict=True))
         values = np.asarray(self.model.value(angles, temperature=self.stages[-1]))
-        starts = angles[np.argsort(values)[:STARTS]]
+        starts = angles[np.argsort(values)[:MINIMISATIONS]]
 
         def objective(x: Array) -> tuple[float, Array]:
             value, slope = self.model.value_and_gradient(x, temperature=self.stages[-1])
             return float(value), np.asarray(slope)
 
-        found = [minimize(objective, start, jac=True, bounds=box, method="L-BFGS-B").fun for start in starts]
-        return float(min(found))
+        minima = [minimize(objective, start, jac=True, bounds=box, method="L-BFGS-B").fun for start in starts]
+        return float(min(minima))
 
 
-def _clipped(matrices: Array) -> Array:
+def _convex_part(matrices: Array) -> Array:
     """Return symmetric matrices (n, d, d) without their negative eigenvalues."""
     values, vectors = np.linalg.eigh(matrices)
     return (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
 
 
-def _groups(moved: Flags) -> list[Indices]:
-    """Return the joints that angles (d, k) share, directly or through others; joints that move none are left out."""
-    found: list[set[int]] = []
+def _coupled_joints(moved: Flags) -> list[Indices]:
+    """Return the connected components of joints by shared angles (d, k); joints that move none are left out."""
+    groups: list[set[int]] = []
     for row in moved:
         own = set(np.flatnonzero(row).tolist())
-        touched = [group for group in found if group & own]
-        found = [group for group in found if not group & own]
+        touched = [group for group in groups if group & own]
+        groups = [group for group in groups if not group & own]
         if own:
-            found.append(own.union(*touched))
-    return [np.array(sorted(group), dtype=np.intp) for group in sorted(found, key=min)]
+            groups.append(own.union(*touched))
+    return [np.array(sorted(group), dtype=np.intp) for group in sorted(groups, key=min)]

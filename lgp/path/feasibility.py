@@ -1,4 +1,9 @@
-"""The nearest configuration that meets the constraints of a problem: a first point for the solver, or a quick no."""
+"""Feasible initial points, and reasons why there is none.
+
+`project_to_feasible` projects a point to the constraints by damped least squares (Nocedal & Wright 2006, ch. 10);
+`explain_infeasibility` names the constraint that fails most; `ReachCheck` is a necessary condition by geometry alone: a
+hand whose stretched arm is shorter than the distance to a table top cannot reach it.
+"""
 
 from __future__ import annotations
 
@@ -20,116 +25,117 @@ from reba.arrays import Array, Indices
 CLOSE = 1e-4
 """[m, rad] Violation that counts as met; the solver removes the rest."""
 STEPS, ROUNDS = 10, 4
-"""Steps of a round of the search, and rounds: searches that succeed take 5 to 15 steps."""
+"""Least squares steps of a round, and rounds: projections that succeed take 5 to 15 steps."""
 PROGRESS = 0.8
-"""A round that leaves more than this share of the violation is the last."""
+"""Share of the violation; a round that leaves more is the last."""
 
 
 def project_to_feasible(problem: PathProblem, start: Array, tolerance: float = CLOSE) -> tuple[Array, float]:
-    """Return x (n,) near a start that violates the constraints least, and the largest violation left [m, rad]."""
+    """Return the projection x (n,) of a start to the constraints, and its largest violation [m, rad]."""
 
     def residuals(x: Array, which: Indices) -> tuple[Array, Array]:
-        values = problem.rows.evaluate(*problem.split(x[0]))
-        equal, limits = problem.rows.jacobians(values)
-        broken = values.inequality > 0.0
-        slopes = np.where(broken[:, None], limits.toarray(), 0.0)
-        value = np.concatenate([values.equality, np.where(broken, values.inequality, 0.0)])
-        return value[None], np.concatenate([equal.toarray(), slopes])[None]
+        values = problem.constraints.evaluate(*problem.split(x[0]))
+        equal, limits = problem.constraints.jacobians(values)
+        violated = values.inequality > 0.0
+        gradients = np.where(violated[:, None], limits.toarray(), 0.0)
+        value = np.concatenate([values.equality, np.where(violated, values.inequality, 0.0)])
+        return value[None], np.concatenate([equal.toarray(), gradients])[None]
 
     x, before = start[None], np.inf
     for _ in range(ROUNDS):
-        x, left = least_squares(residuals, x, problem.lower, problem.upper, tolerance, STEPS)
-        if left[0] <= tolerance or left[0] > PROGRESS * before:
+        x, violation = least_squares(residuals, x, problem.lower, problem.upper, tolerance, STEPS)
+        if violation[0] <= tolerance or violation[0] > PROGRESS * before:
             break
-        before = float(left[0])
-    return x[0], float(left[0])
+        before = float(violation[0])
+    return x[0], float(violation[0])
 
 
-FINE = 1e-4
-"""[m, rad] Violations below this are not worth a word."""
-TURNED = 1e-3
-"""[rad] Turns below this are not worth a word beside a distance."""
+REPORTED = 1e-4
+"""[m, rad] Smallest violation that is reported: below it a constraint counts as met."""
+REPORTED_TURN = 1e-3
+"""[rad] Smallest rotation that is reported beside a distance."""
 
 
 def explain_infeasibility(problem: PathProblem, x: Array) -> str:
-    """Return the constraint that fails most at x (n,), "" if all hold.
+    """Return a sentence on the constraint that is violated most at x (n,), "" if all are satisfied.
 
-    Example of a result: `phase 1, grasp(1, baxter.left, screwdriver): baxter.left stays 0.496 m away from screwdriver
-    on table.start`.
+    Example: `phase 1, grasp(1, baxter.left, screwdriver): baxter.left cannot reach screwdriver on table.start: 0.496 m
+    short`.
     """
-    values = problem.rows.evaluate(*problem.split(x))
-    words: list[tuple[float, str]] = []
+    values = problem.constraints.evaluate(*problem.split(x))
+    messages: list[tuple[float, str]] = []
     switches: dict[tuple[int, str], list[float]] = {}
-    for row, value in zip(problem.rows.eq_rows, values.equality, strict=True):
-        if row.kind in ("jump", "screw", "joint"):
+    for row, value in zip(problem.constraints.eq_rows, values.equality, strict=True):
+        if row.kind in ("pose_continuity", "screw", "joint"):
             switches.setdefault((row.number, row.kind), []).append(float(value))
         elif row.kind == "sole":
-            text = f"{row.name} leaves the ground by {_amount(value, row.unit)}"
-            words.append((abs(value), f"{_slice(problem, row.number)}: {text}"))
+            text = f"{row.name} is off the ground by {_amount(value, row.unit)}"
+            messages.append((abs(value), f"{_phase_of_knot(problem, row.number)}: {text}"))
     for (number, kind), difference in switches.items():
-        away, turned = float(np.linalg.norm(difference[:3])), float(np.linalg.norm(difference[3:]))
+        distance, angle = float(np.linalg.norm(difference[:3])), float(np.linalg.norm(difference[3:]))
         if kind == "joint" and len(difference) == 3:
-            away, turned = float(np.linalg.norm(difference[:2])), abs(difference[2])
-        say = {"jump": _jump, "screw": _screw, "joint": _joint}[kind]
-        words.append((away + turned, f"{_where(problem, number)}: {say(problem, number, away, turned)}"))
-    for row, value in zip(problem.rows.in_rows, values.inequality, strict=True):
+            distance, angle = float(np.linalg.norm(difference[:2])), abs(difference[2])
+        explain = {"pose_continuity": _pose_continuity, "screw": _screw, "joint": _joint}[kind]
+        text = explain(problem, number, distance, angle)
+        messages.append((distance + angle, f"{_phase_of_switch(problem, number)}: {text}"))
+    for row, value in zip(problem.constraints.in_rows, values.inequality, strict=True):
         if row.kind == "tilt":
-            words.append((value, f"{_where(problem, row.number)}: {row.name} {_tilt(problem, row.name, value)}"))
+            messages.append((value, f"{_phase_of_switch(problem, row.number)}: {_tilt(problem, row.name, value)}"))
         elif row.kind == "collision":
-            words.append((value, f"{_slice(problem, row.number)}: {_touch(row.name, value)}"))
+            messages.append((value, f"{_phase_of_knot(problem, row.number)}: {_collision(row.name, value)}"))
         else:
-            words.append((value, f"{_slice(problem, row.number)}: the {row.name} leg is too short by {value:.3f} m"))
-    amount, text = max(words, default=(0.0, ""))
-    return text if amount > FINE else ""
+            messages.append(
+                (value, f"{_phase_of_knot(problem, row.number)}: the {row.name} leg is {value:.3f} m too short")
+            )
+    amount, text = max(messages, default=(0.0, ""))
+    return text if amount > REPORTED else ""
 
 
-def _jump(problem: PathProblem, number: int, away: float, turned: float) -> str:
+def _pose_continuity(problem: PathProblem, number: int, distance: float, angle: float) -> str:
     switch = problem.phases.switches[number]
-    by = switch.table or problem.modes.attachment(switch.object_name, number).parent
-    at = f"in {by}" if by in problem.world.scene.hands else f"on {by}"
-    if away > FINE:
-        placed = switch.action.attaches_to == "table"
-        what = f"where {switch.object_name} lies {at}" if placed else f"{switch.object_name} {at}"
-        more = f", turned by {np.degrees(turned):.1f} deg" if turned > TURNED else ""
-        return f"{switch.hand} stays {away:.3f} m away from {what}{more}"
-    return f"{switch.hand} cannot turn as {switch.object_name} lies {at}, {np.degrees(turned):.1f} deg are missing"
+    name, hand = switch.object_name, switch.hand
+    parent = switch.table or problem.modes.attachment(name, number).parent
+    at = f"in {parent}" if parent in problem.world.scene.hands else f"on {parent}"
+    if distance > REPORTED:
+        target = f"the place of {name} {at}" if switch.action.attaches_to == "table" else f"{name} {at}"
+        rotation = f" and {np.degrees(angle):.1f} deg" if angle > REPORTED_TURN else ""
+        return f"{hand} cannot reach {target}: {distance:.3f} m{rotation} short"
+    return f"{hand} cannot turn as {name} lies {at}: {np.degrees(angle):.1f} deg short"
 
 
-def _screw(problem: PathProblem, number: int, away: float, turned: float) -> str:
+def _screw(problem: PathProblem, number: int, distance: float, angle: float) -> str:
     switch = problem.phases.switches[number]
-    skew = f", {np.degrees(turned):.1f} deg aslant" if turned > FINE else ""
-    return f"{switch.hand} stays {away:.3f} m away from its place behind the screw{skew}"
+    rotation = f" and {np.degrees(angle):.1f} deg" if angle > REPORTED else ""
+    return f"{switch.hand} cannot reach its place behind the screw: {distance:.3f} m{rotation} short"
 
 
-def _joint(problem: PathProblem, number: int, away: float, turned: float) -> str:
+def _joint(problem: PathProblem, number: int, distance: float, angle: float) -> str:
     switch = problem.phases.switches[number]
-    places = [
-        f"{part} on {problem.modes.attachment(part, number).parent}" for part in (switch.object_name, switch.other)
-    ]
-    more = f" and {np.degrees(turned):.1f} deg" if turned > TURNED else ""
-    return f"{' and '.join(places)} stand {away:.3f} m{more} from where they are joined"
+    parents = {part: problem.modes.attachment(part, number).parent for part in (switch.object_name, switch.other)}
+    rotation = f" and {np.degrees(angle):.1f} deg" if angle > REPORTED_TURN else ""
+    parts = " and ".join(f"{part} on {parent}" for part, parent in parents.items())
+    return f"{parts} are {distance:.3f} m{rotation} from where they are joined"
 
 
 def _tilt(problem: PathProblem, hand: str, value: float) -> str:
     limit = problem.world.scene.hands[hand].tilt
-    tilted = np.degrees(np.arccos(np.clip(np.cos(np.radians(limit)) - value, -1.0, 1.0)))
-    return f"must tilt by {tilted:.0f} deg, {tilted - limit:.1f} deg more than it may"
+    tilt = np.degrees(np.arccos(np.clip(np.cos(np.radians(limit)) - value, -1.0, 1.0)))
+    return f"{hand} is tilted by {tilt:.0f} deg, {tilt - limit:.1f} deg above its limit"
 
 
-def _touch(name: str, value: float) -> str:
+def _collision(name: str, value: float) -> str:
     first, _, second = name.partition(" and ")
     if value > MARGIN:
-        return f"{first} goes {value - MARGIN:.3f} m into {second}"
-    return f"{first} comes {value:.3f} m nearer to {second} than the {MARGIN:g} m that are kept"
+        return f"{first} penetrates {second} by {value - MARGIN:.3f} m"
+    return f"{first} is {MARGIN - value:.3f} m from {second}, less than the margin of {MARGIN:g} m"
 
 
-def _where(problem: PathProblem, number: int) -> str:
+def _phase_of_switch(problem: PathProblem, number: int) -> str:
     return f"phase {number + 1}, {problem.phases.label(number)}"
 
 
-def _slice(problem: PathProblem, at: int) -> str:
-    slice_ = int(problem.kept[at])
-    return f"phase {slice_ // problem.phases.slices + 1}"
+def _phase_of_knot(problem: PathProblem, at: int) -> str:
+    return f"phase {int(problem.knots[at]) // problem.phases.slices + 1}"
 
 
 def _amount(value: float, unit: str) -> str:
@@ -137,34 +143,34 @@ def _amount(value: float, unit: str) -> str:
 
 
 ITERATIONS = 20
-"""Alternating projections in search of the direction that separates best; any direction gives a true bound."""
+"""Alternating projections towards the best separating direction; any direction gives a valid bound."""
 
 
 @dataclass(frozen=True)
 class Rectangle:
-    """A level rectangle: centre (3,), half sides (2,) [m] along the directions (2, 3); a point has half sides of 0."""
+    """A horizontal rectangle: centre (3,), half sides (2,) [m] along the unit vectors (2, 3); 0 for a point."""
 
     centre: Array
     halves: Array
     sides: Array
 
     def nearest(self, point: Array) -> Array:
-        """Return the point (3,) of the rectangle that is nearest."""
+        """Return the nearest point (3,) of the rectangle [m]."""
         along = np.clip(self.sides @ (point - self.centre), -self.halves, self.halves)
         return np.asarray(self.centre + along @ self.sides)
 
-    def least(self, direction: Array) -> float:
-        """Return the least d'p of its points p for a direction d (3,)."""
+    def support_minimum(self, direction: Array) -> float:
+        """Return the minimum of d'p over its points p for a direction d (3,)."""
         return float(self.centre @ direction - self.halves @ np.abs(self.sides @ direction))
 
 
 @dataclass(frozen=True)
 class ReachBound:
-    """Where a hand can be at most: within `length` of a point that slides.
+    """Upper bound on the reach of a hand: it stays within `length` of a root point that slides.
 
     Attributes:
-        root: (3,) the point with every slide at 0 [m].
-        slides: (s, 3) directions of the slides, `lower` and `upper` (s,) their ends [m].
+        root: (3,) the root point with every slide at 0 [m].
+        slides: (s, 3) directions of the slides, `lower` and `upper` (s,) their limits [m].
         length: [m].
     """
 
@@ -174,34 +180,29 @@ class ReachBound:
     upper: Array
     length: float
 
-    def beyond(self, top: Rectangle) -> float:
-        """Return by how much [m] the hand stays away from a table top at least; not above 0 if it may reach it."""
+    def distance_beyond(self, area: Rectangle) -> float:
+        """Return a lower bound on the distance [m] from the hand to an area; not above 0 where it may reach it."""
         at = 0.5 * (self.lower + self.upper)
         best = -np.inf
         for _ in range(ITERATIONS):
             root = self.root + at @ self.slides
-            away = top.nearest(root) - root
-            distance = float(np.linalg.norm(away))
+            offset = area.nearest(root) - root
+            distance = float(np.linalg.norm(offset))
             if distance < 1e-9:
                 break
-            direction = away / distance
+            direction = offset / distance
             along = self.slides @ direction
-            far = self.root @ direction + np.maximum(self.lower * along, self.upper * along).sum()
-            best = max(best, top.least(direction) - float(far))
-            moved = np.clip(self.slides @ (root + away - self.root), self.lower, self.upper)
+            farthest = self.root @ direction + np.maximum(self.lower * along, self.upper * along).sum()
+            best = max(best, area.support_minimum(direction) - float(farthest))
+            moved = np.clip(self.slides @ (root + offset - self.root), self.lower, self.upper)
             if np.abs(moved - at).max(initial=0.0) < 1e-6:
                 break
             at = moved
         return max(best, 0.0) - self.length
 
 
-def span(world: World, hand: Hand) -> ReachBound:
-    """Return the span of a hand.
-
-    Example:
-        >>> span(world, world.scene.hands["baxter.left"]).length         # doctest: +SKIP
-        1.21
-    """
+def reach_bound(world: World, hand: Hand) -> ReachBound:
+    """Return the reach bound of a hand: a sum of joint distances, each maximised within the joint limits."""
     model = world.model
     data = model.createData()
     frame = world.frame_id(hand.full)
@@ -220,100 +221,93 @@ def span(world: World, hand: Hand) -> ReachBound:
     turns = axes[3:, columns[sliding:]].T
     free = np.array([slides(model.joints[joint]) for joint in chain[sliding:]], dtype=bool)
     if free.any():
-        # A slide behind a turning joint stretches the arm: nothing is claimed about it.
+        # A slide behind a revolute joint lengthens the arm: no bound is computed.
         return ReachBound(root, moves, world.lower[own], world.upper[own], np.inf)
     points = np.array(at[sliding:])
     shift = turns[0] * float(turns[0] @ (points[1] - points[0])) if len(turns) else np.zeros(3)
-    # Along its own axis the first joint moves nothing.
+    # Offsets along its own axis do not move with the first joint.
     points[0] += shift
     length = _length(points, turns, low[columns[sliding:]], high[columns[sliding:]])
     return ReachBound(root + shift, moves, world.lower[own], world.upper[own], length)
 
 
 def _length(points: Array, axes: Array, low: Array, high: Array) -> float:
-    """Return the greatest distance of the last point from the first as a shortest sum of bounds.
+    """Return an upper bound on the distance [m] from the first point to the last: the least sum of bounds of links.
 
     Args:
         points: (m + 1, 3) joint origins, and the hand.
         axes: (m, 3) of the joints.
-        low, high: (m,) turns [rad] that are left to each joint from where the points are.
+        low, high: (m,) joint limits [rad] relative to the angles at which the points are given.
     """
     last = len(points) - 1
     links = np.diff(points, axis=0)
-    rest = np.zeros(last + 1)
+    reach = np.zeros(last + 1)
     for first in range(last - 1, -1, -1):
-        rest[first] = np.linalg.norm(links[first]) + rest[first + 1]
+        reach[first] = np.linalg.norm(links[first]) + reach[first + 1]
         if first + 2 <= last:
             joint = first + 1
-            pair = _across(links[first], links[joint], axes[joint], low[joint], high[joint])
-            rest[first] = min(rest[first], pair + rest[first + 2])
-    return float(rest[0])
+            pair = _longest_sum(links[first], links[joint], axes[joint], low[joint], high[joint])
+            reach[first] = min(reach[first], pair + reach[first + 2])
+    return float(reach[0])
 
 
-def _across(first: Array, second: Array, axis: Array, low: float, high: float) -> float:
-    """Return the greatest length of first + second while second turns about an axis from low to high [rad]."""
+def _longest_sum(first: Array, second: Array, axis: Array, low: float, high: float) -> float:
+    """Return the maximum length [m] of first + second as second rotates about an axis from low to high [rad]."""
     constant = float(first @ axis) * float(second @ axis)
     cosine = float(first @ second) - constant
     sine = float(first @ np.cross(axis, second))
     best = np.arctan2(sine, cosine)
     angles = [low, high, *(turn for turn in best + 2.0 * np.pi * np.arange(-2, 3) if low <= turn <= high)]
-    most = max(constant + cosine * np.cos(angle) + sine * np.sin(angle) for angle in angles)
-    return float(np.sqrt(max(first @ first + second @ second + 2.0 * most, 0.0)))
+    largest = max(constant + cosine * np.cos(angle) + sine * np.sin(angle) for angle in angles)
+    return float(np.sqrt(max(first @ first + second @ second + 2.0 * largest, 0.0)))
 
 
-LEAST = 1e-3
-"""[m] Misses below this are left to the solver."""
+MIN_DISTANCE = 1e-3
+"""[m] Smallest distance beyond reach that refuses an action; the solver decides about smaller ones."""
 
 
 class ReachCheck:
-    """The spans of the hands of a world, each worked out when first asked for.
-
-    Args:
-        world: the kinematics.
-    """
+    """Necessary condition on reach: distances from table tops to the reach bounds of hands."""
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self._spans: dict[str, ReachBound] = {}
+        self._bounds: dict[str, ReachBound] = {}
 
     def refusal(self, phases: Phases) -> str:
-        """Return why the hand of the last switch cannot get there, "" if it may.
-
-        Only hands that grasp from a table or place on one are judged.
-        """
+        """Return why the hand of the last switch cannot reach its table, "" if it may or uses none."""
         number = phases.count - 1
         switch = phases.switches[number]
         scene = self.world.scene
         if not (switch.action.works_at_table and switch.action.attaches_to):
             return ""
         grasped = switch.action.attaches_to == "hand"
-        thing = scene.objects[switch.object_name]
-        table, moved = switch.table or thing.on, bool(switch.table)
+        part = scene.objects[switch.object_name]
+        table, moved = switch.table or part.on, bool(switch.table)
         for earlier in phases.switches[:number] if grasped else ():
             if earlier.object_name == switch.object_name:
                 table, moved = earlier.table, True
         if table not in scene.tables:
             return ""
-        top = _rectangle(scene.tables[table], thing, moved)
-        grip = thing.grip(scene.hands[switch.hand].kind)
-        miss = self._span(switch.hand).beyond(top) - grip.slide - float(np.linalg.norm(grip.at))
-        if miss < LEAST:
+        area = _object_area(scene.tables[table], part, moved)
+        grip = part.grip(scene.hands[switch.hand].kind)
+        missing = self._bound(switch.hand).distance_beyond(area) - grip.slide - float(np.linalg.norm(grip.at))
+        if missing < MIN_DISTANCE:
             return ""
-        what = f"{switch.object_name} on {table}" if grasped else f"where {switch.object_name} lies on {table}"
+        target = f"{switch.object_name} on {table}" if grasped else f"the place of {switch.object_name} on {table}"
         return (
-            f"phase {number + 1}, {phases.label(number)}: {switch.hand} stays at least {miss:.3f} m away from {what}, "
-            "however its joints are stretched"
+            f"phase {number + 1}, {phases.label(number)}: {switch.hand} cannot reach {target}: at least "
+            f"{missing:.3f} m short, whatever its posture"
         )
 
-    def _span(self, hand: str) -> ReachBound:
-        if hand not in self._spans:
-            self._spans[hand] = span(self.world, self.world.scene.hands[hand])
-        return self._spans[hand]
+    def _bound(self, hand: str) -> ReachBound:
+        if hand not in self._bounds:
+            self._bounds[hand] = reach_bound(self.world, self.world.scene.hands[hand])
+        return self._bounds[hand]
 
 
-def _rectangle(table: Table, thing: SceneObject, moved: bool) -> Rectangle:
-    """Return where the middle of an object on a table can be: at its first place, or anywhere once it was moved."""
+def _object_area(table: Table, part: SceneObject, moved: bool) -> Rectangle:
+    """Return the area of the centre of an object on a table: its first place, or any place once it was moved."""
     yaw = np.radians(table.yaw)
     sides = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0]])
-    x, y, halves = (0.0, 0.0, placed(table, thing, 0).upper[:2]) if moved else (*thing.at[:2], np.zeros(2))
-    return Rectangle(resting(table, thing, x, y, 0.0, "z" if moved else thing.up)[1], halves, sides)
+    x, y, halves = (0.0, 0.0, placed(table, part, 0).upper[:2]) if moved else (*part.at[:2], np.zeros(2))
+    return Rectangle(resting(table, part, x, y, 0.0, "z" if moved else part.up)[1], halves, sides)

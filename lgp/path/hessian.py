@@ -1,10 +1,11 @@
-"""How much of the negative curvature of the switches a model may keep and still have one minimum.
+"""Convexification of the constraint curvature of switches, and the sparse blocks of Hessian and Jacobians.
 
-The rows of a switch bend both ways. Without what bends downwards a solver creeps to its solution in many small steps;
-with all of it a step far from the solution may have no minimum. Whether it has one depends on the accelerations and on
-the rows alone, so a small matrix tells: the least cost through the configurations at the switches, plus the curvature,
-plus a high price on leaving the linearised rows (Debreu's lemma). Each direction in which a switch bends downwards
-keeps a share of its own: one that bends too much takes nothing from the others.
+Constraints of a switch have positive and negative curvature. Without the negative part the solver converges in many
+small steps; with all of it the QP may have no minimum. It has one where the Hessian is positive definite on the null
+space of the constraints, by Debreu's lemma where the Hessian plus a large penalty on the linearised constraints is
+positive definite (Nocedal & Wright 2006, 16.1 and 17.4). That is tested on a small matrix: the acceleration cost
+minimised over all other slices, plus the curvature, plus the penalty. Each direction of negative curvature gets a share
+of its own, so that a large one does not reduce the others.
 """
 
 from __future__ import annotations
@@ -18,25 +19,25 @@ from scipy.linalg import cho_factor, cho_solve
 from lgp.path.costs import CondensedQuadratic
 from reba.arrays import Array, Indices
 
-SPARE = 0.02
-"""Share of the curvature of everything else that must be left along each direction."""
+MIN_CURVATURE_SHARE = 0.02
+"""Share of the positive curvature that must remain along each direction."""
 ROUNDS = 30
-"""Of evening out the shares of negative curvature."""
-PRICE = 1e4
-"""Of leaving the rows, relative to the largest entry of the cost."""
-NEAR = 0.03
-"""[m, rad] Violation of a row beyond which nothing is kept: multipliers then say little about the solution."""
-SURE = 1e-6
-"""Smallest curvature asked for, relative to the same."""
+"""Iterations of the scaling of the shares of negative curvature; they change little after 30."""
+PENALTY = 1e4
+"""Penalty on the linearised constraints, relative to the largest entry of the cost."""
+MAX_VIOLATION = 0.03
+"""[m, rad] Violation beyond which no negative curvature is used: multipliers are then far from the solution's."""
+MIN_CURVATURE = 1e-6
+"""Smallest curvature of the convexified matrix, relative to the largest entry of the cost."""
 
 
 class Convexity:
-    """The test for one sequence.
+    """Convexification for one sequence.
 
     Args:
-        groups: joints and the quadratic on the P kept slices, as in `PathProblem`.
-        columns: unknowns of each part that bends, of n.
-        rows: unknowns of each block of rows that bend.
+        groups: joints and the acceleration cost on the P knots, as in `PathProblem`.
+        columns: unknowns of each part of the Hessian, of n.
+        rows: unknowns of each block of constraints with curvature.
         sizes: number of joints, and of variables after the P configurations.
     """
 
@@ -56,64 +57,64 @@ class Convexity:
         matrix = np.zeros((count, len(joints), count, len(joints)))
         for members, condensed in groups:
             own = np.flatnonzero(np.isin(joints, members))
-            matrix[:, own, :, own] = 2.0 * _onto(condensed.cost, at)
+            matrix[:, own, :, own] = 2.0 * _restricted(condensed.cost, at)
         self._cost = np.zeros((len(self._unknowns),) * 2)
         size = count * len(joints)
         self._cost[:size, :size] = matrix.reshape(size, size)
         self._scale = float(self._cost.max(initial=1e-12))
-        self._cost[range(len(self._cost)), range(len(self._cost))] -= SURE * self._scale
-        self._cost[range(size, len(self._cost)), range(size, len(self._cost))] += 2.0 * SURE * self._scale
+        self._cost[range(len(self._cost)), range(len(self._cost))] -= MIN_CURVATURE * self._scale
+        self._cost[range(size, len(self._cost)), range(size, len(self._cost))] += 2.0 * MIN_CURVATURE * self._scale
         order = np.argsort(self._unknowns)
         self._columns = [order[np.searchsorted(self._unknowns, part, sorter=order)] for part in columns]
         self._rows = [order[np.searchsorted(self._unknowns, part, sorter=order)] for part in rows]
 
-    def convexify(self, bends: Sequence[Array], jacobians: Sequence[Array], violation: float) -> list[Array]:
-        """Return the curvature (m, m) of each part with as much of its negative part as the test allows.
+    def convexify(self, hessians: Sequence[Array], jacobians: Sequence[Array], violation: float) -> list[Array]:
+        """Return each part (m, m) with the admissible share of its negative curvature.
 
         Args:
-            bends: (m, m) of each part, by its `columns`.
+            hessians: (m, m) of each part, by its `columns`.
             jacobians: (r, k) of each block of rows; more blocks may follow.
-            violation: largest of a row.
+            violation: largest of a row [m, rad].
         """
-        split = [np.linalg.eigh(bend) for bend in bends]
-        clipped = [(vectors * np.maximum(values, 0.0)) @ vectors.T for values, vectors in split]
-        falling = [vectors[:, values < 0.0] * np.sqrt(-values[values < 0.0]) for values, vectors in split]
-        if violation > NEAR or not sum(part.shape[1] for part in falling):
+        spectra = [np.linalg.eigh(hessian) for hessian in hessians]
+        clipped = [(vectors * np.maximum(values, 0.0)) @ vectors.T for values, vectors in spectra]
+        negative = [vectors[:, values < 0.0] * np.sqrt(-values[values < 0.0]) for values, vectors in spectra]
+        if violation > MAX_VIOLATION or not sum(part.shape[1] for part in negative):
             return clipped
         matrix = self._cost.copy()
         for rows, jacobian in zip(self._rows, jacobians, strict=False):
-            matrix[np.ix_(rows, rows)] += PRICE * self._scale * jacobian.T @ jacobian
-        ends = np.cumsum([0, *(part.shape[1] for part in falling)])
-        spread = np.zeros((len(matrix), ends[-1]))
-        for number, (columns, block, part) in enumerate(zip(self._columns, clipped, falling, strict=True)):
+            matrix[np.ix_(rows, rows)] += PENALTY * self._scale * jacobian.T @ jacobian
+        ends = np.cumsum([0, *(part.shape[1] for part in negative)])
+        factor = np.zeros((len(matrix), ends[-1]))
+        for number, (columns, block, part) in enumerate(zip(self._columns, clipped, negative, strict=True)):
             matrix[np.ix_(columns, columns)] += block
-            spread[columns, ends[number] : ends[number + 1]] = part
+            factor[columns, ends[number] : ends[number + 1]] = part
         try:
-            shares = _shares(spread.T @ cho_solve(cho_factor(matrix), spread))
+            shares = admissible_shares(factor.T @ cho_solve(cho_factor(matrix), factor))
         except np.linalg.LinAlgError:
             return clipped
         return [
             block - (part * shares[begin:end]) @ part.T
-            for block, part, begin, end in zip(clipped, falling, ends, ends[1:], strict=False)
+            for block, part, begin, end in zip(clipped, negative, ends, ends[1:], strict=False)
         ]
 
 
-def _shares(response: Array) -> Array:
-    """Return shares (c,) of rank-one parts that may be subtracted from a matrix M and leave it positive.
+def admissible_shares(response: Array) -> Array:
+    """Return shares (c,) of rank-one parts that may be subtracted from a matrix M and leave it positive definite.
 
-    M - sum_j share_j u_j u_j' is positive where S R S has no eigenvalue above 1, with S the roots of the shares and the
-    response R = U' M^-1 U (c, c). No eigenvalue exceeds the largest sum of a row's sizes (Gershgorin), so the roots are
-    made as large as these sums allow (Sinkhorn & Knopp 1967).
+    M - sum_j share_j u_j u_j' is positive definite where S R S has no eigenvalue above 1, with S the roots of the
+    shares and the response R = U' M^-1 U (c, c). No eigenvalue exceeds the largest absolute row sum (Gershgorin), so
+    the roots are made as large as these sums allow (Sinkhorn & Knopp 1967).
     """
     sizes, roots = np.abs(response), np.ones(len(response))
     for _ in range(ROUNDS):
-        roots = np.minimum(np.sqrt(roots * (1.0 - SPARE) / (sizes @ roots)), 1.0)
-    over = float(np.max(roots * (sizes @ roots))) / (1.0 - SPARE)
-    return np.asarray(roots**2 / max(over, 1.0))
+        roots = np.minimum(np.sqrt(roots * (1.0 - MIN_CURVATURE_SHARE) / (sizes @ roots)), 1.0)
+    excess = float(np.max(roots * (sizes @ roots))) / (1.0 - MIN_CURVATURE_SHARE)
+    return np.asarray(roots**2 / max(excess, 1.0))
 
 
-def _onto(cost: Array, at: Indices) -> Array:
-    """Return the quadratic on some of the slices with all others at their best."""
+def _restricted(cost: Array, at: Indices) -> Array:
+    """Return the quadratic on some of the knots, minimised over all others (Schur complement)."""
     others = np.setdiff1d(np.arange(len(cost)), at)
     left = cost[np.ix_(at, at)]
     if len(others):
@@ -123,7 +124,7 @@ def _onto(cost: Array, at: Indices) -> Array:
 
 
 class RowBlocks:
-    """A matrix in rows, made of dense blocks one below the other, each on its own columns.
+    """A sparse matrix by rows (CSR) of dense blocks one below the other, each on its own columns.
 
     Args:
         blocks: (number of rows, columns in rising order) of each block.
@@ -138,14 +139,14 @@ class RowBlocks:
         self.matrix = sp.csr_matrix((np.zeros(len(flat)), flat, indptr), shape=(len(counts), width))
 
     def fill(self, values: Sequence[Array]) -> sp.csr_matrix:
-        """Return the matrix with the values of all blocks, in their order; the next call reuses it."""
+        """Return the matrix with the values of all blocks, in their order; the next call overwrites it."""
         if len(self.matrix.data):
             np.concatenate([block.ravel() for block in values], out=self.matrix.data)
         return self.matrix
 
 
 class UpperBlocks:
-    """The upper triangle of a symmetric matrix, made of dense symmetric blocks and a constant part.
+    """The upper triangle of a sparse symmetric matrix (CSC): dense symmetric blocks plus a constant part.
 
     Args:
         constant: rows, columns and values of the constant part, upper triangle.
@@ -168,7 +169,7 @@ class UpperBlocks:
         self.matrix = sp.csc_matrix((self._constant.copy(), indices, indptr), shape=(width, width))
 
     def fill(self, values: Sequence[Array]) -> sp.csc_matrix:
-        """Return the constant part plus all blocks, (m, m) or (n, m, m) each; the next call reuses it."""
+        """Return the constant part plus all blocks, (m, m) or (n, m, m) each; the next call overwrites it."""
         self.matrix.data[:] = self._constant
         for places, (i, j), block in zip(self._places, self._triangles, values, strict=True):
             self.matrix.data[places] += block[..., i, j].ravel()

@@ -1,4 +1,4 @@
-"""The rows of switches: no object jumps, hands are not tilted too far, screws go in straight where parts are joined."""
+"""Constraints of kinematic switches: pose continuity of objects, tilt of hands, alignment of parts and screws."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
 
 @dataclass(frozen=True)
 class ConstraintInfo:
-    """What one row is about: its kind, its unit, the number of a switch or slice, and who or what.
+    """What one row is about: its kind, its unit, the number of a switch or knot, and the name of a hand or object.
 
-    Kinds: "jump", "screw", "joint", "rest" (of switches), "sole"; "tilt" (of switches), "leg". A tilt is a
+    Kinds: "pose_continuity", "screw", "joint", "rest" (of switches), "sole"; "tilt" (of switches), "leg". A tilt is a
     difference of cosines, which has no unit.
     """
 
@@ -35,7 +35,7 @@ class ConstraintInfo:
 
 @dataclass(frozen=True)
 class SwitchValues:
-    """Values of the rows of all switches, and the blocks of their Jacobians, in order; and the slice of each switch."""
+    """Values and Jacobian blocks of the rows of all switches, in order; and the kinematics of each switch."""
 
     equality: list[Array]
     inequality: list[Array]
@@ -45,13 +45,13 @@ class SwitchValues:
 
 
 class ModeConstraints:
-    """The rows of some switches; unknowns are kept configurations (P, nq), one after the other, then z.
+    """The rows of some switches; unknowns are configurations (P, nq), knot after knot, then the variables z.
 
     Args:
         world: the kinematics.
         phases: the sequence.
         modes: its attachments.
-        at: number of each switch whose rows are kept -> place of its slice among the kept ones.
+        at: number of each enforced switch -> place of its slice among the knots.
         tail: where z starts among the unknowns.
 
     Attributes:
@@ -71,9 +71,9 @@ class ModeConstraints:
         self._joined: dict[int, tuple[int, ...]] = {}
         for number in at:
             if self.modes.contact(number) is not None:
-                self._lay_contact(number)
+                self._add_contact(number)
             elif phases.switches[number].action.screws:
-                self._lay_screw(number)
+                self._add_screw(number)
         for number in self._tilted:
             self.ineq.append((1, self._columns(number)))
             self.in_rows.append(ConstraintInfo("tilt", "", number, phases.switches[number].hand))
@@ -93,96 +93,98 @@ class ModeConstraints:
         limbs = self.at[number] * self.world.nq + self._limbs[number]
         return limbs if own is None else np.concatenate([limbs, self.tail + own])
 
-    def _lay_contact(self, number: int) -> None:
+    def _add_contact(self, number: int) -> None:
         sides = self.modes.contact(number) or ()
         own = np.unique(np.concatenate([np.arange(side.variables.start, side.variables.stop) for side in sides]))
         self._own[number] = own.astype(np.intp)
         self.eq.append((6, self._columns(number, self._own[number])))
-        thing = self.phases.switches[number].object_name
-        self.eq_rows += [ConstraintInfo("jump", unit, number, thing) for unit in POSE_UNITS]
+        name = self.phases.switches[number].object_name
+        self.eq_rows += [ConstraintInfo("pose_continuity", unit, number, name) for unit in POSE_UNITS]
 
-    def _lay_screw(self, number: int) -> None:
+    def _add_screw(self, number: int) -> None:
         switch, screw = self.phases.switches[number], self.modes.screw_constraint(number)
         self._screws[number], self._own[number] = screw, screw.variables
-        kept = screw.rows(self.world.at(self.world.initial_configuration[None], self.modes.frames))
-        self._joined[number] = kept
+        rows = screw.rows(self.world.at(self.world.initial_configuration[None], self.modes.frames))
+        self._joined[number] = rows
         self.eq.append((5, self._columns(number, screw.variables)))
         self.eq_rows += [ConstraintInfo("screw", unit, number, switch.hand) for unit in ("m", "m", "m", "rad", "rad")]
-        self.eq.append((len(kept), self._columns(number, screw.variables)))
-        self.eq_rows += [ConstraintInfo("joint", POSE_UNITS[row], number, switch.other) for row in kept]
+        self.eq.append((len(rows), self._columns(number, screw.variables)))
+        self.eq_rows += [ConstraintInfo("joint", POSE_UNITS[row], number, switch.other) for row in rows]
 
     def evaluate(self, q: Array, z: Array) -> SwitchValues:
         """Return all rows at configurations (P, nq) and variables (nz,)."""
         kinematics = {number: self._kinematics(number, q) for number in self.at}
-        found = SwitchValues([], [], [], [], kinematics)
+        values = SwitchValues([], [], [], [], kinematics)
         for number in self._own:
             for feature in self._equalities(number, kinematics[number], z):
-                found.equality.append(feature.value[0])
-                found.eq_blocks.append(self._block(number, feature))
+                values.equality.append(feature.value[0])
+                values.eq_blocks.append(self._block(number, feature))
         for number in self._tilted:
             hand = self.phases.switches[number].hand
             tilt = features.tilt(kinematics[number].placement(hand), self.world.scene.hands[hand].tilt)
-            found.inequality.append(tilt.value[0])
-            found.in_blocks.append(tilt.jacobian[0][:, self._limbs[number]])
-        return found
+            values.inequality.append(tilt.value[0])
+            values.in_blocks.append(tilt.jacobian[0][:, self._limbs[number]])
+        return values
 
     def _kinematics(self, number: int, q: Array) -> Kinematics:
         at = self.at[number]
         return self.world.at(q[at : at + 1], self._frames(number))
 
     def _frames(self, number: int) -> tuple[str, ...]:
-        """Return the hands that take part, and those that hold what takes part."""
+        """Return the hands that take part, and those that the objects are attached to."""
         switch = self.phases.switches[number]
-        holders = {self.modes.attachment(part, number).parent for part in (switch.object_name, switch.other) if part}
-        return tuple(dict.fromkeys([*switch.hands, *(by for by in sorted(holders) if by in self.world.scene.hands)]))
+        parents = {self.modes.attachment(part, number).parent for part in (switch.object_name, switch.other) if part}
+        return tuple(
+            dict.fromkeys([*switch.hands, *(name for name in sorted(parents) if name in self.world.scene.hands)])
+        )
 
     def _equalities(self, number: int, kinematics: Kinematics, z: Array) -> list[Feature]:
         if number not in self._screws:
             return [self.modes.pose_continuity(number, kinematics, z)]
         screw, rows = self._screws[number], list(self._joined[number])
-        apart = screw.assembly_error(kinematics, z)
-        return [screw.tool_error(kinematics, z), Feature(apart.value[:, rows], apart.jacobian[:, rows])]
+        joint = screw.assembly_error(kinematics, z)
+        return [screw.tool_error(kinematics, z), Feature(joint.value[:, rows], joint.jacobian[:, rows])]
 
     def _block(self, number: int, feature: Feature) -> Array:
         columns = np.concatenate([self._limbs[number], self.world.nq + self._own[number]])
         return np.asarray(feature.jacobian[0][:, columns])
 
-    def curved(self) -> list[Indices]:
-        """Return the unknowns of each block of `bends`: limbs and variables of a contact, the limb of a screw."""
-        found = []
+    def hessian_columns(self) -> list[Indices]:
+        """Return the unknowns of each block of `equality_hessians`: limbs and variables, of a screw its limb."""
+        columns = []
         for number in self.at:
             if number in self._screws:
                 limb = np.flatnonzero(self.world.support(self.phases.switches[number].hand))
-                found.append(self.at[number] * self.world.nq + limb)
+                columns.append(self.at[number] * self.world.nq + limb)
             elif number in self._own:
-                found.append(self._columns(number, self._own[number]))
-        return found
+                columns.append(self._columns(number, self._own[number]))
+        return columns
 
-    def bends(self, seen: dict[int, Kinematics], z: Array, y: Array) -> list[Array]:
-        """Return sum_i y_i d2 row_i by the unknowns of each block in `curved`, (m, m).
+    def equality_hessians(self, kinematics: dict[int, Kinematics], z: Array, y: Array) -> list[Array]:
+        """Return sum_i y_i d2 row_i (m, m) by the unknowns of each block in `hessian_columns`.
 
         Args:
-            seen: the slice of each switch, as `evaluate` returned them.
+            kinematics: of each switch, as `evaluate` returned it.
             z: (nz,) variables.
-            y: of `eq_rows`.
+            y: multipliers of `eq_rows`.
         """
-        found, start = [], 0
+        hessians, start = [], 0
         for number, own in self._own.items():
-            kinematics, contact = seen[number], self.modes.contact(number)
+            contact = self.modes.contact(number)
             if contact is not None:
                 weights = y[start : start + 6]
-                found.append(contact_curvature(contact, self._limbs[number], own, kinematics, z, weights))
+                hessians.append(contact_curvature(contact, self._limbs[number], own, kinematics[number], z, weights))
                 start += 6
                 continue
             limb = np.flatnonzero(self.world.support(self.phases.switches[number].hand))
-            bend = self._screws[number].curvature(kinematics, z, y[start : start + 5])[0]
-            found.append(bend[np.ix_(limb, limb)])
+            hessian = self._screws[number].curvature(kinematics[number], z, y[start : start + 5])[0]
+            hessians.append(hessian[np.ix_(limb, limb)])
             start += 5 + len(self._joined[number])
-        return found
+        return hessians
 
 
 STEP: Final = 1e-6
-"""[m, rad] Of the differences that give the second derivatives by a grip."""
+"""[m, rad] Of the forward differences that give the second derivatives by a grip."""
 
 
 def contact_curvature(
@@ -191,7 +193,7 @@ def contact_curvature(
     """Return sum_i y_i d2 row_i (m, m) of a contact by the joints of its limbs, then its variables.
 
     Args:
-        sides: what has the object after the switch, and before.
+        sides: attachment of the object after the switch, and before.
         limbs: columns of q.
         own: places in z.
         kinematics: of the slice of the switch (n = 1).
@@ -200,31 +202,35 @@ def contact_curvature(
     """
     poses = [side.pose(kinematics, z[side.variables]) for side in sides]
     world = np.concatenate([y[:3], poses[0].rotation[0] @ y[3:]])
-    bend, turns = np.zeros((len(limbs) + len(own),) * 2), []
+    hessian, turns = np.zeros((len(limbs) + len(own),) * 2), []
     for side, pose, sign in zip(sides, poses, (1.0, -1.0), strict=True):
         places = len(limbs) + np.searchsorted(own, np.arange(side.variables.start, side.variables.stop))
         moved = np.flatnonzero(np.any(pose.by_q[0][:, limbs] != 0.0, axis=0))
-        turn = np.zeros((3, len(bend)))
+        turn = np.zeros((3, len(hessian)))
         turn[:, moved], turn[:, places] = pose.by_q[0, 3:][:, limbs[moved]], pose.by_variables[0, 3:]
         turns.append(turn)
         if len(moved):
             every = np.concatenate([moved, places])
-            bend[np.ix_(every, every)] += _held(side, pose, limbs[moved], kinematics, z, sign * world)
+            hessian[np.ix_(every, every)] += _attached_pose_hessian(
+                side, pose, limbs[moved], kinematics, z, sign * world
+            )
     mixed = -0.5 * (skew(world[3:]) @ turns[1]).T @ turns[0]
-    return np.asarray(bend + mixed + mixed.T)
+    return np.asarray(hessian + mixed + mixed.T)
 
 
-def _held(holder: Attachment, held: Pose, limb: Indices, kinematics: Kinematics, z: Array, weights: Array) -> Array:
-    """Return the weighted second derivative (m, m) of the pose of a held object by its limb and grip."""
-    jacobian = np.concatenate([held.by_q[:, :, limb], held.by_variables], axis=2)
-    bend = features.position_curvature(jacobian, weights[None, :3])[0]
+def _attached_pose_hessian(
+    attachment: Attachment, pose: Pose, limb: Indices, kinematics: Kinematics, z: Array, weights: Array
+) -> Array:
+    """Return the weighted second derivative (m, m) of the pose of an attached object by its limb and grip."""
+    jacobian = np.concatenate([pose.by_q[:, :, limb], pose.by_variables], axis=2)
+    hessian = features.position_curvature(jacobian, weights[None, :3])[0]
     angular = jacobian[0, 3:]
     twist = np.triu((skew(weights[3:]) @ angular).T @ angular, 1)
-    bend += 0.5 * (twist + twist.T)
-    # The grip is a rotation vector itself: its parts do not come one after the other.
-    if holder.slopes is not None:
-        grip = z[holder.variables]
-        moved = holder.slopes(kinematics, grip + STEP * np.eye(len(grip)))
-        slopes = weights @ (moved - held.by_variables) / STEP
-        bend[len(limb) :, len(limb) :] = 0.5 * (slopes + slopes.T)
-    return np.asarray(bend)
+    hessian += 0.5 * (twist + twist.T)
+    # The grip is a rotation vector itself: its components are no consecutive rotations.
+    if attachment.slopes is not None:
+        grip = z[attachment.variables]
+        moved = attachment.slopes(kinematics, grip + STEP * np.eye(len(grip)))
+        by_grip = weights @ (moved - pose.by_variables) / STEP
+        hessian[len(limb) :, len(limb) :] = 0.5 * (by_grip + by_grip.T)
+    return np.asarray(hessian)

@@ -1,7 +1,7 @@
-"""Actions -> phases: which object is attached to what in which slices, and where in the path the switches are.
+"""Actions -> phases: which object is attached to what in which slices, and the keyframes of the switches.
 
-Action k ends phase k: its switch happens in the last slice of that phase, `key(k)`. Slices count from 0; before the
-first one everybody rests in the start configuration.
+Action k ends phase k: its kinematic switch happens in the last slice of that phase, `keyframes[k]`. Slices count from
+0; before the first one all agents rest in the initial configuration.
 """
 
 from __future__ import annotations
@@ -23,17 +23,15 @@ class Phases:
     """A sequence of actions laid out in time.
 
     Attributes:
-        scene: who and what is there.
+        scene: agents, tables and objects.
         actions: as the plan names them.
-        switches: the same as geometry, one per phase.
+        switches: the kinematic switch of each action.
         slices: per phase.
         seconds: per phase.
 
     Example:
         >>> from lgp.scene.scene_file import load_scene
-        >>> from lgp.path.phases import Phases
-        >>> phases = Phases.of(load_scene("screwdriver"), [])
-        >>> phases.total
+        >>> Phases.of(load_scene("screwdriver"), []).total
         0
     """
 
@@ -78,7 +76,7 @@ class Phases:
         return self.seconds / self.slices
 
     @property
-    def keys(self) -> Indices:
+    def keyframes(self) -> Indices:
         """Slices in which the switches happen (K,)."""
         return (np.arange(self.count) + 1) * self.slices - 1
 
@@ -87,11 +85,11 @@ class Phases:
         return np.asarray((np.arange(self.total) + 1) * self.tau, dtype=np.float64)
 
     def loads(self) -> Array:
-        """Return the mass that the human holds in each slice [kg], (T,)."""
-        held = {name: thing.hand for name, thing in self.scene.objects.items() if thing.hand}
+        """Return the mass in the hands of the human in each slice [kg], (T,)."""
+        held = {name: part.hand for name, part in self.scene.objects.items() if part.hand}
         masses = np.zeros(self.count)
         for number, switch in enumerate(self.switches):
-            masses[number] = sum(self.scene.objects[thing].mass for thing, hand in held.items() if self._human(hand))
+            masses[number] = sum(self.scene.objects[name].mass for name, hand in held.items() if self._human(hand))
             if switch.action.attaches_to == "hand":
                 held[switch.object_name] = switch.hand
             elif switch.action.attaches_to == "table":
@@ -99,7 +97,7 @@ class Phases:
         return np.repeat(masses, self.slices)
 
     def label(self, number: int) -> str:
-        """Return an action as the paper prints it, counted from 1."""
+        """Return an action as the paper prints it, with its number from 1."""
         return self.actions[number].at(number + 1)
 
     def _human(self, hand: str) -> bool:
@@ -115,5 +113,5 @@ def switch_of(action: Action) -> KinematicSwitch:
     kind = ACTIONS.get(action.name)
     if kind is None or len(kind.roles) != len(action.arguments):
         known = "; ".join(f"{name}({one.signature})" for name, one in ACTIONS.items())
-        raise LgpError(f"action {action} has no geometry; known are {known}")
+        raise LgpError(f"action {action} has no geometry; expected one of {known}")
     return KinematicSwitch(action.name, **dict(zip(kind.roles, action.arguments, strict=True)))

@@ -1,9 +1,9 @@
-"""The path problem of a sequence, on all slices or some of them, in the form `lgp.sqp` solves.
+"""The path problem of a sequence (k-order motion optimisation, Toussaint 2015), on all slices or some, for `lgp.sqp`.
 
-Unknowns: configurations of the kept slices, slice after slice, then the variables of grasps and placements.
-Cost: squared accelerations (a constant quadratic; slices that are not kept are at their best) and the ergonomic score
-integrated over time (the least possible score stands in for slices that are not kept). Dropping slices and switches
-only removes constraints and lowers the cost, so a smaller problem bounds a larger one from below, on the same scale.
+Unknowns: configurations at the knots, knot after knot, then the variables of grasps and placements.
+Cost: squared accelerations (a constant quadratic, minimised over all other slices) and the ergonomic score integrated
+over time (the least possible score in all other slices). Dropping slices and switches only removes constraints and
+lowers the cost, so a smaller problem bounds a larger one from below, on the same scale.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
-from lgp.path.collision_constraints import CollisionRows
+from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.constraints import Constraints, Values
 from lgp.path.costs import CondensedQuadratic, Costs, Weights, eliminate_slices, quadratic
 from lgp.path.ergonomics import Ergonomics
@@ -23,7 +23,7 @@ from lgp.path.phases import Phases
 from lgp.sqp.problem import Model
 from reba.arrays import Array, Indices
 
-HOLD = 1e-6
+VARIABLE_CURVATURE = 1e-6
 """Curvature of the model in the variables of grasps and placements, which no cost acts on."""
 
 
@@ -32,19 +32,15 @@ class PathProblem:
 
     Args:
         world: the kinematics.
-        phases: the sequence; only its first `kept[-1] + 1` slices exist for the cost.
-        kept: (P,) slices whose configurations are unknowns, rising; None for all.
-        enforced: numbers of the switches whose constraints are kept; None for all.
-        stop: whether everybody stops at the end (a whole sequence) or may go on (a prefix).
+        phases: the sequence; only its first `knots[-1] + 1` slices exist for the cost.
+        knots: (P,) slices whose configurations are unknowns, rising; None for all.
+        enforced: numbers of the switches whose constraints are enforced; None for all.
+        stop: whether all agents stop at the end (a complete sequence) or may go on (a prefix).
         ergonomics: the ergonomic cost, None to leave it out.
         weights: of the terms.
-        start: (nq,) first configuration, of the world by default.
-        stage: of the ergonomic cost, see `Ergonomics.stages`.
-        apart: rows that keep bodies apart, where all slices are kept; they must not change afterwards.
-
-    Example:
-        >>> problem = PathProblem(world, phases)            # doctest: +SKIP
-        >>> lgp.sqp.solve(problem, problem.guess())         # doctest: +SKIP
+        initial_configuration: (nq,) [rad, m], of the world by default.
+        stage: continuation stage of the ergonomic cost, see `Ergonomics.stages`.
+        collision_constraints: where all slices are knots; they must not change afterwards.
     """
 
     def __init__(
@@ -52,112 +48,119 @@ class PathProblem:
         world: World,
         phases: Phases,
         *,
-        kept: Indices | None = None,
+        knots: Indices | None = None,
         enforced: Sequence[int] | None = None,
         stop: bool = True,
         ergonomics: Ergonomics | None = None,
         weights: Weights | None = None,
-        start: Array | None = None,
+        initial_configuration: Array | None = None,
         stage: int = -1,
-        apart: CollisionRows | None = None,
+        collision_constraints: CollisionConstraints | None = None,
     ) -> None:
         self.world, self.phases = world, phases
         self.modes = ModeSequence(world, phases.switches)
         self.weights = Weights() if weights is None else weights
-        self.kept = np.arange(phases.total) if kept is None else np.asarray(kept, dtype=np.intp)
-        self.start = world.initial_configuration if start is None else start
+        self.knots = np.arange(phases.total) if knots is None else np.asarray(knots, dtype=np.intp)
+        self.initial_configuration = (
+            world.initial_configuration if initial_configuration is None else initial_configuration
+        )
         self.ergonomics = ergonomics if self.weights.ergonomics > 0.0 else None
         self.stage = stage
         switches = tuple(range(phases.count)) if enforced is None else tuple(enforced)
-        self.rows = Constraints(world, phases, self.modes, self.kept, switches, apart)
-        self.n = self.rows.size
-        self.lower = np.concatenate([np.tile(world.lower, len(self.kept)), self.modes.lower])
-        self.upper = np.concatenate([np.tile(world.upper, len(self.kept)), self.modes.upper])
-        self._loads = phases.loads()[self.kept]
-        self._condense(stop)
-        self._patterns()
+        self.constraints = Constraints(world, phases, self.modes, self.knots, switches, collision_constraints)
+        self.n = self.constraints.size
+        self.lower = np.concatenate([np.tile(world.lower, len(self.knots)), self.modes.lower])
+        self.upper = np.concatenate([np.tile(world.upper, len(self.knots)), self.modes.upper])
+        self._loads = phases.loads()[self.knots]
+        self._eliminate(stop)
+        self._set_patterns()
         self._last: tuple[Array, Values] | None = None
 
     def split(self, x: Array) -> tuple[Array, Array]:
         """Return the configurations (P, nq) and the variables (nz,) in x (n,)."""
-        tail = len(self.kept) * self.world.nq
-        return x[:tail].reshape(len(self.kept), self.world.nq), x[tail:]
+        tail = len(self.knots) * self.world.nq
+        return x[:tail].reshape(len(self.knots), self.world.nq), x[tail:]
 
     def join(self, q: Array, z: Array) -> Array:
         """Return x (n,) of configurations (P, nq) and variables (nz,), moved inside the bounds."""
         return np.clip(np.concatenate([q.ravel(), z]), self.lower, self.upper)
 
     def path(self, x: Array) -> Array:
-        """Return all slices (T, nq) of x; slices that are not kept are those of least acceleration."""
-        away = self.split(x)[0] - self.start
-        whole = np.empty((len(self._groups[0][1].expand), self.world.nq))
+        """Return all slices (T, nq) of x; those between knots have the least acceleration."""
+        away = self.split(x)[0] - self.initial_configuration
+        path = np.empty((len(self._groups[0][1].expand), self.world.nq))
         for columns, condensed in self._groups:
-            whole[:, columns] = condensed.expand @ away[:, columns]
-        return whole + self.start
+            path[:, columns] = condensed.expand @ away[:, columns]
+        return path + self.initial_configuration
 
     def costs(self, x: Array) -> Costs:
         """Return the terms of the cost at x."""
         q, _ = self.split(x)
-        away = q - self.start
-        acceleration = 0.5 * float(np.vdot(away, self._pull(away)))
-        ergonomics = self._floor
+        away = q - self.initial_configuration
+        acceleration = 0.5 * float(np.vdot(away, self._acceleration_gradient(away)))
+        ergonomics = self._score_elsewhere
         if self.ergonomics is not None:
             ergonomics += self._rate * float(self.ergonomics.value(q, self._loads, self.stage).sum())
         return Costs(acceleration, ergonomics)
 
     def evaluate(self, x: Array) -> tuple[float, Array, Array]:
         """Return cost, equalities and inequalities at x."""
-        values = self._rows(x)
+        values = self._values(x)
         return self.costs(x).total, values.equality, values.inequality
 
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
-        """Return the convex model at x: Gauss-Newton cost, convex part of the curvature of the switches."""
+        """Return the convex model at x: Gauss-Newton cost, convexified curvature of the switches."""
         q, z = self.split(x)
-        values = self._rows(x)
-        eq_jac, in_jac = self.rows.jacobians(values)
-        gradient = np.concatenate([self._pull(q - self.start).ravel(), np.zeros(len(z))])
-        bends = self.rows.bends(values, z, y_eq)
+        values = self._values(x)
+        eq_jac, in_jac = self.constraints.jacobians(values)
+        gradient = np.concatenate(
+            [self._acceleration_gradient(q - self.initial_configuration).ravel(), np.zeros(len(z))]
+        )
+        hessians = self.constraints.equality_hessians(values, z, y_eq)
         violation = float(np.abs(values.equality).max(initial=0.0))
-        blocks = self._convexity.convexify(bends, values.eq_blocks, violation) + self.rows.press(q, y_in)
+        blocks = self._convexity.convexify(hessians, values.eq_blocks, violation) + self.constraints.leg_hessian(
+            q, y_in
+        )
         if self.ergonomics is not None:
-            _, slope, bent = self.ergonomics.model_at(q, self._loads, self.stage)
-            gradient[self._postures.ravel()] += self._rate * slope.ravel()
-            blocks += [self._rate * bend for bend in bent]
+            _, score_gradient, score_hessians = self.ergonomics.quadratic_model(q, self._loads, self.stage)
+            gradient[self._postures.ravel()] += self._rate * score_gradient.ravel()
+            blocks += [self._rate * hessian for hessian in score_hessians]
         return Model(self._hessian.fill(blocks), gradient, eq_jac, values.equality, in_jac, values.inequality)
 
-    def _rows(self, x: Array) -> Values:
-        """Return all rows at x; those of the last point are kept, as each accepted point is asked for twice."""
+    def _values(self, x: Array) -> Values:
+        """Return all constraints at x; the last ones are stored, as each accepted point is evaluated twice."""
         if self._last is None or not np.array_equal(self._last[0], x):
-            self._last = x.copy(), self.rows.evaluate(*self.split(x))
+            self._last = x.copy(), self.constraints.evaluate(*self.split(x))
         return self._last[1]
 
-    def _pull(self, away: Array) -> Array:
+    def _acceleration_gradient(self, away: Array) -> Array:
         """Return the gradient (P, nq) of the acceleration cost at a path counted from the start."""
-        pull = np.empty_like(away)
+        gradient = np.empty_like(away)
         for columns, condensed in self._groups:
-            pull[:, columns] = 2.0 * condensed.cost @ away[:, columns]
-        return pull
+            gradient[:, columns] = 2.0 * condensed.cost @ away[:, columns]
+        return gradient
 
-    def _condense(self, stop: bool) -> None:
-        """Group the joints by the switches at which they rest, and eliminate the slices that are not kept."""
-        horizon = int(self.kept[-1]) + 1
+    def _eliminate(self, stop: bool) -> None:
+        """Group the joints by the switches at which they rest, and eliminate the slices between knots."""
+        horizon = int(self.knots[-1]) + 1
         matrix = self.weights.acceleration * quadratic(horizon, self.phases.tau, stop)
         groups: dict[tuple[tuple[int, int], ...], list[int]] = {}
         for joint in range(self.world.nq):
-            own = tuple(pair for pair, joints in self.rows.tied.items() if joint in joints)
+            own = tuple(pair for pair, joints in self.constraints.equal_eliminated.items() if joint in joints)
             groups.setdefault(own, []).append(joint)
         self._groups: list[tuple[Indices, CondensedQuadratic]] = [
-            (np.array(joints, dtype=np.intp), eliminate_slices(matrix, self.kept, pairs))
+            (np.array(joints, dtype=np.intp), eliminate_slices(matrix, self.knots, pairs))
             for pairs, joints in groups.items()
         ]
         self._rate = self.weights.ergonomics * self.phases.tau
-        self._floor = 0.0
+        self._score_elsewhere = 0.0
         if self.ergonomics is not None:
-            # Loads are known in every slice, postures in those that are kept.
+            # Loads are known in every slice, postures at knots only.
             carried = float(self.ergonomics.payload(self.phases.loads()[:horizon]).sum())
-            self._floor = self._rate * (carried + self.ergonomics.floor * (horizon - len(self.kept)))
+            self._score_elsewhere = self._rate * (carried + self.ergonomics.lower_bound * (horizon - len(self.knots)))
 
-    def _patterns(self) -> None:
+    def _set_patterns(self) -> None:
+        """Set the sparsity pattern of the Hessian from the acceleration cost and the blocks of its curvature."""
         nq = self.world.nq
         rows, columns, values = [], [], []
         for joints, condensed in self._groups:
@@ -168,12 +171,14 @@ class PathProblem:
         tail = np.arange(self.n - self.modes.size, self.n)
         rows.append(tail)
         columns.append(tail)
-        values.append(np.full(len(tail), HOLD))
-        blocks = self.rows.curved()
-        bent = [block for block in blocks if block.ndim == 1]
-        self._convexity = Convexity(self._groups, bent, self.rows.bending(), (nq, self.modes.size))
+        values.append(np.full(len(tail), VARIABLE_CURVATURE))
+        blocks = self.constraints.hessian_columns()
+        of_switches = [block for block in blocks if block.ndim == 1]
+        self._convexity = Convexity(
+            self._groups, of_switches, self.constraints.curved_equalities(), (nq, self.modes.size)
+        )
         if self.ergonomics is not None:
-            self._postures = np.arange(len(self.kept))[:, None] * nq + self.ergonomics.columns
+            self._postures = np.arange(len(self.knots))[:, None] * nq + self.ergonomics.columns
             blocks += [self._postures[:, part] for part in self.ergonomics.parts]
         constant = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
         self._hessian = UpperBlocks(constant, blocks, self.n)

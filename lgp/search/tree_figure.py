@@ -1,4 +1,4 @@
-"""The searched tree as a drawing (Fig. 4 of the paper): one box a sequence, with its costs or why it was cut off."""
+"""The search tree as SVG (Fig. 4 of the paper): one box per sequence, with its costs or the reason of its verdict."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Final
 from lgp.search.tree_search import Node
 
 BOX: Final = (300, 78)
-"""Width and height of a box."""
+"""Width and height of a box [px]."""
 GAP: Final = (60, 18)
-"""Space between boxes: across levels, along one."""
+"""Space between boxes [px]: across depths, along one."""
 STYLES: Final[dict[str, tuple[str, str]]] = {
     "best": ("#e7f4ea", "#1b7837"),
     "": ("#ffffff", "#666666"),
@@ -20,12 +20,12 @@ STYLES: Final[dict[str, tuple[str, str]]] = {
     "pruned": ("#f0f0f0", "#999999"),
     "over budget": ("#fff8e1", "#b8860b"),
 }
-"""Verdict -> fill and line."""
+"""Verdict -> fill and line colours."""
 LINE: Final = 54
-"""Characters of the small print that fit into a box."""
+"""Characters per line that fit into a box."""
 ROWS: Final = 3
-"""Rows of small print that fit into a box; the rest is in the title that a pointer shows."""
-KEY: Final = (("best", "the plan"), ("", "examined or still open"), ("infeasible", "cannot be done"),
+"""Lines of details that fit into a box; the tooltip shows all."""
+LEGEND: Final = (("best", "the plan"), ("", "examined or still open"), ("infeasible", "cannot be done"),
               ("pruned", "cannot be the best"), ("over budget", "left when the budget ran out"))  # fmt: skip
 
 
@@ -34,7 +34,7 @@ def draw(nodes: Sequence[Node], best: Sequence[object] = ()) -> str:
 
     Args:
         nodes: of a search, parents before children.
-        best: actions of the plan; the way to it is drawn thick.
+        best: actions of the plan; the path to it is drawn thick.
 
     >>> draw([Node(0, -1, None, (), 0, False)]).startswith("<svg")
     True
@@ -42,23 +42,23 @@ def draw(nodes: Sequence[Node], best: Sequence[object] = ()) -> str:
     places = _places(nodes)
     foot = max((y for _, y in places.values()), default=0) + BOX[1] + GAP[1]
     verdicts = {"best", *(node.verdict for node in nodes)}
-    key, across = _key([entry for entry in KEY if entry[0] in verdicts], foot)
+    legend, legend_width = _legend([entry for entry in LEGEND if entry[0] in verdicts], foot)
     height = foot + GAP[1] + 16
-    width = max(max((x for x, _ in places.values()), default=0) + BOX[0] + GAP[1], across)
-    on_way = {node.number for node in nodes if best and node.skeleton == tuple(best)[: len(node.skeleton)]}
+    width = max(max((x for x, _ in places.values()), default=0) + BOX[0] + GAP[1], legend_width)
+    on_plan = {node.number for node in nodes if best and node.skeleton == tuple(best)[: len(node.skeleton)]}
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
         f'font-family="sans-serif" role="img"><title>Searched sequences of actions</title>'
     ]
     for node in nodes:
         if node.parent in places:
-            parts.append(_edge(places[node.parent], places[node.number], node.number in on_way, node.verdict))
-    parts += [_box(node, places[node.number], node.number in on_way) for node in nodes]
-    return "\n".join([*parts, *key, "</svg>"]) + "\n"
+            parts.append(_edge(places[node.parent], places[node.number], node.number in on_plan, node.verdict))
+    parts += [_box(node, places[node.number], node.number in on_plan) for node in nodes]
+    return "\n".join([*parts, *legend, "</svg>"]) + "\n"
 
 
-def _key(entries: Sequence[tuple[str, str]], y: float) -> tuple[list[str], float]:
-    """Return what the colours mean as a row at a height, and how wide it is."""
+def _legend(entries: Sequence[tuple[str, str]], y: float) -> tuple[list[str], float]:
+    """Return the legend of the colours as a row at height y, and its width [px]."""
     parts, x = [], float(GAP[1])
     for verdict, words in entries:
         fill, line = STYLES[verdict]
@@ -69,13 +69,13 @@ def _key(entries: Sequence[tuple[str, str]], y: float) -> tuple[list[str], float
 
 
 def _places(nodes: Sequence[Node]) -> dict[int, tuple[float, float]]:
-    """Return the corner of each box: depth to the right, leaves one below the other, parents amid their children."""
+    """Return the corner of each box [px]: depth to the right, leaves in rows, parents centred at their children."""
     children: dict[int, list[int]] = {}
     for node in nodes:
         children.setdefault(node.parent, []).append(node.number)
     rows: dict[int, float] = {}
     leaves = 0
-    # Depth first by hand: trees may be deeper than the stack.
+    # An explicit stack: trees may be deeper than the recursion limit.
     stack = [(number, False) for number in reversed(children.get(-1, []))]
     while stack:
         number, seen = stack.pop()
@@ -111,7 +111,7 @@ def _box(node: Node, at: tuple[float, float], thick: bool) -> str:
     fill, line = STYLES["best" if thick else node.verdict]
     title = str(node.action.at(len(node.skeleton))) if node.action is not None else "start"
     costs = ", ".join(f"{level} {cost:.4g}" for level, cost in node.costs.items())
-    small = ([f"cost: {costs}"] if costs else []) + textwrap.wrap(_said(node), LINE)
+    small = ([f"cost: {costs}"] if costs else []) + textwrap.wrap(_reason(node), LINE)
     if len(small) > ROWS:
         small = [*small[: ROWS - 1], small[ROWS - 1][: LINE - 3] + "..."]
     texts = [
@@ -121,14 +121,14 @@ def _box(node: Node, at: tuple[float, float], thick: bool) -> str:
             for row, text in enumerate(small)
         ),
     ]
-    whole = escape(" - ".join(part for part in (title, node.verdict, node.reason, costs) if part))
+    tooltip = escape(" - ".join(part for part in (title, node.verdict, node.reason, costs) if part))
     return (
-        f'<g><title>{whole}</title><rect x="{at[0]:g}" y="{at[1]:g}" width="{BOX[0]}" height="{BOX[1]}" rx="6" '
+        f'<g><title>{tooltip}</title><rect x="{at[0]:g}" y="{at[1]:g}" width="{BOX[0]}" height="{BOX[1]}" rx="6" '
         f'fill="{fill}" stroke="{line}" stroke-width="{2.5 if thick else 1.2}"/>{"".join(texts)}</g>'
     )
 
 
-def _said(node: Node) -> str:
-    """Return the reason without the step that the box is about anyway."""
+def _reason(node: Node) -> str:
+    """Return the reason without the action, which is the title of the box."""
     step = f"phase {len(node.skeleton)}, {node.action.at(len(node.skeleton))}: " if node.action is not None else ""
     return node.reason.removeprefix(step)

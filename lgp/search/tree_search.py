@@ -1,14 +1,15 @@
 """Multi-bound tree search over sequences of actions (Toussaint & Lopes 2017), as best-first branch and bound.
 
-A sequence is judged by problems of growing detail ("pose", "sequence", "path"), each a relaxation of the next: what is
-infeasible at one level is infeasible at every later one and for every longer sequence, and where a level's cost is a
-lower bound on the same scale, it also tells which sequences cannot beat the best path found so far. The search sees
-neither kinematics nor costs: it asks a `Bounds` object.
+A sequence is bounded by problems of growing detail ("pose", "sequence", "path"), each a relaxation of the next: what is
+infeasible at one level is infeasible at every later one and for every longer sequence, and where the cost of a level is
+a lower bound on the same scale, sequences that cannot cost less than the incumbent are pruned. The search sees neither
+kinematics nor costs: it queries a `Bounds` object.
 
     prefix -> first level -> extended or pruned;  goal reached -> next levels -> path -> incumbent
 
-Until a first path is known the search dives: the node with the fewest actions left to the goal comes first. From then
-on the lowest bound comes first, so that the search ends as soon as nothing open can beat the best path.
+Until a first path is found the search is depth first: the node with the fewest estimated actions to the goal comes
+first. From then on the lowest bound comes first, so that the search ends as soon as no open node can improve the
+incumbent.
 """
 
 from __future__ import annotations
@@ -29,16 +30,16 @@ Skeleton = tuple[Action, ...]
 
 @dataclass(frozen=True)
 class BoundResult:
-    """What one level says about one sequence.
+    """Result of one level for one sequence.
 
     Attributes:
-        feasible: whether its constraints can be met.
+        feasible: whether its constraints can be satisfied.
         cost: of its optimum, inf where infeasible.
-        reason: why it is infeasible, for people.
+        reason: why it is infeasible, one sentence.
         conflict: consecutive actions that are infeasible in any sequence, () if only this one is known to be.
-        seconds: time it took.
-        payload: whatever the level wants to hand on (a path, a warm start).
-        known: whether it was answered from memory.
+        seconds: time it took [s].
+        payload: input of the next level (a path, a warm start).
+        known: whether it was solved before.
     """
 
     feasible: bool
@@ -58,14 +59,14 @@ class Bounds(Protocol):
         """Names of the levels."""
 
     def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
-        """Solve one level for a sequence; `warm` is the result of the level before."""
+        """Return the result of a level for a sequence; `warm` is that of the level before."""
 
     def is_lower_bound(self, level: str) -> bool:
-        """Whether the cost of a level never exceeds that of later levels and of longer sequences."""
+        """Whether the cost of a level is a lower bound of later levels and of longer sequences."""
 
 
 class SearchStatus(Enum):
-    """How a search ended; the text says what it means."""
+    """How a search ended, as a sentence."""
 
     OPTIMAL = "no other sequence within the depth can cost less"
     GAP = "a plan was found; a budget ran out before the rest was excluded"
@@ -77,12 +78,12 @@ class SearchStatus(Enum):
 
 @dataclass(frozen=True)
 class Budget:
-    """What a search may spend.
+    """Limits of a search.
 
     Attributes:
         depth: longest sequence.
-        calls: level -> most problems solved; levels left out are not limited.
-        seconds: wall-clock time; a search that ends by it is not repeatable.
+        calls: level -> maximum number of problems solved; other levels are not limited.
+        seconds: wall-clock time [s]; a search that ends by it is not repeatable.
     """
 
     depth: int = 6
@@ -100,12 +101,12 @@ class Node:
         skeleton: all actions.
         state: symbolic state after them.
         goal: whether the goal holds.
-        left: estimated number of actions to the goal.
-        costs: level -> cost found.
+        actions_left: estimated number of actions to the goal.
+        costs: level -> cost.
         bound: lower bound of any path through this node.
         verdict: "", "infeasible", "pruned" or "over budget".
-        reason: why.
-        result: the last level's result, kept for warm starts.
+        reason: of the verdict, one sentence.
+        result: of the last level, the warm start of the next.
     """
 
     number: int
@@ -114,7 +115,7 @@ class Node:
     skeleton: Skeleton
     state: int
     goal: bool
-    left: int = 0
+    actions_left: int = 0
     costs: dict[str, float] = field(default_factory=dict)
     bound: float = 0.0
     verdict: str = ""
@@ -124,7 +125,7 @@ class Node:
 
 @dataclass(frozen=True)
 class LevelStatistics:
-    """Problems of one level: answered, of these infeasible and answered from memory, and seconds."""
+    """Problems of one level: number solved, of these infeasible, and solved before (`known`); time [s]."""
 
     solved: int = 0
     infeasible: int = 0
@@ -140,16 +141,16 @@ class LevelStatistics:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What a search found.
+    """Result of a search.
 
     Attributes:
         status: how it ended.
         skeleton, cost, payload: of the best path, () and inf where there is none.
-        bound: no path within the depth can cost less than this.
+        bound: lower bound on the cost of any path within the depth.
         nodes: the searched tree.
-        statistics: level -> what was solved.
+        statistics: level -> problems solved.
         expanded, pruned: nodes extended, nodes cut off by bounds or known conflicts.
-        seconds: wall-clock time.
+        seconds: wall-clock time [s].
         reason: why there is no plan.
     """
 
@@ -167,7 +168,7 @@ class SearchResult:
 
     @property
     def gap(self) -> float:
-        """Relative distance between the plan and the bound; 0 where it is proved best, inf without a plan."""
+        """Relative gap between cost and bound; 0 where the plan is proved optimal, inf without a plan."""
         if not self.skeleton:
             return math.inf
         return max(0.0, self.cost - self.bound) / max(abs(self.cost), 1e-12)
@@ -181,23 +182,25 @@ def search(task: Task, bounds: Bounds, budget: Budget | None = None, first: Skel
 
     Args:
         task: initial state, goal and actions.
-        bounds: what judges sequences.
-        budget: what may be spent.
-        first: a sequence that is thought to be good; its path is the first one looked for, so that its cost prunes.
+        bounds: levels of a sequence.
+        budget: limits of the search.
+        first: a promising sequence; its path is solved first, so that its cost prunes others.
     """
     return _Search(task, bounds, budget or Budget(), first).run()
 
 
 class _Search:
+    """State of one search: the tree, its open nodes in both orders, conflicts and the incumbent."""
+
     def __init__(self, task: Task, bounds: Bounds, budget: Budget, first: Skeleton) -> None:
         self.task, self.bounds, self.budget, self.first = task, bounds, budget, first
         self.nodes = [Node(0, -1, None, (), task.initial, task.is_goal(task.initial))]
-        self.waiting: dict[int, int] = {}
+        self.open: dict[int, int] = {}
         self.by_bound: list[tuple[float, int, int, int]] = []
         self.by_distance: list[tuple[bool, int, int, float, int]] = []
         self.statistics = {level: LevelStatistics() for level in bounds.levels}
         self.conflicts: dict[Skeleton, str] = {}
-        self.best: Node | None = None
+        self.incumbent: Node | None = None
         self.expanded = self.pruned = 0
         self.blocked = False
         self.start = time.perf_counter()
@@ -207,13 +210,13 @@ class _Search:
             return self._result(SearchStatus.UNREACHABLE, math.inf, why_unreachable(self.task))
         self._extend(self.nodes[0])
         try:
-            while self.waiting:
+            while self.open:
                 if time.perf_counter() - self.start > self.budget.seconds:
                     self.blocked = True
                     break
                 node, level = self._pop()
-                if self._beaten(node.bound):
-                    self._prune(node, f"costs {node.bound:.4g} or more, the best path {self._incumbent():.4g}")
+                if self._cannot_improve(node.bound):
+                    self._prune(node, f"costs {node.bound:.4g} or more, the best path {self._best_cost():.4g}")
                 else:
                     self._advance(node, level)
         except KeyboardInterrupt:
@@ -221,9 +224,9 @@ class _Search:
         return self._finish()
 
     def _finish(self) -> SearchResult:
-        if self.best is not None:
+        if self.incumbent is not None:
             status = SearchStatus.GAP if self.blocked else SearchStatus.OPTIMAL
-            return self._result(status, self._open_bound() if self.blocked else self.best.bound)
+            return self._result(status, self._open_bound() if self.blocked else self.incumbent.bound)
         if self.blocked:
             return self._result(SearchStatus.EXHAUSTED, self._open_bound(), "the budget ran out")
         reasons = dict.fromkeys(node.reason for node in self.nodes if node.verdict == "infeasible")
@@ -234,41 +237,41 @@ class _Search:
         return self._result(SearchStatus.INFEASIBLE, math.inf, "; ".join(reasons))
 
     def _open_bound(self) -> float:
-        """Return the lowest bound of everything that was not excluded."""
-        waiting = [self.nodes[number].bound for number in self.waiting]
-        return min([self._incumbent(), *waiting, *self._skipped_bounds()])
+        """Return the lowest bound of all sequences that were not excluded."""
+        open_bounds = [self.nodes[number].bound for number in self.open]
+        return min([self._best_cost(), *open_bounds, *self._skipped_bounds()])
 
     def _skipped_bounds(self) -> list[float]:
         return [node.bound for node in self.nodes if node.verdict == "over budget"]
 
-    def _incumbent(self) -> float:
-        """Return the cost of the best path so far."""
-        return math.inf if self.best is None else self.best.costs[self.bounds.levels[-1]]
+    def _best_cost(self) -> float:
+        """Return the cost of the incumbent, inf without one."""
+        return math.inf if self.incumbent is None else self.incumbent.costs[self.bounds.levels[-1]]
 
-    def _beaten(self, bound: float) -> bool:
-        return self.best is not None and bound >= self._incumbent()
+    def _cannot_improve(self, bound: float) -> bool:
+        return self.incumbent is not None and bound >= self._best_cost()
 
     def _push(self, node: Node, level: int) -> None:
-        self.waiting[node.number] = level
+        self.open[node.number] = level
         # Equal bounds: finer levels first, then shorter sequences.
         heapq.heappush(self.by_bound, (node.bound, -level, len(node.skeleton), node.number))
-        aside = node.skeleton != self.first[: len(node.skeleton)]
-        heapq.heappush(self.by_distance, (aside, node.left, -level, node.bound, node.number))
+        off_first = node.skeleton != self.first[: len(node.skeleton)]
+        heapq.heappush(self.by_distance, (off_first, node.actions_left, -level, node.bound, node.number))
 
     def _pop(self) -> tuple[Node, int]:
-        """Return the next node and its level: towards the goal until a path is known, then by bound."""
+        """Return the next node and its level: depth first without an incumbent, then by bound."""
         while True:
-            number = heapq.heappop(self.by_distance)[4] if self.best is None else heapq.heappop(self.by_bound)[3]
-            # A node waits in both orders; the second meeting is stale.
-            if number in self.waiting:
-                return self.nodes[number], self.waiting.pop(number)
+            number = heapq.heappop(self.by_distance)[4] if self.incumbent is None else heapq.heappop(self.by_bound)[3]
+            # A node is in both orders: skip it where it was taken from the other.
+            if number in self.open:
+                return self.nodes[number], self.open.pop(number)
 
     def _advance(self, node: Node, level: int) -> None:
-        """Solve one level of a node and decide what follows."""
+        """Solve one level of a node; push, extend or close it."""
         name = self.bounds.levels[level]
-        known = self._known_conflict(node.skeleton)
-        if known is not None:
-            self._prune(node, known)
+        conflict = self._conflict_in(node.skeleton)
+        if conflict is not None:
+            self._prune(node, conflict)
             return
         if self.statistics[name].solved >= self.budget.calls.get(name, math.inf):
             self.blocked, node.verdict, node.reason = True, "over budget", f"no {name} problem left"
@@ -285,8 +288,8 @@ class _Search:
         if last or self.bounds.is_lower_bound(name):
             node.bound = max(node.bound, result.cost)
         if last:
-            if self.best is None or result.cost < self._incumbent():
-                self.best = node
+            if self.incumbent is None or result.cost < self._best_cost():
+                self.incumbent = node
         elif node.goal:
             self._push(node, level + 1)
         if level == 0 and not node.goal:
@@ -299,7 +302,7 @@ class _Search:
         self.statistics[name] = self.statistics[name].plus(result, time.perf_counter() - start)
         return result
 
-    def _known_conflict(self, skeleton: Skeleton) -> str | None:
+    def _conflict_in(self, skeleton: Skeleton) -> str | None:
         for conflict, reason in self.conflicts.items():
             size = len(conflict)
             if any(skeleton[i : i + size] == conflict for i in range(len(skeleton) - size + 1)):
@@ -311,7 +314,7 @@ class _Search:
         node.verdict, node.reason = "pruned", reason
 
     def _extend(self, node: Node) -> None:
-        """Add the children of a node that can still reach the goal within the depth."""
+        """Add the children of a node from which the goal may be reached within the depth."""
         self.expanded += 1
         visited = {self.task.initial}
         state = self.task.initial
@@ -332,14 +335,14 @@ class _Search:
                 (*node.skeleton, action),
                 after,
                 self.task.is_goal(after),
-                left=len(remaining.actions),
+                actions_left=len(remaining.actions),
                 bound=node.bound,
             )
             self.nodes.append(child)
             self._push(child, 0)
 
     def _result(self, status: SearchStatus, bound: float, reason: str = "") -> SearchResult:
-        best, last = self.best, self.bounds.levels[-1]
+        best, last = self.incumbent, self.bounds.levels[-1]
         return SearchResult(
             status=status,
             skeleton=best.skeleton if best else (),

@@ -1,7 +1,7 @@
-"""Sequential quadratic programming on sparse problems of fixed pattern: sees matrices, never a robot.
+"""Sequential quadratic programming (Nocedal & Wright 2006, ch. 18) on sparse problems of fixed sparsity pattern.
 
-A `Problem` gives bounds, values and convex quadratic models; `solve` or a kept `Solver` minimises it; QPs go through
-one seam (`QPBackend`) to `ActiveSet` (the default), `Piqp`, or any solver that qpsolvers knows (`QpSolvers`).
+A `Problem` gives bounds, values and convex quadratic models; `solve` minimises it once, a `Solver` several like it; QPs
+go through the protocol `QPBackend` to `ActiveSet` (the default), `Piqp`, or any solver of qpsolvers (`QpSolvers`).
 """
 
 from __future__ import annotations

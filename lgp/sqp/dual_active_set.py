@@ -1,10 +1,10 @@
-"""A dual active-set walk: from a working set near the right one to the right one, one row or bound at a time.
+"""Dual active-set method (Goldfarb & Idnani 1983): from a working set to that of the solution, one change at a time.
 
-Goldfarb & Idnani (1983) start from the solution of a working set whose multipliers have the right signs, take in the
-most violated constraint, and let go of those whose multipliers reach zero on the way. The cost never falls back, so
-it ends where exchanges of whole blocks run in circles, and rows that nearly repeat each other share their load through
-the shift of the system. What was taken in or let go since the last factorisation borders it, as in QPSchur (Bartlett &
-Biegler 2006): each change costs one solve with the factor at hand and a dense system as large as their number.
+It starts from the solution of a working set whose multipliers have the right signs, adds the most violated constraint,
+and drops those whose multipliers reach zero before. The cost only rises, so it ends where block exchanges cycle; nearly
+dependent rows have similar multipliers by the regularisation of the KKT system. Changes since the last factorisation
+border the system, as in QPSchur (Bartlett & Biegler 2006): each costs one solve with the present factor and a dense
+system of their number.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from lgp.sqp.qp import QP
 from reba.arrays import Array, Flags
 
 BORDERS = 40
-"""Changes since the last factorisation beyond which another one is cheaper."""
+"""Changes since the last factorisation beyond which a new one is cheaper."""
 VIOLATED = 1e-9
-"""Violation of a row or bound that is taken in, relative to its limit."""
-WRONG = 1e-9
-"""Multiplier below zero, relative to the largest, that calls for letting go."""
+"""Violation of a row or bound that is added, relative to its limit."""
+WRONG_SIGN = 1e-9
+"""Negative multiplier, relative to the largest, whose constraint is dropped."""
 DEPENDENT = 10.0
-"""Response of a constraint to its own multiplier, in shifts of the system, below which it depends on others."""
-TORN = 1e-6
-"""Violation of such a constraint that the shift does not explain: it contradicts the others."""
-NOTHING = 1e-11
-"""Change of a multiplier, relative to the largest, that is rounding."""
+"""Response of a constraint to its own multiplier, in shifts of the system, below which it is linearly dependent."""
+INCONSISTENT = 1e-6
+"""Violation of a dependent constraint above the effect of the shift: it is inconsistent with the others."""
+ROUNDING = 1e-11
+"""Change of a multiplier, relative to the largest, below which it is rounding."""
 
 
 class DualActiveSet:
-    """The walk on one QP whose values `kkt` holds.
+    """The method on one QP whose values are in `kkt`.
 
     Args:
         kkt: factorised for the working set.
@@ -43,7 +43,7 @@ class DualActiveSet:
 
     Attributes:
         rows, side, point: of the working set reached.
-        exchanged: constraints taken in and let go.
+        exchanged: number of constraints added and dropped.
     """
 
     def __init__(
@@ -73,12 +73,12 @@ class DualActiveSet:
         return np.concatenate([self.x, self.y, self._u[: self._m_i]])
 
     def run(self, limit: int) -> bool:
-        """Walk to the solution; False where rows contradict each other or `limit` exchanges do not suffice.
+        """Solve; False where rows are inconsistent or `limit` exchanges do not suffice.
 
         Raises:
             RuntimeError, LinAlgError: a working set cannot be factorised.
         """
-        if not self._shed(limit):
+        if not self._drop_wrong_signs(limit):
             return False
         while self.exchanged <= limit:
             picked = self._most_violated()
@@ -90,7 +90,7 @@ class DualActiveSet:
         return False
 
     def _reach(self, picked: int, limit: int) -> bool:
-        """Take a violated constraint into the working set, letting go of those whose multipliers reach zero before."""
+        """Add a violated constraint to the working set, dropping those whose multipliers reach zero before."""
         normal, response = self._column(picked)
         own = 0.0
         while self.exchanged <= limit:
@@ -99,8 +99,8 @@ class DualActiveSet:
             change = self._changes(picked, step, shares)
             free = -float(normal @ step)
             gap = self._violation(picked)
-            apart = free > DEPENDENT * self.kkt.shift
-            full = gap / (free + self.kkt.shift) if apart or gap < TORN else np.inf
+            independent = free > DEPENDENT * self.kkt.shift
+            full = gap / (free + self.kkt.shift) if independent or gap < INCONSISTENT else np.inf
             blocked, length = self._blocking(change)
             length = min(length, full)
             if length == np.inf:
@@ -109,21 +109,21 @@ class DualActiveSet:
             self._advance(length * step, length * change)
             np.maximum(self._u, 0.0, out=self._u)
             if length == full:
-                self._take_in(picked, normal, response, own)
+                self._add_constraint(picked, normal, response, own)
                 return True
-            if not self._let_go(blocked):
+            if not self._drop_constraint(blocked):
                 normal, response = self._column(picked)
         return False
 
-    def _shed(self, limit: int) -> bool:
-        """Let go of what has a multiplier of the wrong sign, worst first; whether that took few steps."""
+    def _drop_wrong_signs(self, limit: int) -> bool:
+        """Drop constraints with multipliers of the wrong sign, largest first; whether that took few steps."""
         for self.exchanged in range(min(limit, BORDERS)):
             worst = int(np.argmin(np.where(self._active, self._u, np.inf)))
             wrong = self._u[worst] if self._active[worst] else 0.0
-            if not wrong < -WRONG * float(np.abs(self._u).max()):
+            if not wrong < -WRONG_SIGN * float(np.abs(self._u).max()):
                 self._u = np.maximum(self._u, 0.0)
                 return True
-            self._let_go(worst)
+            self._drop_constraint(worst)
             # The multiplier of a row, or the slope by an unknown, becomes zero.
             target = np.zeros(len(self._borders))
             target[-1] = -wrong if worst < self._m_i else wrong * self._sign[worst - self._m_i]
@@ -133,10 +133,10 @@ class DualActiveSet:
         return False
 
     def _base(self) -> None:
-        """Begin with no borders on the factorised working set."""
+        """Start without borders from the factorised working set."""
         self._held = self.side != 0
         size = sum(self.kkt.sizes)
-        # Constraints taken in since, and those of the factorised set let go.
+        # Constraints added since, and dropped constraints of the factorised set.
         self._borders: list[int] = []
         self._freed = np.full(BORDERS + 1, -1)  # the unknown that a border sets free, if any
         self._normals, self._responses = np.zeros((size, BORDERS + 1)), np.zeros((size, BORDERS + 1))
@@ -156,7 +156,7 @@ class DualActiveSet:
         self._base()
 
     def _most_violated(self) -> int | None:
-        """Return the most violated constraint outside the working set, and remember on which side an unknown is out."""
+        """Return the most violated constraint outside the working set, and store the violated side of an unknown."""
         over = np.concatenate([self.qp.G @ self.x - self.qp.h, np.maximum(self.qp.lb - self.x, self.x - self.qp.ub)])
         size = np.concatenate([np.abs(self.qp.h), np.abs(self.x)])
         over[self._active | np.concatenate([np.zeros(self._m_i, bool), self._fixed])] = -np.inf
@@ -195,7 +195,7 @@ class DualActiveSet:
     def _solve(self, right: Array) -> Array:
         right = right.copy()
         right[: self._n][self._held] = 0.0
-        return self.kkt.respond(right)
+        return self.kkt.solve_shifted(right)
 
     def _direction(self, normal: Array, response: Array) -> tuple[Array, Array]:
         """Return how unknowns and multipliers change per multiplier of the picked constraint, and those of borders."""
@@ -221,7 +221,7 @@ class DualActiveSet:
         """Return the change of every multiplier of the working set, (m_i + n,)."""
         n, m_e, m_i = self._n, self._m_e, self._m_i
         z = np.where(self.rows, step[n + m_e :], 0.0)
-        pull = self.scale * self.qp.hessian_dot(step[:n]) + self.qp.pull(step[n : n + m_e], z)
+        pull = self.scale * self.qp.hessian_dot(step[:n]) + self.qp.transpose_product(step[n : n + m_e], z)
         if picked is not None:
             places, slopes = self._gradient(picked)
             pull[places] += slopes
@@ -238,7 +238,7 @@ class DualActiveSet:
     def _blocking(self, change: Array) -> tuple[int, float]:
         """Return the first constraint whose multiplier falls to zero, and after what step."""
         size = float(np.abs(change[self._active]).max(initial=1.0))
-        falls = self._active & (change < -NOTHING * size)
+        falls = self._active & (change < -ROUNDING * size)
         ratios = np.full(len(change), np.inf)
         ratios[falls] = self._u[falls] / -change[falls]
         first = int(np.argmin(ratios))
@@ -249,16 +249,16 @@ class DualActiveSet:
         self.y += step[self._n : self._n + self._m_e]
         self._u = np.where(self._active, self._u + change, 0.0)
 
-    def _take_in(self, constraint: int, normal: Array, response: Array, own: float) -> None:
+    def _add_constraint(self, constraint: int, normal: Array, response: Array, own: float) -> None:
         self._active[constraint] = True
         self._u[constraint] = own
         if self._in_base[constraint]:
-            self._unborder(constraint)  # a row of the factorised set that had been let go
+            self._unborder(constraint)  # a dropped row of the factorised set
         else:
             self._border(constraint, normal, response)
 
-    def _let_go(self, constraint: int) -> bool:
-        """Drop a constraint; return whether the factor at hand still serves."""
+    def _drop_constraint(self, constraint: int) -> bool:
+        """Drop a constraint; return whether the present factor is still used."""
         self._active[constraint] = False
         self._u[constraint] = 0.0
         if not self._in_base[constraint]:
@@ -269,7 +269,7 @@ class DualActiveSet:
         return True
 
     def _loose(self, constraint: int) -> Array:
-        """Return the border that lets go of a constraint of the factorised set.
+        """Return the border that drops a constraint of the factorised set.
 
         A row gets a slack; an unknown gets its column of the system back.
         """
@@ -284,20 +284,20 @@ class DualActiveSet:
         return np.concatenate([self.scale * self.qp.hessian_dot(unit), self.qp.A @ unit, limits])
 
     def _border(self, constraint: int, normal: Array, response: Array) -> bool:
-        """Add a border; return whether the factor at hand still serves."""
-        count, gone = len(self._borders), bool(self._in_base[constraint])
+        """Add a border; return whether the present factor is still used."""
+        count, dropped = len(self._borders), bool(self._in_base[constraint])
         if count == BORDERS:
             self._refactor()
             return False
         self._borders.append(constraint)
         self._normals[:, count], self._responses[:, count] = normal, response
-        self._freed[count] = constraint - self._m_i if gone and constraint >= self._m_i else -1
-        # C - B' K^-1 B of the borders is symmetric: a new one adds a row and the same column. C holds what borders
-        # have to do with unknowns that others set free.
+        self._freed[count] = constraint - self._m_i if dropped and constraint >= self._m_i else -1
+        # C - B' K^-1 B of the borders is symmetric: a new one adds a row and the same column. C couples borders
+        # with unknowns that other borders set free.
         across = -(self._normals[:, : count + 1].T @ response)
         freed = self._freed[: count + 1]
         across += np.where(freed >= 0, normal[freed], 0.0)
-        if not gone and constraint < self._m_i:
+        if not dropped and constraint < self._m_i:
             across[count] -= self.kkt.shift
         if freed[count] >= 0:
             across[:count] += np.where(freed[:count] >= 0, 0.0, self._normals[freed[count], :count])

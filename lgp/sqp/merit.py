@@ -1,4 +1,4 @@
-"""Globalisation: the exact l1 merit function, its penalty, and backtracking on it (Nocedal & Wright 2006, ch. 18)."""
+"""Globalisation: exact l1 merit function, penalty parameter, backtracking (Nocedal & Wright 2006, NW, ch. 18)."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ import numpy as np
 from lgp.sqp.problem import Model, Values
 from reba.arrays import Array
 
-SUFFICIENT = 1e-4
-"""Share of the promised decrease that a step must keep (Armijo)."""
-SPARED = 0.1
-"""Share of the promised decrease in violation that the penalty leaves to the merit function."""
-NOTICED = 1e-10
-"""Relative gain in violation below which rounding, not the step, would set the penalty."""
+ARMIJO = 1e-4
+"""Share of the predicted decrease that a step must achieve (sufficient decrease, NW eq. 3.4)."""
+RHO = 0.1
+"""rho of NW eq. 18.36: share of the penalised decrease in violation by which the merit function must fall."""
+MIN_GAIN = 1e-10
+"""Relative decrease in violation below which rounding, not the step, would set the penalty."""
+TRIALS = 25
+"""Points evaluated along a step; the last is shorter than 2^-24 of it."""
 
 
 def violation_sum(equality: Array, inequality: Array) -> float:
-    """Return sum |c| + sum max(d, 0), what the merit function prices."""
+    """Return sum |c| + sum max(d, 0), the l1 violation of the merit function."""
     return float(np.abs(equality).sum() + np.maximum(inequality, 0.0).sum())
 
 
@@ -30,23 +32,23 @@ def violation_max(equality: Array, inequality: Array) -> float:
 
 @dataclass(frozen=True)
 class PredictedReduction:
-    """What the quadratic model promises for a full step p."""
+    """Terms of the decrease that the quadratic model predicts for a full step p."""
 
     slope: float
     """g'p."""
     curvature: float
     """p'Hp."""
     before: float
-    """Violation (sum) at the point."""
+    """l1 violation at the point."""
     after: float
-    """Violation (sum) of the linearised rows after the step."""
+    """l1 violation of the linearised rows after the step."""
 
     def penalty(self, penalty: float) -> float:
-        """Return the penalty raised, where needed, so that the step descends on the merit function (N&W eq. 18.36)."""
+        """Return the penalty, raised where the step would not descend on the merit function (NW eq. 18.36)."""
         gain = self.before - self.after
-        if gain <= NOTICED * max(1.0, self.before):
+        if gain <= MIN_GAIN * max(1.0, self.before):
             return penalty
-        needed = (self.slope + 0.5 * max(self.curvature, 0.0)) / ((1.0 - SPARED) * gain)
+        needed = (self.slope + 0.5 * max(self.curvature, 0.0)) / ((1.0 - RHO) * gain)
         return penalty if penalty >= needed else 1.5 * needed
 
     def descent(self, penalty: float) -> float:
@@ -54,12 +56,12 @@ class PredictedReduction:
         return self.slope - penalty * (self.before - self.after)
 
     def decrease(self, penalty: float) -> float:
-        """Return the decrease of the merit function that the quadratic model promises."""
+        """Return the predicted decrease of the merit function."""
         return -self.slope - 0.5 * self.curvature + penalty * (self.before - self.after)
 
 
 def predict(model: Model, step: Array, curvature: float) -> PredictedReduction:
-    """Return what the model promises for a step (n,) with p'Hp = curvature."""
+    """Return the predicted reduction of a step (n,) with p'Hp = curvature."""
     return PredictedReduction(
         slope=float(model.gradient @ step),
         curvature=curvature,
@@ -70,7 +72,7 @@ def predict(model: Model, step: Array, curvature: float) -> PredictedReduction:
 
 @dataclass(frozen=True)
 class AcceptedStep:
-    """A point the merit function accepts."""
+    """A point with sufficient decrease of the merit function."""
 
     x: Array
     values: Values
@@ -86,30 +88,28 @@ def line_search(
     descent: float,
     penalty: float,
     *,
-    longest: float,
+    max_length: float,
     correct: Callable[[Values], Array | None],
-    trials: int = 25,
 ) -> AcceptedStep | None:
-    """Backtrack along a step until the merit function falls enough.
+    """Backtrack along a step until the merit function has sufficient decrease.
 
     Args:
         evaluate: the problem's values.
         merit, descent: merit function at x and the bound on its directional derivative (< 0).
-        longest: first length tried, at most 1.
-        correct: asked once, when the full step fails: given its values, a second-order corrected step or None.
-        trials: evaluations along the step.
+        max_length: first step length, at most 1.
+        correct: values of a failed full step -> second-order corrected step, or None; called once.
 
     Returns:
-        The accepted point, or None.
+        The accepted point, None after `TRIALS` points.
     """
-    slack = 1e-14 * max(1.0, abs(merit))  # differences below rounding decide nothing
+    slack = 1e-14 * max(1.0, abs(merit))  # rounding error of the merit function
 
     def accepts(values: Values, length: float) -> bool:
-        found = values[0] + penalty * violation_sum(values[1], values[2])
-        return bool(np.isfinite(found)) and found <= merit + SUFFICIENT * length * descent + slack
+        value = values[0] + penalty * violation_sum(values[1], values[2])
+        return bool(np.isfinite(value)) and value <= merit + ARMIJO * length * descent + slack
 
-    length = longest
-    for trial in range(trials):
+    length = max_length
+    for trial in range(TRIALS):
         point = x + length * step
         values = evaluate(point)
         if accepts(values, length):
@@ -117,16 +117,18 @@ def line_search(
         if trial == 0 and length == 1.0 and np.isfinite(values[0]):
             corrected = correct(values)
             if corrected is not None:
-                again = evaluate(x + corrected)
-                if accepts(again, 1.0):
-                    return AcceptedStep(x + corrected, again, 1.0, corrected=True)
-        length *= _shorter(values[0] + penalty * violation_sum(values[1], values[2]), merit, descent * length)
+                corrected_values = evaluate(x + corrected)
+                if accepts(corrected_values, 1.0):
+                    return AcceptedStep(x + corrected, corrected_values, 1.0, corrected=True)
+        length *= _interpolated_factor(
+            values[0] + penalty * violation_sum(values[1], values[2]), merit, descent * length
+        )
     return None
 
 
-def _shorter(found: float, merit: float, descent: float) -> float:
-    """Return the factor on the length that minimises the parabola through merit, descent and the failed value."""
-    bend = found - merit - descent
-    if not np.isfinite(bend) or bend <= 0.0:
+def _interpolated_factor(value: float, merit: float, descent: float) -> float:
+    """Return the factor on the length at the minimum of the interpolated quadratic (NW eq. 3.58), in [0.1, 0.5]."""
+    curvature = value - merit - descent
+    if not np.isfinite(curvature) or curvature <= 0.0:
         return 0.25
-    return float(np.clip(-0.5 * descent / bend, 0.1, 0.5))
+    return float(np.clip(-0.5 * descent / curvature, 0.1, 0.5))

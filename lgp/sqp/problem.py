@@ -1,4 +1,4 @@
-"""What the solver sees of a problem: bounds, values, and a convex quadratic model with fixed sparsity patterns."""
+"""Problem protocol: bounds, values, and a convex quadratic model of fixed sparsity pattern; solver options."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Values = tuple[float, Array, Array]
 
 
 class ProblemError(RebaError):
-    """A problem handed to the solver contradicts itself: shapes, bounds, patterns or values that are not numbers."""
+    """Inconsistent problem: shapes, bounds, sparsity patterns, or values that are not numbers."""
 
 
 @dataclass(frozen=True)
 class Model:
     """Cost and constraints around a point x: f + g'p + p'Hp/2, c + Jp, d + Kp.
 
-    The three matrices keep one sparsity pattern (indptr, indices) for the life of a problem, so the solver analyses
-    them once. The solver never writes to a model and needs it until the next one, so `linearise` may fill the same
-    arrays again; `evaluate` must leave them alone.
+    The three matrices have one sparsity pattern (indptr, indices) for the life of a problem, so the solver analyses
+    them once. The solver does not write to a model and reads it until the next one, so `linearise` may overwrite the
+    same arrays; `evaluate` must not.
     """
 
     hessian: sp.csc_matrix
@@ -35,11 +35,11 @@ class Model:
     eq_jac: sp.csr_matrix
     """(m_e, n) Jacobian of the equalities."""
     eq: Array
-    """(m_e,) equalities, zero when met."""
+    """(m_e,) equalities, zero where satisfied."""
     in_jac: sp.csr_matrix
     """(m_i, n) Jacobian of the inequalities."""
     ineq: Array
-    """(m_i,) inequalities, not above zero when met."""
+    """(m_i,) inequalities, at most zero where satisfied."""
 
 
 class Problem(Protocol):
@@ -61,11 +61,11 @@ class Problem(Protocol):
         """Return cost, equalities (m_e,) and inequalities (m_i,) at x (n,)."""
 
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
-        """Return the model at x; the multipliers y_eq (m_e,) and y_in (m_i,) >= 0 weigh the constraint curvature."""
+        """Return the model at x; multipliers y_eq (m_e,) and y_in (m_i,) >= 0 weight the constraint curvature."""
 
 
 class FunctionProblem:
-    """A small dense problem from callables; for examples, tests and a first try.
+    """A small dense problem from callables, for examples and tests.
 
     Args:
         cost: x (n,) -> float.
@@ -73,8 +73,8 @@ class FunctionProblem:
         lower, upper: bounds (n,); None for none.
         equality, equality_jacobian: x -> (m_e,), x -> (m_e, n); None for no equality.
         inequality, inequality_jacobian: x -> (m_i,) <= 0, x -> (m_i, n); None for no inequality.
-        hessian: (x, y_eq, y_in) -> (n, n) of the Lagrangian; None takes central differences of its gradient.
-            It is made convex here by reflecting negative eigenvalues.
+        hessian: (x, y_eq, y_in) -> (n, n) of the Lagrangian; None for central differences of its gradient.
+            It is made convex by reflecting negative eigenvalues.
 
     >>> import numpy as np
     >>> bowl = FunctionProblem(2, cost=lambda x: x @ x, gradient=lambda x: 2 * x)
@@ -110,13 +110,15 @@ class FunctionProblem:
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
         """Return the model at x with a positive semidefinite Hessian; every entry belongs to the pattern."""
         eq_jac, in_jac = self._jacobian(self._equality_jacobian, x), self._jacobian(self._inequality_jacobian, x)
-        hessian = self._differences(x, y_eq, y_in) if self._hessian is None else self._hessian(x, y_eq, y_in)
+        hessian = (
+            self._finite_difference_hessian(x, y_eq, y_in) if self._hessian is None else self._hessian(x, y_eq, y_in)
+        )
         return Model(
-            hessian=sp.csc_matrix(_dense(_convex(np.asarray(hessian, dtype=float)))),
+            hessian=sp.csc_matrix(_full_pattern(_reflected(np.asarray(hessian, dtype=float)))),
             gradient=np.asarray(self._gradient(x), dtype=float),
-            eq_jac=sp.csr_matrix(_dense(eq_jac)),
+            eq_jac=sp.csr_matrix(_full_pattern(eq_jac)),
             eq=_vector(self._equality, x),
-            in_jac=sp.csr_matrix(_dense(in_jac)),
+            in_jac=sp.csr_matrix(_full_pattern(in_jac)),
             ineq=_vector(self._inequality, x),
         )
 
@@ -125,16 +127,17 @@ class FunctionProblem:
             return np.zeros((0, self.n))
         return np.asarray(function(x), dtype=float).reshape(-1, self.n)
 
-    def _slope(self, x: Array, y_eq: Array, y_in: Array) -> Array:
+    def _lagrangian_gradient(self, x: Array, y_eq: Array, y_in: Array) -> Array:
         """Return the gradient (n,) of the Lagrangian."""
-        total = np.array(self._gradient(x), dtype=float)
-        total += self._jacobian(self._equality_jacobian, x).T @ y_eq
-        return total + self._jacobian(self._inequality_jacobian, x).T @ y_in
+        gradient = np.array(self._gradient(x), dtype=float)
+        gradient += self._jacobian(self._equality_jacobian, x).T @ y_eq
+        return gradient + self._jacobian(self._inequality_jacobian, x).T @ y_in
 
-    def _differences(self, x: Array, y_eq: Array, y_in: Array) -> Array:
-        steps = np.eye(self.n) * (6e-6 * np.maximum(1.0, np.abs(x)))  # cube root of the rounding error
+    def _finite_difference_hessian(self, x: Array, y_eq: Array, y_in: Array) -> Array:
+        steps = np.eye(self.n) * (6e-6 * np.maximum(1.0, np.abs(x)))  # cube root of machine precision
         columns = [
-            (self._slope(x + step, y_eq, y_in) - self._slope(x - step, y_eq, y_in)) / (2.0 * step.sum())
+            (self._lagrangian_gradient(x + step, y_eq, y_in) - self._lagrangian_gradient(x - step, y_eq, y_in))
+            / (2.0 * step.sum())
             for step in steps
         ]
         return 0.5 * (np.array(columns) + np.array(columns).T)
@@ -144,26 +147,26 @@ def _vector(function: Callable[[Array], Array] | None, x: Array) -> Array:
     return np.zeros(0) if function is None else np.atleast_1d(np.asarray(function(x), dtype=float))
 
 
-def _convex(matrix: Array) -> Array:
-    """Reflect negative eigenvalues: a step then still knows how strongly the function bends."""
+def _reflected(matrix: Array) -> Array:
+    """Return |H|: negative eigenvalues reflected, so that step lengths still follow the size of the curvature."""
     values, vectors = np.linalg.eigh(matrix)
     if values.size == 0 or values[0] >= 0.0:
         return matrix
     return (vectors * np.abs(values)) @ vectors.T
 
 
-def _dense(matrix: Array) -> sp.coo_matrix:
-    """Return every entry, zeros included: the pattern must not depend on the values."""
+def _full_pattern(matrix: Array) -> sp.coo_matrix:
+    """Return every entry, zeros included: the sparsity pattern must not depend on the values."""
     rows, columns = np.indices(matrix.shape)
     return sp.coo_matrix((matrix.ravel(), (rows.ravel(), columns.ravel())), shape=matrix.shape)
 
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """Tolerances and budgets; rows are taken as scaled by the problem (metres, radians).
+    """Tolerances and limits of a solve; rows have the scale of the problem (metres, radians).
 
     Raises:
-        ProblemError: a tolerance or budget that is not positive.
+        ProblemError: a tolerance or limit that is not positive.
     """
 
     violation: float = 1e-6
@@ -171,19 +174,19 @@ class SolverOptions:
     kkt: float = 1e-6
     """Largest relative stationarity and complementarity error of an OPTIMAL point."""
     decrease: float = 1e-10
-    """Promised decrease, relative to max(1, |cost|), below which a point that holds its rows is ACCEPTABLE."""
+    """Predicted decrease, relative to max(1, |cost|), below which a feasible point is ACCEPTABLE."""
     iterations: int = 100
     seconds: float = float("inf")
     """Wall time; checked between iterations."""
     longest_step: float = float("inf")
     """Largest change of an unknown in one iteration, e.g. 0.5 rad where constraints turn quickly."""
-    patience: int = 6
-    """Iterations without a tenth less violation before the end where rows contradict; the penalty is raised later."""
+    max_stalled_iterations: int = 6
+    """Iterations in which the violation falls by less than a tenth, before inconsistent rows end the solve."""
     penalty: float = 1.0
-    """First price of violation; raised automatically."""
+    """Initial penalty parameter of the merit function; raised automatically."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
             if not value > 0:
-                raise ProblemError(f"option {field.name}: {value} given, a positive number expected")
+                raise ProblemError(f"option {field.name}: {value} given, expected a positive number")

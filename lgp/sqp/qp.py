@@ -1,4 +1,4 @@
-"""The one seam to quadratic programs: the record of a QP, of its solution, and the protocol of a back end."""
+"""Quadratic programs: the record of a QP and of its solution, the back-end protocol, and fixed sparsity patterns."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class QPStatus(Enum):
     """How a QP ended."""
 
     SOLVED = "solved"
-    INFEASIBLE = "no point meets the linearised constraints"
-    UNBOUNDED = "the quadratic model falls without end"
-    FAILED = "the back end gave up before its tolerance"
+    INFEASIBLE = "no point satisfies the linearised constraints"
+    UNBOUNDED = "the quadratic model has no lower bound"
+    FAILED = "the back end ended before its tolerance"
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ class QP:
         """Return P x (n,) with both triangles."""
         return self.P @ x + self._lower @ x - self.P.data[self.P.indptr[1:] - 1] * x
 
-    def pull(self, y: Array, z: Array) -> Array:
+    def transpose_product(self, y: Array, z: Array) -> Array:
         """Return A'y + G'z (n,)."""
-        pull = self._equality_columns @ y
-        return pull + self._limit_columns @ z if z.size else pull
+        product = self._equality_columns @ y
+        return product + self._inequality_columns @ z if z.size else product
 
     @cached_property
     def _lower(self) -> sp.csr_matrix:
@@ -59,7 +59,7 @@ class QP:
         return self.A.T
 
     @cached_property
-    def _limit_columns(self) -> sp.csc_matrix:
+    def _inequality_columns(self) -> sp.csc_matrix:
         return self.G.T
 
     def objective(self, x: Array) -> float:
@@ -80,56 +80,56 @@ class QPResult:
     solver: str
 
     @staticmethod
-    def nothing(qp: QP, status: QPStatus, iterations: int, solver: str) -> QPResult:
-        """Return a result without a solution: zeros."""
+    def unsolved(qp: QP, status: QPStatus, iterations: int, solver: str) -> QPResult:
+        """Return the result of a QP without a solution: zeros."""
         n, m_e, m_i = qp.q.size, qp.b.size, qp.h.size
         return QPResult(status, np.zeros(n), np.zeros(m_e), np.zeros(m_i), np.zeros(n), iterations, solver)
 
 
 @dataclass(frozen=True)
 class QPResiduals:
-    """Errors of a claimed solution, from the data of the QP alone."""
+    """Errors of a solution, recomputed from the data of the QP."""
 
     primal: float
     """Largest violation of a row or bound."""
     dual: float
     """Largest entry of Px + q + A'y + G'z + z_box, and of multipliers of the wrong sign."""
     gap: float
-    """Largest product of a multiplier and the slack it should be zero with."""
+    """Largest product of a multiplier and its slack (complementarity)."""
 
 
 class QPBackend(Protocol):
-    """Solves QPs of one sparsity pattern, one after another; a new pattern is noticed and set up anew."""
+    """Solves QPs of one sparsity pattern, one after another; a new pattern is analysed again."""
 
     name: str
 
     def solve(self, qp: QP, warm: QPResult | None = None) -> QPResult:
-        """Solve; `warm` is a solution of a QP near this one, used where the back end can."""
+        """Solve one QP; `warm` is the solution of a similar one, used by back ends with warm starts."""
 
 
-def residuals(qp: QP, found: QPResult) -> QPResiduals:
-    """Recompute the errors of a solution; a back end's own claims are not used."""
-    rows = qp.G @ found.x - qp.h
-    low, high = qp.lb - found.x, found.x - qp.ub
-    primal = np.concatenate([np.abs(qp.A @ found.x - qp.b), rows, low, high])
-    slope = qp.hessian_dot(found.x) + qp.q + qp.pull(found.y, found.z) + found.z_box
-    at_low, at_high = np.maximum(-found.z_box, 0.0), np.maximum(found.z_box, 0.0)
-    products = [found.z * rows, _product(at_low, low), _product(at_high, high)]
+def residuals(qp: QP, result: QPResult) -> QPResiduals:
+    """Recompute the errors of a solution; the residuals a back end reports are not used."""
+    rows = qp.G @ result.x - qp.h
+    low, high = qp.lb - result.x, result.x - qp.ub
+    primal = np.concatenate([np.abs(qp.A @ result.x - qp.b), rows, low, high])
+    gradient = qp.hessian_dot(result.x) + qp.q + qp.transpose_product(result.y, result.z) + result.z_box
+    at_low, at_high = np.maximum(-result.z_box, 0.0), np.maximum(result.z_box, 0.0)
+    products = [result.z * rows, _product(at_low, low), _product(at_high, high)]
     return QPResiduals(
         primal=_largest(np.maximum(primal, 0.0)),
-        dual=max(_largest(np.abs(slope)), _largest(np.maximum(-found.z, 0.0))),
+        dual=max(_largest(np.abs(gradient)), _largest(np.maximum(-result.z, 0.0))),
         gap=_largest(np.abs(np.concatenate(products))),
     )
 
 
 def cost_scale(qp: QP) -> float:
-    """Return 1 / max|P|; costs that grow as time step^-3 stop interior point solvers unless divided by their size."""
+    """Return 1 / max|P|: costs that grow as time step^-3 need scaling before an interior point solver converges."""
     largest = _largest(np.abs(qp.P.data))
     return 1.0 / largest if largest > 0.0 else 1.0
 
 
 def same_pattern(one: sp.spmatrix, other: sp.spmatrix) -> bool:
-    """Whether two compressed matrices of one format store the same entries."""
+    """Whether two compressed matrices of one format have the same sparsity pattern."""
     return (
         one.shape == other.shape
         and np.array_equal(one.indptr, other.indptr)
@@ -138,7 +138,7 @@ def same_pattern(one: sp.spmatrix, other: sp.spmatrix) -> bool:
 
 
 def _product(multiplier: Array, slack: Array) -> Array:
-    # An infinite slack with a zero multiplier is no error; with any other multiplier it is one of infinite size.
+    # An infinite slack with a zero multiplier is complementary; with any other multiplier the error is infinite.
     return np.where(multiplier > 0.0, multiplier * np.where(multiplier > 0.0, slack, 0.0), 0.0)
 
 
@@ -147,7 +147,7 @@ def _largest(values: Array) -> float:
 
 
 class UpperTriangle:
-    """Copies a symmetric matrix of fixed pattern (full or upper) into an upper triangle with a stored diagonal."""
+    """Upper triangle with a stored diagonal of symmetric matrices (full or upper) of one sparsity pattern."""
 
     def __init__(self, source: sp.csc_matrix) -> None:
         self._indptr, self._indices = source.indptr.copy(), source.indices.copy()
@@ -160,69 +160,77 @@ class UpperTriangle:
             )
         missing = np.setdiff1d(np.arange(n), source.indices[source.indices == columns])
         rows = np.concatenate([source.indices[keep], missing])
-        # Labels of the source entries travel through the sort; label 0 marks a diagonal entry that the source lacks.
+        # Labels of the source entries are sorted with them; label 0 marks a diagonal entry that the source lacks.
         labels = np.concatenate([keep + 1.0, np.zeros(missing.size)])
         order = np.lexsort((rows, np.concatenate([columns[keep], missing])))
         counts = np.bincount(np.concatenate([columns[keep], missing]), minlength=n)
         indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-        self._from = labels[order].astype(np.int64) - 1
+        self._source_entries = labels[order].astype(np.int64) - 1
         self.matrix = sp.csc_matrix((np.zeros(order.size), rows[order].astype(np.int32), indptr), shape=(n, n))
         self.diagonal: NDArray[np.int64] = indptr[1:].astype(np.int64) - 1
 
     def fits(self, source: sp.csc_matrix) -> bool:
-        """Whether a matrix has the pattern this triangle was made for."""
+        """Whether a matrix has the sparsity pattern of this triangle."""
         return np.array_equal(source.indptr, self._indptr) and np.array_equal(source.indices, self._indices)
 
     def update(self, source: sp.csc_matrix, damping: float = 0.0) -> sp.csc_matrix:
-        """Copy the values, add `damping` to the diagonal; the returned matrix is reused by the next update."""
-        self.matrix.data[:] = np.where(self._from < 0, 0.0, source.data[self._from])
+        """Return the triangle of a matrix plus `damping` on the diagonal; the next update overwrites it."""
+        self.matrix.data[:] = np.where(self._source_entries < 0, 0.0, source.data[self._source_entries])
         self.matrix.data[self.diagonal] += damping
         return self.matrix
 
 
 class ColumnOrder:
-    """Copies a matrix stored in rows into one stored in columns; the order of its entries is worked out once."""
+    """Conversion of CSR matrices of one sparsity pattern to CSC; the order of the entries is computed once."""
 
     def __init__(self, source: sp.csr_matrix) -> None:
         labels = sp.csr_matrix((np.arange(source.nnz, dtype=float), source.indices, source.indptr), shape=source.shape)
         self.matrix = labels.tocsc()
         self._source = source.copy()
-        self._from = self.matrix.data.astype(np.int64)
+        self._source_entries = self.matrix.data.astype(np.int64)
 
     def fits(self, source: sp.csr_matrix) -> bool:
-        """Whether a matrix has the pattern this order was made for."""
+        """Whether a matrix has the sparsity pattern of this order."""
         return same_pattern(source, self._source)
 
     def update(self, source: sp.csr_matrix) -> sp.csc_matrix:
-        """Copy the values; the returned matrix is reused by the next update."""
-        np.take(source.data, self._from, out=self.matrix.data)
+        """Return the matrix in CSC; the next update overwrites it."""
+        np.take(source.data, self._source_entries, out=self.matrix.data)
         return self.matrix
 
 
 def check_model(model: Model, n: int, m_e: int, m_i: int) -> None:
-    """Refuse a model whose parts do not fit the unknowns and rows that `evaluate` gave.
+    """Refuse a model whose shapes do not fit the unknowns and rows of `evaluate`.
 
     Raises:
         ProblemError: naming the part, its shape and the shape expected.
     """
-    wanted = {"hessian": (n, n), "gradient": (n,), "eq_jac": (m_e, n), "eq": (m_e,), "in_jac": (m_i, n), "ineq": (m_i,)}
-    for name, shape in wanted.items():
-        found = getattr(model, name).shape
-        if found != shape:
-            raise ProblemError(f"model {name}: shape {found} given, {shape} expected")
+    expected = {
+        "hessian": (n, n),
+        "gradient": (n,),
+        "eq_jac": (m_e, n),
+        "eq": (m_e,),
+        "in_jac": (m_i, n),
+        "ineq": (m_i,),
+    }
+    for name, shape in expected.items():
+        given = getattr(model, name).shape
+        if given != shape:
+            raise ProblemError(f"model {name}: shape {given} given, expected {shape}")
     for name, form in (("hessian", "csc"), ("eq_jac", "csr"), ("in_jac", "csr")):
-        found = getattr(getattr(model, name), "format", "dense")
-        if found != form:
-            raise ProblemError(f"model {name}: a {found} matrix given, {form} expected")
+        given = getattr(getattr(model, name), "format", "dense")
+        if given != form:
+            raise ProblemError(f"model {name}: a {given} matrix given, expected {form}")
 
 
-def check_vector(name: str, given: Array, size: int) -> None:
+def check_vector(name: str, vector: Array, size: int) -> None:
     """Refuse a vector of the wrong length or with values that are not numbers.
 
     Raises:
-        ProblemError: naming the vector, what it is and what was expected.
+        ProblemError: naming the vector, the shape given and expected.
     """
-    if given.shape != (size,):
-        raise ProblemError(f"{name}: shape {given.shape} given, ({size},) expected")
-    if np.isnan(given).any():
-        raise ProblemError(f"{name}: entry {int(np.flatnonzero(np.isnan(given))[0])} is not a number")
+    if vector.shape != (size,):
+        raise ProblemError(f"{name}: shape {vector.shape} given, expected ({size},)")
+    if np.isnan(vector).any():
+        entry = int(np.flatnonzero(np.isnan(vector))[0])
+        raise ProblemError(f"{name}: entry {entry} is not a number; expected finite values")

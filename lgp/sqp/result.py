@@ -1,4 +1,4 @@
-"""What a solve returns: status with advice, multipliers, recomputed residuals, and the log of the iterations."""
+"""Result of a solve: status with advice, multipliers, recomputed residuals, and the iteration log."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from reba.arrays import Array
 
 
 class SolveStatus(Enum):
-    """How a solve ended; the text says what to try."""
+    """How a solve ended; the text names the next step."""
 
     OPTIMAL = "the optimality conditions hold within the tolerances"
-    ACCEPTABLE = "constraints hold and the model promises no further decrease; tighten `decrease` to go on"
-    INFEASIBLE = "no step reduces the violation; relax the rows named in `worst` or start elsewhere"
-    UNBOUNDED = "the cost falls without end; add bounds or a term that holds the unknowns"
+    ACCEPTABLE = "constraints hold and the model predicts no further decrease; tighten `decrease` to go on"
+    INFEASIBLE = "no step reduces the violation; relax the rows named in `worst` or use another initial point"
+    UNBOUNDED = "the cost has no lower bound; add bounds or a regularising term"
     STALLED = "no step improves cost and violation together; check the derivatives or scale the rows"
-    ITERATIONS = "the iteration budget is spent; raise `iterations` or start from this result"
-    TIME = "the time budget is spent; raise `seconds` or start from this result"
-    BROKEN = "the problem returned values that are not finite; start from a point where it is defined"
+    ITERATIONS = "the iteration limit is reached; raise `iterations` or start from this result"
+    TIME = "the time limit is reached; raise `seconds` or start from this result"
+    BROKEN = "values are not finite; use an initial point at which the problem is defined"
 
 
 @dataclass(frozen=True)
 class ConstraintViolation:
-    """One violated row: which block ("equality" or "inequality"), its index, and by how much."""
+    """One violated row: its block ("equality" or "inequality"), index and value."""
 
     block: str
     index: int
@@ -38,27 +38,27 @@ class ConstraintViolation:
 
 @dataclass(frozen=True)
 class Iteration:
-    """One line of the log: the state before the step, and the step."""
+    """One line of the iteration log: the state before the step, and the step."""
 
     cost: float
     equality: float
     """Largest |c(x)|."""
     inequality: float
-    """Largest d(x), zero when all hold."""
+    """Largest d(x), at least 0."""
     kkt: float
     """Relative stationarity and complementarity error."""
     step: float = 0.0
     """Largest entry of the accepted step."""
     length: float = 0.0
-    """Share of the QP step that was taken."""
+    """Step length: share of the QP step that was taken."""
     penalty: float = 0.0
-    """Price of violation in the merit function."""
+    """Penalty parameter of the merit function."""
     damping: float = 0.0
     """Added to the diagonal of the Hessian."""
     qp_solver: str = ""
     qp_iterations: int = 0
     corrected: bool = False
-    """Whether a second-order correction was taken."""
+    """Whether the step is a second-order correction."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,11 @@ class Result:
     y_box: Array
     """(n,) multipliers of the bounds, > 0 at upper, < 0 at lower bounds."""
     kkt: float
-    """Stationarity and complementarity error relative to max(1, |gradient|, |constraint forces|)."""
+    """Stationarity and complementarity error relative to max(1, |gradient|, |J'y_eq + K'y_in|)."""
     equality: float
     """Largest |c(x)|."""
     inequality: float
-    """Largest d(x), zero when all hold."""
+    """Largest d(x), at least 0."""
     worst: tuple[ConstraintViolation, ...]
     """Rows violated beyond the tolerance, largest first, at most five."""
     iterations: tuple[Iteration, ...]
@@ -100,7 +100,7 @@ class Result:
 
     @property
     def message(self) -> str:
-        """One line: status, advice, and the rows that fail."""
+        """One line: status, advice, and the most violated rows."""
         rows = ", ".join(str(row) for row in self.worst)
         return f"{self.status.name.lower()}: {self.status.value}" + (f" ({rows})" if rows else "")
 
@@ -122,36 +122,41 @@ class Residuals:
 def residuals(problem: Problem, model: Model, x: Array, y_eq: Array, y_in: Array) -> Residuals:
     """Recompute stationarity, complementarity and violation at x (n,) from the model there.
 
-    Stationarity is the natural residual |x - clip(x - r, lower, upper)| with r the gradient of the Lagrangian, which
-    needs no multipliers of the bounds; those are what r leaves at a bound.
+    Stationarity is the natural residual |x - clip(x - r, lower, upper)| with r the gradient of the Lagrangian without
+    the bounds; the multipliers of the bounds follow from it.
     """
-    force = model.eq_jac.T @ y_eq + model.in_jac.T @ y_in
-    slope = model.gradient + force
-    natural = x - np.clip(x - slope, problem.lower, problem.upper)
-    held = np.minimum(y_in, -model.ineq)
-    size = max(1.0, float(np.abs(model.gradient).max(initial=0.0)), float(np.abs(force).max(initial=0.0)))
+    constraint_gradient = model.eq_jac.T @ y_eq + model.in_jac.T @ y_in
+    gradient = model.gradient + constraint_gradient
+    natural = x - np.clip(x - gradient, problem.lower, problem.upper)
+    complementarity = np.minimum(y_in, -model.ineq)
+    size = max(1.0, float(np.abs(model.gradient).max(initial=0.0)), float(np.abs(constraint_gradient).max(initial=0.0)))
     error = max(
-        float(np.abs(natural).max(initial=0.0)), float(np.where(y_in > 0.0, np.abs(held), 0.0).max(initial=0.0))
+        float(np.abs(natural).max(initial=0.0)),
+        float(np.where(y_in > 0.0, np.abs(complementarity), 0.0).max(initial=0.0)),
     )
     return Residuals(
         kkt=error / size,
         equality=float(np.abs(model.eq).max(initial=0.0)),
         inequality=float(model.ineq.max(initial=0.0)),
-        y_box=np.where((x - slope > problem.lower) & (x - slope < problem.upper), 0.0, natural - slope),
+        y_box=np.where((x - gradient > problem.lower) & (x - gradient < problem.upper), 0.0, natural - gradient),
     )
 
 
-def infeasible_stationary(problem: Problem, model: Model, x: Array) -> float:
-    """Return how far x is from a stationary point of the squared violation, relative to the violation; 0 at one."""
-    over = np.maximum(model.ineq, 0.0)
-    slope = model.eq_jac.T @ model.eq + model.in_jac.T @ over
-    natural = x - np.clip(x - slope, problem.lower, problem.upper)
-    size = max(float(np.abs(model.eq).max(initial=0.0)), float(over.max(initial=0.0)))
+def infeasible_stationarity(problem: Problem, model: Model, x: Array) -> float:
+    """Return the stationarity error of the squared violation at x, relative to the violation; inf at a feasible x."""
+    excess = np.maximum(model.ineq, 0.0)
+    gradient = model.eq_jac.T @ model.eq + model.in_jac.T @ excess
+    natural = x - np.clip(x - gradient, problem.lower, problem.upper)
+    size = max(float(np.abs(model.eq).max(initial=0.0)), float(excess.max(initial=0.0)))
     return float(np.abs(natural).max(initial=0.0)) / size if size > 0.0 else np.inf
 
 
-def worst_rows(equality: Array, inequality: Array, tolerance: float, count: int = 5) -> tuple[ConstraintViolation, ...]:
-    """Name the most violated rows beyond the tolerance, largest first."""
+WORST_ROWS = 5
+"""Violated rows named in a result: more do not fit into a message."""
+
+
+def worst_rows(equality: Array, inequality: Array, tolerance: float) -> tuple[ConstraintViolation, ...]:
+    """Return the most violated rows beyond the tolerance, largest first."""
     rows = [
         ConstraintViolation("equality", int(i), float(equality[i]))
         for i in np.flatnonzero(np.abs(equality) > tolerance)
@@ -159,4 +164,4 @@ def worst_rows(equality: Array, inequality: Array, tolerance: float, count: int 
     rows += [
         ConstraintViolation("inequality", int(i), float(inequality[i])) for i in np.flatnonzero(inequality > tolerance)
     ]
-    return tuple(sorted(rows, key=lambda row: -abs(row.value))[:count])
+    return tuple(sorted(rows, key=lambda row: -abs(row.value))[:WORST_ROWS])

@@ -94,7 +94,7 @@ def test_out_of_reach_says_what_fails() -> None:
     found = lgp.plan(human_scene(tables=far), cost=None, slices=5)
     assert not found.feasible
     assert found.status == "infeasible"
-    assert "phase 1, grasp(1, human.right_hand, box): human.right_hand stays" in found.reason
+    assert "phase 1, grasp(1, human.right_hand, box): human.right_hand cannot reach" in found.reason
     assert "box on table.near" in found.reason
     assert found.reba() is None
 
@@ -123,7 +123,7 @@ def test_plan_of_the_screwdriver_from_the_command_line(tmp_path: Path) -> None:
     drawn = ElementTree.parse(tree).getroot()
     words = " ".join(drawn.itertext())
     assert "place(2, baxter.right, screwdriver, table.center)" in words
-    assert "human.right_hand stays" in words
+    assert "human.right_hand cannot reach" in words
     assert list(pd.read_parquet(tmp_path / "plan" / "path.parquet").columns[:2]) == ["time", "phase"]
 
 

@@ -1,9 +1,9 @@
-"""A path problem of the shape that planning gives: T slices of 42 joints, made of matrices and two chains of hinges.
+"""A path problem of the shape of the planner's: T slices of 42 joints, of matrices and two chains of revolute joints.
 
-Cost: squared accelerations from rest, a small pull to the start, a dense quadratic on 23 joints of every slice. Rows:
-at four key slices a hand reaches a place (the first two with its axis upright, the second on a table whose place is
-free in +-0.15 m), the hand keeps still across three switches, the last velocity is zero; 76 equalities. Joint limits
-everywhere; optionally spheres on both arms keep a distance in every slice. Everything is vectorised over slices.
+Cost: squared accelerations from rest, a small quadratic about the initial point, a dense quadratic on 23 joints of
+every slice. Equalities (76): at four keyframes a hand reaches a place (the first two with its axis upright, the second
+on a table whose place is free in +-0.15 m), the hand is at rest across three switches, the last velocity is zero. Joint
+limits on all joints; optionally a minimum distance of spheres on both arms in every slice. Vectorised over slices.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ LEFT, RIGHT = np.arange(23, 30), np.arange(4, 14)
 ON_LEFT, ON_RIGHT = [4, 6], [3, 5, 7, 9]
 """Hinges that carry the spheres."""
 STILL = np.array([0, 1, 2, 6, 7, 8])
-"""Entries of a hand's values that keep still across a switch: hand and elbow."""
+"""Entries of a hand's values that are at rest across a switch: hand and elbow."""
 Array = NDArray[np.float64]
 
 
@@ -93,7 +93,7 @@ class PathProblem:
         width = rng.uniform(0.9, 1.6, DOFS)
         self.lower = np.concatenate([np.tile(self.rest - width, slices), [-0.15, -0.15]])
         self.upper = np.concatenate([np.tile(self.rest + width, slices), [0.15, 0.15]])
-        self.keys = np.array([slices // 4 - 1, slices // 2 - 1, 3 * slices // 4 - 1, slices - 1])
+        self.keyframes = np.array([slices // 4 - 1, slices // 2 - 1, 3 * slices // 4 - 1, slices - 1])
         self._goals(rng, shift)
         self._cost(rng)
         self._rows()
@@ -127,9 +127,9 @@ class PathProblem:
         posture = sp.kron(sp.eye_array(self.slices), sp.block_diag([self._posture, sp.csr_array((19, 19))]))
         constant = 2 * self._acceleration.T @ self._acceleration + posture
         constant = sp.block_diag([constant + self._pull * sp.eye_array(DOFS * self.slices), 1e-4 * sp.eye_array(PLACE)])
-        self._curved = np.unique(np.concatenate([self.keys, self.keys[:3] + 1]))
+        self._curved_slices = np.unique(np.concatenate([self.keyframes, self.keyframes[:3] + 1]))
         # Room for the curvature of both arms in the slices that have rows.
-        room = [np.meshgrid(DOFS * s + arm, DOFS * s + arm) for s in self._curved for arm in (LEFT, RIGHT)]
+        room = [np.meshgrid(DOFS * s + arm, DOFS * s + arm) for s in self._curved_slices for arm in (LEFT, RIGHT)]
         i = np.concatenate([grid[0].ravel() for grid in room])
         j = np.concatenate([grid[1].ravel() for grid in room])
         blocks = sp.csc_array((np.ones(i.size), (i, j)), shape=(self.n, self.n))
@@ -145,13 +145,15 @@ class PathProblem:
         self._arm_at = {}
         for arm in (LEFT, RIGHT):
             r, c = np.triu_indices(arm.size)
-            flat = (DOFS * self._curved[:, None] + arm[c]) * self.n + DOFS * self._curved[:, None] + arm[r]
+            flat = (
+                (DOFS * self._curved_slices[:, None] + arm[c]) * self.n + DOFS * self._curved_slices[:, None] + arm[r]
+            )
             self._arm_at[arm[0]] = (np.searchsorted(key, flat), r, c)
 
     def _rows(self) -> None:
         """Lay out the rows: 5 + 5 + 3 + 3 key rows, 3 x 6 switch rows, 42 of the last velocity."""
         cols: list[Array] = []
-        base = DOFS * self.keys
+        base = DOFS * self.keyframes
         for k, (arm, count) in enumerate([(LEFT, 5), (LEFT, 5), (RIGHT, 3), (RIGHT, 3)]):
             extra = [self.n - 2, self.n - 1] if k == 1 else []
             cols += [np.concatenate([base[k] + arm, extra])] * count
@@ -165,7 +167,7 @@ class PathProblem:
 
     def _hands(self, x: Array) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
         path = x[: DOFS * self.slices].reshape(self.slices, DOFS)
-        return hand(self.left, path[self._curved[:5]]), hand(self.right, path[self._curved[3:]])
+        return hand(self.left, path[self._curved_slices[:5]]), hand(self.right, path[self._curved_slices[3:]])
 
     def _equality(self, x: Array, left: Array, right: Array) -> Array:
         """Return the 76 equalities; hands at curved slices: left at k0 k0+1 k1 k1+1 k2, right at k1+1 k2 k2+1 k3."""
@@ -234,22 +236,22 @@ class PathProblem:
         for_right[1, :3], for_right[3, :3] = y[10:13], y[13:16]
         for_right[1, STILL] -= still[2]
         for_right[2, STILL] += still[2]
-        # A hand that keeps still joins two slices whose motions are nearly one: their curvatures cancel almost, so they
-        # are added before the clipping and act on the first slice; clipped apart they would stiffen both.
+        # A hand at rest couples two slices of nearly equal configurations: their curvatures almost cancel, so they are
+        # added before the clipping and act on the first slice; clipped one by one they would stiffen both.
         for (_, _, axes, jac), weights, arm, first, start in (
             (left, for_left, LEFT, [0, 2, 4], 0),
             (right, for_right, RIGHT, [1, 3], 3),
         ):
-            bent = curvature(axes, jac, weights)
-            bent = np.add.reduceat(bent, first, axis=0)
-            values, vectors = np.linalg.eigh(bent)
-            bent = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+            hessian = curvature(axes, jac, weights)
+            hessian = np.add.reduceat(hessian, first, axis=0)
+            values, vectors = np.linalg.eigh(hessian)
+            hessian = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
             where, r, c = self._arm_at[arm[0]]
-            np.add.at(self._hessian.data, where[start + np.array(first)], bent[:, r, c])
+            np.add.at(self._hessian.data, where[start + np.array(first)], hessian[:, r, c])
 
 
 class _Spheres:
-    """Eight pairs of spheres, on two places of the left arm and four of the right, apart in every slice."""
+    """Minimum distance of eight pairs of spheres in each slice, on two places of the left arm and four of the right."""
 
     def __init__(self, problem: PathProblem, margin: float) -> None:
         self.problem, self.margin = problem, margin
@@ -260,7 +262,7 @@ class _Spheres:
         self.jac = sp.csr_matrix((np.zeros(columns.size), columns, indptr), shape=(slices * pairs, problem.n))
 
     def _gaps(self, x: Array) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
-        """Return axes and hinge places of both arms, and the ways (T, 2, 4, 3) from right to left spheres."""
+        """Return axes and hinge places of both arms, and the vectors (T, 2, 4, 3) from right to left spheres."""
         path = x[: DOFS * self.problem.slices].reshape(self.problem.slices, DOFS)
         left, right = (chain.forward(path[:, chain.joints])[1:] for chain in (self.problem.left, self.problem.right))
         return left, right, left[1][:, ON_LEFT, None] - right[1][:, None, ON_RIGHT]

@@ -16,7 +16,7 @@ def test_a_hand_that_holds_is_free_after_its_next_action() -> None:
     task = task_of(world.scene)
     names = ("grasp(human.right_hand, screwdriver)", "place(human.right_hand, screwdriver, table.center)",
              "grasp(baxter.right, screwdriver)", "place(baxter.right, screwdriver, table.left)")  # fmt: skip
-    bounds = FixedPathBounds(world, slices=2, still=["baxter.right"])
+    bounds = FixedPathBounds(world, slices=2, holding=["baxter.right"])
     problem = bounds.problem("path", bounds.phases(tuple(map(task.action, names))))
     arm = np.flatnonzero(world.support("baxter.right"))
     room = (problem.upper - problem.lower)[: 8 * world.nq].reshape(8, -1)[:, arm].max(axis=1)

@@ -21,7 +21,7 @@ def test_what_is_left_is_tried_first_with_what_must_be_done_again() -> None:
     task = task_of(world.scene)
     # The screwdriver lies where it was at first: it was dropped on the way.
     assert remaining_actions(planner.motion, task, 1, bounds) == planner.actions
-    path, variables = bounds.shapes[planner.actions]
+    path, variables = bounds.planned_motions[planner.actions]
     np.testing.assert_array_equal(path, planner.motion.path)
     np.testing.assert_array_equal(variables, planner.motion.variables)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import lgp
 from lgp.collision.distances import Collisions
-from lgp.execution.fixed_path import still_hands
+from lgp.execution.fixed_path import holding_hands
 from lgp.execution.retarget import Phase, Planner
 from lgp.execution.tracking import Observation, TrackedPose, TrackedWorld
 from lgp.kinematics.modes import ModeSequence
@@ -52,7 +52,7 @@ def scene_before(number: int) -> Scene:
 def test_a_hand_that_holds_stands_still_in_a_moved_motion_wherever_it_holds() -> None:
     planner = toolbox()
     world, row = planner.motion.world, GIVES * planner.motion.phases.slices
-    assert still_hands(planner.motion.modes, GIVES) == ("baxter.right",)
+    assert holding_hands(planner.motion.modes, GIVES) == ("baxter.right",)
     start = planner.motion.path[row].copy()
     arm = np.flatnonzero(world.support("baxter.right"))
     # It holds a little elsewhere than planned: one joint is far from the plan, the others are near it.

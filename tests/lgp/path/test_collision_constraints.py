@@ -1,4 +1,4 @@
-"""Rows that keep bodies apart, and paths that are free of collisions with them."""
+"""Collision constraints, and paths that are collision-free under them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ import pytest
 
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
-from lgp.path.bounds import PathBounds, Solution
-from lgp.path.collision_constraints import FINER, MARGIN, CollisionRows
+from lgp.path.bounds import PathBounds
+from lgp.path.collision_constraints import MARGIN, POINTS_PER_SLICE, CollisionConstraints
 from lgp.path.feasibility import explain_infeasibility
+from lgp.path.keyframes import Solution
 from lgp.path.problem import PathProblem
 from lgp.planner import plan, task_of
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import BoundResult
 from tests.support.lgp_worlds import needs_robots
+from tests.support.says import says
 
 pytestmark = needs_robots
 
@@ -40,40 +42,40 @@ def actions(world: World) -> tuple[Action, ...]:
 
 
 def solved(bounds: PathBounds, actions: tuple[Action, ...], last: str = "path") -> BoundResult:
-    found: BoundResult | None = None
+    result: BoundResult | None = None
     for end in range(len(actions)):
-        found = bounds.solve("pose", actions[: end + 1], found)
+        result = bounds.solve("pose", actions[: end + 1], result)
     for level in ("sequence", "path"):
-        found = bounds.solve(level, actions, found)
+        result = bounds.solve(level, actions, result)
         if level == last:
             break
-    assert found is not None
-    return found
+    assert result is not None
+    return result
 
 
 @pytest.fixture(scope="module")
 def free(world: World, actions: tuple[Action, ...]) -> Solution:
-    found = solved(PathBounds(world, slices=SLICES), actions).payload
-    assert isinstance(found, Solution)
-    return found
+    solution = solved(PathBounds(world, slices=SLICES), actions).payload
+    assert isinstance(solution, Solution)
+    return solution
 
 
-def chosen(world: World, actions: tuple[Action, ...], free: Solution, **given: float) -> CollisionRows:
+def active(world: World, actions: tuple[Action, ...], free: Solution, **options: float) -> CollisionConstraints:
     bounds = PathBounds(world, slices=SLICES)
-    rows = CollisionRows(world, bounds.phases(actions), bounds.start, **given)
-    rows.extend(free.path, free.variables)
+    rows = CollisionConstraints(world, bounds.phases(actions), bounds.initial_configuration, **options)
+    rows.add_violated(free.path, free.variables)
     return rows
 
 
 def test_rows_have_the_derivatives_they_say(world: World, actions: tuple[Action, ...], free: Solution) -> None:
-    rows = chosen(world, actions, free, margin=0.05)
-    assert {int(point) % FINER for point in rows.points} == set(range(FINER))
+    rows = active(world, actions, free, margin=0.05)
+    assert {int(point) % POINTS_PER_SLICE for point in rows.points} == set(range(POINTS_PER_SLICE))
     bounds = PathBounds(world, slices=SLICES)
-    problem = PathProblem(world, bounds.phases(actions), apart=rows)
+    problem = PathProblem(world, bounds.phases(actions), collision_constraints=rows)
     x = problem.join(free.path, free.variables)
-    own = np.array([row.kind == "collision" for row in problem.rows.in_rows])
+    own = np.array([row.kind == "collision" for row in problem.constraints.in_rows])
     assert np.count_nonzero(own) == len(rows.points) > 20
-    zeros = np.zeros(len(problem.rows.eq_rows)), np.zeros(len(own))
+    zeros = np.zeros(len(problem.constraints.eq_rows)), np.zeros(len(own))
     slopes = problem.linearise(x, *zeros).in_jac[own].toarray()
     rng = np.random.default_rng(0)
     for _ in range(5):
@@ -83,62 +85,64 @@ def test_rows_have_the_derivatives_they_say(world: World, actions: tuple[Action,
         assert np.quantile(np.abs((high - low) / 2e-7 - slopes @ way), 0.9) < 1e-4
 
 
-def test_rows_are_kept_and_new_ones_come_last(world: World, actions: tuple[Action, ...], free: Solution) -> None:
-    rows = chosen(world, actions, free)
+def test_active_constraints_stay_and_new_ones_come_last(
+    world: World, actions: tuple[Action, ...], free: Solution
+) -> None:
+    rows = active(world, actions, free)
     before = list(zip(rows.points.tolist(), rows.pairs.tolist(), strict=True))
-    assert rows.extend(free.path, free.variables) == 0
+    assert rows.add_violated(free.path, free.variables) == 0
     elsewhere = np.random.default_rng(0).uniform(world.lower, world.upper, free.path.shape)
-    assert rows.extend(elsewhere, free.variables) > 0
+    assert rows.add_violated(elsewhere, free.variables) > 0
     after = list(zip(rows.points.tolist(), rows.pairs.tolist(), strict=True))
     assert after[: len(before)] == before
     assert len(set(after)) == len(after) > len(before)
 
 
-def test_paths_keep_bodies_apart_between_slices_too(world: World, actions: tuple[Action, ...], free: Solution) -> None:
-    touching, words = chosen(world, actions, free).worst(free.path, free.variables)
+def test_paths_are_collision_free_between_slices_too(world: World, actions: tuple[Action, ...], free: Solution) -> None:
+    touching, words = active(world, actions, free).deepest_penetration(free.path, free.variables)
     assert touching > 0.01
     assert words.startswith("phase ")
-    assert " m into " in words
+    says(words, "penetrates", " m")
     bounds = PathBounds(world, slices=SLICES, collisions=True)
     found = solved(bounds, actions)
     assert found.feasible, found.reason
-    apart = found.payload
-    assert isinstance(apart, Solution)
-    assert chosen(world, actions, apart).worst(apart.path, apart.variables) == (0.0, "")
+    solution = found.payload
+    assert isinstance(solution, Solution)
+    assert active(world, actions, solution).deepest_penetration(solution.path, solution.variables) == (0.0, "")
     assert found.cost >= solved(bounds, actions, "sequence").cost - 1e-6
-    rest = bounds.problem("path", bounds.phases(actions)).rows.residuals(apart.path, apart.variables)
+    rest = bounds.problem("path", bounds.phases(actions)).constraints.residuals(solution.path, solution.variables)
     assert max(rest["equality"], rest["inequality"]) <= 1e-6
 
 
-def test_where_bodies_touch_is_named(world: World, actions: tuple[Action, ...], free: Solution) -> None:
-    rows = chosen(world, actions, free)
-    problem = PathProblem(world, PathBounds(world, slices=SLICES).phases(actions), apart=rows)
+def test_the_deepest_penetration_is_named(world: World, actions: tuple[Action, ...], free: Solution) -> None:
+    rows = active(world, actions, free)
+    problem = PathProblem(world, PathBounds(world, slices=SLICES).phases(actions), collision_constraints=rows)
     words = explain_infeasibility(problem, problem.join(free.path, free.variables))
-    deepest, same = rows.worst(free.path, free.variables)
+    deepest, same = rows.deepest_penetration(free.path, free.variables)
     assert words == same
-    assert f"{deepest:.3f} m into" in words
+    says(words, "penetrates", f"{deepest:.3f} m")
 
 
-def test_what_touches_at_the_start_may_go_on_touching_in_the_first_phase(
+def test_pairs_in_contact_at_first_may_stay_so_within_the_first_phase(
     world: World, actions: tuple[Action, ...]
 ) -> None:
     phases = PathBounds(world, slices=SLICES).phases(actions)
     z = np.zeros(PathProblem(world, phases).modes.size)
     touched = 0
     for start in np.random.default_rng(1).uniform(world.lower, world.upper, (10, world.nq)):
-        rows = CollisionRows(world, phases, start)
+        rows = CollisionConstraints(world, phases, start)
         still = np.tile(start, (phases.total, 1))
-        rows.extend(still, z)
+        rows.add_violated(still, z)
         # Objects move with the phases, so they may touch something new in the first one; bodies of agents do not.
         agents = np.array(["screwdriver" not in row.name for row in rows.names()], dtype=bool)
         inside = (rows.evaluate(still, z)[0] > MARGIN) & agents
-        first = rows.points < SLICES * FINER
+        first = rows.points < SLICES * POINTS_PER_SLICE
         touched += int(inside.any())
         assert not inside[first].any()
     assert touched > 0
 
 
-def test_a_plan_says_how_far_bodies_touch(world: World) -> None:
+def test_a_plan_holds_its_deepest_penetration(world: World) -> None:
     scene = replace(world.scene, slices=SLICES)
     through = plan(scene, None, sequence=LINES, world=world, collisions=False)
     assert through.feasible

@@ -1,4 +1,4 @@
-"""Other starts for paths whose bodies, once kept apart, make them cost much more."""
+"""Multi-start of collision-free paths that cost much more than the free path."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import pytest
 
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
-from lgp.path import bounds as levels
-from lgp.path.bounds import PathBounds, Solution
-from lgp.path.collision_constraints import CollisionRows
-from lgp.path.collision_path import SUSPICIOUS, initial_guesses, solve_collision_free
+from lgp.path.bounds import PathBounds
+from lgp.path.collision_constraints import CollisionConstraints
+from lgp.path.collision_path import MULTI_START_RATIO, candidate_guesses, initial_guesses
+from lgp.path.keyframes import Solution
 from lgp.planner import follow, parse_sequence, task_of
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import SearchResult
@@ -23,7 +23,7 @@ pytestmark = needs_robots
 
 SLICES = 5
 HIGH, LOW = {"left": 1.24, "center": 0.87, "right": 0.64}, {"left": 0.68, "center": 1.0, "right": 1.2}
-"""Heights [m] at which the right table is behind what is in the way, and at which nothing is."""
+"""Heights [m] at which a table is in the way of the right one, and at which none is."""
 
 
 @cache
@@ -34,14 +34,14 @@ def world_at(left: float, center: float, right: float) -> tuple[World, tuple[Act
     return world, parse_sequence(task_of(world.scene), lines)
 
 
-def planned(heights: dict[str, float], **given: Any) -> tuple[PathBounds, SearchResult]:
+def planned(heights: dict[str, float], **options: Any) -> tuple[PathBounds, SearchResult]:
     world, actions = world_at(**heights)
-    bounds = PathBounds(world, slices=SLICES, collisions=True, **given)
+    bounds = PathBounds(world, slices=SLICES, collisions=True, **options)
     return bounds, follow(bounds, actions)
 
 
 @pytest.fixture(scope="module")
-def behind() -> tuple[PathBounds, SearchResult]:
+def blocked() -> tuple[PathBounds, SearchResult]:
     return planned(HIGH)
 
 
@@ -52,63 +52,52 @@ def free(bounds: PathBounds, found: SearchResult) -> Solution:
     return solution
 
 
-def test_a_path_that_costs_much_more_than_without_bodies_is_left_for_a_better_one(
-    behind: tuple[PathBounds, SearchResult],
+def test_an_expensive_collision_free_path_is_replaced_by_a_cheaper_one(
+    blocked: tuple[PathBounds, SearchResult],
 ) -> None:
-    bounds, found = behind
-    _, near = planned(HIGH, detours=False)
-    assert near.cost > SUSPICIOUS * free(bounds, found).costs.total
-    assert found.cost < 0.7 * near.cost
+    bounds, found = blocked
+    _, nearest = planned(HIGH, multi_start=False)
+    assert nearest.cost > MULTI_START_RATIO * free(bounds, found).costs.total
+    assert found.cost < 0.7 * nearest.cost
     path, variables = found.payload.path, found.payload.variables
-    rows = CollisionRows(bounds.world, bounds.phases(found.skeleton), bounds.start)
-    assert rows.worst(path, variables) == (0.0, "")
-    rest = bounds.problem("path", bounds.phases(found.skeleton)).rows.residuals(path, variables)
+    constraints = CollisionConstraints(bounds.world, bounds.phases(found.skeleton), bounds.initial_configuration)
+    assert constraints.deepest_penetration(path, variables) == (0.0, "")
+    rest = bounds.problem("path", bounds.phases(found.skeleton)).constraints.residuals(path, variables)
     assert max(rest["equality"], rest["inequality"]) <= 1e-6
 
 
-def test_the_same_scene_leads_to_the_same_detour(behind: tuple[PathBounds, SearchResult]) -> None:
-    assert planned(HIGH)[1].cost == behind[1].cost
+def test_the_same_scene_leads_to_the_same_path(blocked: tuple[PathBounds, SearchResult]) -> None:
+    assert planned(HIGH)[1].cost == blocked[1].cost
 
 
-def test_other_starts_are_spared_where_bodies_cost_little(monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(*_: object) -> None:
-        raise AssertionError("no other start is called for")
-
-    monkeypatch.setattr(levels, "multi_start", never)
+def test_a_cheap_collision_free_path_needs_no_multi_start() -> None:
     bounds, found = planned(LOW)
-    assert found.cost <= SUSPICIOUS * free(bounds, found).costs.total
+    assert found.cost <= MULTI_START_RATIO * free(bounds, found).costs.total
+    assert found.cost == planned(LOW, multi_start=False)[1].cost
 
 
-def test_starts_swing_robots_out_between_switches(behind: tuple[PathBounds, SearchResult]) -> None:
-    bounds, found = behind
-    world, phases, path = bounds.world, bounds.phases(found.skeleton), free(*behind).path
-    starts = list(initial_guesses(world, phases, path, 3))
-    assert [start.tobytes() for start in initial_guesses(world, phases, path, 3)] == [
-        start.tobytes() for start in starts
+def test_initial_guesses_move_robots_between_keyframes_only(blocked: tuple[PathBounds, SearchResult]) -> None:
+    bounds, found = blocked
+    world, phases, path = bounds.world, bounds.phases(found.skeleton), free(bounds, found).path
+    guesses = list(initial_guesses(world, phases, path, 3))
+    assert [guess.tobytes() for guess in initial_guesses(world, phases, path, 3)] == [
+        guess.tobytes() for guess in guesses
     ]
     arm = world.support("baxter.right") > 0.0
-    for start in starts:
-        assert np.allclose(start[phases.keys], path[phases.keys], atol=1e-12)
-        assert np.array_equal(start[:, ~arm], path[:, ~arm])
-        assert (np.abs(start - path)[:, arm].max(axis=0) > 0.05).all()
-        assert ((start >= world.lower - 1e-9) & (start <= world.upper + 1e-9)).all()
+    for guess in guesses:
+        assert np.allclose(guess[phases.keyframes], path[phases.keyframes], atol=1e-12)
+        assert np.array_equal(guess[:, ~arm], path[:, ~arm])
+        assert (np.abs(guess - path)[:, arm].max(axis=0) > 0.05).all()
+        assert ((guess >= world.lower - 1e-9) & (guess <= world.upper + 1e-9)).all()
 
 
-def test_robots_first_follow_their_path_under_another_cost(
-    behind: tuple[PathBounds, SearchResult], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from lgp.path import collision_path as detours
-
-    begun = []
-
-    def watched(make, rows, first, *more, **given):  # type: ignore[no-untyped-def]
-        begun.append(first.x)
-        return solve_collision_free(make, rows, first, *more, **given)
-
-    monkeypatch.setattr(detours, "solve_collision_free", watched)
-    bounds, found = planned(HIGH, like=behind[0])
-    assert found.cost <= behind[1].cost * 1.01
+def test_the_first_candidate_has_the_robots_of_the_reference(blocked: tuple[PathBounds, SearchResult]) -> None:
+    bounds, found = planned(HIGH, reference=blocked[0])
+    assert found.cost <= blocked[1].cost * 1.01
     robot = bounds.world.columns("baxter")
     problem = bounds.problem("path", bounds.phases(found.skeleton))
-    assert np.allclose(problem.split(begun[0])[0][:, robot], behind[1].payload.path[:, robot])
-    assert len(begun) == 1
+    without, reference = free(bounds, found), blocked[1].payload.path
+    first = next(candidate_guesses(problem, without.path, without.variables, reference))
+    assert np.array_equal(first[:, robot], reference[:, robot])
+    others = np.setdiff1d(np.arange(bounds.world.nq), robot)
+    assert np.array_equal(first[:, others], without.path[:, others])

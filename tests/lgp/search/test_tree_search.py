@@ -1,4 +1,4 @@
-"""The tree search against exhaustive enumeration, on problems whose costs are made up."""
+"""The tree search against exhaustive enumeration, on problems of random costs."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from lgp.logic.pddl import load_domain
 from lgp.logic.task import Task, ground, parse_atom
 from lgp.search.tree_search import BoundResult, Budget, SearchResult, SearchStatus, Skeleton, search
+from tests.support.says import says
 
 domain = cache(load_domain)
 TABLES = ("left", "center", "right")
@@ -27,7 +28,7 @@ def task(hands: int = 2, start: tuple[str, ...] = ("free", "on_table")) -> Task:
     return ground(domain("screwdriver"), objects, map(parse_atom, initial), goal)
 
 
-class MadeUp:
+class RandomBounds:
     """Costs drawn from a seed: each action costs something, later levels cost more, some are infeasible."""
 
     levels = ("pose", "sequence", "path")
@@ -63,7 +64,7 @@ class MadeUp:
         return BoundResult(True, cost * (0.5, 0.9, 1.0)[stage], payload=tuple(steps))
 
 
-def exhaustive(problem: Task, bounds: MadeUp, depth: int) -> float:
+def exhaustive(problem: Task, bounds: RandomBounds, depth: int) -> float:
     best = math.inf
 
     def visit(state: int, skeleton: Skeleton, seen: frozenset[int]) -> None:
@@ -84,18 +85,18 @@ def exhaustive(problem: Task, bounds: MadeUp, depth: int) -> float:
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.2, 0.6]), st.booleans())
 def test_finds_the_optimum_and_proves_it(seed: int, infeasible: float, direct: bool) -> None:
     problem = task()
-    bounds = MadeUp(seed, infeasible, direct)
-    found = search(problem, bounds, Budget(depth=5))
-    truth = exhaustive(problem, MadeUp(seed, infeasible, direct), 5)
-    assert found.cost == pytest.approx(truth)
+    bounds = RandomBounds(seed, infeasible, direct)
+    result = search(problem, bounds, Budget(depth=5))
+    truth = exhaustive(problem, RandomBounds(seed, infeasible, direct), 5)
+    assert result.cost == pytest.approx(truth)
     if math.isfinite(truth):
-        assert found.status is SearchStatus.OPTIMAL
-        assert found.bound <= found.cost + 1e-12
-        assert found.gap == 0.0
-        assert problem.is_goal(end_state(problem, found.skeleton))
+        assert result.status is SearchStatus.OPTIMAL
+        assert result.bound <= result.cost + 1e-12
+        assert result.gap == 0.0
+        assert problem.is_goal(end_state(problem, result.skeleton))
     else:
-        assert found.status is SearchStatus.INFEASIBLE
-        assert "cannot be reached" in found.reason
+        assert result.status is SearchStatus.INFEASIBLE
+        assert "cannot be reached" in result.reason
 
 
 def end_state(problem: Task, skeleton: Skeleton) -> int:
@@ -107,33 +108,33 @@ def end_state(problem: Task, skeleton: Skeleton) -> int:
 
 
 def test_solves_far_fewer_paths_than_there_are() -> None:
-    problem, bounds = task(), MadeUp(3, 0.1)
-    found = search(problem, bounds, Budget(depth=5))
+    problem, bounds = task(), RandomBounds(3, 0.1)
+    result = search(problem, bounds, Budget(depth=5))
     paths = [skeleton for level, skeleton in bounds.calls if level == "path"]
-    every = MadeUp(3, 0.1)
+    every = RandomBounds(3, 0.1)
     exhaustive(problem, every, 5)
-    assert len(paths) == found.statistics["path"].solved
+    assert len(paths) == result.statistics["path"].solved
     assert len(paths) < len(every.calls) / 4
-    assert found.pruned > 0
+    assert result.pruned > 0
 
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10_000), st.data())
-def test_a_first_sequence_is_looked_at_first_and_changes_nothing_else(seed: int, data: st.DataObject) -> None:
+def test_a_first_sequence_is_solved_first_and_changes_no_result(seed: int, data: st.DataObject) -> None:
     problem = task()
-    plain = search(problem, MadeUp(seed, 0.0), Budget(depth=5))
+    plain = search(problem, RandomBounds(seed, 0.0), Budget(depth=5))
     ends = [node.skeleton for node in plain.nodes if node.goal]
     first = data.draw(st.sampled_from(ends))
-    bounds = MadeUp(seed, 0.0)
-    found = search(problem, bounds, Budget(depth=5), first)
-    assert (found.skeleton, found.cost, found.status) == (plain.skeleton, plain.cost, plain.status)
+    bounds = RandomBounds(seed, 0.0)
+    result = search(problem, bounds, Budget(depth=5), first)
+    assert (result.skeleton, result.cost, result.status) == (plain.skeleton, plain.cost, plain.status)
     if len(first) > 1:
         assert next(skeleton for level, skeleton in bounds.calls if level == "path") == first
 
 
 def test_same_search_twice_is_the_same() -> None:
     def run() -> SearchResult:
-        return search(task(), MadeUp(11), Budget(depth=5))
+        return search(task(), RandomBounds(11), Budget(depth=5))
 
     first, second = run(), run()
     assert [(n.skeleton, n.costs, n.verdict) for n in first.nodes] == [
@@ -141,11 +142,11 @@ def test_same_search_twice_is_the_same() -> None:
     ]
 
 
-def test_conflicts_are_remembered() -> None:
+def test_conflicts_prune_other_sequences() -> None:
     problem = task(hands=2)
     bad = problem.action("place(robot.0, tool, left)")
 
-    class Learning(MadeUp):
+    class Learning(RandomBounds):
         def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
             result = super().solve(level, skeleton, warm)
             if skeleton[-1] == bad:
@@ -153,54 +154,54 @@ def test_conflicts_are_remembered() -> None:
             return result
 
     bounds = Learning(5, 0.0)
-    found = search(problem, bounds, Budget(depth=5))
-    asked = [skeleton for _, skeleton in bounds.calls if bad in skeleton]
-    assert len(asked) == 1
-    assert found.status is SearchStatus.OPTIMAL
-    assert any(node.verdict == "pruned" and "out of reach" in node.reason for node in found.nodes)
+    result = search(problem, bounds, Budget(depth=5))
+    solved = [skeleton for _, skeleton in bounds.calls if bad in skeleton]
+    assert len(solved) == 1
+    assert result.status is SearchStatus.OPTIMAL
+    assert any(node.verdict == "pruned" and "out of reach" in node.reason for node in result.nodes)
 
 
 def test_unreachable_and_too_deep() -> None:
-    nothing = search(task(start=("on_table",)), MadeUp(1))
-    assert nothing.status is SearchStatus.UNREACHABLE
-    assert "free(human) is never true" in nothing.reason
-    assert nothing.gap == math.inf
-    shallow = search(task(), MadeUp(1, 0.0), Budget(depth=0))
+    unreachable = search(task(start=("on_table",)), RandomBounds(1))
+    assert unreachable.status is SearchStatus.UNREACHABLE
+    says(unreachable.reason, "free(human) is never true")
+    assert unreachable.gap == math.inf
+    shallow = search(task(), RandomBounds(1, 0.0), Budget(depth=0))
     assert shallow.status is SearchStatus.INFEASIBLE
-    assert "more than 0 actions" in shallow.reason
+    says(shallow.reason, "more than 0 actions")
 
 
 def test_budgets_end_the_search_with_a_gap() -> None:
     problem = task()
-    free = search(problem, MadeUp(7, 0.0), Budget(depth=5))
-    few = search(problem, MadeUp(7, 0.0), Budget(depth=5, calls={"path": 1}))
+    free = search(problem, RandomBounds(7, 0.0), Budget(depth=5))
+    few = search(problem, RandomBounds(7, 0.0), Budget(depth=5, calls={"path": 1}))
     assert few.statistics["path"].solved == 1
     assert few.status in (SearchStatus.GAP, SearchStatus.OPTIMAL)
     assert few.bound <= free.cost + 1e-12 <= few.cost + 2e-12
-    none = search(problem, MadeUp(7, 0.0), Budget(depth=5, calls={"pose": 0}))
+    none = search(problem, RandomBounds(7, 0.0), Budget(depth=5, calls={"pose": 0}))
     assert none.status is SearchStatus.EXHAUSTED
-    late = search(problem, MadeUp(7, 0.0), Budget(depth=5, seconds=0.0))
+    late = search(problem, RandomBounds(7, 0.0), Budget(depth=5, seconds=0.0))
     assert late.status is SearchStatus.EXHAUSTED
 
 
 def test_interrupt_keeps_the_best_plan() -> None:
-    class Interrupted(MadeUp):
+    class Interrupted(RandomBounds):
         def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
             if sum(1 for name, _ in self.calls if name == "path"):
                 raise KeyboardInterrupt
             return super().solve(level, skeleton, warm)
 
-    found = search(task(), Interrupted(2, 0.0), Budget(depth=5))
-    assert found.status is SearchStatus.INTERRUPTED
-    assert found.skeleton
-    assert found.bound <= found.cost
+    result = search(task(), Interrupted(2, 0.0), Budget(depth=5))
+    assert result.status is SearchStatus.INTERRUPTED
+    assert result.skeleton
+    assert result.bound <= result.cost
 
 
 def test_levels_without_a_bound_do_not_prune() -> None:
-    class Unrelated(MadeUp):
+    class Unrelated(RandomBounds):
         def is_lower_bound(self, level: str) -> bool:
             return False
 
     for seed in range(5):
-        found = search(task(), Unrelated(seed, 0.2), Budget(depth=3))
-        assert found.cost == pytest.approx(exhaustive(task(), MadeUp(seed, 0.2), 3))
+        result = search(task(), Unrelated(seed, 0.2), Budget(depth=3))
+        assert result.cost == pytest.approx(exhaustive(task(), RandomBounds(seed, 0.2), 3))

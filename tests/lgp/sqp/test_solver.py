@@ -12,6 +12,7 @@ from lgp.sqp.problem import FunctionProblem, ProblemError, SolverOptions
 from lgp.sqp.result import SolveStatus
 from lgp.sqp.solver import Solver, solve
 from tests.support.hock_schittkowski import CASES
+from tests.support.says import says
 
 
 def slope_by_differences(problem, x):
@@ -90,7 +91,7 @@ def test_discs_that_overlap_are_feasible():
 
 
 @pytest.mark.parametrize("backend", [ActiveSet, Piqp])
-def test_rows_that_contradict_each_other_are_infeasible(backend):
+def test_inconsistent_rows_are_infeasible(backend):
     problem = FunctionProblem(
         2,
         cost=lambda x: x @ x,
@@ -105,7 +106,7 @@ def test_rows_that_contradict_each_other_are_infeasible(backend):
 
 
 @pytest.mark.parametrize("backend", [ActiveSet, Piqp])
-def test_rows_that_repeat_each_other_do_no_harm(backend):
+def test_linearly_dependent_rows_are_solved(backend):
     problem = FunctionProblem(
         3,
         cost=lambda x: x @ x,
@@ -121,7 +122,7 @@ def test_rows_that_repeat_each_other_do_no_harm(backend):
 
 
 @pytest.mark.parametrize("slope", [lambda x: -1.0, lambda x: -2 * x])
-def test_a_cost_without_floor_is_unbounded(slope):
+def test_a_cost_without_lower_bound_is_unbounded(slope):
     cost = {True: lambda x: -float(x[0]), False: lambda x: -float(x @ x)}[slope(1.0) == -1.0]
     problem = FunctionProblem(1, cost=cost, gradient=lambda x: np.atleast_1d(slope(x)), lower=np.zeros(1))
     assert solve(problem, np.ones(1)).status is SolveStatus.UNBOUNDED
@@ -169,42 +170,46 @@ def test_budgets_end_a_solve_with_what_it_has():
     assert solve(case.problem, start, options=SolverOptions(seconds=1e-9)).status is SolveStatus.TIME
 
 
-def test_steps_keep_to_their_longest():
+def test_steps_are_limited_by_longest_step():
     case = next(case for case in CASES if case.number == 12)
     result = solve(case.problem, np.array(case.start, dtype=float), options=SolverOptions(longest_step=0.25))
     assert result
     assert max(line.step for line in result.iterations) <= 0.25 + 1e-12
 
 
-def test_values_that_are_not_numbers_end_the_solve():
+def test_values_that_are_not_finite_end_the_solve():
     problem = FunctionProblem(1, cost=lambda x: np.nan, gradient=lambda x: np.zeros(1))
     assert solve(problem, np.zeros(1)).status is SolveStatus.BROKEN
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "facts"),
     [
-        ({"lower": np.ones(2), "upper": np.zeros(2)}, "bounds of unknown 0: lower 1.0 above upper 0.0"),
-        ({"lower": np.zeros(3)}, r"lower: shape \(3,\) given, \(2,\) expected"),
+        ({"lower": np.ones(2), "upper": np.zeros(2)}, ("unknown 0", "lower 1.0", "upper 0.0")),
+        ({"lower": np.zeros(3)}, ("lower", "shape (3,)", "expected (2,)")),
     ],
 )
-def test_bounds_that_contradict_themselves_are_refused(arguments, words):
+def test_inconsistent_bounds_are_refused(arguments, facts):
     problem = FunctionProblem(2, cost=lambda x: 0.0, gradient=lambda x: 0 * x, **arguments)
-    with pytest.raises(ProblemError, match=words):
+    with pytest.raises(ProblemError) as error:
         solve(problem, np.zeros(2))
+    says(error, *facts)
 
 
-def test_a_start_or_option_that_cannot_be_used_is_refused():
+def test_unusable_initial_points_and_options_are_refused():
     problem = FunctionProblem(2, cost=lambda x: x @ x, gradient=lambda x: 2 * x)
-    with pytest.raises(ProblemError, match=r"x0: shape \(1,\)"):
+    with pytest.raises(ProblemError) as error:
         solve(problem, np.zeros(1))
-    with pytest.raises(ProblemError, match="x0: entry 1 is not a number"):
+    says(error, "x0", "shape (1,)", "expected (2,)")
+    with pytest.raises(ProblemError) as error:
         solve(problem, np.array([0.0, np.nan]))
-    with pytest.raises(ProblemError, match="option kkt: 0 given"):
+    says(error, "x0", "entry 1", "not a number")
+    with pytest.raises(ProblemError) as error:
         SolverOptions(kkt=0)
+    says(error, "kkt", "0 given", "expected a positive number")
 
 
-class Unfit(FunctionProblem):
+class WrongModel(FunctionProblem):
     """A problem whose model lacks a row or comes in the wrong format."""
 
     def __init__(self, **changes):
@@ -216,17 +221,18 @@ class Unfit(FunctionProblem):
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "facts"),
     [
-        ({"gradient": np.zeros(3)}, r"model gradient: shape \(3,\) given, \(2,\) expected"),
-        ({"eq_jac": sp.csr_matrix((1, 2))}, r"model eq_jac: shape \(1, 2\) given, \(0, 2\) expected"),
-        ({"hessian": sp.csr_matrix(np.eye(2))}, "model hessian: a csr matrix given, csc expected"),
+        ({"gradient": np.zeros(3)}, ("gradient", "shape (3,)", "expected (2,)")),
+        ({"eq_jac": sp.csr_matrix((1, 2))}, ("eq_jac", "shape (1, 2)", "expected (0, 2)")),
+        ({"hessian": sp.csr_matrix(np.eye(2))}, ("hessian", "csr", "expected csc")),
     ],
 )
-def test_models_that_do_not_fit_are_refused(changes, words):
-    with pytest.raises(ProblemError, match=words):
-        solve(Unfit(**changes), np.ones(2))
+def test_models_of_wrong_shape_or_format_are_refused(changes, facts):
+    with pytest.raises(ProblemError) as error:
+        solve(WrongModel(**changes), np.ones(2))
+    says(error, *facts)
 
 
 def test_a_gradient_that_is_not_finite_ends_the_solve():
-    assert solve(Unfit(gradient=np.array([np.nan, 0.0])), np.ones(2)).status is SolveStatus.BROKEN
+    assert solve(WrongModel(gradient=np.array([np.nan, 0.0])), np.ones(2)).status is SolveStatus.BROKEN

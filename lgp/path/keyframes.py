@@ -1,0 +1,219 @@
+"""Keyframes of a sequence: pose and sequence problems, solved by SQP from several initial guesses.
+
+A pose problem has the configuration at the last switch as unknown, a sequence problem those at all switches. Each
+guess is first projected to the constraints; where none leads to a feasible point, random restarts from a fixed seed
+follow, so that the same scene gives the same result.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lgp.kinematics.world import World
+from lgp.path.cache import WarmStartCache
+from lgp.path.costs import Costs, Weights
+from lgp.path.ergonomics import Ergonomics
+from lgp.path.feasibility import CLOSE, ReachCheck, explain_infeasibility, project_to_feasible
+from lgp.path.phases import Phases
+from lgp.path.problem import PathProblem
+from lgp.search.tree_search import Skeleton
+from lgp.sqp.problem import SolverOptions
+from lgp.sqp.result import Result
+from lgp.sqp.solver import solve
+from reba.arrays import Array
+
+SEQUENCE_OPTIONS = SolverOptions(violation=2e-5, kkt=1e-4, decrease=1e-6, longest_step=1.0, iterations=60)
+"""Sequences are bounds and initial guesses: a violation of 20 um suffices; longer steps end in poorer minima."""
+SEQUENCE_ITERATIONS = 25
+"""Iterations of a sequence with a graduated cost, whose edges allow ever shorter steps only."""
+POSE_OPTIONS = replace(SEQUENCE_OPTIONS, longest_step=0.6, iterations=25)
+"""The cost of a pose is seldom near that of a path: not worth many iterations."""
+NEARLY_FEASIBLE = 0.01
+"""[m, rad] Violation at the end of the iterations up to which the nearest feasible point is computed."""
+INFEASIBLE = 0.03
+"""[m, rad] Violation of the projected guess beyond which the point is infeasible without asking the solver."""
+RESTARTS = 3
+"""Initial guesses before a pose counts as infeasible, random ones from a fixed seed after the first."""
+RESTART_RADII = (0.15, 0.15, 0.3, 0.5)
+"""Random guesses of a sequence: share of the way from the first guess to a random configuration."""
+
+Answer = tuple["Solution | None", str]
+"""A solution, or None and the reason why there is none."""
+ProblemFactory = Callable[..., PathProblem]
+"""(level, phases, stage=, collision_constraints=) -> problem, see `PathBounds.problem`."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Solution of one level, the warm start of the next.
+
+    Attributes:
+        keyframes: (k, nq) configurations at the switches so far [rad, m].
+        variables: (nz,) of grasps and placements; empty at the level "pose".
+        path: (T, nq), at the levels "free_path" and "path" only.
+        costs: terms of the cost.
+        result: of the solver.
+    """
+
+    keyframes: Array
+    variables: Array
+    path: Array | None
+    costs: Costs
+    result: Result
+
+
+class KeyframeSolver:
+    """Solves pose and sequence problems of a scene.
+
+    Args:
+        problem: makes the problem of a level.
+        world: the kinematics.
+        ergonomics: the ergonomic cost, None to leave it out.
+        weights: of the terms.
+        initial_configuration: (nq,) [rad, m].
+        reference: level, actions -> solution under another ergonomic cost, whose robots' motions are initial guesses.
+    """
+
+    def __init__(
+        self,
+        problem: ProblemFactory,
+        world: World,
+        ergonomics: Ergonomics | None,
+        weights: Weights,
+        initial_configuration: Array,
+        reference: Callable[[str, Skeleton], Solution | None],
+    ) -> None:
+        self.problem, self.world, self.ergonomics, self.weights = problem, world, ergonomics, weights
+        self.initial_configuration, self.reference = initial_configuration, reference
+        self.cache = WarmStartCache(world)
+        self._reach = ReachCheck(world)
+
+    @property
+    def stages(self) -> int:
+        """Number of continuation stages of the ergonomic cost, 1 without one."""
+        return 1 if self.ergonomics is None else len(self.ergonomics.stages)
+
+    def solve_pose(self, phases: Phases, earlier: Solution | None) -> Answer:
+        """Return the keyframes of `earlier` and the pose at the last switch of a prefix, with its cost as a bound."""
+        refusal = self._reach.refusal(phases)
+        if refusal:
+            return None, refusal
+        before = np.zeros((0, self.world.nq)) if earlier is None else earlier.keyframes
+        cached = self.cache.pose(phases)
+        if isinstance(cached, str):
+            return None, cached
+        if cached is None:
+            last = self.initial_configuration[None] if earlier is None else before[-1:]
+            problem = self.problem("pose", phases)
+            result, reason = self._solve(problem, [self._with_robots("pose", phases, last)], POSE_OPTIONS)
+            if result is None:
+                self.cache.store_infeasible(phases, reason)
+                return None, reason
+            costs = problem.costs(result.x)
+            without = replace(costs, ergonomics=costs.ergonomics - self._payload_cost(phases))
+            cached = self.cache.store_pose(phases, problem.split(result.x)[0], without, result)
+        costs = cached.costs
+        if cached.count != phases.count:
+            # With more phases before it the pose costs less: only the least score of every slice is certain.
+            least = 0.0 if self.ergonomics is None else self.ergonomics.lower_bound
+            costs = Costs(0.0, self.weights.ergonomics * phases.tau * phases.total * least)
+        costs = replace(costs, ergonomics=costs.ergonomics + self._payload_cost(phases))
+        return Solution(np.concatenate([before, cached.pose]), np.zeros(0), None, costs, cached.result), ""
+
+    def solve_sequence(self, phases: Phases, earlier: Solution | None) -> Answer:
+        """Return the keyframes of a sequence and the variables of its grasps and placements."""
+        first = np.tile(self.initial_configuration, (phases.count, 1))
+        if earlier is not None and len(earlier.keyframes) == phases.count:
+            first = self._with_robots("sequence", phases, earlier.keyframes)
+        problem = self.problem("sequence", phases)
+        cached = self.cache.initial_guess(phases, self.initial_configuration)
+        guesses = [first] if cached is None else [problem.join(*cached), first]
+        options = SEQUENCE_OPTIONS if self.stages == 1 else replace(SEQUENCE_OPTIONS, iterations=SEQUENCE_ITERATIONS)
+        result, reason = self._solve(problem, guesses, options)
+        if result is None:
+            return None, f"sequence: {reason}"
+        keyframes, variables = problem.split(result.x)
+        self.cache.store_motion(phases, result.cost, keyframes, variables)
+        return Solution(keyframes, variables, None, problem.costs(result.x), result), ""
+
+    def _with_robots(self, level: str, phases: Phases, keyframes: Array) -> Array:
+        """Return configurations (P, nq) whose robot joints are those of the reference solution, if there is one."""
+        reference = self.reference(level, phases.actions)
+        if reference is None:
+            return keyframes
+        keyframes = keyframes.copy()
+        for name in self.world.scene.robots:
+            columns = self.world.columns(name)
+            keyframes[:, columns] = reference.keyframes[-len(keyframes) :, columns]
+        return keyframes
+
+    def _payload_cost(self, phases: Phases) -> float:
+        """Return the payload cost of a sequence [score s], weighted."""
+        if self.ergonomics is None:
+            return 0.0
+        return self.weights.ergonomics * phases.tau * float(self.ergonomics.payload(phases.loads()).sum())
+
+    def _solve(self, problem: PathProblem, guesses: list[Array], options: SolverOptions) -> tuple[Result | None, str]:
+        """Return the cheapest feasible result over the initial guesses, or None and the constraint that failed least.
+
+        Args:
+            problem: on few knots.
+            guesses: x (n,) or configurations (P, nq); restarts are drawn around the last one, which has these.
+            options: of the solver.
+        """
+        best: Result | None = None
+        least: tuple[float, str] = (math.inf, "")
+        first, restarts = self._initial_guesses(guesses[-1])
+        always = [*guesses[:-1], *first]
+        for number, guess in enumerate([*always, *restarts]):
+            if best is not None and number >= len(always):
+                break
+            result, violation, reason = self._solve_from(problem, guess, options)
+            if result is None:
+                least = min(least, (violation, reason))
+            elif best is None or result.cost < best.cost:
+                best = result
+        return best, least[1]
+
+    def _solve_from(
+        self, problem: PathProblem, guess: Array, options: SolverOptions
+    ) -> tuple[Result | None, float, str]:
+        """Return the result from a guess, x (n,) or configurations (P, nq), or None, the violation and the reason."""
+        if guess.ndim == 2:
+            complete = len(guess) == problem.phases.count
+            keyframes = guess if complete else np.broadcast_to(guess[-1], (problem.phases.count, self.world.nq))
+            guess = problem.join(guess, problem.modes.guess(keyframes))
+        x, violation = project_to_feasible(problem, guess)
+        if violation > INFEASIBLE:
+            return None, violation, explain_infeasibility(problem, x)
+        result = solve(problem, x, options=options)
+        if result.violation <= CLOSE:
+            return result, 0.0, ""
+        if result.violation < NEARLY_FEASIBLE:
+            x, violation = project_to_feasible(problem, result.x)
+            if violation <= CLOSE:
+                cost = problem.costs(x).total
+                return replace(result, x=x, cost=cost, equality=violation, inequality=violation), 0.0, ""
+        return None, result.violation, explain_infeasibility(problem, result.x)
+
+    def _initial_guesses(self, first: Array) -> tuple[list[Array], list[Array]]:
+        """Return the guesses (P, nq) that are always solved, and random restarts for when those fail.
+
+        From another initial configuration than rest, a guess with the human at rest may end in a better minimum.
+        """
+        always = [first]
+        if self.ergonomics is not None and not np.allclose(
+            self.initial_configuration, self.world.initial_configuration
+        ):
+            rested = first.copy()
+            rested[:, self.ergonomics.columns] = self.world.initial_configuration[self.ergonomics.columns]
+            always.append(rested)
+        rng = np.random.default_rng(0)
+        lower, upper = self.world.lower, self.world.upper
+        # Half way for one pose; of many keyframes at once a single far one spoils the others.
+        radii = RESTART_RADII if len(first) > 1 else [0.5] * (RESTARTS - 1)
+        return always, [first + radius * (rng.uniform(lower, upper, first.shape) - first) for radius in radii]

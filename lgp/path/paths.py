@@ -1,0 +1,136 @@
+"""Paths of a sequence on every slice: continuation over the stages of the cost, then constraint generation.
+
+The free path is minimised stage after stage (numerical continuation, Nocedal & Wright 2006, 11.3), each stage
+warm-started from the one before. A collision-free path starts from it (`collision_path`); where collision constraints
+make it cost much more, other initial guesses are solved too. A path is accepted once its constraints hold within the
+tolerance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+from lgp.path.collision_constraints import CollisionConstraints
+from lgp.path.collision_path import (
+    MULTI_START_RATIO,
+    ProblemOf,
+    collision_options,
+    multi_start,
+    solve_collision_free,
+)
+from lgp.path.feasibility import explain_infeasibility, project_to_feasible
+from lgp.path.keyframes import NEARLY_FEASIBLE, Answer, KeyframeSolver, Solution
+from lgp.path.phases import Phases
+from lgp.path.problem import PathProblem
+from lgp.sqp.problem import SolverOptions
+from lgp.sqp.result import Result
+from lgp.sqp.solver import solve
+
+OPTIONS = SolverOptions(violation=1e-6, kkt=1e-5, decrease=1e-7, iterations=60)
+"""Paths: violations of a micrometre, costs to seven digits."""
+COARSE_OPTIONS = replace(OPTIONS, kkt=1e-3, decrease=1e-4, iterations=12)
+"""Paths at all continuation stages but the last, each the initial guess of the next."""
+FINAL_OPTIONS = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
+"""Paths at the last stage, whose cost has edges: steps to more digits get ever shorter."""
+
+
+class PathSolver:
+    """Solves path problems of a scene.
+
+    Args:
+        keyframes: solves the sequence a path starts from; gives problems and the reference.
+        options: of a path without continuation stages.
+        free_path: phases, sequence -> solution of the level "free_path", solved or stored.
+        collisions: whether paths are to be collision-free.
+        multi_start: whether an expensive collision-free path is solved from other initial guesses too.
+    """
+
+    def __init__(
+        self,
+        keyframes: KeyframeSolver,
+        options: SolverOptions,
+        free_path: Callable[[Phases, Solution | None], Answer],
+        *,
+        collisions: bool,
+        multi_start: bool,
+    ) -> None:
+        self.keyframes, self.free_path, self.multi_start = keyframes, free_path, multi_start
+        self.tolerance = options.violation
+        final = options if keyframes.stages == 1 else FINAL_OPTIONS
+        self.options = collision_options(final) if collisions else final
+
+    def solve_free(self, phases: Phases, earlier: Solution | None) -> Answer:
+        """Return the path without collision constraints, from the sequence in `earlier` or one solved here."""
+        if earlier is None or not len(earlier.variables):
+            earlier, reason = self.keyframes.solve_sequence(phases, earlier)
+            if earlier is None:
+                return None, reason
+        sequence = self.keyframes.problem("sequence", phases)
+        path = sequence.path(sequence.join(earlier.keyframes, earlier.variables))
+        variables = earlier.variables
+        result: Result | None = None
+        stages = self.keyframes.stages
+        for stage in range(stages):
+            problem = self.keyframes.problem("path", phases, stage)
+            options = self.options if stage == stages - 1 else COARSE_OPTIONS
+            result = solve(problem, problem.join(path, variables), options=options, warm=result)
+            path, variables = problem.split(result.x)
+        if result is None:
+            return None, "path: the ergonomic cost has no stage; expected 1 or more"
+        return self.accept(problem, result)
+
+    def solve_collision_free(self, phases: Phases, earlier: Solution | None) -> Answer:
+        """Return the collision-free path that starts from the free path, or a cheaper one from another guess."""
+        free, reason = (
+            (earlier, "") if earlier is not None and earlier.path is not None else self.free_path(phases, earlier)
+        )
+        if free is None:
+            return None, reason
+        problem_of = self.problem_of(phases)
+        constraints = self.collision_constraints(phases)
+        nearest = self.accept(*solve_collision_free(problem_of, constraints, free.result, self.options))
+        if not self.multi_start or _cost(nearest) <= MULTI_START_RATIO * free.costs.total:
+            return nearest
+        reference = self.keyframes.reference("path", phases.actions)
+        candidate = multi_start(
+            problem_of,
+            self.keyframes.problem("path", phases),
+            free.result,
+            _cost(nearest),
+            None if reference is None else reference.path,
+        )
+        if candidate is None:
+            return nearest
+        other = self.accept(
+            *solve_collision_free(problem_of, candidate.constraints, candidate.result, self.options, solved=False)
+        )
+        return min(nearest, other, key=_cost)
+
+    def accept(self, problem: PathProblem, result: Result) -> Answer:
+        """Return the solution if its constraints hold within the tolerance, else None and the one that fails most."""
+        x, violation = result.x, result.violation
+        if NEARLY_FEASIBLE > violation > self.tolerance:
+            # The iterations ended just before the constraints held: the nearest feasible path costs as much.
+            x, violation = project_to_feasible(problem, x, 0.5 * self.tolerance)
+        if violation > self.tolerance:
+            return None, f"path: {explain_infeasibility(problem, x) or result.status.value}"
+        path, variables = problem.split(x)
+        return Solution(path[problem.phases.keyframes], variables, path, problem.costs(x), result), ""
+
+    def collision_constraints(self, phases: Phases) -> CollisionConstraints:
+        """Return the collision constraints of a sequence, none active yet."""
+        return CollisionConstraints(self.keyframes.world, phases, self.keyframes.initial_configuration)
+
+    def problem_of(self, phases: Phases) -> ProblemOf:
+        """Return active collision constraints -> path problem."""
+
+        def make(active: CollisionConstraints) -> PathProblem:
+            return self.keyframes.problem("path", phases, collision_constraints=active)
+
+        return make
+
+
+def _cost(answer: Answer) -> float:
+    return math.inf if answer[0] is None else answer[0].costs.total
