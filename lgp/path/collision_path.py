@@ -106,9 +106,9 @@ IMPROVEMENT = 0.97
 GUESS_AMPLITUDES = (0.3, 0.5)
 """Largest share of the way from the path to random postures, in turn."""
 GUESSES = 24
-"""Initial guesses drawn, of which those with the least total penetration are solved,"""
+"""Initial guesses drawn: their total penetration costs little compared with solving one."""
 CANDIDATES = 4
-"""and as many others, so that there are this many candidates."""
+"""Guesses solved, in turn the next of least total penetration and the next drawn."""
 CANDIDATE_OPTIONS = SolverOptions(violation=1e-6, kkt=1e-2, decrease=1e-3, iterations=16)
 """Coarse: candidates are only compared."""
 CANDIDATE_ROUNDS = 5

@@ -60,12 +60,12 @@ class DualActiveSet:
         x, y, z, z_box = solution
         self.x, self.y = x.copy(), y.copy()
         self.exchanged = 0
-        self._sign = side.copy()  # of bounds that are active or picked
+        self._sign = side.copy()  # of bounds that are active or entering
         self._n, self._m_e, self._m_i = kkt.sizes
         # Multipliers of rows, then of bounds: all count from 0 up.
         self._u = np.concatenate([np.where(rows, z, 0.0), z_box * side])
         self._fixed = qp.lb == qp.ub
-        self._base()
+        self._clear_borders()
 
     @property
     def point(self) -> Array:
@@ -81,38 +81,38 @@ class DualActiveSet:
         if not self._drop_wrong_signs(limit):
             return False
         while self.exchanged <= limit:
-            picked = self._most_violated()
-            if picked is None:
-                self._settle()
+            entering = self._most_violated()
+            if entering is None:
+                self._store_working_set()
                 return True
-            if not self._reach(picked, limit):
+            if not self._add_most_violated(entering, limit):
                 return False
         return False
 
-    def _reach(self, picked: int, limit: int) -> bool:
+    def _add_most_violated(self, entering: int, limit: int) -> bool:
         """Add a violated constraint to the working set, dropping those whose multipliers reach zero before."""
-        normal, response = self._column(picked)
-        own = 0.0
+        normal, response = self._column(entering)
+        multiplier = 0.0
         while self.exchanged <= limit:
             self.exchanged += 1
             step, shares = self._direction(normal, response)
-            change = self._changes(picked, step, shares)
+            change = self._changes(entering, step, shares)
             free = -float(normal @ step)
-            gap = self._violation(picked)
+            gap = self._violation(entering)
             independent = free > DEPENDENT * self.kkt.shift
             full = gap / (free + self.kkt.shift) if independent or gap < INCONSISTENT else np.inf
             blocked, length = self._blocking(change)
             length = min(length, full)
             if length == np.inf:
                 return False
-            own += length
+            multiplier += length
             self._advance(length * step, length * change)
             np.maximum(self._u, 0.0, out=self._u)
             if length == full:
-                self._add_constraint(picked, normal, response, own)
+                self._add_constraint(entering, normal, response, multiplier)
                 return True
             if not self._drop_constraint(blocked):
-                normal, response = self._column(picked)
+                normal, response = self._column(entering)
         return False
 
     def _drop_wrong_signs(self, limit: int) -> bool:
@@ -127,33 +127,33 @@ class DualActiveSet:
             # The multiplier of a row, or the slope by an unknown, becomes zero.
             target = np.zeros(len(self._borders))
             target[-1] = -wrong if worst < self._m_i else wrong * self._sign[worst - self._m_i]
-            shares = self._share(target)
-            step = self._stepped(-self._responses[:, : len(target)] @ shares, shares)
+            shares = self._solve_borders(target)
+            step = self._with_freed_unknowns(-self._responses[:, : len(target)] @ shares, shares)
             self._advance(step, self._changes(None, step, shares))
         return False
 
-    def _base(self) -> None:
+    def _clear_borders(self) -> None:
         """Start without borders from the factorised working set."""
-        self._held = self.side != 0
+        self._fixed_in_factor = self.side != 0
         size = sum(self.kkt.sizes)
         # Constraints added since, and dropped constraints of the factorised set.
         self._borders: list[int] = []
         self._freed = np.full(BORDERS + 1, -1)  # the unknown that a border sets free, if any
         self._normals, self._responses = np.zeros((size, BORDERS + 1)), np.zeros((size, BORDERS + 1))
         self._square = np.zeros((BORDERS + 1, BORDERS + 1))
-        self._active = np.concatenate([self.rows, self._held & ~self._fixed])
+        self._active = np.concatenate([self.rows, self._fixed_in_factor & ~self._fixed])
         self._in_base = self._active.copy()
 
-    def _settle(self) -> None:
+    def _store_working_set(self) -> None:
         """Write the borders into the working set."""
         self.rows = self._active[: self._m_i].copy()
         self.side = np.where(self._active[self._m_i :] | self._fixed, self._sign, 0).astype(np.int8)
 
     def _refactor(self) -> None:
         """Factorise the working set as it is now."""
-        self._settle()
+        self._store_working_set()
         self.kkt.refactor(self.side == 0, self.rows)
-        self._base()
+        self._clear_borders()
 
     def _most_violated(self) -> int | None:
         """Return the most violated constraint outside the working set, and store the violated side of an unknown."""
@@ -194,43 +194,43 @@ class DualActiveSet:
 
     def _solve(self, right: Array) -> Array:
         right = right.copy()
-        right[: self._n][self._held] = 0.0
+        right[: self._n][self._fixed_in_factor] = 0.0
         return self.kkt.solve_shifted(right)
 
     def _direction(self, normal: Array, response: Array) -> tuple[Array, Array]:
-        """Return how unknowns and multipliers change per multiplier of the picked constraint, and those of borders."""
+        """Return how unknowns and multipliers change per multiplier of the entering one, and those of borders."""
         count = len(self._borders)
         if not count:
             return -response, np.zeros(0)
         freed = self._freed[:count]
-        own = np.where(freed >= 0, normal[freed], 0.0)
-        shares = self._share(self._normals[:, :count].T @ response - own)
-        return self._stepped(-response - self._responses[:, :count] @ shares, shares), shares
+        by_freed = np.where(freed >= 0, normal[freed], 0.0)
+        shares = self._solve_borders(self._normals[:, :count].T @ response - by_freed)
+        return self._with_freed_unknowns(-response - self._responses[:, :count] @ shares, shares), shares
 
-    def _share(self, target: Array) -> Array:
+    def _solve_borders(self, target: Array) -> Array:
         """Solve the dense system of the borders."""
         return np.asarray(np.linalg.solve(self._square[: len(target), : len(target)], target), dtype=float)
 
-    def _stepped(self, step: Array, shares: Array) -> Array:
+    def _with_freed_unknowns(self, step: Array, shares: Array) -> Array:
         """Return a step of the factorised part with those of the unknowns set free."""
         freed = self._freed[: len(shares)]
         step[freed[freed >= 0]] = shares[freed >= 0]
         return step
 
-    def _changes(self, picked: int | None, step: Array, shares: Array) -> Array:
+    def _changes(self, entering: int | None, step: Array, shares: Array) -> Array:
         """Return the change of every multiplier of the working set, (m_i + n,)."""
         n, m_e, m_i = self._n, self._m_e, self._m_i
         z = np.where(self.rows, step[n + m_e :], 0.0)
-        pull = self.scale * self.qp.hessian_dot(step[:n]) + self.qp.transpose_product(step[n : n + m_e], z)
-        if picked is not None:
-            places, slopes = self._gradient(picked)
-            pull[places] += slopes
+        gradient = self.scale * self.qp.hessian_dot(step[:n]) + self.qp.transpose_product(step[n : n + m_e], z)
+        if entering is not None:
+            places, slopes = self._gradient(entering)
+            gradient[places] += slopes
         change = np.concatenate([z, np.zeros(n)])
         for constraint, share in zip(self._borders, shares, strict=True):
             if not self._in_base[constraint]:
                 places, slopes = self._gradient(constraint)
-                pull[places] += share * slopes
-        change[m_i:][self._held] = -(pull * self._sign)[self._held]
+                gradient[places] += share * slopes
+        change[m_i:][self._fixed_in_factor] = -(gradient * self._sign)[self._fixed_in_factor]
         for constraint, share in zip(self._borders, shares, strict=True):
             change[constraint] = 0.0 if self._in_base[constraint] else share
         return change
@@ -249,26 +249,26 @@ class DualActiveSet:
         self.y += step[self._n : self._n + self._m_e]
         self._u = np.where(self._active, self._u + change, 0.0)
 
-    def _add_constraint(self, constraint: int, normal: Array, response: Array, own: float) -> None:
+    def _add_constraint(self, constraint: int, normal: Array, response: Array, multiplier: float) -> None:
         self._active[constraint] = True
-        self._u[constraint] = own
+        self._u[constraint] = multiplier
         if self._in_base[constraint]:
-            self._unborder(constraint)  # a dropped row of the factorised set
+            self._remove_border(constraint)  # a dropped row of the factorised set
         else:
-            self._border(constraint, normal, response)
+            self._append_border(constraint, normal, response)
 
     def _drop_constraint(self, constraint: int) -> bool:
         """Drop a constraint; return whether the present factor is still used."""
         self._active[constraint] = False
         self._u[constraint] = 0.0
         if not self._in_base[constraint]:
-            self._unborder(constraint)
+            self._remove_border(constraint)
         else:
-            normal = self._loose(constraint)
-            return self._border(constraint, normal, self._solve(normal))
+            normal = self._dropping_border(constraint)
+            return self._append_border(constraint, normal, self._solve(normal))
         return True
 
-    def _loose(self, constraint: int) -> Array:
+    def _dropping_border(self, constraint: int) -> Array:
         """Return the border that drops a constraint of the factorised set.
 
         A row gets a slack; an unknown gets its column of the system back.
@@ -283,7 +283,7 @@ class DualActiveSet:
         limits = np.where(self.rows, self.qp.G @ unit, 0.0)
         return np.concatenate([self.scale * self.qp.hessian_dot(unit), self.qp.A @ unit, limits])
 
-    def _border(self, constraint: int, normal: Array, response: Array) -> bool:
+    def _append_border(self, constraint: int, normal: Array, response: Array) -> bool:
         """Add a border; return whether the present factor is still used."""
         count, dropped = len(self._borders), bool(self._in_base[constraint])
         if count == BORDERS:
@@ -304,7 +304,7 @@ class DualActiveSet:
         self._square[count, : count + 1] = self._square[: count + 1, count] = across
         return True
 
-    def _unborder(self, constraint: int) -> None:
+    def _remove_border(self, constraint: int) -> None:
         at = self._borders.index(constraint)
         last = len(self._borders)
         del self._borders[at]

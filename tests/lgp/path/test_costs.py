@@ -14,8 +14,8 @@ from lgp.path.costs import eliminate_slices, quadratic
 @given(st.integers(3, 12), st.booleans(), st.integers(0, 1000))
 def test_acceleration_is_the_sum_of_squared_second_differences(slices: int, stop: bool, seed: int) -> None:
     path = np.random.default_rng(seed).normal(size=slices)
-    whole = np.concatenate([[0.0, 0.0], path, [path[-1]] * stop])
-    assert path @ quadratic(slices, 0.2, stop) @ path == pytest.approx(0.2 * np.sum((np.diff(whole, 2) / 0.04) ** 2))
+    extended = np.concatenate([[0.0, 0.0], path, [path[-1]] * stop])
+    assert path @ quadratic(slices, 0.2, stop) @ path == pytest.approx(0.2 * np.sum((np.diff(extended, 2) / 0.04) ** 2))
 
 
 @settings(max_examples=30, deadline=None)
