@@ -22,7 +22,7 @@ def standing() -> tuple[np.ndarray, LegReachConstraint]:
 
 def test_one_constraint_bounds_the_reach_of_both_legs(standing: tuple[np.ndarray, LegReachConstraint]) -> None:
     q, legs = standing
-    both = PostureMap(human_world("solved")).reach(q)[0]
+    both = PostureMap(human_world("solved")).leg_shortfall(q)[0]
     value, _ = legs.evaluate(q)
     assert (value >= both.max(axis=1)).all()
     assert (value <= both.max(axis=1) + BLEND * np.log(2.0) + 1e-12).all()
