@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from dreba.domain import Bins, Domain, domain_of
 from dreba.errors import DomainError, ModelError, RadiansWarning, SampleError
+from reba.extras import missing
 
 if TYPE_CHECKING:
     from dreba.evaluation.evaluate import compare, evaluate, fit_to
@@ -93,7 +94,10 @@ _LAZY = {
 def __getattr__(name: str) -> Any:
     for module, names in _LAZY.items():
         if name in names:
-            return getattr(importlib.import_module(module), name)
+            try:
+                return getattr(importlib.import_module(module), name)
+            except ModuleNotFoundError as error:
+                raise missing(error.name or "", f"dreba.{name}") from error
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

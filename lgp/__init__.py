@@ -16,15 +16,21 @@ from typing import TYPE_CHECKING, Any
 from lgp.errors import LgpError, LogicError, SceneError, WorldError
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene, shipped_scenes
+from reba.extras import missing
 
 if TYPE_CHECKING:
+    from lgp.execution.run_plan import run_plan
+    from lgp.experiments.screwdriver_experiment import experiment_screwdriver
+    from lgp.experiments.toolbox import experiment_toolbox
     from lgp.kinematics.world import World
     from lgp.motion import Motion
+    from lgp.page.page import write_page
     from lgp.path.costs import Weights
     from lgp.path.ergonomics import Ergonomics
     from lgp.plan_record import Plan
     from lgp.planner import plan
     from lgp.sqp.problem import SolverOptions
+    from lgp.study.study import run_study
 
 __all__ = [
     "Ergonomics",
@@ -38,9 +44,14 @@ __all__ = [
     "Weights",
     "World",
     "WorldError",
+    "experiment_screwdriver",
+    "experiment_toolbox",
     "load_scene",
     "plan",
+    "run_plan",
+    "run_study",
     "shipped_scenes",
+    "write_page",
 ]
 # Scenes are read without the numerical packages that planning needs.
 _LATE = {
@@ -51,12 +62,20 @@ _LATE = {
     "Weights": "lgp.path.costs",
     "World": "lgp.kinematics.world",
     "plan": "lgp.planner",
+    "experiment_screwdriver": "lgp.experiments.screwdriver_experiment",
+    "experiment_toolbox": "lgp.experiments.toolbox",
+    "run_plan": "lgp.execution.run_plan",
+    "run_study": "lgp.study.study",
+    "write_page": "lgp.page.page",
 }
 
 
 def __getattr__(name: str) -> Any:
     if name in _LATE:
-        return getattr(importlib.import_module(_LATE[name]), name)
+        try:
+            return getattr(importlib.import_module(_LATE[name]), name)
+        except ModuleNotFoundError as error:
+            raise missing(error.name or "", f"lgp.{name}") from error
     raise AttributeError(f"module 'lgp' has no attribute {name!r}")
 
 

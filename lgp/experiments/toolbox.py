@@ -148,17 +148,17 @@ def _plan_condition(
     visited: list[dict[str, Any]] = []
     for _ in range(ROUNDS):
         first = () if best is None else skeleton_of(task, best)
-        plan = plan_within(bounds, task, None, Budget(depth=depth), first)
-        if not plan.feasible:
-            raise LgpError(f"{plan.scene.name}: no plan: {plan.reason}")
-        costs.append(plan.costs["total"])
-        report(f"round {len(costs)}: cost {costs[-1]:.4f}, {plan.search['seconds']:.0f} s")
+        searched = plan_within(bounds, task, None, Budget(depth=depth), first)
+        if not searched.feasible:
+            raise LgpError(f"{searched.scene.name}: no plan: {searched.reason}")
+        costs.append(searched.costs["total"])
+        report(f"round {len(costs)}: cost {costs[-1]:.4f}, {searched.search['seconds']:.0f} s")
         if best is None or costs[-1] < best.costs["total"]:
-            best, visited = plan, sequences(plan)
+            best, visited = searched, sequences(searched)
         if len(costs) > 1 and costs[-2] - costs[-1] < IMPROVEMENT * costs[-2]:
             break
         bounds.forget_paths()
-    best = best or plan
+    best = best or searched
     first_of_order = {order: best_of(bounds, task, visited, order) for order in ORDERS}
     orders = {order: plan for order, plan in first_of_order.items() if plan is not None}
     infeasible: dict[str, str] = {}

@@ -94,11 +94,11 @@ def run_study(
     pairs.
 
     Args:
-        logs: a file or folder of recordings, or several; may be empty with a manifest. manifest: CSV file with the
-        columns file, participant, condition and, if there are several, trial. pattern: of file names with the label,
-        such as `{participant}_{condition}`. conditions: conditions to compare, in their order; by default all, in the
-        order of the manifest or of their names.
-            Differences are earlier minus later.
+        logs: a file or folder of recordings, or several; may be empty with a manifest.
+        manifest: CSV file with the columns file, participant, condition and, if there are several, trial.
+        pattern: of file names with the label, such as `{participant}_{condition}`.
+        conditions: conditions to compare, in their order; by default all, in the order of the manifest or of their
+            names. Differences are earlier minus later.
         options: for reading and scoring; by default unmeasured angles count as neutral.
         exclude: folder of results, which is not searched for recordings.
         on_scored: called with the path of each recording after it was scored.
