@@ -54,7 +54,7 @@ __all__ = [
     "write_page",
 ]
 # Scenes are read without the numerical packages that planning needs.
-_LATE = {
+_LAZY = {
     "Ergonomics": "lgp.path.ergonomics",
     "Motion": "lgp.motion",
     "Plan": "lgp.plan_record",
@@ -71,9 +71,9 @@ _LATE = {
 
 
 def __getattr__(name: str) -> Any:
-    if name in _LATE:
+    if name in _LAZY:
         try:
-            return getattr(importlib.import_module(_LATE[name]), name)
+            return getattr(importlib.import_module(_LAZY[name]), name)
         except ModuleNotFoundError as error:
             raise missing(error.name or "", f"lgp.{name}") from error
     raise AttributeError(f"module 'lgp' has no attribute {name!r}")

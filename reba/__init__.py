@@ -56,7 +56,7 @@ __all__ = [
     "write_scores",
 ]
 # Readers and writers import the libraries of their formats; programs that only score load none of them.
-_LATE = {
+_LAZY = {
     "read": "reba.readers",
     "write_postures": "reba.writers",
     "write_report": "reba.report",
@@ -65,10 +65,10 @@ _LATE = {
 
 
 def __getattr__(name: str) -> Any:
-    if name in _LATE:
+    if name in _LAZY:
         from importlib import import_module
 
-        return getattr(import_module(_LATE[name]), name)
+        return getattr(import_module(_LAZY[name]), name)
     raise AttributeError(f"module 'reba' has no attribute {name!r}")
 
 
