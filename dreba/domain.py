@@ -21,16 +21,12 @@ from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
-from reba.posture.columns import ANGLES, COLUMNS
+from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF
 
 DOMAINS: Final = ("human", "human_description", "paper")
 """Domains that come with the package."""
 LOAD: Final = (0.0, 20.0)
 """[kg] Loads that are drawn where a domain says nothing else."""
-COLUMNS_OF: Final = {angle.name: angle.columns for angle in ANGLES}
-"""Columns of a name without a side."""
-BEST: Final = {column: angle.best for angle in ANGLES for column in angle.columns}
-"""[deg] The angle of the lowest score of each column."""
 
 
 class Bins(NamedTuple):

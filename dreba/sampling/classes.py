@@ -20,15 +20,13 @@ from reba.method.classes import AngleClasses, angle_classes
 from reba.method.factor_points import FactorPoints, points
 from reba.method.scoring import score_array, score_parts
 from reba.method.tables import PART_MAXIMA
-from reba.posture.columns import INDEX, SIDES
+from reba.posture.columns import GROUP_A, GROUP_B, INDEX, SIDES
 from reba.posture.factors import Factors
 
 Integers = NDArray[np.int64]
 Weights = Literal["bins", "volume", "cells"]
 WEIGHTS: Final = ("bins", "volume", "cells")
 """How likely boxes are before the class is chosen, see `dreba.sample`."""
-GROUP_A: Final = ("trunk", "neck", "legs")
-GROUP_B: Final = ("upper_arm", "lower_arm", "wrist")
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ def _score(
         most = np.max([got[column] for column in quantity.columns], axis=0).astype(np.int64)
         groups[quantity.adjusts] = np.maximum(groups.get(quantity.adjusts, most), most)
     if part == "legs":
-        return np.asarray(given.legs + given.knees_count * groups["knees"], np.int64)
+        return np.asarray(given.legs + given.knees_count * sum(groups.values()), np.int64)
     score = np.sum(list(groups.values()), axis=0)
     name, _, side = part.rpartition("_")
     if name == "upper_arm":

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import reba
-from dreba.domain import BEST, COLUMNS_OF, Domain
+from dreba.domain import Domain
 from dreba.errors import SampleError
 from dreba.sampling.classes import true_scores
 from dreba.surrogates.task_factors import TaskFactors, given_of
@@ -21,7 +21,7 @@ from dreba.surrogates.validation import LARGEST
 from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
 from reba.files import write_atomic
-from reba.posture.columns import COLUMNS, INDEX
+from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, INDEX
 from reba.posture.factors import FACTORS, Factors
 
 METADATA: Final = b"dreba"

@@ -24,23 +24,8 @@ import numpy as np
 
 from reba.arrays import Array, Flags
 from reba.method.rules import Rules
-from reba.posture.columns import COLUMNS, INDEX, SIDES
+from reba.posture.columns import COLUMNS, INDEX, PART_COLUMNS
 
-PARTS: dict[str, tuple[str, ...]] = {
-    "trunk": ("trunk_flexion", "trunk_side_bend", "trunk_twist"),
-    "neck": ("neck_flexion", "neck_side_bend", "neck_twist"),
-    "legs": ("knee_flexion_left", "knee_flexion_right"),
-    **{
-        f"{part}_{side}": tuple(f"{angle}_{side}" for angle in angles)
-        for side in SIDES
-        for part, angles in {
-            "upper_arm": ("upper_arm_flexion", "upper_arm_abduction", "shoulder_elevation"),
-            "lower_arm": ("lower_arm_flexion",),
-            "wrist": ("wrist_flexion", "wrist_deviation", "wrist_twist"),
-        }.items()
-    },
-}
-"""Body parts whose movement is watched, with their angles."""
 RAPID_PARTS = ("trunk", "neck", "legs", "upper_arm_left", "upper_arm_right")
 """Parts whose rapid change is a change of posture; hands and forearms move fast in ordinary work."""
 GRID_HZ = 20.0
@@ -93,7 +78,7 @@ def detect(time: Array, angles: Array, rules: Rules, walking: Flags | None = Non
     if walking is not None:
         gait |= grid.flags(walking)
     kinds: dict[str, dict[str, Flags]] = {"static": {}, "repeated": {}, "unstable": {}}
-    for part, names in PARTS.items():
+    for part, names in PART_COLUMNS.items():
         measured = [signals[name] for name in names if not np.isnan(signals[name]).all()]
         if not measured:
             continue

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from reba.analysis.score_table import ScoreTable
 from reba.arrays import Array, Flags
 from reba.method.classes import AngleClasses, angle_classes
-from reba.method.rules import LOAD_EDGES
+from reba.method.factor_points import knees_count, leg_points
+from reba.method.rules import LOAD_EDGES, load_points
 from reba.posture.angles import against_gravity
-from reba.posture.columns import ANGLES, INDEX, SIDES
-from reba.posture.factors import ACTIVITIES, COUPLINGS, SUPPORTS
+from reba.posture.columns import BEST, COLUMNS, INDEX, SIDES
+from reba.posture.factors import ACTIVITIES, COUPLINGS, SUPPORTS, codes
 
 Points = NDArray[np.int16]
-_BEST: Final = np.array([angle.best for angle in ANGLES for _ in angle.columns])
+_BEST: Final = np.array([BEST[column] for column in COLUMNS])
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def choices(scores: ScoreTable, frames: NDArray[np.int64]) -> tuple[Modifiable, 
     if scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)
     angles = np.where(np.isnan(angles), _BEST[:, None], angles)
-    knees = (_at(scores, "support", frames) != SUPPORTS[3]) | scores.rules.seated_knees
+    knees = knees_count(_support(scores, frames), scores.rules)
     found = [_angle(quantity, angles, knees) for quantity in angle_classes(scores.rules)]
     counted = SIDES if scores.rules.two_sides == "worse" else (scores.rules.two_sides,)
     groups = ("a", *counted, "activity")
@@ -151,7 +152,7 @@ def _angle(quantity: AngleClasses, angles: Array, knees: Flags) -> Modifiable:
                     before=_range(rows),
                 )
             )
-    shares = quantity.adjusts if quantity.adjusts not in (quantity.name, "knees") else ""
+    shares = quantity.adjusts if quantity.adjusts != quantity.name else ""
     part = quantity.part.removesuffix(f"_{side}")
     return Modifiable(quantity.name, "angle", group, part, shares, (worst * counts).astype(np.int16), tuple(options))
 
@@ -176,6 +177,11 @@ def _at(scores: ScoreTable, name: str, frames: NDArray[np.int64]) -> NDArray[Any
     return np.broadcast_to(getattr(scores.factors, name), len(scores.data))[frames]
 
 
+def _support(scores: ScoreTable, frames: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Return the places (F,) of the support of the legs in `SUPPORTS`."""
+    return codes("support", _at(scores, "support", frames), SUPPORTS, len(frames))
+
+
 def _factors(scores: ScoreTable, frames: NDArray[np.int64]) -> list[Modifiable]:
     def yes(name: str) -> Points:
         flags: Points = _at(scores, name, frames).astype(np.int16)
@@ -186,18 +192,17 @@ def _factors(scores: ScoreTable, frames: NDArray[np.int64]) -> list[Modifiable]:
         return Modifiable(what, kind, group, part, "", points, (gone,) if points.any() else ())
 
     load = _at(scores, "load", frames)
-    load_points = (load >= LOAD_EDGES[0]).astype(np.int16) + (load > LOAD_EDGES[1])
+    points = load_points(load).astype(np.int16)
     lighter = [
-        Alternative(np.minimum(load_points, p).astype(np.int16), 0.0, target, f"{load.max():g} kg")
+        Alternative(np.minimum(points, p).astype(np.int16), 0.0, target, f"{load.max():g} kg")
         for p, target in ((1, f"at most {LOAD_EDGES[1]:g} kg"), (0, f"under {LOAD_EDGES[0]:g} kg"))
-        if load_points.max() > p
+        if points.max() > p
     ]
     found = [
-        Modifiable("load", "load", "a", "load_force", "", load_points.astype(np.int16), tuple(lighter)),
+        Modifiable("load", "load", "a", "load_force", "", points, tuple(lighter)),
         removable("shock", "load", "a", "load_force", yes("shock"), "no shock"),
     ]
-    legs = _at(scores, "support", frames)
-    base = np.where(legs == "unilateral", 2, np.where(legs == "walking", scores.rules.walking_legs, 1)).astype(np.int16)
+    base = leg_points(_support(scores, frames), scores.rules).astype(np.int16)
     both = Alternative(np.minimum(base, 1).astype(np.int16), 0.0, "both legs", "one leg")
     found.append(Modifiable("support", "support", "a", "legs", "", base, (both,) if base.max() > 1 else ()))
     for side in SIDES:

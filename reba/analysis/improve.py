@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from reba.analysis.changes import Modifiable, Objective, PostureChange, choices, goals
 from reba.analysis.score_table import ScoreTable
-from reba.analysis.worksheet import GROUP_A, GROUP_B
 from reba.errors import PostureError
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
-from reba.posture.columns import SIDES
+from reba.posture.columns import GROUP_A, GROUP_B, SIDES
 
 WORST_SECONDS: Final = 60.0
 """[s] Length of a worst stretch that is improved as a whole."""

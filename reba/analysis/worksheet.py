@@ -10,14 +10,12 @@ import pandas as pd
 
 from reba.analysis.score_table import ScoreTable
 from reba.method.classes import AngleClasses, angle_classes
-from reba.method.rules import LOAD_EDGES
+from reba.method.factor_points import knees_count, leg_points
+from reba.method.rules import load_points
 from reba.method.tables import ACTION_LEVELS, PART_MAXIMA
 from reba.posture.angles import against_gravity
-from reba.posture.columns import INDEX, SIDES
+from reba.posture.columns import GROUP_A, GROUP_B, INDEX, SIDES
 from reba.posture.factors import COUPLINGS, SUPPORTS
-
-GROUP_A = ("trunk", "neck", "legs")
-GROUP_B = ("upper_arm", "lower_arm", "wrist")
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,9 @@ def worksheet(scores: ScoreTable, frame: int) -> Worksheet:
     lines: list[WorksheetLine] = []
     for part in GROUP_A:
         lines += _support(scores, frame) if part == "legs" else []
-        lines += _part(by_part[part], angles[:, 0], part != "legs" or _knees_count(scores, frame))
+        lines += _part(
+            by_part[part], angles[:, 0], part != "legs" or bool(knees_count(_support_code(scores, frame), scores.rules))
+        )
     lines += _load(scores, frame)
     for side in SIDES:
         for part in GROUP_B:
@@ -154,20 +154,20 @@ def _at(value: Any, frame: int) -> Any:
     return given[0] if len(given) == 1 else given[frame]
 
 
-def _knees_count(scores: ScoreTable, frame: int) -> bool:
-    return scores.rules.seated_knees or str(_at(scores.factors.support, frame)) != SUPPORTS[3]
+def _support_code(scores: ScoreTable, frame: int) -> int:
+    return SUPPORTS.index(str(_at(scores.factors.support, frame)))
 
 
 def _support(scores: ScoreTable, frame: int) -> list[WorksheetLine]:
-    support = str(_at(scores.factors.support, frame))
-    points = 2 if support == "unilateral" else scores.rules.walking_legs if support == "walking" else 1
+    support = SUPPORTS[_support_code(scores, frame)]
+    points = int(leg_points(_support_code(scores, frame), scores.rules))
     rule = "one leg or unstable" if support == "unilateral" else "both legs, walking or sitting"
     return [WorksheetLine("legs", points, "support", support, rule, least=1)]
 
 
 def _load(scores: ScoreTable, frame: int) -> list[WorksheetLine]:
     load = float(_at(scores.factors.load, frame))
-    points = int(load >= LOAD_EDGES[0]) + int(load > LOAD_EDGES[1])
+    points = load_points(load)
     rule = ("under 5 kg", "5 to 10 kg", "over 10 kg")[points]
     lines = [WorksheetLine("load_force", points, "load", f"{load:g} kg", rule)]
     if _at(scores.factors.shock, frame):

@@ -1,4 +1,6 @@
-"""The rules: printed class edges as data, and every choice that the paper leaves open as a named field.
+"""The rules: every choice that the paper leaves open as a named field, and the points of a load.
+
+The edges of the angles are in `reba.method.steps`.
 
 Sources: [HM2000] Hignett & McAtamney (2000), Applied Ergonomics 31:201-205; [H2005] Hignett's chapter in Fundamentals
 and Assessment Tools for Occupational Ergonomics, Table 42.2 (one +1 for twisted or side flexed, "not for sitting",
@@ -16,20 +18,17 @@ from typing import Any, Final, Literal
 from reba.errors import RulesError, did_you_mean
 from reba.files import write_atomic, write_text
 
-TRUNK_EDGES: Final = (20.0, 60.0)
-"""[deg] Trunk flexion classes 2|3 (also extension 2|3) and 3|4 [HM2000]."""
-NECK_EDGE: Final = 20.0
-"""[deg] Neck flexion class 1|2 [HM2000]."""
-UPPER_ARM_EDGES: Final = (20.0, 45.0, 90.0)
-"""[deg] Upper arm flexion classes 1|2 (also extension), 2|3, 3|4 [HM2000]."""
-LOWER_ARM_RANGE: Final = (60.0, 100.0)
-"""[deg] Elbow flexion of class 1, both ends inside [HM2000]."""
-WRIST_EDGE: Final = 15.0
-"""[deg] Wrist flexion or extension class 1|2 [HM2000]."""
-KNEE_EDGES: Final = (30.0, 60.0)
-"""[deg] Knee flexion +1 from 30 (inside) to 60 (inside), +2 above [HM2000]."""
 LOAD_EDGES: Final = (5.0, 10.0)
 """[kg] Load 0 below 5, 1 from 5 to 10 (both inside), 2 above [HM2000]."""
+
+
+def load_points(load: Any) -> Any:
+    """Return the points of a load [kg], 0 to 2: for a number, an array of any shape or a symbolic expression.
+
+    >>> load_points(5.0)
+    1
+    """
+    return 1 * (load >= LOAD_EDGES[0]) + (load > LOAD_EDGES[1])
 
 
 @dataclass(frozen=True)

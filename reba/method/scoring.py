@@ -19,19 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 from reba.arrays import Array, Flags
 from reba.errors import PostureError
 from reba.method.factor_points import FactorPoints, points
-from reba.method.rules import (
-    KNEE_EDGES,
-    LOWER_ARM_RANGE,
-    NECK_EDGE,
-    TRUNK_EDGES,
-    UPPER_ARM_EDGES,
-    WRIST_EDGE,
-    Rules,
-    rules_of,
-)
+from reba.method.rules import Rules, rules_of
+from reba.method.steps import Boundary, PartSteps, part_steps
 from reba.method.tables import LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
 from reba.posture.angles import against_gravity
-from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
+from reba.posture.columns import ANGLES, BEST, COLUMNS, GROUP_A, GROUP_B, SIDES
 from reba.posture.factors import Factors
 from reba.posture.table import refuse_infinite
 
@@ -44,10 +36,13 @@ CHUNK: Final = 16_000
 """Frames handled at once: few enough for the cache, enough to make the cost of a numpy call small."""
 TILE: Final = 1000
 """Frames turned from rows to columns at once: a tile of 88 kB is read and written within the first caches."""
-_BEST: Final = np.array([angle.best for angle in ANGLES for _ in angle.columns])
+_BEST: Final = np.array([BEST[column] for column in COLUMNS])
 _WORST: Final = np.array([angle.worst for angle in ANGLES for _ in angle.columns])
 _A, _B, _C = (np.ascontiguousarray(table.ravel()) for table in (TABLE_A, TABLE_B, TABLE_C))
+# Strides of the flat tables in cells; uint8 cells of one byte. NumPy integers would make the indices int64.
+_A_STRIDES, _B_STRIDES, _C_STRIDES = (table.strides for table in (TABLE_A, TABLE_B, TABLE_C))
 Scores8 = NDArray[np.uint8]
+Steps = dict[str, PartSteps]
 
 
 @dataclass(frozen=True)
@@ -204,9 +199,10 @@ def _evaluate(c: Array, given: FactorPoints, chosen: Rules, out: Scores8) -> Non
     """
     score_a, score_b, sides = out[_ROW["score_a"]], _both(out, "score_b"), _both(out, "reba")
     out[_ROW["activity"]] = given.activity
-    _group_a(c, given, chosen, out, score_a)
-    _group_b(c, given, chosen, out, score_b)
-    np.add(_C.take((score_a - 1) * 12 + (score_b - 1)), given.activity, out=sides)
+    steps = part_steps(chosen)
+    _group_a(c, given, steps, out, score_a)
+    _group_b(c, given, steps, out, score_b)
+    np.add(_C.take((score_a - 1) * _C_STRIDES[0] + (score_b - 1)), given.activity, out=sides)
     if chosen.two_sides == "worse":
         np.maximum(sides[0], sides[1], out=out[_ROW["reba"]])
     else:
@@ -220,77 +216,62 @@ def _both(out: Scores8, name: str) -> Scores8:
     return out[first : first + 2]
 
 
-def _group_a(c: Array, given: FactorPoints, chosen: Rules, out: Scores8, score_a: Scores8) -> None:
-    above = np.greater if chosen.edges == "lower" else np.greater_equal
-    two = chosen.twist_and_bend == "two"
-    trunk, neck, legs = out[_ROW["trunk"]], out[_ROW["neck"]], out[_ROW["legs"]]
-
-    flexion = c[INDEX["trunk_flexion"]]
-    np.add(_beyond(flexion, chosen.trunk_upright), 1, out=trunk, dtype=np.uint8)
-    trunk += _beyond(flexion, TRUNK_EDGES[0], above)
-    trunk += above(flexion, TRUNK_EDGES[1])
-    twisted = _beyond(c[INDEX["trunk_twist"]], chosen.trunk_twist)
-    bent = _beyond(c[INDEX["trunk_side_bend"]], chosen.trunk_side_bend)
-    _adjust(trunk, twisted, bent, two, PART_MAXIMA["trunk"])
-
-    flexion = c[INDEX["neck_flexion"]]
-    np.add(above(flexion, NECK_EDGE) | (flexion < -chosen.neck_upright), 1, out=neck, dtype=np.uint8)
-    twisted = _beyond(c[INDEX["neck_twist"]], chosen.neck_twist)
-    bent = _beyond(c[INDEX["neck_side_bend"]], chosen.neck_side_bend)
-    _adjust(neck, twisted, bent, two, PART_MAXIMA["neck"])
-
-    knee = np.maximum(c[INDEX["knee_flexion_left"]], c[INDEX["knee_flexion_right"]])
-    np.add(knee >= KNEE_EDGES[0], above(knee, KNEE_EDGES[1]), out=legs, dtype=np.uint8)
+def _group_a(c: Array, given: FactorPoints, steps: Steps, out: Scores8, score_a: Scores8) -> None:
+    trunk, neck, legs = (out[_ROW[part]] for part in GROUP_A)
+    _part_score(c, steps["trunk"], trunk, PART_MAXIMA["trunk"])
+    _part_score(c, steps["neck"], neck, PART_MAXIMA["neck"])
+    _part_score(c, steps["legs"], legs, PART_MAXIMA["legs"], lowest=0)
     legs *= given.knees_count
     legs += given.legs
-
     out[_ROW["load_force"]] = given.load_force
-    np.add(_A.take((trunk - 1) * 12 + (neck - 1) * 4 + (legs - 1)), given.load_force, out=score_a)
+    np.add(
+        _A.take((trunk - 1) * _A_STRIDES[0] + (neck - 1) * _A_STRIDES[1] + (legs - 1)), given.load_force, out=score_a
+    )
 
 
-def _group_b(c: Array, given: FactorPoints, chosen: Rules, out: Scores8, score_b: Scores8) -> None:
-    above = np.greater if chosen.edges == "lower" else np.greater_equal
-    upper, lower, wrist = _both(out, "upper_arm"), _both(out, "lower_arm"), _both(out, "wrist")
-
-    def angle(name: str) -> Array:
-        first = INDEX[f"{name}_left"]
-        return c[first : first + 2]
-
-    flexion = angle("upper_arm_flexion")
-    np.add(_beyond(flexion, UPPER_ARM_EDGES[0], above), 1, out=upper, dtype=np.uint8)
-    upper += above(flexion, UPPER_ARM_EDGES[1])
-    upper += above(flexion, UPPER_ARM_EDGES[2])
-    upper += angle("upper_arm_abduction") > chosen.abduction
-    upper += angle("shoulder_elevation") > chosen.shoulder_elevation
+def _group_b(c: Array, given: FactorPoints, steps: Steps, out: Scores8, score_b: Scores8) -> None:
+    upper, lower, wrist = (_both(out, part) for part in GROUP_B)
+    _part_score(c, steps["upper_arm"], upper, PART_MAXIMA["upper_arm"])
     if given.arm_supported.any():
         # A supported arm takes one off but never below 1: index 0 would wrap to the last row of Table B.
         upper -= given.arm_supported & (upper > 1)
-
-    elbow = angle("lower_arm_flexion")
-    np.add((elbow < LOWER_ARM_RANGE[0]) | above(elbow, LOWER_ARM_RANGE[1]), 1, out=lower, dtype=np.uint8)
-
-    np.add(_beyond(angle("wrist_flexion"), WRIST_EDGE, above), 1, out=wrist, dtype=np.uint8)
-    deviated = _beyond(angle("wrist_deviation"), chosen.wrist_deviation)
-    wrist += deviated | _beyond(angle("wrist_twist"), chosen.wrist_twist)
-
+    _part_score(c, steps["lower_arm"], lower, PART_MAXIMA["lower_arm"])
+    _part_score(c, steps["wrist"], wrist, PART_MAXIMA["wrist"])
     _both(out, "coupling")[:] = given.coupling
-    np.add(_B.take((upper - 1) * 6 + (lower - 1) * 3 + (wrist - 1)), given.coupling, out=score_b)
+    np.add(
+        _B.take((upper - 1) * _B_STRIDES[0] + (lower - 1) * _B_STRIDES[1] + (wrist - 1)), given.coupling, out=score_b
+    )
 
 
-def _beyond(angle: Array, limit: float, above: np.ufunc = np.greater) -> Flags:
-    """Return where angles lie beyond a limit on either side; cheaper than the absolute value, which is another copy."""
-    either: Flags = above(angle, limit) | above(-limit, angle)
-    return either
+def _part_score(c: Array, steps: PartSteps, score: Scores8, highest: int, lowest: int = 1) -> None:
+    """Write the score of a body part, (m,) or (2, m) for both sides, from the columns c (22, m)."""
+    (main, *adjustments), shares_point = steps
+    angle = c[main.rows]
+    if angle.ndim > score.ndim:  # two knees, one score
+        angle = np.maximum(angle[0], angle[1])
+    first, *others = main.boundaries
+    np.add(_outside(angle, first), lowest, out=score)
+    for boundary in others:
+        score += _outside(angle, boundary)
+    if not adjustments:
+        return
+    one, other = (_outside(c[each.rows], each.boundaries[0]) for each in adjustments)
+    if shares_point:
+        score += one | other
+        return
+    score += one
+    score += other
+    if lowest + len(main.boundaries) + len(adjustments) > highest:
+        np.minimum(score, highest, out=score)
 
 
-def _adjust(part: Scores8, twisted: Flags, bent: Flags, two: bool, highest: int) -> None:
-    """Add the points for twisted and side flexed in place: one together, or one each up to the table's size."""
-    if two:
-        part += twisted
-        part += bent
-        np.minimum(part, highest, out=part)
-    else:
-        part += twisted | bent
+def _outside(angle: Array, boundary: Boundary) -> Scores8:
+    """Return 1 where angles lie outside a boundary, that is in a higher class, else 0."""
+    low, high, low_inside, high_inside = boundary
+    outside = angle > high if high_inside else angle >= high
+    if low > -np.inf:
+        outside |= angle < low if low_inside else angle <= low
+    return outside.view(np.uint8)  # adding booleans would cast them again and again
 
 
 class PartScores(NamedTuple):

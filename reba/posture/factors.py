@@ -86,8 +86,10 @@ class Factors:
 
 BOTH_SIDES: Final = ("coupling", "arm_supported")
 """Names that stand for a factor of both sides."""
-_GRIPS: Final = tuple(f"coupling_{side}" for side in SIDES)
-_FLAGS: Final = ("shock", *(f"arm_supported_{side}" for side in SIDES), *ACTIVITIES)
+GRIPS: Final = tuple(f"coupling_{side}" for side in SIDES)
+"""Names of the coupling of either hand."""
+FLAGS: Final = ("shock", *(f"arm_supported_{side}" for side in SIDES), *ACTIVITIES)
+"""Names of the factors that are true or false."""
 FACTORS: Final = tuple(field.name for field in fields(Factors))
 """The factor names, which are also the names of factor columns of a posture table."""
 
@@ -118,9 +120,9 @@ def checked(factors: Factors, n: int) -> Factors:
     def plain(values: NDArray[Any]) -> Any:
         return values[0].item() if len(values) == 1 else values
 
-    couplings = {name: np.array(COUPLINGS)[_choice(name, getattr(factors, name), COUPLINGS, n)] for name in _GRIPS}
-    flags = {name: flag(name, getattr(factors, name), n) for name in _FLAGS}
-    support = np.array(SUPPORTS)[_choice("support", factors.support, SUPPORTS, n)]
+    couplings = {name: np.array(COUPLINGS)[codes(name, getattr(factors, name), COUPLINGS, n)] for name in GRIPS}
+    flags = {name: flag(name, getattr(factors, name), n) for name in FLAGS}
+    support = np.array(SUPPORTS)[codes("support", factors.support, SUPPORTS, n)]
     given = {"load": load_kg(factors.load, n), "support": support, **couplings, **flags}
     return Factors(**{name: plain(values) for name, values in given.items()})
 
@@ -161,18 +163,22 @@ def flag(name: str, value: Any, n: int) -> Flags:
     return np.array(yes, bool)
 
 
-def _choice(name: str, value: Any, words: tuple[str, ...], n: int) -> Points:
-    """Return codes 0, 1, ... of words (or of the codes themselves, for coupling)."""
+def codes(name: str, value: Any, words: tuple[str, ...], n: int) -> Points:
+    """Return the places (n,) or (1,) of a factor's values in `words`; coupling may also be given by its points 0 to 3.
+
+    Raises:
+        PostureError: a value is none of the words, or their number is wrong.
+    """
     given = _values(name, value, n)
     found = np.full(len(given), 255, np.uint8)
     for code, word in enumerate(words):
         found[given == word] = code
     if (found == 255).any():  # numbers or other spellings
-        codes = {word: code for code, word in enumerate(words)}
-        if name in _GRIPS:
-            codes |= {text: code for code in range(4) for text in (str(code), f"{code}.0")}
+        by_text = {word: code for code, word in enumerate(words)}
+        if name in GRIPS:
+            by_text |= {text: code for code in range(4) for text in (str(code), f"{code}.0")}
         kinds, inverse = np.unique(given.astype(str), return_inverse=True)
-        read = [codes.get(str(kind).strip().lower()) for kind in kinds]
+        read = [by_text.get(str(kind).strip().lower()) for kind in kinds]
         if None in read:
             raise PostureError(
                 f"{name} is {str(kinds[read.index(None)])!r}; expected one of {', '.join(words)} at every frame"
