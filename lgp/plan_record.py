@@ -15,7 +15,7 @@ from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
 from reba.method.rules import Rules
-from reba.method.scoring import ScoreArrays, score_array
+from reba.method.scoring import ScoreArrays, score_angles
 from reba.posture.columns import COLUMNS
 
 
@@ -80,7 +80,7 @@ class Plan:
         if not len(self.posture):
             return None
 
-        return score_array(self.posture, {"load": self.carried}, rules)
+        return score_angles(self.posture, {"load": self.carried}, rules)
 
     def summary(self) -> dict[str, Any]:
         """Return the numbers of the plan as plain data, as `lgp plan --json` prints them."""

@@ -59,6 +59,10 @@ class ReadError(RebaError):
         return (_read_error, (self.path, self.what, self.hint, self.offset))
 
 
+class RadiansWarning(UserWarning):
+    """Angles look like radians where degrees are expected."""
+
+
 def _read_error(path: str, what: str, hint: str, offset: int | None) -> ReadError:
     return ReadError(path, what, hint=hint, offset=offset)
 

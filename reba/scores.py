@@ -21,7 +21,7 @@ from reba.analysis.worksheet import Worksheet, worksheet
 from reba.arrays import Array
 from reba.errors import PostureError
 from reba.method.rules import Rules, rules_of
-from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, Missing, score_array
+from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, Missing, score_angles
 from reba.posture.factors import (
     ACTIVITIES,
     ASSUMED,
@@ -33,7 +33,8 @@ from reba.posture.factors import (
     checked,
     expand_sides,
 )
-from reba.posture.table import PostureTable, angles_of, refuse_infinite, table_of
+from reba.posture.named_angles import refuse_infinite
+from reba.posture.table import PostureTable, angles_of, table_of
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ def score(
     used = dataclasses.replace(used, **{kind: kinds[kind] for kind in open_kinds})
     assumed = [text for name, text in ASSUMED.items() if name not in given]
     assumed += [ASSUMED_ACTIVITY] if activity == "auto" and open_kinds else []
-    arrays = score_array(angles, used, chosen, missing)
+    arrays = score_angles(angles, used, chosen, missing)
     scored: dict[str, Any] = {"time": table.data["time"].to_numpy(np.float64)}
     for name in SCORE_COLUMNS:
         values = arrays[name]

@@ -18,7 +18,7 @@ from dreba.domain import Domain
 from reba.arrays import Array
 from reba.method.classes import AngleClasses, angle_classes
 from reba.method.factor_points import FactorPoints, points
-from reba.method.scoring import score_array, score_parts
+from reba.method.scoring import score_angles, score_parts
 from reba.method.tables import PART_MAXIMA
 from reba.posture.columns import GROUP_A, GROUP_B, INDEX, SIDES
 from reba.posture.factors import Factors
@@ -115,7 +115,7 @@ def _score(
 def true_scores(domain: Domain, angles: Array, factors: Factors | None) -> NDArray[np.uint8]:
     """Return the true REBA (n,) of poses (n, 22) [deg]: exact under the domain's rules, or from its own bins."""
     if not domain.bins:
-        return score_array(angles, factors, domain.rules).reba
+        return score_angles(angles, factors, domain.rules).reba
     given = points(Factors.of(factors), domain.rules, len(angles))
     known = angle_classes(domain.rules)
     got = {}

@@ -17,12 +17,12 @@ from dreba.domain import Domain
 from dreba.errors import SampleError
 from dreba.sampling.classes import true_scores
 from dreba.surrogates.task_factors import TaskFactors, given_of
-from dreba.surrogates.validation import LARGEST
 from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
 from reba.files import write_atomic
 from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, INDEX
 from reba.posture.factors import FACTORS, Factors
+from reba.posture.named_angles import LARGEST, read_angles
 
 METADATA: Final = b"dreba"
 """Key of the provenance in a Parquet file."""
@@ -123,7 +123,7 @@ class Poses:
                 raise SampleError(f"{path}: holds no sampled poses; give a file of `dreba sample`, or read_poses()")
             data = table.to_pandas()
             factors = Factors(**{name: data[name].to_numpy() for name in FACTORS}) if "load" in data else None
-            angles = data[list(COLUMNS)].to_numpy(np.float64)
+            angles, _ = read_angles(data, COLUMNS, absent="refuse")
             return Poses(angles, data["reba"].to_numpy(np.uint8), factors, json.loads(note))
         except SampleError:
             raise

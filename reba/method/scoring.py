@@ -25,7 +25,7 @@ from reba.method.tables import LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
 from reba.posture.angles import against_gravity
 from reba.posture.columns import ANGLES, BEST, COLUMNS, GROUP_A, GROUP_B, SIDES
 from reba.posture.factors import Factors
-from reba.posture.table import refuse_infinite
+from reba.posture.named_angles import LARGEST, read_angles, refuse_infinite, refuse_large, warn_if_radians
 
 Missing = Literal["range", "neutral", "worst", "error"]
 MISSING: Final = ("range", "neutral", "worst", "error")
@@ -39,8 +39,10 @@ TILE: Final = 1000
 _BEST: Final = np.array([BEST[column] for column in COLUMNS])
 _WORST: Final = np.array([angle.worst for angle in ANGLES for _ in angle.columns])
 _A, _B, _C = (np.ascontiguousarray(table.ravel()) for table in (TABLE_A, TABLE_B, TABLE_C))
-# Strides of the flat tables in cells; uint8 cells of one byte. NumPy integers would make the indices int64.
+# A cell of the flat tables is score * stride + score * stride + score - first, all in uint8: strides of cells of one
+# byte are plain integers. Scores start at 1.
 _A_STRIDES, _B_STRIDES, _C_STRIDES = (table.strides for table in (TABLE_A, TABLE_B, TABLE_C))
+_A_FIRST, _B_FIRST, _C_FIRST = map(sum, (_A_STRIDES, _B_STRIDES, _C_STRIDES))
 Scores8 = NDArray[np.uint8]
 Steps = dict[str, PartSteps]
 
@@ -91,7 +93,7 @@ _RANGED: Final = SCORE_COLUMNS[: SCORE_COLUMNS.index("reba_low")]
 
 
 def score_array(
-    angles: ArrayLike,
+    angles: Any,
     factors: Factors | Mapping[str, Any] | None = None,
     rules: Rules | str = "measured",
     missing: Missing = "range",
@@ -99,7 +101,8 @@ def score_array(
     """Score n postures.
 
     Args:
-        angles: (n, 22) degrees in the order of `reba.COLUMNS`; NaN = not measured.
+        angles: (n, 22) degrees in the order of `reba.COLUMNS`, or (22,) for one posture; NaN = not measured. Data with
+            column names, such as a DataFrame, are read by name, see `reba.angle_table`.
         factors: a `Factors` record or a mapping of some of its fields; scalars or (n,) arrays.
         rules: a preset's name or a `Rules` record.
         missing: what stands for a score that unmeasured angles leave open: `UNKNOWN` ("range"), the score of the
@@ -110,7 +113,11 @@ def score_array(
         The scores of every part and the totals, see `ScoreArrays`.
 
     Raises:
-        PostureError: a wrong shape, an infinite angle, a bad factor, or an unmeasured angle with missing="error".
+        PostureError: a wrong shape, an angle that is infinite or beyond 360 deg, a bad factor, or an unmeasured angle
+            with missing="error".
+
+    Warns:
+        RadiansWarning: ten postures or more of angles so small that they look like radians.
 
     Example:
         >>> import numpy as np
@@ -119,16 +126,20 @@ def score_array(
         >>> int(score_array(posture).reba[0])
         2
     """
-    try:
-        if np.iscomplexobj(angles):
-            raise TypeError("complex")
-        table = np.asarray(angles, np.float64)
-    except (TypeError, ValueError) as error:
-        raise PostureError(f"angles hold something that is no number ({error}); expected degrees") from error
-    if table.ndim != 2 or table.shape[1] != len(COLUMNS):
-        raise PostureError(
-            f"angles have shape {table.shape}; expected (n, {len(COLUMNS)}) in the order of reba.COLUMNS"
-        )
+    table, _ = read_angles(angles, COLUMNS)
+    warn_if_radians(table)
+    return score_angles(table, factors, rules, missing, limit=LARGEST)
+
+
+def score_angles(
+    table: Array,
+    factors: Factors | Mapping[str, Any] | None = None,
+    rules: Rules | str = "measured",
+    missing: Missing = "range",
+    *,
+    limit: float = np.finfo(np.float64).max,
+) -> ScoreArrays:
+    """Score the angles (n, 22) of a posture table; as `score_array`, with any finite angle up to `limit` [deg]."""
     chosen = rules_of(rules)
     if missing not in MISSING:
         raise PostureError(f"missing is {missing!r}; expected one of {', '.join(MISSING)}")
@@ -141,10 +152,12 @@ def score_array(
         complete = True
         for first in range(0, stop - start, TILE):
             rows = table[start + first : min(start + first + TILE, stop)]
-            # A sum tells whether anything is NaN or infinite: it then is not finite. It also fetches the rows.
-            with np.errstate(invalid="ignore", over="ignore"):
-                complete &= bool(np.isfinite(rows.sum()))
+            # NaN passes through both and fails the comparison, as infinity does. This also fetches the rows.
+            complete &= bool(max(rows.max(), -rows.min()) <= limit)
             block[:, first : first + len(rows)] = rows.T
+        if not complete and max(np.fmax.reduce(block, axis=None), -np.fmin.reduce(block, axis=None)) > limit:
+            refuse_infinite(block.T, start)
+            refuse_large(block.T, start)
         _score_block(block, complete, given.rows(start, stop), chosen, missing, out[:, start:stop], start)
     return ScoreArrays(*out)
 
@@ -158,8 +171,6 @@ def _score_block(
     out: Scores8,
     start: int,
 ) -> None:
-    if not complete:
-        refuse_infinite(block.T, start)
     if chosen.upper_arm_reference == "gravity":
         against_gravity(block)
     if complete:
@@ -202,7 +213,7 @@ def _evaluate(c: Array, given: FactorPoints, chosen: Rules, out: Scores8) -> Non
     steps = part_steps(chosen)
     _group_a(c, given, steps, out, score_a)
     _group_b(c, given, steps, out, score_b)
-    np.add(_C.take((score_a - 1) * _C_STRIDES[0] + (score_b - 1)), given.activity, out=sides)
+    np.add(_C.take(score_a * _C_STRIDES[0] + score_b - _C_FIRST), given.activity, out=sides)
     if chosen.two_sides == "worse":
         np.maximum(sides[0], sides[1], out=out[_ROW["reba"]])
     else:
@@ -224,9 +235,8 @@ def _group_a(c: Array, given: FactorPoints, steps: Steps, out: Scores8, score_a:
     legs *= given.knees_count
     legs += given.legs
     out[_ROW["load_force"]] = given.load_force
-    np.add(
-        _A.take((trunk - 1) * _A_STRIDES[0] + (neck - 1) * _A_STRIDES[1] + (legs - 1)), given.load_force, out=score_a
-    )
+    cells = trunk * _A_STRIDES[0] + neck * _A_STRIDES[1] + legs - _A_FIRST
+    np.add(_A.take(cells), given.load_force, out=score_a)
 
 
 def _group_b(c: Array, given: FactorPoints, steps: Steps, out: Scores8, score_b: Scores8) -> None:
@@ -238,9 +248,8 @@ def _group_b(c: Array, given: FactorPoints, steps: Steps, out: Scores8, score_b:
     _part_score(c, steps["lower_arm"], lower, PART_MAXIMA["lower_arm"])
     _part_score(c, steps["wrist"], wrist, PART_MAXIMA["wrist"])
     _both(out, "coupling")[:] = given.coupling
-    np.add(
-        _B.take((upper - 1) * _B_STRIDES[0] + (lower - 1) * _B_STRIDES[1] + (wrist - 1)), given.coupling, out=score_b
-    )
+    cells = upper * _B_STRIDES[0] + lower * _B_STRIDES[1] + wrist - _B_FIRST
+    np.add(_B.take(cells), given.coupling, out=score_b)
 
 
 def _part_score(c: Array, steps: PartSteps, score: Scores8, highest: int, lowest: int = 1) -> None:

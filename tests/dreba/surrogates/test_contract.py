@@ -240,7 +240,7 @@ def test_unmeasured_angles_are_refused_and_tables_are_read_by_name(kind: str) ->
     for ask in (model.value, model.gradient, model.hessian):
         with pytest.raises(dreba.ModelError, match="NaN"):
             ask(gap)
-        with pytest.raises(dreba.ModelError, match="no number"):
+        with pytest.raises(dreba.ModelError, match="not a number"):
             ask([["a"] * 22])
     table = pd.DataFrame(some(5), columns=list(COLUMNS))[sorted(COLUMNS)]
     assert model.value(table) == pytest.approx(model.value(some(5)), abs=1e-12)

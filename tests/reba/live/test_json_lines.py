@@ -148,7 +148,7 @@ BAD_FIRST = {
     "[1, 2]": "no JSON object",
     '{"time": 0, "trunk_flexoin": 3}': "did you mean 'trunk_flexion'",
     '{"time": "noon", "trunk_flexion": 3}': "no number of seconds",
-    '{"time": 0, "trunk_flexion": "x"}': "no number",
+    '{"time": 0, "trunk_flexion": "x"}': "not a number",
     '{"time": 0, "trunk_flexion": 3, "load": -1}': "load is -1",
     '{"time": 0, "name": ["nose"], "position": [1.0]}': "no profile fits",
     "": "nothing came",
