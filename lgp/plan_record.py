@@ -14,6 +14,7 @@ from lgp.errors import LgpError
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
+from reba.files import as_json, plain_data
 from reba.method.rules import Rules
 from reba.method.scoring import ScoreArrays, score_angles
 from reba.posture.columns import COLUMNS
@@ -99,7 +100,7 @@ class Plan:
             "cost": self.costs or {"total": None, "acceleration": None, "ergonomics": None},
             "reba": reba,
             "residuals": self.residuals or {"equality": None, "inequality": None},
-            "search": {name: _finite(value) for name, value in self.search.items()},
+            "search": plain_data(self.search),
             "solver": self.solver,
         }
 
@@ -122,11 +123,6 @@ class Plan:
         read = load
 
         return read(Path(folder))
-
-
-def _finite(value: Any) -> Any:
-    """Return a number that JSON can hold: None for infinity."""
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 FORMAT: Final = "lgp-plan"
@@ -159,7 +155,7 @@ def save(plan: Plan, folder: Path) -> None:
     times = {"time": plan.time, "phase": plan.phase}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "plan.json").write_text(json.dumps(_plain(data), indent=1) + "\n", encoding="utf-8")
+        (folder / "plan.json").write_text(as_json(data, indent=1) + "\n", encoding="utf-8")
         if plan.feasible:
             columns = dict(zip(plan.joints, plan.path.T, strict=True))
             pd.DataFrame(times | columns).to_parquet(folder / "path.parquet", index=False)
@@ -259,14 +255,3 @@ def _tables(folder: Path, joints: tuple[str, ...]) -> dict[str, Any]:
     if len(fields["carried"]) != len(path):
         raise LgpError(f"{folder}: postures.parquet has not the rows of path.parquet; plan again")
     return fields
-
-
-def _plain(value: Any) -> Any:
-    """Return plain data that JSON can hold; infinite numbers become null."""
-    if isinstance(value, dict):
-        return {name: _plain(part) for name, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

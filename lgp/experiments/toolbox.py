@@ -6,7 +6,6 @@ its actions and is repeated until no better plan turns up, so that orders are co
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -39,7 +38,7 @@ from lgp.planner import COST, plan_within, task_of
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import Budget
-from reba.files import write_atomic
+from reba.files import plain_data, write_atomic
 
 SCENE: Final = "toolbox"
 CONDITIONS: Final = ("non-ergonomic", "ergonomic")
@@ -232,7 +231,7 @@ def _write(folder: Path, summary: dict[str, Any], found: dict[str, Condition], s
     """Write the summary and one row a condition; columns of the contract that say nothing here are empty."""
     import pandas as pd
 
-    write_summary(folder / "summary.json", _plain(summary))
+    write_summary(folder / "summary.json", plain_data(summary))
     height = scene.tables["table.center"].height
     rows = []
     for name, one in found.items():
@@ -249,14 +248,3 @@ def _write(folder: Path, summary: dict[str, Any], found: dict[str, Condition], s
         })  # fmt: skip
     frame = pd.DataFrame(rows)
     write_atomic(folder / "runs.parquet", lambda part: frame.to_parquet(part, index=False))
-
-
-def _plain(value: Any) -> Any:
-    """Return plain data that strict JSON holds."""
-    if isinstance(value, dict):
-        return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value

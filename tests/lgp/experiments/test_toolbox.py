@@ -12,7 +12,7 @@ import pytest
 import lgp
 from lgp.collision.distances import Collisions
 from lgp.experiments import published
-from lgp.experiments.toolbox import CONDITIONS, Condition, _plain, _summary, scores_of
+from lgp.experiments.toolbox import CONDITIONS, Condition, _summary, scores_of
 from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST, heaviest, order_of, parts_of
 from lgp.experiments.toolbox_report import write_page
 from lgp.kinematics.modes import ModeSequence
@@ -22,6 +22,7 @@ from lgp.path.bounds import PathBounds
 from lgp.path.cache import WarmStartCache
 from lgp.path.phases import Phases
 from lgp.planner import parse_sequence, task_of
+from reba.files import plain_data
 from tests.support.lgp_worlds import needs_robots
 
 pytestmark = pytest.mark.slow
@@ -142,7 +143,7 @@ def test_the_page_shows_both_sequences(tmp_path: Path) -> None:
         "conditions": {name: _summary(name, one, scene) for name in CONDITIONS},
         "weights": [{"weight": 1.0, "order": order, **parts_of(found)} for order in ORDERS],
     }
-    write_page(tmp_path, _plain(summary), dict.fromkeys(CONDITIONS, found), scene, "lgp experiment toolbox -o DIR")
+    write_page(tmp_path, plain_data(summary), dict.fromkeys(CONDITIONS, found), scene, "lgp experiment toolbox -o DIR")
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
     words = re.sub(r"<[^>]+>", " ", html)
     assert "handover(2, baxter.left, handle, human.right_hand)" in words
