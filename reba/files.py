@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and the one conversion to JSON.
+"""Atomic writes, and the one conversion to JSON.
 
 JSON text is strict: NumPy scalars and arrays as numbers and lists, NaN and infinity as null.
 """
@@ -52,7 +52,7 @@ def plain_data(value: Any, non_finite: NonFinite = "null") -> Any:
 
 
 def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
-    """Call `write` with a temporary path beside `path` and rename it when it is whole.
+    """Call `write` with a temporary path beside `path` and rename the complete file.
 
     Raises:
         RebaError: the place cannot be written to.

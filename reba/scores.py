@@ -39,7 +39,7 @@ from reba.posture.table import PostureTable, angles_of, table_of
 
 @dataclass(frozen=True)
 class Scores(ScoreTable):
-    """Scores of one recording, and what can be asked of them; attributes as of `ScoreTable`."""
+    """Scores of one recording with their summary, worksheets and improvements; attributes as of `ScoreTable`."""
 
     def summary(self) -> dict[str, Any]:
         """Return exposure over the recording as plain data, as in `reba score --json`."""
@@ -68,8 +68,8 @@ def score(
         postures: what `reba.read` returns, or any DataFrame with columns of the posture table (absent columns are
             not measured; without `time` frames are numbered by seconds).
         rules: preset, TOML file or record.
-        activity: "auto" (from the movement), "none", or a comma list of static, repeated, unstable for the whole
-            recording. A kind given as a factor or as a column replaces what the movement says.
+        activity: "auto" (from the movement), "none", or a comma list of static, repeated, unstable for the
+            recording. A kind given as a factor or as a column replaces the one detected.
         missing: what stands for scores left open by unmeasured angles, see `score_array`.
         **factors: load [kg], shock, coupling (or coupling_left, ...), support, arm_supported, static, ...: one value
             or one per frame; they replace columns of the same name.
@@ -87,13 +87,13 @@ def score(
     angles = angles_of(table.data)
     refuse_infinite(angles)
     columns = {name: table.data[name].to_numpy() for name in (*FACTORS, *BOTH_SIDES) if name in table.data}
-    given = expand_sides(columns)
-    given |= expand_sides({name: value for name, value in factors.items() if value is not None})
-    used = checked(Factors.of(given), len(table.data))
+    named = expand_sides(columns)
+    named |= expand_sides({name: value for name, value in factors.items() if value is not None})
+    used = checked(Factors.of(named), len(table.data))
     kinds, causes = _activity(table.data, angles, used, activity, chosen)
-    open_kinds = [kind for kind in ACTIVITIES if kind not in given]
+    open_kinds = [kind for kind in ACTIVITIES if kind not in named]
     used = dataclasses.replace(used, **{kind: kinds[kind] for kind in open_kinds})
-    assumed = [text for name, text in ASSUMED.items() if name not in given]
+    assumed = [text for name, text in ASSUMED.items() if name not in named]
     assumed += [ASSUMED_ACTIVITY] if activity == "auto" and open_kinds else []
     arrays = score_angles(angles, used, chosen, missing)
     scored: dict[str, Any] = {"time": table.data["time"].to_numpy(np.float64)}
@@ -115,11 +115,11 @@ def score(
 def _activity(
     data: pd.DataFrame, angles: Array, used: Factors, activity: str, rules: Rules
 ) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
-    """Return each kind of activity as the caller wants it found, and what caused it in the movement."""
+    """Return each kind of activity, detected or named by the caller, and its causes in the movement."""
     if activity == "auto":
         walking = np.broadcast_to(used.support, len(data)) == SUPPORTS[2]
-        found = activity_.detect(data["time"].to_numpy(np.float64), angles, rules, walking)
-        return {kind: getattr(found, kind) for kind in ACTIVITIES}, found.causes
+        detected = activity_.detect(data["time"].to_numpy(np.float64), angles, rules, walking)
+        return {kind: getattr(detected, kind) for kind in ACTIVITIES}, detected.causes
     return {**named_activity(activity)}, {}
 
 

@@ -40,8 +40,8 @@ class FactorPoints:
 
     def rows(self, start: int, stop: int) -> FactorPoints:
         """Return the points of frames start to stop."""
-        given = (getattr(self, field.name) for field in fields(self))
-        return FactorPoints(*(one if one.shape[-1] == 1 else one[..., start:stop] for one in given))
+        arrays = (getattr(self, field.name) for field in fields(self))
+        return FactorPoints(*(one if one.shape[-1] == 1 else one[..., start:stop] for one in arrays))
 
 
 def points(factors: Factors, rules: Rules, n: int) -> FactorPoints:

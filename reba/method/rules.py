@@ -53,12 +53,12 @@ class Rules:
         two_sides: which arm gives the total: "worse" (both are always scored), "left" or "right".
         seated_knees: whether bent knees add points while sitting; printed "not for sitting" [H2005].
         walking_legs: leg score while walking; printed with bilateral weight bearing, 1.
-        coupling_without_load: whether coupling counts while nothing is held (load 0).
+        coupling_without_load: whether coupling counts with empty hands (load 0).
         static_seconds, static_range: a part is static while all its angles stay within a band of `static_range`
             degrees for longer than `static_seconds`.
         repeated_per_minute, repeated_min, repeated_max: a part's action is repeated while it makes more than
             `repeated_per_minute` back-and-forth movements of `repeated_min` to `repeated_max` degrees in a minute.
-        gait_per_minute: strides a minute (alternating knees) from which a stretch is walking, never "repeated".
+        gait_per_minute: strides a minute (alternating knees) from which an interval is walking, never "repeated".
         rapid_range, rapid_seconds: a change of more than `rapid_range` degrees within `rapid_seconds` is a rapid
             large range change in posture.
 
@@ -127,18 +127,18 @@ class Rules:
             RulesError: the file cannot be read, a field is unknown or a value out of range.
         """
         try:
-            given = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            fields = tomllib.loads(Path(path).read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError) as error:
             why = getattr(error, "strerror", None) or error
             raise RulesError(f"{path}: cannot be read as rules ({why}); give a TOML file or a preset") from error
         except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and deep nesting
             raise RulesError(f"{path}: not TOML ({error})") from error
-        preset = given.pop("preset", "measured")
+        preset = fields.pop("preset", "measured")
         if str(preset) not in PRESETS:
             raise RulesError(f"{path}: preset {preset!r} is unknown; use one of {', '.join(PRESETS)}")
         base = dataclasses.asdict(PRESETS[preset])
         try:
-            return _build({**base, "name": Path(path).stem, **given}, str(path))
+            return _build({**base, "name": Path(path).stem, **fields}, str(path))
         except RulesError as error:
             text = str(error)
             raise RulesError(text if text.startswith(str(path)) else f"{path}: {text}") from error

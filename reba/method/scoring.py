@@ -143,7 +143,7 @@ def score_angles(
     chosen = rules_of(rules)
     if missing not in MISSING:
         raise PostureError(f"missing is {missing!r}; expected one of {', '.join(MISSING)}")
-    given = points(Factors.of(factors), chosen, len(table))
+    factor_points = points(Factors.of(factors), chosen, len(table))
     out = np.empty((len(SCORE_COLUMNS), len(table)), np.uint8)
     columns = np.empty((len(COLUMNS), CHUNK))
     for start in range(0, len(table), CHUNK):
@@ -158,23 +158,23 @@ def score_angles(
         if not complete and max(np.fmax.reduce(block, axis=None), -np.fmin.reduce(block, axis=None)) > limit:
             refuse_infinite(block.T, start)
             refuse_large(block.T, start)
-        _score_block(block, complete, given.rows(start, stop), chosen, missing, out[:, start:stop], start)
+        _score_block(block, complete, factor_points.rows(start, stop), chosen, missing, out[:, start:stop], start)
     return ScoreArrays(*out)
 
 
 def _score_block(
     block: Array,
     complete: bool,
-    given: FactorPoints,
-    chosen: Rules,
+    factor_points: FactorPoints,
+    rules: Rules,
     missing: Missing,
     out: Scores8,
     start: int,
 ) -> None:
-    if chosen.upper_arm_reference == "gravity":
+    if rules.upper_arm_reference == "gravity":
         against_gravity(block)
     if complete:
-        _evaluate(block, given, chosen, out)
+        _evaluate(block, factor_points, rules, out)
         out[_ROW["reba_low"]] = out[_ROW["reba_high"]] = out[_ROW["reba"]]
         return
     unmeasured = np.isnan(block)
@@ -185,9 +185,9 @@ def _score_block(
         )
     high = np.empty_like(out)
     _fill(block, unmeasured, _BEST)
-    _evaluate(block, given, chosen, out)
+    _evaluate(block, factor_points, rules, out)
     _fill(block, unmeasured, _WORST)
-    _evaluate(block, given, chosen, high)
+    _evaluate(block, factor_points, rules, high)
     out[_ROW["reba_low"]] = out[_ROW["reba"]]
     out[_ROW["reba_high"]] = high[_ROW["reba"]]
     ends = len(_RANGED)
@@ -203,21 +203,21 @@ def _fill(block: Array, unmeasured: Flags, ends: Array) -> None:
         np.copyto(block[column], ends[column], where=unmeasured[column])
 
 
-def _evaluate(c: Array, given: FactorPoints, chosen: Rules, out: Scores8) -> None:
+def _evaluate(c: Array, factor_points: FactorPoints, rules: Rules, out: Scores8) -> None:
     """Score one block of fully known columns c (22, m) into the rows of `out`.
 
     Left and right stand beside each other in `c` and `out`, so that both arms are scored as one (2, m) array.
     """
     score_a, score_b, sides = out[_ROW["score_a"]], _both(out, "score_b"), _both(out, "reba")
-    out[_ROW["activity"]] = given.activity
-    steps = part_steps(chosen)
-    _group_a(c, given, steps, out, score_a)
-    _group_b(c, given, steps, out, score_b)
-    np.add(_C.take(score_a * _C_STRIDES[0] + score_b - _C_FIRST), given.activity, out=sides)
-    if chosen.two_sides == "worse":
+    out[_ROW["activity"]] = factor_points.activity
+    steps = part_steps(rules)
+    _group_a(c, factor_points, steps, out, score_a)
+    _group_b(c, factor_points, steps, out, score_b)
+    np.add(_C.take(score_a * _C_STRIDES[0] + score_b - _C_FIRST), factor_points.activity, out=sides)
+    if rules.two_sides == "worse":
         np.maximum(sides[0], sides[1], out=out[_ROW["reba"]])
     else:
-        out[_ROW["reba"]] = sides[SIDES.index(chosen.two_sides)]
+        out[_ROW["reba"]] = sides[SIDES.index(rules.two_sides)]
     out[_ROW["action_level"]] = LEVEL_OF.take(out[_ROW["reba"]])
 
 
@@ -227,29 +227,29 @@ def _both(out: Scores8, name: str) -> Scores8:
     return out[first : first + 2]
 
 
-def _group_a(c: Array, given: FactorPoints, steps: Steps, out: Scores8, score_a: Scores8) -> None:
+def _group_a(c: Array, factor_points: FactorPoints, steps: Steps, out: Scores8, score_a: Scores8) -> None:
     trunk, neck, legs = (out[_ROW[part]] for part in GROUP_A)
     _part_score(c, steps["trunk"], trunk, PART_MAXIMA["trunk"])
     _part_score(c, steps["neck"], neck, PART_MAXIMA["neck"])
     _part_score(c, steps["legs"], legs, PART_MAXIMA["legs"], lowest=0)
-    legs *= given.knees_count
-    legs += given.legs
-    out[_ROW["load_force"]] = given.load_force
+    legs *= factor_points.knees_count
+    legs += factor_points.legs
+    out[_ROW["load_force"]] = factor_points.load_force
     cells = trunk * _A_STRIDES[0] + neck * _A_STRIDES[1] + legs - _A_FIRST
-    np.add(_A.take(cells), given.load_force, out=score_a)
+    np.add(_A.take(cells), factor_points.load_force, out=score_a)
 
 
-def _group_b(c: Array, given: FactorPoints, steps: Steps, out: Scores8, score_b: Scores8) -> None:
+def _group_b(c: Array, factor_points: FactorPoints, steps: Steps, out: Scores8, score_b: Scores8) -> None:
     upper, lower, wrist = (_both(out, part) for part in GROUP_B)
     _part_score(c, steps["upper_arm"], upper, PART_MAXIMA["upper_arm"])
-    if given.arm_supported.any():
+    if factor_points.arm_supported.any():
         # A supported arm takes one off but never below 1: index 0 would wrap to the last row of Table B.
-        upper -= given.arm_supported & (upper > 1)
+        upper -= factor_points.arm_supported & (upper > 1)
     _part_score(c, steps["lower_arm"], lower, PART_MAXIMA["lower_arm"])
     _part_score(c, steps["wrist"], wrist, PART_MAXIMA["wrist"])
-    _both(out, "coupling")[:] = given.coupling
+    _both(out, "coupling")[:] = factor_points.coupling
     cells = upper * _B_STRIDES[0] + lower * _B_STRIDES[1] + wrist - _B_FIRST
-    np.add(_B.take(cells), given.coupling, out=score_b)
+    np.add(_B.take(cells), factor_points.coupling, out=score_b)
 
 
 def _part_score(c: Array, steps: PartSteps, score: Scores8, highest: int, lowest: int = 1) -> None:
@@ -318,34 +318,36 @@ def score_parts(
         >>> score_parts(trunk=4, neck=2, legs=2, load_force=3, upper_arm=4, lower_arm=2, wrist=3, coupling=3)
         PartScores(score_a=9, score_b=10, score_c=12, reba=12, action_level=4)
     """
-    given = {
+    part_scores = {
         "trunk": trunk, "neck": neck, "legs": legs, "upper_arm": upper_arm, "lower_arm": lower_arm, "wrist": wrist,
         "load_force": load_force, "coupling": coupling, "activity": activity,
     }  # fmt: skip
-    p = {name: _whole(name, value) for name, value in given.items()}
+    scores = {name: _integers(name, value) for name, value in part_scores.items()}
     try:
-        np.broadcast_shapes(*(scores.shape for scores in p.values()))
+        np.broadcast_shapes(*(values.shape for values in scores.values()))
     except ValueError as error:
-        shapes = ", ".join(f"{name} {scores.shape}" for name, scores in p.items() if scores.ndim)
+        shapes = ", ".join(f"{name} {values.shape}" for name, values in scores.items() if values.ndim)
         raise PostureError(f"part scores do not fit together: {shapes}; expected scalars or equal lengths") from error
-    score_a = TABLE_A[p["trunk"] - 1, p["neck"] - 1, p["legs"] - 1].astype(int) + p["load_force"]
-    score_b = TABLE_B[p["upper_arm"] - 1, p["lower_arm"] - 1, p["wrist"] - 1].astype(int) + p["coupling"]
+    score_a = TABLE_A[scores["trunk"] - 1, scores["neck"] - 1, scores["legs"] - 1].astype(int) + scores["load_force"]
+    score_b = (
+        TABLE_B[scores["upper_arm"] - 1, scores["lower_arm"] - 1, scores["wrist"] - 1].astype(int) + scores["coupling"]
+    )
     score_c = TABLE_C[score_a - 1, score_b - 1].astype(int)
-    reba = score_c + p["activity"]
+    reba = score_c + scores["activity"]
     results = (score_a, score_b, score_c, reba, LEVEL_OF[reba].astype(int))
     return PartScores(*(int(value) if np.ndim(value) == 0 else value for value in results))
 
 
-def _whole(name: str, value: ArrayLike) -> NDArray[np.int64]:
+def _integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
     lowest = 0 if name in ("load_force", "coupling", "activity") else 1
     highest = PART_MAXIMA[name]
-    scores = np.asarray(value)
+    values = np.asarray(value)
     try:
         with np.errstate(invalid="ignore"):  # NaN and infinity become some integer, which the comparison refuses
-            whole = scores.astype(np.int64)
-        fits = bool(np.all((whole == scores) & (whole >= lowest) & (whole <= highest)))
+            integers = values.astype(np.int64)
+        fits = bool(np.all((integers == values) & (integers >= lowest) & (integers <= highest)))
     except (TypeError, ValueError, OverflowError):
         fits = False
     if not fits:
         raise PostureError(f"{name} score is {value!r}; expected whole numbers from {lowest} to {highest}")
-    return whole
+    return integers

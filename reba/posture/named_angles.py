@@ -1,4 +1,4 @@
-"""Angles of named data or arrays: the one way in for scores, models, pose files and live rows.
+"""Angles from named data or arrays: the common entry of scores, models, pose files and live rows.
 
 Data with names are read by name, in whatever order their columns stand; arrays by position. Every entry then makes the
 same checks: numbers, finite, within the reach of a joint, and a warning where degrees look like radians.

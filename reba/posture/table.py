@@ -28,17 +28,17 @@ from reba.posture.named_angles import (
 
 @dataclass(frozen=True)
 class Quality:
-    """How good a recording is: what was read, what was skipped, how regular it is.
+    """Quality of a recording: messages read and skipped, sampling rate, gaps.
 
     Attributes:
         messages: samples or messages seen.
         skipped: of these, not usable.
         first_skipped: where and why the first one was skipped.
-        ended_abnormally: None, or how the recording breaks off.
+        ended_abnormally: None, or how the recording is truncated.
         time_source: where the time column comes from.
         rate: median sampling rate [Hz].
-        gaps: (start, end) [s] of stretches without samples, longer than 0.2 s and five sample periods.
-        warnings: other things a user must know.
+        gaps: (start, end) [s] of intervals without samples, longer than 0.2 s and five sample periods.
+        warnings: other facts that limit the use of the scores.
         sha256: of the file, "" for a folder.
     """
 
@@ -53,12 +53,12 @@ class Quality:
     sha256: str = ""
 
     def notes(self) -> list[str]:
-        """Return what a user must know in one line each: how it breaks off, what was skipped, and the warnings."""
-        found = [f"the recording breaks off: {self.ended_abnormally}"] if self.ended_abnormally else []
+        """Return one line each for the reader of a report: truncated input, skipped messages, then the warnings."""
+        notes = [f"the recording is truncated: {self.ended_abnormally}"] if self.ended_abnormally else []
         if self.skipped:
             first = f", the first: {self.first_skipped}" if self.first_skipped else ""
-            found.append(f"{self.skipped} of {self.messages} messages could not be used{first}")
-        return [*found, *self.warnings]
+            notes.append(f"{self.skipped} of {self.messages} messages could not be used{first}")
+        return [*notes, *self.warnings]
 
 
 @dataclass(frozen=True)

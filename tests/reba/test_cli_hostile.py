@@ -127,10 +127,10 @@ def test_warnings_of_the_reader_stand_in_every_output(tmp_path: Path) -> None:
     path = tmp_path / "odd.csv"
     path.write_text("time,trunk_flexion,neck_flexoin\n0,1,2\n2,1,2\n1,1,2\n3,1")
     (found,) = json.loads(start(["score", path, "--json"]).stdout)["recordings"]
-    assert any("breaks off" in text for text in found["warnings"])
+    assert any("truncated" in text for text in found["warnings"])
     assert any("neck_flexion" in text for text in found["warnings"])
     assert any("sorted" in text for text in found["warnings"])
-    assert "breaks off" in start(["score", path]).stdout
+    assert "truncated" in start(["score", path]).stdout
 
 
 def test_factor_columns_hold_words_codes_and_both_sides(tmp_path: Path) -> None:

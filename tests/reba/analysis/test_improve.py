@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import reba
 from reba.analysis.changes import choices
-from reba.analysis.improve import Improvement, improve_frame, improve_frames, improve_worst, worst_interval
+from reba.analysis.improve import Improvement, improve_frame, improve_frames, worst_interval
 from reba.method.classes import angle_classes
 from reba.method.tables import ACTION_LEVEL_FROM, LEVEL_OF
 from reba.posture.angles import against_gravity
@@ -236,7 +236,7 @@ def test_worst_stretch() -> None:
     scores = reba.score(table(angles), activity="none")
     frames = worst_interval(scores, 60.0)
     assert (frames[0], frames[-1], len(frames)) == (100, 159, 60)
-    for improvement in improve_worst(scores):
+    for improvement in improve_frames(scores, worst_interval(scores)):
         assert rescored(scores, frames, improvement)[0] == improvement.reba_after
     assert worst_interval(scores, 10_000.0).tolist() == list(range(n))
 
