@@ -6,6 +6,7 @@ PostureTable or DataFrame -> angles (n, 22) + factors + activity -> score_array 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -55,7 +56,7 @@ class Scores(ScoreTable):
 
 
 def score(
-    postures: PostureTable | pd.DataFrame,
+    postures: PostureTable | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]],
     *,
     rules: Rules | str | Path = "measured",
     activity: Literal["auto", "none"] | str = "auto",
@@ -65,8 +66,9 @@ def score(
     """Score a recording.
 
     Args:
-        postures: what `reba.read` returns, or any DataFrame with columns of the posture table (absent columns are
-            not measured; without `time` frames are numbered by seconds).
+        postures: what `reba.read` returns, or data with columns of the posture table in any order: a DataFrame, a
+            mapping of columns or a list of rows by name (absent columns are not measured; a name without a side stands
+            for both; without `time` frames are numbered by seconds).
         rules: preset, TOML file or record.
         activity: "auto" (from the movement), "none", or a comma list of static, repeated, unstable for the
             recording. A kind given as a factor or as a column replaces the one detected.
@@ -76,6 +78,9 @@ def score(
 
     Raises:
         PostureError, RulesError: bad angles, factors or rules.
+
+    Warns:
+        RadiansWarning: the angles of data other than a `PostureTable` look like radians.
 
     Example:
         >>> frames = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})

@@ -69,6 +69,17 @@ def test_column_order_and_extra_columns_do_not_matter() -> None:
     pd.testing.assert_frame_equal(reba.score(shuffled).data, reba.score(frame).data)
 
 
+def test_other_data_with_names_are_scored_as_frames() -> None:
+    frame = frame_of()
+    expected = reba.score(frame).data
+    for data in (dict(frame), frame[list(frame.columns[::-1])].to_dict("list"), frame.to_dict("records")):
+        pd.testing.assert_frame_equal(reba.score(data).data, expected)
+    pose = frame.iloc[0].to_dict()
+    assert reba.score(pose, activity="none").data["reba"].tolist() == [
+        reba.score(frame, activity="none").data["reba"][0]
+    ]
+
+
 def test_input_frame_is_not_changed() -> None:
     frame = frame_of()
     before = frame.copy()
