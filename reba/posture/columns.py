@@ -1,6 +1,6 @@
 """The posture table: one row per frame, angles in degrees, NaN = not measured.
 
-Columns, signs and units are public (README, "The posture table"); everything else in the package speaks in them.
+The 22 angles with their names, sides, signs and ends, and the body parts that they belong to.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The posture table: one row per frame, angles in degrees, NaN = not measured.
 
-Columns, signs and units are public (README, "The posture table"); everything else in the package speaks in them.
+`table_of` builds one from a DataFrame or other data with column names; readers build theirs from recordings.
 """
 
 from __future__ import annotations
