@@ -1,7 +1,4 @@
-"""The posture table: one row per frame, angles in degrees, NaN = not measured.
-
-The 22 angles with their names, sides, signs and ends, and the body parts that they belong to.
-"""
+"""The 22 angles of the posture table: names, sides, signs, ends, and the body parts that they belong to."""
 
 from __future__ import annotations
 
