@@ -18,7 +18,6 @@ from reba.arrays import Array
 from reba.batch.parallel import run_parallel
 from reba.batch.worker_pool import WorkerDied
 from reba.posture.columns import COLUMNS, INDEX
-from reba.posture.named_angles import read_angles
 
 
 def evaluate(model: Surrogate, poses: Poses, temperature: float | None = None) -> Evaluation:
@@ -67,7 +66,7 @@ def angles_for(model: Surrogate, poses: Poses) -> Array:
     unknown = [joint for joint in model.joints_ if joint not in INDEX]
     if unknown:
         raise ModelError(f"the model works on {unknown[0]!r}, which posture tables do not hold; evaluate it in Python")
-    return read_angles(poses, model.joints_, absent="refuse", error=ModelError)[0]
+    return poses.angles[:, [INDEX[joint] for joint in model.joints_]]
 
 
 def fit_to(model: Surrogate, train: Poses, held_out: Poses, sample_weight: Array | None = None, **notes: Any) -> None:
@@ -82,7 +81,7 @@ def fit_to(model: Surrogate, train: Poses, held_out: Poses, sample_weight: Array
     """
 
     chosen = model.get_params(deep=False).get("joints")
-    angles = train.angles if chosen is None else read_angles(train, chosen, absent="refuse", error=ModelError)[0]
+    angles = train.angles if chosen is None else train.angles[:, [INDEX[joint] for joint in chosen]]
     model.fit(angles, train.reba, sample_weight=sample_weight, factors=train.factors)
     found = evaluate(model, held_out)
     provenance = {**model.about_.provenance, "train": _brief(train), "held_out": _brief(held_out)}
