@@ -21,17 +21,13 @@ from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
-from reba.posture.columns import ANGLES, COLUMNS
+from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF
 from reba.toml_table import TomlTable
 
 DOMAINS: Final = ("human", "human_description", "paper")
 """Names of the shipped domains."""
 LOAD: Final = (0.0, 20.0)
 """[kg] Range of drawn loads by default: all three load classes of REBA, and up to twice the last edge of 10 kg."""
-COLUMNS_OF: Final = {angle.name: angle.columns for angle in ANGLES}
-"""Columns of each angle by its name without a side."""
-BEST: Final = {column: angle.best for angle in ANGLES for column in angle.columns}
-"""[deg] Angle of the lowest score (neutral) of each column."""
 
 
 class Bins(NamedTuple):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from reba.errors import RebaError
+from reba.errors import RadiansWarning, RebaError
+
+__all__ = ["DomainError", "ModelError", "RadiansWarning", "SampleError"]
 
 
 class ModelError(RebaError):
@@ -15,7 +17,3 @@ class DomainError(RebaError):
 
 class SampleError(RebaError):
     """Poses cannot be drawn, saved or loaded with these arguments."""
-
-
-class RadiansWarning(UserWarning):
-    """Angles look like radians where degrees are expected."""

@@ -14,9 +14,9 @@ from lgp.errors import LgpError
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
-from reba.files import as_json
+from reba.files import as_json, plain_data
 from reba.method.rules import Rules
-from reba.method.scoring import ScoreArrays, score_array
+from reba.method.scoring import ScoreArrays, score_angles
 from reba.posture.columns import COLUMNS
 
 
@@ -81,7 +81,7 @@ class Plan:
         """
         if not len(self.posture):
             return None
-        return score_array(self.posture, {"load": self.carried}, rules)
+        return score_angles(self.posture, {"load": self.carried}, rules)
 
     def summary(self) -> dict[str, Any]:
         """Return status, actions, costs, scores and residuals as plain data, as in `lgp plan --json`."""
@@ -100,10 +100,7 @@ class Plan:
             "cost": self.costs or {"total": None, "acceleration": None, "ergonomics": None},
             "reba": reba,
             "residuals": self.residuals or {"equality": None, "inequality": None},
-            "search": {
-                name: None if isinstance(value, float) and not math.isfinite(value) else value
-                for name, value in self.search.items()
-            },
+            "search": plain_data(self.search),
             "solver": self.solver,
         }
 

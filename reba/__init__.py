@@ -13,12 +13,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from reba._version import __version__
-from reba.errors import PostureError, ProfileError, ReadError, RebaError, RulesError
+from reba.errors import PostureError, ProfileError, RadiansWarning, ReadError, RebaError, RulesError
 from reba.method.rules import PRESETS, Rules
 from reba.method.scoring import PartScores, ScoreArrays, score_array, score_parts
 from reba.method.tables import ACTION_LEVELS, TABLE_A, TABLE_B, TABLE_C
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import Factors
+from reba.posture.named_angles import angle_table
 from reba.posture.table import PostureTable, Quality
 from reba.scores import Scores, score
 
@@ -40,6 +41,7 @@ __all__ = [
     "PostureTable",
     "ProfileError",
     "Quality",
+    "RadiansWarning",
     "ReadError",
     "RebaError",
     "Rules",
@@ -47,6 +49,7 @@ __all__ = [
     "ScoreArrays",
     "Scores",
     "__version__",
+    "angle_table",
     "read",
     "score",
     "score_array",

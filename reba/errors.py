@@ -1,4 +1,4 @@
-"""One family of errors: what was given, what was expected, what to do next.
+"""The errors of all packages: each message has the input, the expected value and the next step.
 
 Every error the package raises on purpose is a `RebaError`, which is also a `ValueError`; its text is one line that
 the command line prints as it is.
@@ -17,7 +17,7 @@ LONGEST: Final = 2000
 
 
 class RebaError(ValueError):
-    """Base of every error that this package raises on purpose; its text is one line of printable characters.
+    r"""Base of every error that this package raises on purpose; its text is one line of printable characters.
 
     >>> str(RebaError("row 3\n is \x1b[31mred"))
     'row 3 is \\x1b[31mred'
@@ -59,12 +59,16 @@ class ReadError(RebaError):
         return (_read_error, (self.path, self.what, self.hint, self.offset))
 
 
+class RadiansWarning(UserWarning):
+    """Angles look like radians where degrees are expected."""
+
+
 def _read_error(path: str, what: str, hint: str, offset: int | None) -> ReadError:
     return ReadError(path, what, hint=hint, offset=offset)
 
 
 def _one_line(text: str) -> str:
-    # Names and values of damaged files end up in messages, with whatever they hold.
+    # Names and values of damaged files end up in messages, control characters included.
     if len(text) > LONGEST:
         text = f"{text[: LONGEST - 600]} ... {text[-500:]}"
     if text.isprintable():

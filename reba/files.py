@@ -1,4 +1,7 @@
-"""Plain data as strict JSON text: NumPy scalars as numbers, what is no number (NaN, infinity) as null."""
+"""Atomic writes, and the one conversion to JSON.
+
+JSON text is strict: NumPy scalars and arrays as numbers and lists, NaN and infinity as null.
+"""
 
 from __future__ import annotations
 
@@ -9,36 +12,47 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from reba.errors import RebaError
 
+NonFinite = Literal["null", "refuse"]
 
-def as_json(value: Any, *, indent: int | None = None) -> str:
-    """Return plain data as JSON that every reader takes.
 
-    >>> as_json({"rate": float("nan"), "frames": np.int64(1)})
-    '{"rate": null, "frames": 1}'
+def as_json(value: Any, *, indent: int | None = None, non_finite: NonFinite = "null") -> str:
+    """Return data as strict JSON text.
+
+    Args:
+        value: mappings, lists, tuples, NumPy scalars and arrays, numbers, texts, None.
+        indent: of each level; None for one line.
+        non_finite: "null": NaN and infinity become null; "refuse": they are an error.
+
+    Raises:
+        TypeError, ValueError: an object that JSON does not have, or NaN or infinity that are refused.
+
+    >>> as_json({"rate": float("nan"), "frames": np.int64(1), "up": np.array([0.0, 1.0])})
+    '{"rate": null, "frames": 1, "up": [0.0, 1.0]}'
     """
-    return json.dumps(_plain(value), indent=indent, allow_nan=False)
+    return json.dumps(plain_data(value, non_finite), indent=indent, allow_nan=False)
 
 
-def _plain(value: Any) -> Any:
+def plain_data(value: Any, non_finite: NonFinite = "null") -> Any:
+    """Return data as the dicts, lists, numbers and texts that JSON has; arguments as in `as_json`."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain_data(item, non_finite) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain_data(item, non_finite) for item in value]
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
+        return plain_data(value.tolist(), non_finite)
+    if non_finite == "null" and isinstance(value, float) and not math.isfinite(value):
         return None
     return value
 
 
 def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
-    """Call `write` with a temporary path beside `path` and rename it when it is whole.
+    """Call `write` with a temporary path beside `path` and rename the complete file.
 
     Raises:
         RebaError: the place cannot be written to.

@@ -6,6 +6,7 @@ PostureTable or DataFrame -> angles (n, 22) + factors + activity -> score_array 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -21,7 +22,7 @@ from reba.analysis.worksheet import Worksheet, worksheet
 from reba.arrays import Array
 from reba.errors import PostureError
 from reba.method.rules import Rules, rules_of
-from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, Missing, score_array
+from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, Missing, score_angles
 from reba.posture.factors import (
     ACTIVITIES,
     ASSUMED,
@@ -33,12 +34,13 @@ from reba.posture.factors import (
     checked,
     expand_sides,
 )
-from reba.posture.table import PostureTable, angles_of, refuse_infinite, table_of
+from reba.posture.named_angles import refuse_infinite
+from reba.posture.table import PostureTable, angles_of, table_of
 
 
 @dataclass(frozen=True)
 class Scores(ScoreTable):
-    """Scores of one recording, and what can be asked of them; attributes as of `ScoreTable`."""
+    """Scores of one recording with their summary, worksheets and improvements; attributes as of `ScoreTable`."""
 
     def summary(self) -> dict[str, Any]:
         """Return exposure over the recording as plain data, as in `reba score --json`."""
@@ -54,7 +56,7 @@ class Scores(ScoreTable):
 
 
 def score(
-    postures: PostureTable | pd.DataFrame,
+    postures: PostureTable | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]],
     *,
     rules: Rules | str | Path = "measured",
     activity: Literal["auto", "none"] | str = "auto",
@@ -64,17 +66,21 @@ def score(
     """Score a recording.
 
     Args:
-        postures: what `reba.read` returns, or any DataFrame with columns of the posture table (absent columns are
-            not measured; without `time` frames are numbered by seconds).
+        postures: what `reba.read` returns, or data with columns of the posture table in any order: a DataFrame, a
+            mapping of columns or a list of rows by name (absent columns are not measured; a name without a side stands
+            for both; without `time` frames are numbered by seconds).
         rules: preset, TOML file or record.
-        activity: "auto" (from the movement), "none", or a comma list of static, repeated, unstable for the whole
-            recording. A kind given as a factor or as a column replaces what the movement says.
+        activity: "auto" (from the movement), "none", or a comma list of static, repeated, unstable for the
+            recording. A kind given as a factor or as a column replaces the one detected.
         missing: what stands for scores left open by unmeasured angles, see `score_array`.
         **factors: load [kg], shock, coupling (or coupling_left, ...), support, arm_supported, static, ...: one value
             or one per frame; they replace columns of the same name.
 
     Raises:
         PostureError, RulesError: bad angles, factors or rules.
+
+    Warns:
+        RadiansWarning: the angles of data other than a `PostureTable` look like radians.
 
     Example:
         >>> frames = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})
@@ -86,15 +92,15 @@ def score(
     angles = angles_of(table.data)
     refuse_infinite(angles)
     columns = {name: table.data[name].to_numpy() for name in (*FACTORS, *BOTH_SIDES) if name in table.data}
-    given = expand_sides(columns)
-    given |= expand_sides({name: value for name, value in factors.items() if value is not None})
-    used = checked(Factors.of(given), len(table.data))
+    named = expand_sides(columns)
+    named |= expand_sides({name: value for name, value in factors.items() if value is not None})
+    used = checked(Factors.of(named), len(table.data))
     kinds, causes = _activity(table.data, angles, used, activity, chosen)
-    open_kinds = [kind for kind in ACTIVITIES if kind not in given]
+    open_kinds = [kind for kind in ACTIVITIES if kind not in named]
     used = dataclasses.replace(used, **{kind: kinds[kind] for kind in open_kinds})
-    assumed = [text for name, text in ASSUMED.items() if name not in given]
+    assumed = [text for name, text in ASSUMED.items() if name not in named]
     assumed += [ASSUMED_ACTIVITY] if activity == "auto" and open_kinds else []
-    arrays = score_array(angles, used, chosen, missing)
+    arrays = score_angles(angles, used, chosen, missing)
     scored: dict[str, Any] = {"time": table.data["time"].to_numpy(np.float64)}
     for name in SCORE_COLUMNS:
         values = arrays[name]
@@ -114,11 +120,11 @@ def score(
 def _activity(
     data: pd.DataFrame, angles: Array, used: Factors, activity: str, rules: Rules
 ) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
-    """Return each kind of activity as the caller wants it found, and what caused it in the movement."""
+    """Return each kind of activity, detected or named by the caller, and its causes in the movement."""
     if activity == "auto":
         walking = np.broadcast_to(used.support, len(data)) == SUPPORTS[2]
-        found = activity_.detect(data["time"].to_numpy(np.float64), angles, rules, walking)
-        return {kind: getattr(found, kind) for kind in ACTIVITIES}, found.causes
+        detected = activity_.detect(data["time"].to_numpy(np.float64), angles, rules, walking)
+        return {kind: getattr(detected, kind) for kind in ACTIVITIES}, detected.causes
     return {**named_activity(activity)}, {}
 
 

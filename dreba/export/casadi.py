@@ -14,7 +14,7 @@ from dreba.surrogates.graduated import GraduatedModel
 from dreba.surrogates.quadratic import QuadraticModel
 from dreba.surrogates.soft import SoftModel
 from dreba.surrogates.soft_steps import GROUPS, PAIRED, ROWS, SINGLE
-from reba.method.rules import LOAD_EDGES
+from reba.method.rules import load_points
 from reba.posture.columns import COLUMNS, INDEX
 
 
@@ -30,7 +30,7 @@ def casadi_function(model: Surrogate, *, temperature: float | None = None, name:
         raise ModelError("CasADi is not installed; run: pip install casadi") from error
     angles = casadi.SX.sym("angles", len(model.joints_))
     load, coupling, activity = casadi.SX.sym("load"), casadi.SX.sym("coupling", 2), casadi.SX.sym("activity")
-    points = (load >= LOAD_EDGES[0]) + (load > LOAD_EDGES[1])
+    points = load_points(load)
     soft = model.soft_ if isinstance(model, GraduatedModel) else model
     if isinstance(model, QuadraticModel):
         payload = points if model.payload == "tree" else load / float(model.omega_load)

@@ -18,17 +18,15 @@ from dreba.domain import Domain
 from reba.arrays import Array
 from reba.method.classes import AngleClasses, angle_classes
 from reba.method.factor_points import FactorPoints, points
-from reba.method.scoring import score_array, score_parts
+from reba.method.scoring import score_angles, score_parts
 from reba.method.tables import PART_MAXIMA
-from reba.posture.columns import INDEX, SIDES
+from reba.posture.columns import GROUP_A, GROUP_B, INDEX, SIDES
 from reba.posture.factors import Factors
 
 Integers = NDArray[np.int64]
 Weights = Literal["bins", "volume", "cells"]
 WEIGHTS: Final = ("bins", "volume", "cells")
-"""Probability of class boxes before conditioning on the REBA class, see `dreba.sampling.sample`."""
-GROUP_A: Final = ("trunk", "neck", "legs")
-GROUP_B: Final = ("upper_arm", "lower_arm", "wrist")
+"""Probability of class boxes before conditioning on the REBA class, see `dreba.sample`."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ def _score(
         worst = np.max([angle_points[column] for column in classes.columns], axis=0).astype(np.int64)
         groups[classes.adjusts] = np.maximum(groups.get(classes.adjusts, worst), worst)
     if part == "legs":
-        return np.asarray(factors.legs + factors.knees_count * groups["knees"], np.int64)
+        return np.asarray(factors.legs + factors.knees_count * sum(groups.values()), np.int64)
     score = np.sum(list(groups.values()), axis=0)
     name, _, side = part.rpartition("_")
     if name == "upper_arm":
@@ -117,7 +115,7 @@ def _score(
 def true_scores(domain: Domain, angles: Array, factors: Factors | None) -> NDArray[np.uint8]:
     """Return the true REBA (n,) of poses (n, 22) [deg]: exact under the rules of the domain, or from its bins."""
     if not domain.bins:
-        return score_array(angles, factors, domain.rules).reba
+        return score_angles(angles, factors, domain.rules).reba
     factor_points = points(Factors.of(factors), domain.rules, len(angles))
     known = angle_classes(domain.rules)
     angle_points = {}

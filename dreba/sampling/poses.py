@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 import reba
-from dreba.domain import BEST, COLUMNS_OF, Domain
+from dreba.domain import Domain
 from dreba.errors import SampleError
 from dreba.sampling.classes import true_scores
 from dreba.surrogates.task_factors import TaskFactors, task_factors_of
-from dreba.surrogates.validation import LARGEST
 from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
 from reba.files import write_atomic
-from reba.posture.columns import COLUMNS, INDEX
+from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, INDEX
 from reba.posture.factors import FACTORS, Factors
+from reba.posture.named_angles import LARGEST, read_angles
 
 METADATA: Final = b"dreba"
 """Metadata key of the provenance in a Parquet file."""
@@ -125,7 +125,7 @@ class Poses:
                 )
             data = table.to_pandas()
             factors = Factors(**{name: data[name].to_numpy() for name in FACTORS}) if "load" in data else None
-            angles = data[list(COLUMNS)].to_numpy(np.float64)
+            angles, _ = read_angles(data, COLUMNS, absent="refuse")
             return Poses(angles, data["reba"].to_numpy(np.uint8), factors, json.loads(note))
         except SampleError:
             raise

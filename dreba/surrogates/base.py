@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self, Unpack
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
@@ -24,14 +25,13 @@ from dreba.surrogates.task_factors import DEFAULT_FACTORS, TaskFactorArguments, 
 from dreba.surrogates.validation import (
     Allowed,
     check_parameters,
-    check_size,
     checked_joints,
-    checked_poses,
     checked_weights,
-    warn_if_radians,
 )
 from reba._version import __version__
 from reba.arrays import Array
+from reba.posture.columns import COLUMNS
+from reba.posture.named_angles import check_angles, named_columns, read_angles, warn_if_radians
 
 
 class Surrogate(RegressorMixin, BaseEstimator):
@@ -92,13 +92,13 @@ class Surrogate(RegressorMixin, BaseEstimator):
         """
         check_parameters(self.allowed, self.get_params(deep=False))
         try:
-            poses, scores = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
+            poses, scores = validate_data(self, self._named(X), y, dtype=np.float64, y_numeric=True)
         except ValueError as error:
             raise ModelError(" ".join(str(error).split())) from error
         scores = np.asarray(scores, np.float64)
         weights = checked_weights(sample_weight, len(scores))
         self.joints_ = self._joints(poses.shape[1])
-        check_size(poses, self.joints_)
+        check_angles(poses, self.joints_, complete=True, error=ModelError)
         warn_if_radians(poses, self.joints_)
         self._fit(poses, scores, weights, task_factors_of(factors, len(scores)))
         self.about_ = ModelInfo(provenance={"poses": len(scores), "version": __version__})
@@ -114,10 +114,15 @@ class Surrogate(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self, "joints_")
         try:
-            poses = validate_data(self, X, dtype=np.float64, reset=False)
+            if set(self.joints_) <= set(COLUMNS) and named_columns(X) is not None:
+                poses, _ = read_angles(X, self.joints_, absent="refuse", error=ModelError)
+            else:
+                poses = validate_data(self, X, dtype=np.float64, reset=False)
+        except ModelError:
+            raise
         except ValueError as error:
             raise ModelError(" ".join(str(error).split())) from error
-        check_size(poses, self.joints_)
+        check_angles(poses, self.joints_, complete=True, error=ModelError)
         warn_if_radians(poses, self.joints_)
         return self._value(poses, DEFAULT_FACTORS)
 
@@ -243,7 +248,21 @@ class Surrogate(RegressorMixin, BaseEstimator):
         """Return checked angles (n, d) [deg] and whether they are a single pose (d,)."""
         if not hasattr(self, "joints_"):
             check_is_fitted(self, "joints_")
-        return checked_poses(angles, self.joints_)
+        poses, single = read_angles(angles, self.joints_, absent="refuse", error=ModelError)
+        check_angles(poses, self.joints_, complete=True, error=ModelError)
+        return poses, single
+
+    def _named(self, X: Any) -> Any:
+        """Return poses to learn from, of named data those of the parameter `joints` as a table in its order."""
+        joints = self.get_params(deep=False).get("joints")
+        if joints is None and isinstance(X, pd.DataFrame):
+            return X
+        named = named_columns(X)
+        if named is None:
+            return X
+        names = [name for name in named if name in COLUMNS] if joints is None else list(joints)
+        angles, _ = read_angles(named, names, absent="refuse", error=ModelError)
+        return pd.DataFrame(angles, columns=names)
 
     def _joints(self, columns: int) -> tuple[str, ...]:
         """Return the column names: the parameter `joints`, those of the table X, or those of the posture table."""

@@ -7,15 +7,14 @@ from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from dreba.domain import BEST
 from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
 from dreba.surrogates.task_factors import TaskFactors
 from dreba.surrogates.validation import COUNT, POSITIVE, Allowed, check_sample_count
 from reba.arrays import Array, Indices
-from reba.method.rules import LOAD_EDGES
-from reba.posture.columns import ANGLES
+from reba.method.rules import load_points
+from reba.posture.columns import ANGLES, BEST
 from reba.posture.factors import load_kg
 
 _SIGNED = ("trunk_side_bend", "trunk_twist", "neck_side_bend", "neck_twist")
@@ -218,5 +217,5 @@ def _profiles(joints: tuple[str, ...]) -> Indices:
 def _points(given: TaskFactors, n: int) -> tuple[Array, Array]:
     """Return load points and the worse coupling."""
     load = load_kg(given.load, n)
-    points = (load >= LOAD_EDGES[0]).astype(float) + (load > LOAD_EDGES[1])
+    points = load_points(load).astype(float)
     return points, np.maximum(*(np.asarray(side, np.float64) for side in given.coupling))

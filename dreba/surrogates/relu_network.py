@@ -19,7 +19,7 @@ from dreba.surrogates.registry import register
 from dreba.surrogates.task_factors import TaskFactors
 from dreba.surrogates.validation import COUNT, COUNTS, SEED, Allowed, check_sample_count
 from reba.arrays import Array
-from reba.method.rules import LOAD_EDGES
+from reba.method.rules import load_points
 from reba.posture.factors import load_kg
 
 
@@ -126,6 +126,6 @@ class NetModel(Surrogate):
 def _points(given: TaskFactors, n: int) -> tuple[Array, Array, Array]:
     """Return load points, left and right coupling, each (n,)."""
     load = load_kg(given.load, n)
-    points = (load >= LOAD_EDGES[0]).astype(float) + (load > LOAD_EDGES[1])
+    points = load_points(load).astype(float)
     left, right = (np.broadcast_to(np.asarray(side, np.float64), n) for side in given.coupling)
     return np.broadcast_to(points, n), left, right

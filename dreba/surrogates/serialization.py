@@ -10,14 +10,12 @@ import json
 from pathlib import Path
 from typing import Any, ClassVar, Final, Protocol
 
-import numpy as np
-
 from dreba.domain import Domain
 from dreba.errors import ModelError
 from dreba.surrogates.registry import KINDS, ModelInfo
 from dreba.surrogates.validation import check_parameters
 from reba.errors import RebaError, did_you_mean
-from reba.files import write_atomic, write_text
+from reba.files import as_json, write_atomic, write_text
 from reba.posture.columns import COLUMNS
 
 FORMAT: Final = "dreba-model"
@@ -61,19 +59,21 @@ def to_dict(model: Serialisable) -> dict[str, Any]:
     """
     if not hasattr(model, "joints_"):
         raise ModelError(f"this {type(model).__name__} is not fitted; call fit first")
+    # Of a domain the name is enough here: what was learned does not need it, and `about_` keeps it whole.
+    options = {name: v.name if isinstance(v, Domain) else v for name, v in model.get_params(deep=False).items()}
     data = {
         "format": FORMAT,
         "version": VERSION,
         "kind": model.kind,
         "joints": {"names": list(model.joints_), "unit": "deg"},
-        "parameters": {"options": model.get_params(deep=False), "learned": model._state()},
+        "parameters": {"options": options, "learned": model._state()},
         "payload": model._payload(),
         "domain": model.about_.domain,
         "rmse": model.about_.rmse,
         "provenance": model.about_.provenance,
     }
     try:
-        plain: dict[str, Any] = json.loads(json.dumps(data, default=_plain, allow_nan=False))
+        plain: dict[str, Any] = json.loads(as_json(data, non_finite="refuse"))
     except (TypeError, ValueError) as error:
         raise ModelError(f"this {type(model).__name__} cannot be written as JSON: {error}") from error
     return plain
@@ -134,7 +134,7 @@ def _build(data: dict[str, Any]) -> Any:
     model.joints_ = tuple(names)
     model.n_features_in_ = len(names)
     model._restore(learned)
-    if json.loads(json.dumps(model._payload(), default=_plain)) != data["payload"]:
+    if json.loads(as_json(model._payload())) != data["payload"]:
         raise ModelError("'payload' does not agree with the parameters; the file is damaged")
     if not all(isinstance(rmse, int | float) for rmse in data["rmse"].values()):
         raise ModelError("'rmse' has a value that is not a number; the file is damaged")
@@ -162,16 +162,6 @@ def write(path: str | Path, text: str) -> None:
         write_atomic(Path(path), lambda part: write_text(part, text))
     except RebaError as error:
         raise ModelError(str(error)) from error
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Domain):  # what was learned does not need it; `about_` keeps it whole
-        return value.name
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"a {type(value).__name__} cannot be written")
 
 
 def _tuples(value: Any) -> Any:

@@ -15,7 +15,7 @@ from dreba.surrogates.soft_tables import SoftTables
 from dreba.surrogates.task_factors import TaskFactors
 from dreba.surrogates.validation import COUNT, FALLING, POSITIVE, SEED, YES_NO, Allowed, check_parameters
 from reba.arrays import Array
-from reba.method.rules import LOAD_EDGES, Rules, rules_of
+from reba.method.rules import Rules, load_points, rules_of
 from reba.posture.columns import ANGLES, COLUMNS
 from reba.posture.factors import load_kg
 
@@ -175,7 +175,7 @@ class SoftModel(Surrogate):
         if given.is_default:
             return None, given.activity
         load = load_kg(given.load, n)
-        points = (load >= LOAD_EDGES[0]).astype(float) + (load > LOAD_EDGES[1])
+        points = load_points(load).astype(float)
         try:
             rows = [np.atleast_1d(np.asarray(side, float)) for side in given.coupling]
             added = np.array(np.broadcast_arrays(points, *rows))

@@ -110,7 +110,7 @@ def _by_parts(tables: SoftTables, run: Pass) -> Array:
         by_tables[0, 1 + i] = by_tables[1 + i, 0] = run.cross_c * share[i]
         for j in range(2):
             by_tables[1 + i, 1 + j] = run.slopes_c[1] * curvature * (1.0 if i == j else -1.0)
-    # Rows of parts are (index of the table, table): see `soft_steps.PARTS`.
+    # Rows of parts are (index of the table, table): see `soft_tables`.
     out = np.einsum("atn,tsn,bsn->atbsn", slopes, by_tables, slopes, optimize=True)
     mixed = _mixed(run) * by_table
     for table in range(3):

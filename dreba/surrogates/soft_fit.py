@@ -13,9 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from dreba.surrogates.soft_steps import PAIRED, ROWS, STEPS
+from dreba.surrogates.soft_steps import PAIRED, ROWS
 from dreba.surrogates.soft_tables import CORNERS_AB, CORNERS_C, MONOMIALS_AB, MONOMIALS_C, Pass, SoftTables
 from reba.arrays import Array, Indices
+from reba.method.steps import STEPS
 from reba.method.tables import TABLE_A, TABLE_B
 
 BATCH: Final = 512
@@ -34,7 +35,7 @@ _SWEEPS: Final = 2
 """Sweeps of the projection onto monotone tables after each update; `_monotone` completes it after the last."""
 _MIRRORED: Final = np.array([step.sense == 0 for step in STEPS])
 _ADJUSTMENTS: Final = tuple(
-    np.array([step.group.startswith(part + "+") for step in STEPS]) for part in ("trunk", "neck", "wrist")
+    np.array([step.part == part and bool(step.adjustment) for step in STEPS]) for part in ("trunk", "neck", "wrist")
 )
 _INTO_STEPS: Final = (np.arange(len(STEPS))[:, None] == ROWS.step[None, :]).astype(float)
 

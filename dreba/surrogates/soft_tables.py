@@ -16,11 +16,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from dreba.errors import ModelError
-from dreba.surrogates.soft_steps import GROUPS, PAIRED, ROWS, SINGLE, STEPS, steps_of
+from dreba.surrogates.soft_steps import GROUPS, PAIRED, ROWS, SINGLE
 from reba.arrays import Array, Indices
 from reba.method.rules import Rules
-from reba.method.tables import TABLE_A, TABLE_B, TABLE_C
-from reba.posture.columns import COLUMNS, INDEX
+from reba.method.steps import STEPS, part_steps
+from reba.method.tables import PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
+from reba.posture.columns import COLUMNS, GROUP_A, GROUP_B, INDEX
 
 CHUNK: Final = 1024
 """Poses evaluated at once, so that all rows fit into the second-level cache."""
@@ -30,9 +31,12 @@ SIDE_WIDTH: Final = 0.05
 """Width of the smooth maximum of both Scores B [points] per degree of temperature."""
 _KNEES: Final = INDEX["knee_flexion_left"]
 _WORSE_KNEE: Final = len(COLUMNS)
-_HIGHEST: Final = np.array([4, 5, 5, 2, 1, 1, 3, 2, 2], float)[:, None]
+# Rows: first, second, third index of Table A, of Table B left and right; indices start at 0.
+_HIGHEST: Final = np.array(
+    [PART_MAXIMA[part] - 1 for a, b in zip(GROUP_A, GROUP_B, strict=True) for part in (a, b, b)], float
+)[:, None]
 _LAST_CELL: Final = _HIGHEST - 1
-_STRIDES: Final = np.array([6, 2, 2, 3, 2, 2, 1, 1, 1], float)[:, None]
+_STRIDES: Final = np.concatenate([_HIGHEST[3:6] * _HIGHEST[6:], _HIGHEST[6:], np.ones((3, 1))])
 _FIRST_CELL: Final = np.array([0, 24, 24], float)[:, None]
 
 
@@ -81,7 +85,7 @@ class SoftTables:
     """Smooth tables at one temperature.
 
     Attributes:
-        thresholds: (27,) [deg] along the direction of each step of `soft_steps.steps_of`.
+        thresholds: (27,) [deg] along the direction of each step of `reba.method.steps.STEPS`.
         heights: (27,) points a step adds, not negative.
         overlap: (3,) share of one point common to both adjustments of trunk, neck, wrist: 1 one together, 0 one each.
         table_a, table_b, table_c: (5, 3, 4), (6, 2, 3), (12, 12), non-decreasing along every axis.
@@ -118,9 +122,9 @@ class SoftTables:
         if not temperature > 0:
             raise ModelError(f"temperature is {temperature}; expected degrees above 0, such as 0.001 for almost exact")
         return SoftTables(
-            thresholds=np.array([step.threshold for step in steps_of(rules)]),
+            thresholds=np.array([step.threshold(rules) for step in STEPS]),
             heights=np.ones(len(STEPS)),
-            overlap=np.array([float(rules.twist_and_bend == "one")] * 2 + [1.0]),
+            overlap=np.array([float(part_steps(rules)[part].shares_point) for part in ("trunk", "neck", "wrist")]),
             table_a=TABLE_A.astype(float),
             table_b=TABLE_B.astype(float),
             table_c=TABLE_C.astype(float),

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from dreba.errors import ModelError
 from reba.errors import did_you_mean
 from reba.method.factor_points import points
-from reba.method.rules import LOAD_EDGES, Rules
+from reba.method.rules import Rules, load_points
 from reba.posture.factors import FACTORS, Factors
 from reba.posture.factors import load_kg as checked_load
 
@@ -158,7 +158,7 @@ def delta_payload(load: ArrayLike, form: Payload = "tree", omega: float = OMEGA_
     if form == "linear":
         cost = kilograms / omega
     elif form == "tree":
-        cost = (kilograms >= LOAD_EDGES[0]).astype(float) + (kilograms > LOAD_EDGES[1])
+        cost = np.asarray(load_points(kilograms), np.float64)
     else:
         raise ModelError(f"payload is {form!r}; expected one of {', '.join(PAYLOADS)}")
     return float(cost) if cost.ndim == 0 else cost

@@ -1,8 +1,7 @@
-"""Checks of model input: angles, radians instead of degrees, weights, column names, constructor parameters."""
+"""Checks of a model's weights, column names and parameters; those of angles are in `reba.posture.named_angles`."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
@@ -10,81 +9,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dreba.errors import ModelError, RadiansWarning
+from dreba.errors import ModelError
 from reba.arrays import Array
 from reba.errors import did_you_mean
 from reba.posture.columns import COLUMNS
-
-LARGEST: Final = 360.0
-"""[deg] Largest absolute angle of a posture: one full turn."""
-RADIANS_BELOW: Final = 3.2
-"""Bound of absolute angles that look like radians, just above pi; postures in degrees vary more."""
-RADIANS_POSES: Final = 10
-"""Least number of poses for a warning: fewer can all be close to upright."""
-
-
-def checked_poses(angles: ArrayLike, joints: tuple[str, ...]) -> tuple[Array, bool]:
-    """Return angles as (n, d) and whether a single pose (d,) was given. Of a table the columns are taken by name.
-
-    Raises:
-        ModelError: no numbers, another shape, NaN, infinity, or an angle that no body has.
-    """
-    columns = getattr(angles, "columns", None)
-    if columns is not None:
-        missing = [joint for joint in joints if joint not in columns]
-        if missing:
-            raise ModelError(f"the table has no column {missing[0]!r}; expected {', '.join(joints)}")
-        angles = angles[list(joints)]  # type: ignore[index, call-overload]
-    try:
-        poses = np.asarray(angles, np.float64)
-    except (TypeError, ValueError) as error:
-        raise ModelError("angles hold something that is no number; expected degrees") from error
-    single = poses.ndim == 1
-    if single:
-        poses = poses[None]
-    if poses.ndim != 2 or poses.shape[1] != len(joints):
-        raise ModelError(
-            f"angles have shape {np.shape(angles)}; expected (n, {len(joints)}) or ({len(joints)},) degrees in the "
-            f"order of joints_"
-        )
-    check_size(poses, joints)
-    return poses, single
-
-
-def check_size(poses: Array, joints: Sequence[str]) -> None:
-    """Check that angles (n, d) are finite and, of postures, not larger than `LARGEST`.
-
-    Raises:
-        ModelError: NaN, infinity, or an angle that no body has.
-    """
-    # One comparison serves all: NaN and infinity fail it as well.
-    if poses.size and not abs(poses).max() <= LARGEST:
-        if not np.isfinite(poses).all():
-            raise ModelError("angles hold NaN or infinity; a surrogate needs every angle, leave such poses out")
-        if any(joint not in COLUMNS for joint in joints):
-            return  # columns that are no posture may hold anything
-        row, column = divmod(int(np.argmax(abs(poses))), poses.shape[1])
-        raise ModelError(
-            f"{joints[column]} is {poses[row, column]:.6g} in pose {row}; expected degrees from -{LARGEST:g} to "
-            f"{LARGEST:g}, so check the unit or leave such poses out"
-        )
-
-
-def warn_if_radians(angles: Array, joints: Sequence[str]) -> None:
-    """Warn if the angles (n, d) of posture columns look like radians.
-
-    Warns:
-        RadiansWarning: there are `RADIANS_POSES` or more poses, and all angles are below `RADIANS_BELOW`.
-    """
-    if len(angles) < RADIANS_POSES or not float(abs(angles).max(initial=0.0)) < RADIANS_BELOW:
-        return
-    if all(joint in COLUMNS for joint in joints):
-        warnings.warn(
-            f"every angle lies within +-{RADIANS_BELOW}, which looks like radians; expected degrees, "
-            "convert with numpy.degrees",
-            RadiansWarning,
-            stacklevel=3,
-        )
 
 
 def checked_weights(sample_weight: ArrayLike | None, n: int) -> Array:

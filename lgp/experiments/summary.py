@@ -19,7 +19,7 @@ import numpy as np
 from lgp.experiments import published
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs, pivot
 from lgp.statistics.paired_tests import anova, compare, compare_choices, mean_of, require_statsmodels
-from reba.files import write_atomic, write_text
+from reba.files import plain_data, write_atomic, write_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,7 +61,7 @@ def summarise(
         "between_starts": _between(runs) if len(starts) == len(STARTS) else None,
         "sensitivity": None if sensitivity is None else sensitivity.to_dict("records"),
     }
-    plain: dict[str, Any] = _plain(summary)
+    plain: dict[str, Any] = plain_data(summary)
     return plain
 
 
@@ -187,19 +187,6 @@ def _between(runs: pd.DataFrame) -> dict[str, Any]:
 
 def _mean_sd(value: tuple[float, float] | None) -> dict[str, float] | None:
     return None if value is None else {"mean": value[0], "sd": value[1]}
-
-
-def _plain(value: Any) -> Any:
-    """Return plain data that strict JSON holds."""
-    if isinstance(value, Mapping):
-        return {str(name): _plain(part) for name, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 ALPHA: Final = 0.05

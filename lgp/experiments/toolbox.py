@@ -7,7 +7,6 @@ best motions.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -40,7 +39,7 @@ from lgp.planner import COST, plan_within, task_of
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import Budget
-from reba.files import write_atomic
+from reba.files import plain_data, write_atomic
 
 SCENE: Final = "toolbox"
 CONDITIONS: Final = ("non-ergonomic", "ergonomic")
@@ -258,7 +257,7 @@ def _write(folder: Path, summary: dict[str, Any], conditions: dict[str, Conditio
     """Write `summary.json`, and `runs.parquet` with one row per condition and the columns of the other experiment."""
     import pandas as pd
 
-    write_summary(folder / "summary.json", _plain(summary))
+    write_summary(folder / "summary.json", plain_data(summary))
     height = scene.tables["table.center"].height
     rows = []
     for name, one in conditions.items():
@@ -275,14 +274,3 @@ def _write(folder: Path, summary: dict[str, Any], conditions: dict[str, Conditio
         })  # fmt: skip
     frame = pd.DataFrame(rows)
     write_atomic(folder / "runs.parquet", lambda part: frame.to_parquet(part, index=False))
-
-
-def _plain(value: Any) -> Any:
-    """Return plain data that strict JSON holds."""
-    if isinstance(value, dict):
-        return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value

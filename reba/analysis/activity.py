@@ -6,10 +6,10 @@ causes rapid large range changes in postures or an unstable base". What these me
 every threshold a field of `Rules`:
 
 - static: all measured angles of one part stay within a band of `static_range` degrees for longer than
-  `static_seconds`; every frame of such a stretch counts.
-- repeated: an angle of one part turns back by at least `repeated_min` degrees again and again, by swings of at most
-  `repeated_max` degrees, and completes more than `repeated_per_minute` back-and-forth movements (two swings each)
-  within one minute; every frame from the first to the last of these swings counts. Walking is left out: stretches in
+  `static_seconds`; every frame of such an interval counts.
+- repeated: an angle of one part turns back by at least `repeated_min` degrees again and again, by movements of at most
+  `repeated_max` degrees, and completes more than `repeated_per_minute` back-and-forth movements (two each)
+  within one minute; every frame from the first to the last of them counts. Walking is left out: intervals in
   which the difference of the knees alternates with at least `gait_per_minute` strides a minute.
 - unstable: an angle of trunk, neck, upper arm or (not walking) legs changes by more than `rapid_range` degrees within
   `rapid_seconds`; every frame of such a window counts. An unstable base cannot be seen in angles: the caller gives it.
@@ -24,33 +24,18 @@ import numpy as np
 
 from reba.arrays import Array, Flags
 from reba.method.rules import Rules
-from reba.posture.columns import COLUMNS, INDEX, SIDES
+from reba.posture.columns import COLUMNS, INDEX, PART_COLUMNS
 
-PARTS: dict[str, tuple[str, ...]] = {
-    "trunk": ("trunk_flexion", "trunk_side_bend", "trunk_twist"),
-    "neck": ("neck_flexion", "neck_side_bend", "neck_twist"),
-    "legs": ("knee_flexion_left", "knee_flexion_right"),
-    **{
-        f"{part}_{side}": tuple(f"{angle}_{side}" for angle in angles)
-        for side in SIDES
-        for part, angles in {
-            "upper_arm": ("upper_arm_flexion", "upper_arm_abduction", "shoulder_elevation"),
-            "lower_arm": ("lower_arm_flexion",),
-            "wrist": ("wrist_flexion", "wrist_deviation", "wrist_twist"),
-        }.items()
-    },
-}
-"""Body parts whose movement is watched, with their angles."""
 RAPID_PARTS = ("trunk", "neck", "legs", "upper_arm_left", "upper_arm_right")
 """Parts whose rapid change is a change of posture; hands and forearms move fast in ordinary work."""
 GRID_HZ = 20.0
-"""[Hz] Signals are looked at on a regular grid of at most this rate."""
+"""[Hz] Signals are resampled to a regular grid of at most this rate: work movements end below 5 Hz."""
 MAX_GAP = 0.5
 """[s] Samples further apart than this are not joined."""
-GAIT_SWING = 20.0
-"""[deg] The difference of the knees swings at least this far in a step."""
-GAIT_MIN_SWINGS = 3
-"""Alternations of the knees in a row that make a stretch walking."""
+GAIT_CHANGE = 20.0
+"""[deg] The difference of the knees changes at least this far in a step."""
+GAIT_MIN_STEPS = 3
+"""Alternations of the knees in a row that make an interval walking."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +78,7 @@ def detect(time: Array, angles: Array, rules: Rules, walking: Flags | None = Non
     if walking is not None:
         gait |= grid.flags(walking)
     kinds: dict[str, dict[str, Flags]] = {"static": {}, "repeated": {}, "unstable": {}}
-    for part, names in PARTS.items():
+    for part, names in PART_COLUMNS.items():
         measured = [signals[name] for name in names if not np.isnan(signals[name]).all()]
         if not measured:
             continue
@@ -102,17 +87,17 @@ def detect(time: Array, angles: Array, rules: Rules, walking: Flags | None = Non
         if part in RAPID_PARTS:
             rapid = np.logical_or.reduce([_rapid(s, rules, grid.hz) for s in measured])
             kinds["unstable"][part] = rapid & ~gait if part == "legs" else rapid
-    found = {kind: {part: grid.frames(flags) for part, flags in parts.items()} for kind, parts in kinds.items()}
-    any_part = {kind: np.logical_or.reduce([none.static, *parts.values()]) for kind, parts in found.items()}
+    at_frames = {kind: {part: grid.frames(flags) for part, flags in parts.items()} for kind, parts in kinds.items()}
+    any_part = {kind: np.logical_or.reduce([none.static, *parts.values()]) for kind, parts in at_frames.items()}
     causes = {
         kind: {part: float(flags.mean()) for part, flags in parts.items() if flags.any()}
-        for kind, parts in found.items()
+        for kind, parts in at_frames.items()
     }
     return Activity(any_part["static"], any_part["repeated"], any_part["unstable"], causes)
 
 
 class _Grid:
-    """A regular time grid over a recording, and the way there and back."""
+    """A regular time grid over a recording, with resampling to it and back."""
 
     def __init__(self, time: Array) -> None:
         step = float(np.median(np.diff(time)))
@@ -137,9 +122,9 @@ class _Grid:
         before = time[np.minimum(after - 1, len(time) - 1)]
         after_time = time[np.minimum(after, len(time) - 1)]
         limit = max(MAX_GAP, 1.5 / self.hz)
-        apart = (after_time - before > limit) & (self.points > before + 1e-9) & (self.points < after_time - 1e-9)
+        in_gap = (after_time - before > limit) & (self.points > before + 1e-9) & (self.points < after_time - 1e-9)
         outside = (self.points < time[0] - limit) | (self.points > time[-1] + limit)
-        values[apart | outside] = np.nan
+        values[in_gap | outside] = np.nan
         return values
 
     def frames(self, flags: Flags) -> Flags:
@@ -157,8 +142,8 @@ def _static(signals: list[Array], rules: Rules, hz: float) -> Flags:
     window = int(np.floor(rules.static_seconds * hz + 1e-6)) + 2
     if window > len(signals[0]):
         return np.zeros(len(signals[0]), bool)
-    # NaN makes a window's range NaN, and NaN <= band is False: a stretch with a hole is not held.
-    held = np.logical_and.reduce([_spread(signal, window) <= rules.static_range for signal in signals])
+    # NaN makes the range of a window NaN, and NaN <= band is False: an interval with a gap is not static.
+    held = np.logical_and.reduce([_range(signal, window) <= rules.static_range for signal in signals])
     return _cover(held, window)
 
 
@@ -166,15 +151,19 @@ def _rapid(signal: Array, rules: Rules, hz: float) -> Flags:
     window = int(np.floor(rules.rapid_seconds * hz + 1e-9)) + 1
     if not 2 <= window <= len(signal):
         return np.zeros(len(signal), bool)
-    return _cover(_spread(signal, window) > rules.rapid_range, window)
+    return _cover(_range(signal, window) > rules.rapid_range, window)
 
 
 def _repeated(signal: Array, rules: Rules, hz: float) -> Flags:
     flags = np.zeros(len(signal), bool)
-    swings = [s for s in _swings(signal, rules.repeated_min) if abs(signal[s[1]] - signal[s[0]]) <= rules.repeated_max]
-    if not swings:
+    movements = [
+        s
+        for s in turning_movements(signal, rules.repeated_min)
+        if abs(signal[s[1]] - signal[s[0]]) <= rules.repeated_max
+    ]
+    if not movements:
         return flags
-    starts, ends = np.array(swings).T
+    starts, ends = np.array(movements).T
     last = np.searchsorted(ends, starts + 60.0 * hz, side="right")
     for first in np.flatnonzero((last - np.arange(len(starts))) / 2 > rules.repeated_per_minute):
         flags[starts[first] : ends[last[first] - 1] + 1] = True
@@ -186,10 +175,10 @@ def _gait(signals: dict[str, Array], rules: Rules, grid: _Grid) -> Flags:
     flags = np.zeros(len(difference), bool)
     longest = 30.0 * grid.hz / rules.gait_per_minute if rules.gait_per_minute > 0 else 0.0
     run: list[tuple[int, int]] = []
-    for start, end in [*_swings(difference, GAIT_SWING), (-1, -1)]:
+    for start, end in [*turning_movements(difference, GAIT_CHANGE), (-1, -1)]:
         joined = end - start <= longest and (not run or start == run[-1][1])
         if start < 0 or not joined:
-            if len(run) >= GAIT_MIN_SWINGS:
+            if len(run) >= GAIT_MIN_STEPS:
                 flags[run[0][0] : run[-1][1] + 1] = True
             run = []
         if start >= 0 and end - start <= longest:
@@ -197,7 +186,7 @@ def _gait(signals: dict[str, Array], rules: Rules, grid: _Grid) -> Flags:
     return flags
 
 
-def _swings(signal: Array, least: float) -> Iterator[tuple[int, int]]:
+def turning_movements(signal: Array, least: float) -> Iterator[tuple[int, int]]:
     """Yield (start, end) of movements between turning points that turn back by at least `least`.
 
     The last movement counts once it is at least as large, whether or not it has turned back. NaN is passed over.
@@ -230,7 +219,7 @@ def _swings(signal: Array, least: float) -> Iterator[tuple[int, int]]:
         yield places[pivot], places[end]
 
 
-def _spread(signal: Array, window: int) -> Array:
+def _range(signal: Array, window: int) -> Array:
     """Return max - min of every window, (len - window + 1,); windows are built by doubling."""
     return _rolling(signal, window, np.maximum) - _rolling(signal, window, np.minimum)
 

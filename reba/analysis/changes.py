@@ -1,4 +1,4 @@
-"""What can be changed about a frame, what each change does to the part scores and what it costs."""
+"""Modifiable angles and factors of frames: the points that each alternative leaves, and its cost."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from numpy.typing import NDArray
 from reba.analysis.score_table import ScoreTable
 from reba.arrays import Array, Flags
 from reba.method.classes import AngleClasses, angle_classes
-from reba.method.rules import LOAD_EDGES
+from reba.method.factor_points import knees_count, leg_points
+from reba.method.rules import LOAD_EDGES, load_points
 from reba.posture.angles import against_gravity
-from reba.posture.columns import ANGLES, INDEX, SIDES
-from reba.posture.factors import ACTIVITIES, COUPLINGS, SUPPORTS
+from reba.posture.columns import BEST, COLUMNS, INDEX, SIDES
+from reba.posture.factors import ACTIVITIES, COUPLINGS, SUPPORTS, codes
 
 Points = NDArray[np.int16]
-_BEST: Final = np.array([angle.best for angle in ANGLES for _ in angle.columns])
+_BEST: Final = np.array([BEST[column] for column in COLUMNS])
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """One thing that could be done: the points (F,) that then remain, how far the frames move [deg], and words."""
+    """One alternative: the points (F,) that remain, the mean movement of the frames [deg], and both states in words."""
 
     points: Points
     degrees: float
@@ -32,7 +33,7 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Modifiable:
-    """Something about the frames that can be left as it is or changed.
+    """An angle or a factor of the frames that can be changed.
 
     Attributes:
         what: "trunk flexion", "load", "left coupling" ...
@@ -40,7 +41,7 @@ class Modifiable:
         group: "a", "left", "right" or "activity".
         part: part score it counts for, without a side.
         shares: "" if its points add up, else the name of the points it shares with others of its part.
-        points: (F,) points as it is.
+        points: (F,) points without a change.
         options: the changes, mildest first.
     """
 
@@ -60,11 +61,11 @@ class Modifiable:
 
 @dataclass(frozen=True)
 class PostureChange:
-    """A change of one thing.
+    """A change of one angle or factor.
 
     Attributes:
         what, kind: as in `Modifiable`.
-        before, target: what it is and what it should be.
+        before, target: present and intended state, in words.
         degrees: how far the angle moves, averaged over the frames; 0 for factors.
         choice, option: where it stands among the choices.
     """
@@ -84,7 +85,7 @@ class PostureChange:
 
 @dataclass(frozen=True)
 class Objective:
-    """What is made smallest, and which kinds of change are allowed for it."""
+    """An objective of the search: cost per change and per degree, and the kinds of change it allows."""
 
     name: str
     kinds: tuple[str, ...]
@@ -92,7 +93,7 @@ class Objective:
     per_degree: float = 1.0
 
     def allows(self, choice: Modifiable) -> bool:
-        """Whether a choice may be changed under this goal."""
+        """Whether a choice may be changed under this objective."""
         return choice.kind in self.kinds
 
     def cost(self, choice: Modifiable, option: int) -> float:
@@ -104,8 +105,8 @@ _ANY: Final = ("angle", "load", "coupling", "support", "activity")
 _COUNT_FIRST: Final = 1e6
 
 
-def goals() -> tuple[Objective, ...]:
-    """Return the goals in the order in which they are offered."""
+def objectives() -> tuple[Objective, ...]:
+    """Return the objectives in the order in which they are offered."""
     return (
         Objective("least movement", ("angle",), 1e-6),
         Objective("fewest changes of posture", ("angle",), _COUNT_FIRST),
@@ -118,16 +119,16 @@ def goals() -> tuple[Objective, ...]:
 
 
 def choices(scores: ScoreTable, frames: NDArray[np.int64]) -> tuple[Modifiable, ...]:
-    """Return everything that can be changed about the frames and counts for the total, with the points as it is."""
+    """Return the modifiable angles and factors of the frames that count for the total, with their present points."""
     angles = np.array(scores.angles[frames], np.float64).T
     if scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)
     angles = np.where(np.isnan(angles), _BEST[:, None], angles)
-    knees = (_at(scores, "support", frames) != SUPPORTS[3]) | scores.rules.seated_knees
-    found = [_angle(quantity, angles, knees) for quantity in angle_classes(scores.rules)]
+    knees = knees_count(_support(scores, frames), scores.rules)
+    of_angles = [_angle(quantity, angles, knees) for quantity in angle_classes(scores.rules)]
     counted = SIDES if scores.rules.two_sides == "worse" else (scores.rules.two_sides,)
     groups = ("a", *counted, "activity")
-    return tuple(choice for choice in (*found, *_factors(scores, frames)) if choice.group in groups)
+    return tuple(choice for choice in (*of_angles, *_factors(scores, frames)) if choice.group in groups)
 
 
 def _angle(quantity: AngleClasses, angles: Array, knees: Flags) -> Modifiable:
@@ -141,17 +142,17 @@ def _angle(quantity: AngleClasses, angles: Array, knees: Flags) -> Modifiable:
     worst = points.max(axis=0)
     options = []
     for limit in reversed(quantity.classes[:-1]):
-        kept = np.clip(rows, limit.low, limit.high)
+        limited = np.clip(rows, limit.low, limit.high)
         if worst.max() > limit.points:
             options.append(
                 Alternative(
                     points=(np.minimum(worst, limit.points) * counts).astype(np.int16),
-                    degrees=float(np.abs(rows - kept).sum(axis=0).mean()),
+                    degrees=float(np.abs(rows - limited).sum(axis=0).mean()),
                     target=_interval(limit.low, limit.high),
                     before=_range(rows),
                 )
             )
-    shares = quantity.adjusts if quantity.adjusts not in (quantity.name, "knees") else ""
+    shares = quantity.adjusts if quantity.adjusts != quantity.name else ""
     part = quantity.part.removesuffix(f"_{side}")
     return Modifiable(quantity.name, "angle", group, part, shares, (worst * counts).astype(np.int16), tuple(options))
 
@@ -176,6 +177,11 @@ def _at(scores: ScoreTable, name: str, frames: NDArray[np.int64]) -> NDArray[Any
     return np.broadcast_to(getattr(scores.factors, name), len(scores.data))[frames]
 
 
+def _support(scores: ScoreTable, frames: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Return the places (F,) of the support of the legs in `SUPPORTS`."""
+    return codes("support", _at(scores, "support", frames), SUPPORTS, len(frames))
+
+
 def _factors(scores: ScoreTable, frames: NDArray[np.int64]) -> list[Modifiable]:
     def yes(name: str) -> Points:
         flags: Points = _at(scores, name, frames).astype(np.int16)
@@ -186,25 +192,24 @@ def _factors(scores: ScoreTable, frames: NDArray[np.int64]) -> list[Modifiable]:
         return Modifiable(what, kind, group, part, "", points, (gone,) if points.any() else ())
 
     load = _at(scores, "load", frames)
-    load_points = (load >= LOAD_EDGES[0]).astype(np.int16) + (load > LOAD_EDGES[1])
+    points = load_points(load).astype(np.int16)
     lighter = [
-        Alternative(np.minimum(load_points, p).astype(np.int16), 0.0, target, f"{load.max():g} kg")
+        Alternative(np.minimum(points, p).astype(np.int16), 0.0, target, f"{load.max():g} kg")
         for p, target in ((1, f"at most {LOAD_EDGES[1]:g} kg"), (0, f"under {LOAD_EDGES[0]:g} kg"))
-        if load_points.max() > p
+        if points.max() > p
     ]
-    found = [
-        Modifiable("load", "load", "a", "load_force", "", load_points.astype(np.int16), tuple(lighter)),
+    factors = [
+        Modifiable("load", "load", "a", "load_force", "", points, tuple(lighter)),
         removable("shock", "load", "a", "load_force", yes("shock"), "no shock"),
     ]
-    legs = _at(scores, "support", frames)
-    base = np.where(legs == "unilateral", 2, np.where(legs == "walking", scores.rules.walking_legs, 1)).astype(np.int16)
+    base = leg_points(_support(scores, frames), scores.rules).astype(np.int16)
     both = Alternative(np.minimum(base, 1).astype(np.int16), 0.0, "both legs", "one leg")
-    found.append(Modifiable("support", "support", "a", "legs", "", base, (both,) if base.max() > 1 else ()))
+    factors.append(Modifiable("support", "support", "a", "legs", "", base, (both,) if base.max() > 1 else ()))
     for side in SIDES:
-        found += [_coupling(scores, frames, side), _arm_support(side, yes(f"arm_supported_{side}"))]
+        factors += [_coupling(scores, frames, side), _arm_support(side, yes(f"arm_supported_{side}"))]
     targets = {"static": "change posture within a minute", "repeated": "fewer repetitions", "unstable": "move steadily"}
-    found += [removable(k, "activity", "activity", "activity", yes(k), targets[k]) for k in ACTIVITIES]
-    return found
+    factors += [removable(k, "activity", "activity", "activity", yes(k), targets[k]) for k in ACTIVITIES]
+    return factors
 
 
 def _coupling(scores: ScoreTable, frames: NDArray[np.int64], side: str) -> Modifiable:

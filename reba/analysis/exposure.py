@@ -1,7 +1,7 @@
-"""Exposure over time: how long which score, the worst stretches, and what drives them.
+"""Exposure over time: time-weighted statistics, the worst intervals and their causes.
 
-Every frame weighs as much as the time until the next one; across a gap it weighs one median period. Scores stay whole
-numbers: percentiles are scores that occurred. Where unmeasured angles leave a score open, both ends of its range are
+The weight of a frame is the time until the next one; across a gap it is one median period. Percentiles are
+scores that occurred. Where unmeasured angles leave a score open, both ends of its range are
 summarised and the shares of action levels name the undetermined rest.
 """
 
@@ -22,7 +22,7 @@ from reba.method.scoring import SCORE_COLUMNS
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 
 HELD_SECONDS: Final = 1.0
-"""[s] A score counts as held from this time on; shorter peaks are likely flicker of a measurement."""
+"""[s] Shortest time of a sustained score; shorter peaks are likely measurement noise."""
 WORST_INTERVALS: Final = 5
 """How many worst intervals are listed."""
 PARTS: Final = SCORE_COLUMNS[: SCORE_COLUMNS.index("score_a")]
@@ -31,11 +31,11 @@ PARTS: Final = SCORE_COLUMNS[: SCORE_COLUMNS.index("score_a")]
 
 @dataclass(frozen=True)
 class Interval:
-    """A stretch of a recording in which REBA stays at or above a score.
+    """An interval of a recording in which REBA stays at or above a score.
 
     Attributes:
         start, end: [s], the end one period after the last frame.
-        reba: the score that is held or exceeded (of the low end of the range).
+        reba: the score that is reached throughout (by the low end of the range).
         frame: the frame that stands for it: one of the highest in it, nearest to the middle.
     """
 
@@ -79,7 +79,7 @@ def distribution(scores: NDArray[Any], weights: Array) -> Distribution:
     """
     values = np.asarray(scores, np.float64)
     known = ~np.isnan(values)
-    # Scores are few whole numbers: their weights say everything, without sorting the frames.
+    # Scores are integers from 1 to 15: the weight of each gives every statistic, without sorting the frames.
     time_at = np.bincount(values[known].astype(np.int64), weights[known])
     if not time_at.any():
         return Distribution(None, None, None, None)
@@ -111,22 +111,22 @@ def _level_times(levels: Array, weights: Array) -> dict[str, float]:
 
 
 def sustained(scores: ScoreTable, seconds: float = HELD_SECONDS) -> int | None:
-    """Return the highest score that is held for `seconds` without a break (of the low end of the range)."""
+    """Return the highest score that is sustained for `seconds` (by the low end of the range), or None."""
     timeline = _Timeline(scores)
     return next((score for score in timeline.scores if timeline.runs(score, seconds)[0].size), None)
 
 
 def intervals(scores: ScoreTable, at_least: int) -> list[Interval]:
-    """Return every stretch in which the low end of REBA is at least a score; gaps end a stretch."""
+    """Return every interval in which the low end of REBA is at least a score; gaps end an interval."""
     timeline = _Timeline(scores)
     first, last = timeline.runs(at_least)
     return [timeline.interval(a, b, at_least) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
 
 
 def worst_intervals(scores: ScoreTable, count: int = WORST_INTERVALS) -> list[Interval]:
-    """Return the worst stretches, highest score first, then longest; none overlaps another.
+    """Return the worst intervals, highest score first, then longest, without overlap.
 
-    Stretches held for at least a second come first; shorter ones fill up only where there are not enough.
+    Intervals of at least one second come first; shorter ones only where there are not enough.
     """
     timeline = _Timeline(scores)
     chosen: list[tuple[int, int, int]] = []
@@ -140,8 +140,8 @@ def worst_intervals(scores: ScoreTable, count: int = WORST_INTERVALS) -> list[In
                 a, b = int(first[place]), int(last[place])
                 if all(b < c or a > d for c, d, _ in chosen):
                     chosen.append((a, b, score))
-    found = [timeline.interval(a, b, score) for a, b, score in chosen]
-    return sorted(found, key=lambda s: (-s.reba, s.start - s.end, s.start))
+    worst = [timeline.interval(a, b, score) for a, b, score in chosen]
+    return sorted(worst, key=lambda s: (-s.reba, s.start - s.end, s.start))
 
 
 class _Timeline:
@@ -175,7 +175,7 @@ class _Timeline:
 def summarise(scores: ScoreTable) -> dict[str, Any]:
     """Return the exposure of one recording as plain data (the object of `reba score --json` without paths).
 
-    `reba` holds a statistic only where the measured angles determine it; `range` always holds both ends.
+    `reba` has a statistic only where the measured angles determine it; `range` always has both ends.
     """
 
     time = scores.time

@@ -1,9 +1,9 @@
-"""The smallest changes that bring frames to a lower action level, found by exact search over classes.
+"""The smallest changes that bring frames to a lower action level, by exact search over classes.
 
 REBA only changes where an angle passes from one class to the next, so a change is a limit on an angle ("trunk flexion
 up to 20"), a lighter load, a better grip or another factor, and its size is how far the frames lie outside the limit.
 All combinations of limits are searched: the part scores under each combination of group A and of each arm are
-tabulated, dominated combinations dropped, and the cheapest ones kept whose total stays at or under the target in every
+tabulated, dominated combinations dropped, and the cheapest chosen whose total stays at or under the target in every
 frame. For several frames (a worst minute) one set of limits must serve them all.
 """
 
@@ -17,15 +17,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.analysis.changes import Modifiable, Objective, PostureChange, choices, goals
+from reba.analysis.changes import Modifiable, Objective, PostureChange, choices, objectives
 from reba.analysis.score_table import ScoreTable
-from reba.analysis.worksheet import GROUP_A, GROUP_B
 from reba.errors import PostureError
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
-from reba.posture.columns import SIDES
+from reba.posture.columns import GROUP_A, GROUP_B, SIDES
 
 WORST_SECONDS: Final = 60.0
-"""[s] Length of a worst stretch that is improved as a whole."""
+"""[s] Length of the worst interval, which one set of changes improves."""
 Points = NDArray[np.int16]
 
 
@@ -66,28 +65,23 @@ def improve_frame(scores: ScoreTable, frame: int, to_level: int | None = None) -
 
 
 def worst_interval(scores: ScoreTable, seconds: float = WORST_SECONDS) -> NDArray[np.int64]:
-    """Return the frames of the stretch of `seconds` with the highest mean REBA (low end of the range)."""
+    """Return the frames of the interval of `seconds` with the highest mean REBA (low end of the range)."""
     time = scores.time
     if not len(time):
-        raise PostureError("the recording holds no frames; nothing can be improved")
+        raise PostureError("the recording has no frames to improve; choose a longer part of it")
     reba = scores.data["reba_low"].to_numpy(np.float64)
     total = np.concatenate([[0.0], np.cumsum(reba)])
     stop = np.searchsorted(time, time + seconds, side="left")
-    whole = stop < len(time) if time[-1] - time[0] > seconds else np.arange(len(time)) == 0
-    means = np.where(whole, (total[stop] - total[:-1]) / np.maximum(stop - np.arange(len(time)), 1), -1.0)
+    complete = stop < len(time) if time[-1] - time[0] > seconds else np.arange(len(time)) == 0
+    means = np.where(complete, (total[stop] - total[:-1]) / np.maximum(stop - np.arange(len(time)), 1), -1.0)
     first = int(np.argmax(means))
     return np.arange(first, stop[first])
-
-
-def improve_worst(scores: ScoreTable, seconds: float = WORST_SECONDS, to_level: int | None = None) -> list[Improvement]:
-    """Return the smallest limits that lower the action level of the worst stretch in every one of its frames."""
-    return improve_frames(scores, worst_interval(scores, seconds), to_level)
 
 
 def improve_frames(scores: ScoreTable, frames: NDArray[np.int64], to_level: int | None = None) -> list[Improvement]:
     """Return the smallest common changes that bring every given frame to a lower action level.
 
-    Unmeasured angles are taken as neutral: a change can only be asked of what is known.
+    Unmeasured angles are taken as neutral: only measured angles can be changed.
 
     Args:
         frames: rows of the score table.
@@ -103,16 +97,16 @@ def improve_frames(scores: ScoreTable, frames: NDArray[np.int64], to_level: int 
     if level <= goal_level or goal_level < 0:
         return []
     target = ACTION_LEVEL_FROM[goal_level + 1] - 1
-    found: list[Improvement] = []
-    for goal in goals():
-        best = _search(available, goal, target)
-        if best is None or any({c.what for c in best} == {c.what for c in other.changes} for other in found):
+    improvements: list[Improvement] = []
+    for objective in objectives():
+        best = _search(available, objective, target)
+        if best is None or any({c.what for c in best} == {c.what for c in other.changes} for other in improvements):
             continue
         chosen = {change.choice: change.option for change in best}
         after = int(_total(available, chosen).max())
-        found.append(
+        improvements.append(
             Improvement(
-                goal=goal.name,
+                goal=objective.name,
                 changes=tuple(sorted(best, key=lambda change: -change.degrees)),
                 degrees=float(sum(change.degrees for change in best)),
                 reba_before=before,
@@ -121,12 +115,12 @@ def improve_frames(scores: ScoreTable, frames: NDArray[np.int64], to_level: int 
                 level_after=int(LEVEL_OF[after]),
             )
         )
-    return found
+    return improvements
 
 
 @dataclass(frozen=True)
 class _Combination:
-    """Options of one group and what they cost; `options` are (choice index, option index), left out = as it is."""
+    """Options of one group and what they cost; `options` are (choice index, option index), others unchanged."""
 
     options: tuple[tuple[int, int], ...]
     cost: float
@@ -136,11 +130,11 @@ Ranked = list[tuple[Points, _Combination]]
 """Points (F,) under combinations of options."""
 
 
-def _search(available: tuple[Modifiable, ...], goal: Objective, target: int) -> list[PostureChange] | None:
-    """Return the cheapest changes under a goal that keep every frame at or under the target, or None."""
-    a = _combinations(available, goal, "a")
-    arms = [_combinations(available, goal, side) for side in _sides(available)]
-    active = _combinations(available, goal, "activity")
+def _search(available: tuple[Modifiable, ...], objective: Objective, target: int) -> list[PostureChange] | None:
+    """Return the cheapest changes under an objective that keep every frame at or under the target, or None."""
+    a = _combinations(available, objective, "a")
+    arms = [_combinations(available, objective, side) for side in _sides(available)]
+    active = _combinations(available, objective, "activity")
     best: tuple[float, tuple[tuple[int, int], ...]] | None = None
     limits: dict[bytes, tuple[float, tuple[tuple[int, int], ...]] | None] = {}
     for activity, combination in active:
@@ -173,45 +167,45 @@ def _cheapest_arms(arms: list[Ranked], allowed: Points) -> tuple[float, tuple[tu
     return cost, options
 
 
-def _combinations(available: tuple[Modifiable, ...], goal: Objective, group: str) -> Ranked:
+def _combinations(available: tuple[Modifiable, ...], objective: Objective, group: str) -> Ranked:
     """Return the scores of a group (F,) under every useful combination of options, cheapest first, none dominated.
 
     Each part is searched by itself first: no table falls along an index, so that a combination which is dominated
     within its part is dominated within the group.
     """
     parts = _parts(available, group)
-    ranked = [_undominated(_part_combinations(available, goal, members)) for members in parts.values()]
-    found = []
+    ranked = [_undominated(_part_combinations(available, objective, members)) for members in parts.values()]
+    combinations = []
     for picked in itertools.product(*ranked):
         points = dict(zip(parts, (points for points, _ in picked), strict=True))
         options = tuple(option for _, combination in picked for option in combination.options)
         cost = sum(combination.cost for _, combination in picked)
-        found.append((_group_score(points, group), _Combination(options, cost)))
-    return _undominated(found)
+        combinations.append((_group_score(points, group), _Combination(options, cost)))
+    return _undominated(combinations)
 
 
-def _part_combinations(available: tuple[Modifiable, ...], goal: Objective, members: list[int]) -> Ranked:
-    useful = [index for index in members if goal.allows(available[index])]
-    found = []
+def _part_combinations(available: tuple[Modifiable, ...], objective: Objective, members: list[int]) -> Ranked:
+    useful = [index for index in members if objective.allows(available[index])]
+    combinations = []
     for picked in itertools.product(*(_options(available[index]) for index in useful)):
         chosen = {index: option for index, option in zip(useful, picked, strict=True) if option is not None}
-        cost = sum(goal.cost(available[index], option) for index, option in chosen.items())
-        found.append((_part_score(available, members, chosen), _Combination(tuple(chosen.items()), cost)))
-    return found
+        cost = sum(objective.cost(available[index], option) for index, option in chosen.items())
+        combinations.append((_part_score(available, members, chosen), _Combination(tuple(chosen.items()), cost)))
+    return combinations
 
 
-def _undominated(found: Ranked) -> Ranked:
+def _undominated(combinations: Ranked) -> Ranked:
     """Return the combinations that no other one undercuts in cost and in the points of every frame, cheapest first."""
     cheapest: dict[bytes, tuple[Points, _Combination]] = {}
-    for points, combination in found:
+    for points, combination in combinations:
         key = points.tobytes()
         if key not in cheapest or combination.cost < cheapest[key][1].cost:
             cheapest[key] = (points, combination)
-    kept: Ranked = []
+    undominated: Ranked = []
     for points, combination in sorted(cheapest.values(), key=lambda item: item[1].cost):
-        if not any(bool((other <= points).all()) for other, _ in kept):
-            kept.append((points, combination))
-    return kept
+        if not any(bool((other <= points).all()) for other, _ in undominated):
+            undominated.append((points, combination))
+    return undominated
 
 
 def _parts(available: tuple[Modifiable, ...], group: str) -> dict[str, list[int]]:

@@ -26,9 +26,9 @@ class ScoreTable:
         postures: the posture table that was scored.
         rules: the rules, every threshold included.
         factors: the factors that were used, activity included.
-        assumed: factors that nobody gave and what was assumed, and what the reader had to assume.
+        assumed: defaults of the factors that were not given, and assumptions of the reader.
         unmeasured: angle columns without any value.
-        activity_causes: for activity found in the movement: kind -> part -> share of frames.
+        activity_causes: for activity detected in the movement: kind -> part -> share of frames.
         missing: what stands for undetermined scores.
     """
 

@@ -1,4 +1,4 @@
-"""The paper worksheet of one frame: which angle and which rule gave which point."""
+"""The worksheet of one frame, as on paper: every point with its angle and rule."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ import pandas as pd
 
 from reba.analysis.score_table import ScoreTable
 from reba.method.classes import AngleClasses, angle_classes
-from reba.method.rules import LOAD_EDGES
+from reba.method.factor_points import knees_count, leg_points
+from reba.method.rules import load_points
 from reba.method.tables import ACTION_LEVELS, PART_MAXIMA
 from reba.posture.angles import against_gravity
-from reba.posture.columns import INDEX, SIDES
+from reba.posture.columns import GROUP_A, GROUP_B, INDEX, SIDES
 from reba.posture.factors import COUPLINGS, SUPPORTS
-
-GROUP_A = ("trunk", "neck", "legs")
-GROUP_B = ("upper_arm", "lower_arm", "wrist")
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Worksheet:
 
     Attributes:
         time: [s] of the frame.
-        lines: every rule that was asked, in worksheet order.
+        lines: every rule that applied, in worksheet order.
         scores: the row of the score table; None where undetermined.
         risk, action: name of the action level and what it asks for; "" where undetermined.
         rules: name of the rules.
@@ -82,7 +80,9 @@ def worksheet(scores: ScoreTable, frame: int) -> Worksheet:
     lines: list[WorksheetLine] = []
     for part in GROUP_A:
         lines += _support(scores, frame) if part == "legs" else []
-        lines += _part(by_part[part], angles[:, 0], part != "legs" or _knees_count(scores, frame))
+        lines += _part(
+            by_part[part], angles[:, 0], part != "legs" or bool(knees_count(_support_code(scores, frame), scores.rules))
+        )
     lines += _load(scores, frame)
     for side in SIDES:
         for part in GROUP_B:
@@ -97,43 +97,43 @@ def worksheet(scores: ScoreTable, frame: int) -> Worksheet:
 
 
 def contributions(scores: ScoreTable, frame: int, most: int = 4) -> list[str]:
-    """Return what gives the most points in a frame: "trunk flexion 62 deg (over 60): +3", highest first.
+    """Return the largest contributions to a frame: "trunk flexion 62 deg (over 60): +3", highest first.
 
-    Only the side of the worse arm speaks, or both where they are equal.
+    Of two arms only the worse one is named, or both where they are equal.
     """
     sheet = worksheet(scores, frame)
     left, right = sheet.scores["reba_left"], sheet.scores["reba_right"]
     silent = "" if left is None or right is None or left == right else "left" if left < right else "right"
-    found = []
+    points = []
     for line in sheet.lines:
         extra = (line.points or 0) - line.least
         if extra > 0 and not (silent and line.part.endswith(f"_{silent}")):
-            found.append((-extra, f"{line.what} {line.value} ({line.rule}): +{extra}"))
-    return [text for _, text in sorted(found, key=lambda item: item[0])[:most]]
+            points.append((-extra, f"{line.what} {line.value} ({line.rule}): +{extra}"))
+    return [text for _, text in sorted(points, key=lambda item: item[0])[:most]]
 
 
 def _part(parts: list[AngleClasses], angles: np.ndarray[Any, Any], counts: bool) -> list[WorksheetLine]:
     lines = []
-    given: set[str] = set()
+    counted: set[str] = set()
     for quantity in parts:
         values = [float(angles[INDEX[column]]) for column in quantity.columns]
         if all(np.isnan(values)):
             lines.append(WorksheetLine(quantity.part, None, quantity.name, "not measured", _span(quantity)))
             continue
         angle = float(np.nanmax(values))
-        found = quantity.class_of(angle)
-        if counts and any(np.isnan(values)) and found is not quantity.classes[-1]:
+        own = quantity.class_of(angle)
+        if counts and any(np.isnan(values)) and own is not quantity.classes[-1]:
             # The other one of two may stand in a higher class.
             value = f"{angle:.1f} deg, the other not measured"
-            lines.append(WorksheetLine(quantity.part, None, quantity.name, value, _span(quantity, found.points)))
+            lines.append(WorksheetLine(quantity.part, None, quantity.name, value, _span(quantity, own.points)))
             continue
-        points, rule = found.points, found.text
+        points, rule = own.points, own.text
         if quantity.adjusts and points:
             if not counts:
                 points, rule = 0, f"{rule}; not counted while sitting"
-            elif quantity.adjusts in given:
+            elif quantity.adjusts in counted:
                 points, rule = 0, f"{rule}; one point together"
-            given.add(quantity.adjusts)
+            counted.add(quantity.adjusts)
         so_far = sum(line.points or 0 for line in lines)
         highest = PART_MAXIMA[quantity.part.removesuffix("_left").removesuffix("_right")]
         if so_far + points > highest:
@@ -150,24 +150,24 @@ def _span(quantity: AngleClasses, least: int | None = None) -> str:
 
 
 def _at(value: Any, frame: int) -> Any:
-    given = np.atleast_1d(np.asarray(value))
-    return given[0] if len(given) == 1 else given[frame]
+    values = np.atleast_1d(np.asarray(value))
+    return values[0] if len(values) == 1 else values[frame]
 
 
-def _knees_count(scores: ScoreTable, frame: int) -> bool:
-    return scores.rules.seated_knees or str(_at(scores.factors.support, frame)) != SUPPORTS[3]
+def _support_code(scores: ScoreTable, frame: int) -> int:
+    return SUPPORTS.index(str(_at(scores.factors.support, frame)))
 
 
 def _support(scores: ScoreTable, frame: int) -> list[WorksheetLine]:
-    support = str(_at(scores.factors.support, frame))
-    points = 2 if support == "unilateral" else scores.rules.walking_legs if support == "walking" else 1
+    support = SUPPORTS[_support_code(scores, frame)]
+    points = int(leg_points(_support_code(scores, frame), scores.rules))
     rule = "one leg or unstable" if support == "unilateral" else "both legs, walking or sitting"
     return [WorksheetLine("legs", points, "support", support, rule, least=1)]
 
 
 def _load(scores: ScoreTable, frame: int) -> list[WorksheetLine]:
     load = float(_at(scores.factors.load, frame))
-    points = int(load >= LOAD_EDGES[0]) + int(load > LOAD_EDGES[1])
+    points = load_points(load)
     rule = ("under 5 kg", "5 to 10 kg", "over 10 kg")[points]
     lines = [WorksheetLine("load_force", points, "load", f"{load:g} kg", rule)]
     if _at(scores.factors.shock, frame):

@@ -12,7 +12,7 @@ from typing import Any, Final
 from reba.errors import RebaError
 from reba.live.frames import Frames
 from reba.method.rules import Rules, rules_of
-from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays, score_array
+from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays, score_angles
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 
 
@@ -45,7 +45,7 @@ class LiveScorer:
 
     def add(self, frames: Frames) -> tuple[list[dict[str, Any]], ScoreArrays]:
         """Return one record for each of n frames, and their scores."""
-        arrays = score_array(frames.angles, frames.factors, self.rules)
+        arrays = score_angles(frames.angles, frames.factors, self.rules)
         columns = [arrays[name].tolist() for name in SCORE_COLUMNS]
         records = []
         for time, *values in zip(frames.time.tolist(), *columns, strict=True):

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from reba.arrays import Array
 from reba.errors import PostureError
 from reba.live.frames import Frames, NotEnoughData, ReadingOptions, neutral_until
 from reba.live.sources import GrowingStore, block_decoder
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import BOTH_SIDES, FACTORS, Factors, checked, expand_sides
-from reba.posture.table import RAISED, angles_of, refuse_infinite, table_of
+from reba.posture.named_angles import RAISED, read_angles, refuse_infinite
+from reba.posture.table import table_of
 from reba.readers.mcap.container import ChunkRef
 from reba.readers.quality_control import apply_neutral, neutral_offsets, parse_neutral, subtract
 from reba.readers.recognise import Match
@@ -23,9 +23,6 @@ from reba.readers.recording.stream import ReadLog
 Row = dict[str, Any]
 KNOWN = frozenset((*COLUMNS, *RAISED, *FACTORS, *BOTH_SIDES))
 """Columns that are read."""
-KNOWN_PLAIN = KNOWN - set(RAISED) | {"time"}
-"""Columns that are numbers, without those of true and false in words."""
-_PLAIN = (float, int, type(None))
 
 
 class TableFollower:
@@ -140,50 +137,18 @@ class TableFollower:
         Raises:
             PostureError: a row is invalid.
         """
-        angles = self._plain_angles(rows)
-        if angles is None:
-            return self._convert_any(rows)
+        columns = {name: [row.get(name) for row in rows] for name in self._columns if name != "time"}
+        posture = {name: columns.pop(name) for name in self._columns if name in INDEX or name in RAISED}
+        angles = read_angles(posture, COLUMNS)[0] if posture else np.full((len(rows), len(COLUMNS)), np.nan)
         refuse_infinite(angles)
-        names = [name for name in self._columns if name not in COLUMNS and name != "time"]
         factors = self._constant
-        if names:
-            columns = {name: np.array([row.get(name) for row in rows]) for name in names}
+        if columns:
             factors = self._factors(columns, len(rows))
         subtract(angles, self._offsets)
         return Frames(np.array([row["time"] for row in rows], np.float64), angles, factors)
 
-    def _plain_angles(self, rows: list[Row]) -> Array | None:
-        """Return the angles (n, 22) [deg] of rows that contain only numbers, without a data frame; else None.
-
-        Raises:
-            PostureError: a number is too large for a float.
-        """
-        names = [name for name in self._columns if name in INDEX]
-        values = [[row.get(name) for name in names] for row in rows]
-        if any(type(value) not in _PLAIN for row in values for value in row) or not KNOWN_PLAIN.issuperset(
-            self._columns
-        ):
-            return None
-        angles = np.full((len(rows), len(COLUMNS)), np.nan)
-        try:
-            angles[:, [INDEX[name] for name in names]] = np.array(values, np.float64)
-        except OverflowError as error:
-            raise PostureError("a number is too large; expected degrees") from error
-        return angles
-
     def _factors(self, columns: Mapping[str, Any], count: int) -> Factors:
         return checked(Factors.of({**self._activity, **expand_sides(columns), **self._fixed_factors}), count)
-
-    def _convert_any(self, rows: list[Row]) -> Frames:
-        """Return the frames of rows with words or booleans, by way of a data frame as for a file."""
-        data = table_of(pd.DataFrame(rows, columns=self._columns)).data
-        angles = angles_of(data)
-        refuse_infinite(angles)
-        columns = {name: data[name].to_numpy() for name in (*FACTORS, *BOTH_SIDES) if name in data}
-        factors = self._factors(columns, len(data))
-        angles = angles.copy()
-        subtract(angles, self._offsets)
-        return Frames(data["time"].to_numpy(np.float64), angles, factors)
 
     def _add_columns(self, row: Row) -> None:
         """Add angle columns that appear later; a factor must be in every row from the first one on."""

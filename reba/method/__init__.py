@@ -1,0 +1,1 @@
+"""The REBA method: tables, rules, step table, and the vectorised scores of postures."""

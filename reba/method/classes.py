@@ -1,19 +1,36 @@
-"""What each angle may be for a given number of points: the rules written as closed intervals.
+"""The rules as closed intervals: up to which angle each class of points reaches, with its text.
 
-The vectorised core compares angles with edges; explaining a frame and finding the smallest change need the same rules
-the other way round: up to which angle a class reaches. Both are tested against each other on every class.
+The vectorised scores compare angles with edges; a worksheet, the smallest improvement and sampling need the interval of
+a class instead. Both come from the step table `reba.method.steps`.
 """
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Final
 
-from reba.method.rules import KNEE_EDGES, LOWER_ARM_RANGE, NECK_EDGE, TRUNK_EDGES, UPPER_ARM_EDGES, WRIST_EDGE, Rules
-from reba.posture.columns import SIDES
+from reba.method.rules import Rules
+from reba.method.steps import AngleSteps, Boundary, part_steps
+from reba.posture.columns import COLUMNS_OF, GROUP_A, GROUP_B, SIDES
 
 INF: Final = float("inf")
+CLASS_TEXTS: Final[dict[str, tuple[str, ...]]] = {
+    "trunk_flexion": (
+        "upright (within {0:g})", "up to {1:g} of flexion or extension",
+        "{1:g} to {2:g} of flexion, or over {1:g} of extension", "over {2:g}",
+    ),
+    "neck_flexion": ("0 to {0:g} of flexion", "over {0:g} of flexion, or in extension"),
+    "knee_flexion": ("under {0:g}", "{0:g} to {1:g}", "over {1:g}"),
+    "upper_arm_flexion": (
+        "{0:g} of extension to {0:g} of flexion", "{0:g} to {1:g} of flexion, or over {0:g} of extension",
+        "{1:g} to {2:g}", "over {2:g}",
+    ),
+    "lower_arm_flexion": ("{low:g} to {0:g}", "under {low:g} or over {0:g}"),
+    "wrist_flexion": ("within {0:g}", "over {0:g} of flexion or extension"),
+}  # fmt: skip
+"""Class texts of the main angle of each part: {0}, {1}, {2} are the edges upwards, {low} is the first downwards."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +45,7 @@ class Class:
 
 @dataclass(frozen=True)
 class AngleClasses:
-    """An angle as a part score sees it.
+    """The classes of one angle.
 
     Attributes:
         part: column of the part score it counts for.
@@ -49,113 +66,51 @@ class AngleClasses:
         return next(c for c in self.classes if c.low <= angle <= c.high)
 
 
-def just_below(edge: float) -> float:
-    """Return the next number below an edge, which stands for "less than" in a closed interval."""
-    return math.nextafter(edge, -INF)
-
-
+@functools.lru_cache(maxsize=64)
 def angle_classes(rules: Rules) -> tuple[AngleClasses, ...]:
-    """Return every angle with its classes under the rules.
+    """Return the classes of every angle under the rules: Group A, then Group B of the left and of the right arm.
 
     Example:
-        >>> trunk = quantities(Rules())[0]
+        >>> trunk = angle_classes(Rules())[0]
         >>> trunk.class_of(62.0).text
         'over 60'
     """
-
-    def top(edge: float) -> float:
-        """The highest angle of the class below a printed edge."""
-        return edge if rules.edges == "lower" else just_below(edge)
-
-    shared = "twist or bend" if rules.twist_and_bend == "one" else ""
-    e1, e2, e3 = map(top, UPPER_ARM_EDGES)
-    t1, t2 = map(top, TRUNK_EDGES)
-    w1 = top(WRIST_EDGE)
-    upright = rules.trunk_upright
-    found = [
-        AngleClasses(
-            "trunk",
-            "trunk flexion",
-            ("trunk_flexion",),
-            (
-                Class(1, -upright, upright, f"upright (within {upright:g})"),
-                Class(2, -t1, t1, f"up to {TRUNK_EDGES[0]:g} of flexion or extension"),
-                Class(3, -INF, t2, f"{TRUNK_EDGES[0]:g} to {TRUNK_EDGES[1]:g} of flexion, or over 20 of extension"),
-                Class(4, -INF, INF, f"over {TRUNK_EDGES[1]:g}"),
-            ),
-        ),
-        _within("trunk", "trunk twist", "trunk_twist", rules.trunk_twist, shared or "twist", "twisted"),
-        _within("trunk", "trunk side bend", "trunk_side_bend", rules.trunk_side_bend, shared or "bend", "side flexed"),
-        AngleClasses(
-            "neck",
-            "neck flexion",
-            ("neck_flexion",),
-            (
-                Class(1, -rules.neck_upright, top(NECK_EDGE), f"0 to {NECK_EDGE:g} of flexion"),
-                Class(2, -INF, INF, f"over {NECK_EDGE:g} of flexion, or in extension"),
-            ),
-        ),
-        _within("neck", "neck twist", "neck_twist", rules.neck_twist, shared or "twist", "twisted"),
-        _within("neck", "neck side bend", "neck_side_bend", rules.neck_side_bend, shared or "bend", "side flexed"),
-        AngleClasses(
-            "legs",
-            "knee flexion",
-            tuple(f"knee_flexion_{side}" for side in SIDES),
-            (
-                Class(0, -INF, just_below(KNEE_EDGES[0]), f"under {KNEE_EDGES[0]:g}"),
-                Class(1, -INF, top(KNEE_EDGES[1]), f"{KNEE_EDGES[0]:g} to {KNEE_EDGES[1]:g}"),
-                Class(2, -INF, INF, f"over {KNEE_EDGES[1]:g}"),
-            ),
-            "knees",
-        ),
-    ]
-    for side in SIDES:
-        arm, forearm, wrist = f"upper_arm_{side}", f"lower_arm_{side}", f"wrist_{side}"
-        found += [
-            AngleClasses(
-                arm,
-                f"{side} upper arm flexion",
-                (f"upper_arm_flexion_{side}",),
-                (
-                    Class(1, -e1, e1, f"{UPPER_ARM_EDGES[0]:g} of extension to {UPPER_ARM_EDGES[0]:g} of flexion"),
-                    Class(2, -INF, e2, f"20 to {UPPER_ARM_EDGES[1]:g} of flexion, or over 20 of extension"),
-                    Class(3, -INF, e3, f"{UPPER_ARM_EDGES[1]:g} to {UPPER_ARM_EDGES[2]:g}"),
-                    Class(4, -INF, INF, f"over {UPPER_ARM_EDGES[2]:g}"),
-                ),
-            ),
-            _up_to(arm, f"{side} upper arm abduction", f"upper_arm_abduction_{side}", rules.abduction, "abducted"),
-            _up_to(arm, f"{side} shoulder elevation", f"shoulder_elevation_{side}", rules.shoulder_elevation, "raised"),
-            AngleClasses(
-                forearm,
-                f"{side} elbow flexion",
-                (f"lower_arm_flexion_{side}",),
-                (
-                    Class(1, LOWER_ARM_RANGE[0], top(LOWER_ARM_RANGE[1]), "60 to 100"),
-                    Class(2, -INF, INF, "under 60 or over 100"),
-                ),
-            ),
-            AngleClasses(
-                wrist,
-                f"{side} wrist flexion",
-                (f"wrist_flexion_{side}",),
-                (
-                    Class(1, -w1, w1, f"within {WRIST_EDGE:g}"),
-                    Class(2, -INF, INF, f"over {WRIST_EDGE:g} of flexion or extension"),
-                ),
-            ),
-            _within(
-                wrist, f"{side} wrist deviation", f"wrist_deviation_{side}", rules.wrist_deviation, "wrist", "bent"
-            ),
-            _within(wrist, f"{side} wrist twist", f"wrist_twist_{side}", rules.wrist_twist, "wrist", "twisted"),
-        ]
-    return tuple(found)
+    steps = part_steps(rules)
+    places = [(part, "") for part in GROUP_A] + [(part, side) for side in SIDES for part in GROUP_B]
+    return tuple(
+        _classes(part, side, angle, steps[part].shares_point) for part, side in places for angle in steps[part].angles
+    )
 
 
-def _within(part: str, name: str, column: str, limit: float, adjusts: str, word: str) -> AngleClasses:
-    classes = (Class(0, -limit, limit, f"within {limit:g}"), Class(1, -INF, INF, f"{word} (over {limit:g})"))
-    return AngleClasses(part, name, (column,), classes, adjusts)
+def _classes(part: str, side: str, steps: AngleSteps, shares_point: bool) -> AngleClasses:
+    name = f"{side} {steps.angle}".strip().replace("_", " ").replace("lower arm", "elbow")
+    # Adjustments add to the part's class, and bent knees to the support of the legs; other classes start at 1.
+    adds = bool(steps.adjustment) or part == "legs"
+    intervals = [*map(_closed, steps.boundaries), (-INF, INF)]
+    classes = tuple(
+        Class(points, *interval, text)
+        for points, (interval, text) in enumerate(zip(intervals, _texts(steps), strict=True), start=0 if adds else 1)
+    )
+    return AngleClasses(
+        part=f"{part}_{side}" if side else part,
+        name=name,
+        columns=(f"{steps.angle}_{side}",) if side else COLUMNS_OF[steps.angle],
+        classes=classes,
+        adjusts="shared" if steps.adjustment and shares_point else name if adds else "",
+    )
 
 
-def _up_to(part: str, name: str, column: str, limit: float, word: str) -> AngleClasses:
-    classes = (Class(0, -INF, limit, f"up to {limit:g}"), Class(1, -INF, INF, f"{word} (over {limit:g})"))
-    return AngleClasses(part, name, (column,), classes, name)
+def _closed(boundary: Boundary) -> tuple[float, float]:
+    """Return the interval inside a boundary; "less than" ends at the next number below the edge."""
+    low = boundary.low if boundary.low_inside else math.nextafter(boundary.low, INF)
+    high = boundary.high if boundary.high_inside else math.nextafter(boundary.high, -INF)
+    return low, high
+
+
+def _texts(steps: AngleSteps) -> tuple[str, ...]:
+    first = steps.boundaries[0]
+    if steps.adjustment:
+        lowest = "up to" if first.low == -INF else "within"
+        return (f"{lowest} {first.high:g}", f"{steps.adjustment} (over {first.high:g})")
+    edges = [boundary.high for boundary in steps.boundaries]
+    return tuple(text.format(*edges, low=first.low) for text in CLASS_TEXTS[steps.angle])

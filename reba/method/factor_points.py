@@ -1,27 +1,24 @@
-"""The factors beside the angles: load, coupling, support, arm support and activity.
-
-A factor is one value for a whole recording or one per frame. What nobody gave is assumed (`ASSUMED`) and named in
-every output; only angles carry a range of what is unmeasured.
-"""
+"""Factors of a recording as points: load, coupling, support of the legs, arm support, activity."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from reba.arrays import Flags
-from reba.method.rules import LOAD_EDGES, Rules
+from reba.method.rules import Rules, load_points
 from reba.posture.columns import SIDES
 from reba.posture.factors import (
-    _FLAGS,
-    _GRIPS,
     ACTIVITIES,
     COUPLINGS,
+    FLAGS,
+    GRIPS,
     SUPPORTS,
     Factors,
     Points,
-    _choice,
+    codes,
     flag,
     load_kg,
 )
@@ -43,8 +40,8 @@ class FactorPoints:
 
     def rows(self, start: int, stop: int) -> FactorPoints:
         """Return the points of frames start to stop."""
-        given = (getattr(self, field.name) for field in fields(self))
-        return FactorPoints(*(one if one.shape[-1] == 1 else one[..., start:stop] for one in given))
+        arrays = (getattr(self, field.name) for field in fields(self))
+        return FactorPoints(*(one if one.shape[-1] == 1 else one[..., start:stop] for one in arrays))
 
 
 def points(factors: Factors, rules: Rules, n: int) -> FactorPoints:
@@ -54,20 +51,33 @@ def points(factors: Factors, rules: Rules, n: int) -> FactorPoints:
         PostureError: a value is missing, out of range or has another number of frames.
     """
     load = load_kg(factors.load, n)
-    load_points = (load >= LOAD_EDGES[0]).astype(np.uint8) + (load > LOAD_EDGES[1])
-    coupling = np.stack(np.broadcast_arrays(*(_choice(name, getattr(factors, name), COUPLINGS, n) for name in _GRIPS)))
+    coupling = np.stack(np.broadcast_arrays(*(codes(name, getattr(factors, name), COUPLINGS, n) for name in GRIPS)))
     if not rules.coupling_without_load:
         coupling = (coupling * (load > 0)).astype(np.uint8)
-    support = _choice("support", factors.support, SUPPORTS, n)
-    walking = support == SUPPORTS.index("walking")
-    legs = 1 + (support == SUPPORTS.index("unilateral")) + walking * (rules.walking_legs - 1)
-    sitting = support == SUPPORTS.index("sitting")
-    flags = {name: flag(name, getattr(factors, name), n) for name in _FLAGS}
+    support = codes("support", factors.support, SUPPORTS, n)
+    flags = {name: flag(name, getattr(factors, name), n) for name in FLAGS}
     return FactorPoints(
-        load_force=(load_points + flags["shock"]).astype(np.uint8),
+        load_force=(load_points(load) + flags["shock"]).astype(np.uint8),
         coupling=coupling,
         arm_supported=np.stack(np.broadcast_arrays(*(flags[f"arm_supported_{side}"] for side in SIDES))),
-        legs=legs.astype(np.uint8),
-        knees_count=(~sitting | rules.seated_knees).astype(np.uint8),
+        legs=leg_points(support, rules),
+        knees_count=knees_count(support, rules).astype(np.uint8),
         activity=np.asarray(sum(flags[name].astype(np.uint8) for name in ACTIVITIES), np.uint8),
     )
+
+
+def leg_points(support: Any, rules: Rules) -> Any:
+    """Return the points of the support of the legs, 1 or 2, before those of bent knees.
+
+    Args:
+        support: places in `SUPPORTS`, one or an array.
+
+    >>> int(leg_points(SUPPORTS.index("unilateral"), Rules()))
+    2
+    """
+    return np.array([1, 2, rules.walking_legs, 1], np.uint8)[support]
+
+
+def knees_count(support: Any, rules: Rules) -> Any:
+    """Return whether bent knees add points; `support` as in `leg_points`. Printed: "not for sitting" [H2005]."""
+    return np.array([True, True, True, rules.seated_knees])[support]

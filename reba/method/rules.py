@@ -1,4 +1,6 @@
-"""The rules: printed class edges as data, and every choice that the paper leaves open as a named field.
+"""The rules: every choice that the paper leaves open as a named field, and the points of a load.
+
+The edges of the angles are in `reba.method.steps`.
 
 Sources: [HM2000] Hignett & McAtamney (2000), Applied Ergonomics 31:201-205; [H2005] Hignett's chapter in Fundamentals
 and Assessment Tools for Occupational Ergonomics, Table 42.2 (one +1 for twisted or side flexed, "not for sitting",
@@ -16,20 +18,17 @@ from typing import Any, Final, Literal
 from reba.errors import RulesError, did_you_mean
 from reba.files import write_atomic, write_text
 
-TRUNK_EDGES: Final = (20.0, 60.0)
-"""[deg] Trunk flexion classes 2|3 (also extension 2|3) and 3|4 [HM2000]."""
-NECK_EDGE: Final = 20.0
-"""[deg] Neck flexion class 1|2 [HM2000]."""
-UPPER_ARM_EDGES: Final = (20.0, 45.0, 90.0)
-"""[deg] Upper arm flexion classes 1|2 (also extension), 2|3, 3|4 [HM2000]."""
-LOWER_ARM_RANGE: Final = (60.0, 100.0)
-"""[deg] Elbow flexion of class 1, both ends inside [HM2000]."""
-WRIST_EDGE: Final = 15.0
-"""[deg] Wrist flexion or extension class 1|2 [HM2000]."""
-KNEE_EDGES: Final = (30.0, 60.0)
-"""[deg] Knee flexion +1 from 30 (inside) to 60 (inside), +2 above [HM2000]."""
 LOAD_EDGES: Final = (5.0, 10.0)
 """[kg] Load 0 below 5, 1 from 5 to 10 (both inside), 2 above [HM2000]."""
+
+
+def load_points(load: Any) -> Any:
+    """Return the points of a load [kg], 0 to 2: for a number, an array of any shape or a symbolic expression.
+
+    >>> load_points(5.0)
+    1
+    """
+    return 1 * (load >= LOAD_EDGES[0]) + (load > LOAD_EDGES[1])
 
 
 @dataclass(frozen=True)
@@ -54,12 +53,12 @@ class Rules:
         two_sides: which arm gives the total: "worse" (both are always scored), "left" or "right".
         seated_knees: whether bent knees add points while sitting; printed "not for sitting" [H2005].
         walking_legs: leg score while walking; printed with bilateral weight bearing, 1.
-        coupling_without_load: whether coupling counts while nothing is held (load 0).
+        coupling_without_load: whether coupling counts with empty hands (load 0).
         static_seconds, static_range: a part is static while all its angles stay within a band of `static_range`
             degrees for longer than `static_seconds`.
         repeated_per_minute, repeated_min, repeated_max: a part's action is repeated while it makes more than
             `repeated_per_minute` back-and-forth movements of `repeated_min` to `repeated_max` degrees in a minute.
-        gait_per_minute: strides a minute (alternating knees) from which a stretch is walking, never "repeated".
+        gait_per_minute: strides a minute (alternating knees) from which an interval is walking, never "repeated".
         rapid_range, rapid_seconds: a change of more than `rapid_range` degrees within `rapid_seconds` is a rapid
             large range change in posture.
 
@@ -128,18 +127,18 @@ class Rules:
             RulesError: the file cannot be read, a field is unknown or a value out of range.
         """
         try:
-            given = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            fields = tomllib.loads(Path(path).read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError) as error:
             why = getattr(error, "strerror", None) or error
             raise RulesError(f"{path}: cannot be read as rules ({why}); give a TOML file or a preset") from error
         except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and deep nesting
             raise RulesError(f"{path}: not TOML ({error})") from error
-        preset = given.pop("preset", "measured")
+        preset = fields.pop("preset", "measured")
         if str(preset) not in PRESETS:
             raise RulesError(f"{path}: preset {preset!r} is unknown; use one of {', '.join(PRESETS)}")
         base = dataclasses.asdict(PRESETS[preset])
         try:
-            return _build({**base, "name": Path(path).stem, **given}, str(path))
+            return _build({**base, "name": Path(path).stem, **fields}, str(path))
         except RulesError as error:
             text = str(error)
             raise RulesError(text if text.startswith(str(path)) else f"{path}: {text}") from error

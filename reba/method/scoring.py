@@ -19,21 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from reba.arrays import Array, Flags
 from reba.errors import PostureError
 from reba.method.factor_points import FactorPoints, points
-from reba.method.rules import (
-    KNEE_EDGES,
-    LOWER_ARM_RANGE,
-    NECK_EDGE,
-    TRUNK_EDGES,
-    UPPER_ARM_EDGES,
-    WRIST_EDGE,
-    Rules,
-    rules_of,
-)
+from reba.method.rules import Rules, rules_of
+from reba.method.steps import Boundary, PartSteps, part_steps
 from reba.method.tables import LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
 from reba.posture.angles import against_gravity
-from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
+from reba.posture.columns import ANGLES, BEST, COLUMNS, GROUP_A, GROUP_B, SIDES
 from reba.posture.factors import Factors
-from reba.posture.table import refuse_infinite
+from reba.posture.named_angles import LARGEST, read_angles, refuse_infinite, refuse_large, warn_if_radians
 
 Missing = Literal["range", "neutral", "worst", "error"]
 MISSING: Final = ("range", "neutral", "worst", "error")
@@ -44,10 +36,15 @@ CHUNK: Final = 16_000
 """Frames handled at once: few enough for the cache, enough to make the cost of a numpy call small."""
 TILE: Final = 1000
 """Frames turned from rows to columns at once: a tile of 88 kB is read and written within the first caches."""
-_BEST: Final = np.array([angle.best for angle in ANGLES for _ in angle.columns])
+_BEST: Final = np.array([BEST[column] for column in COLUMNS])
 _WORST: Final = np.array([angle.worst for angle in ANGLES for _ in angle.columns])
 _A, _B, _C = (np.ascontiguousarray(table.ravel()) for table in (TABLE_A, TABLE_B, TABLE_C))
+# A cell of the flat tables is score * stride + score * stride + score - first, all in uint8: strides of cells of one
+# byte are plain integers. Scores start at 1.
+_A_STRIDES, _B_STRIDES, _C_STRIDES = (table.strides for table in (TABLE_A, TABLE_B, TABLE_C))
+_A_FIRST, _B_FIRST, _C_FIRST = map(sum, (_A_STRIDES, _B_STRIDES, _C_STRIDES))
 Scores8 = NDArray[np.uint8]
+Steps = dict[str, PartSteps]
 
 
 @dataclass(frozen=True)
@@ -96,7 +93,7 @@ _RANGED: Final = SCORE_COLUMNS[: SCORE_COLUMNS.index("reba_low")]
 
 
 def score_array(
-    angles: ArrayLike,
+    angles: Any,
     factors: Factors | Mapping[str, Any] | None = None,
     rules: Rules | str = "measured",
     missing: Missing = "range",
@@ -104,7 +101,8 @@ def score_array(
     """Score n postures.
 
     Args:
-        angles: (n, 22) degrees in the order of `reba.COLUMNS`; NaN = not measured.
+        angles: (n, 22) degrees in the order of `reba.COLUMNS`, or (22,) for one posture; NaN = not measured. Data with
+            column names, such as a DataFrame, are read by name, see `reba.angle_table`.
         factors: a `Factors` record or a mapping of some of its fields; scalars or (n,) arrays.
         rules: a preset's name or a `Rules` record.
         missing: what stands for a score that unmeasured angles leave open: `UNKNOWN` ("range"), the score of the
@@ -115,7 +113,11 @@ def score_array(
         The scores of every part and the totals, see `ScoreArrays`.
 
     Raises:
-        PostureError: a wrong shape, an infinite angle, a bad factor, or an unmeasured angle with missing="error".
+        PostureError: a wrong shape, an angle that is infinite or beyond 360 deg, a bad factor, or an unmeasured angle
+            with missing="error".
+
+    Warns:
+        RadiansWarning: ten postures or more of angles so small that they look like radians.
 
     Example:
         >>> import numpy as np
@@ -124,20 +126,24 @@ def score_array(
         >>> int(score_array(posture).reba[0])
         2
     """
-    try:
-        if np.iscomplexobj(angles):
-            raise TypeError("complex")
-        table = np.asarray(angles, np.float64)
-    except (TypeError, ValueError) as error:
-        raise PostureError(f"angles hold something that is no number ({error}); expected degrees") from error
-    if table.ndim != 2 or table.shape[1] != len(COLUMNS):
-        raise PostureError(
-            f"angles have shape {table.shape}; expected (n, {len(COLUMNS)}) in the order of reba.COLUMNS"
-        )
+    table, _ = read_angles(angles, COLUMNS)
+    warn_if_radians(table)
+    return score_angles(table, factors, rules, missing, limit=LARGEST)
+
+
+def score_angles(
+    table: Array,
+    factors: Factors | Mapping[str, Any] | None = None,
+    rules: Rules | str = "measured",
+    missing: Missing = "range",
+    *,
+    limit: float = np.finfo(np.float64).max,
+) -> ScoreArrays:
+    """Score the angles (n, 22) of a posture table; as `score_array`, with any finite angle up to `limit` [deg]."""
     chosen = rules_of(rules)
     if missing not in MISSING:
         raise PostureError(f"missing is {missing!r}; expected one of {', '.join(MISSING)}")
-    given = points(Factors.of(factors), chosen, len(table))
+    factor_points = points(Factors.of(factors), chosen, len(table))
     out = np.empty((len(SCORE_COLUMNS), len(table)), np.uint8)
     columns = np.empty((len(COLUMNS), CHUNK))
     for start in range(0, len(table), CHUNK):
@@ -146,29 +152,29 @@ def score_array(
         complete = True
         for first in range(0, stop - start, TILE):
             rows = table[start + first : min(start + first + TILE, stop)]
-            # A sum tells whether anything is NaN or infinite: it then is not finite. It also fetches the rows.
-            with np.errstate(invalid="ignore", over="ignore"):
-                complete &= bool(np.isfinite(rows.sum()))
+            # NaN passes through both and fails the comparison, as infinity does. This also fetches the rows.
+            complete &= bool(max(rows.max(), -rows.min()) <= limit)
             block[:, first : first + len(rows)] = rows.T
-        _score_block(block, complete, given.rows(start, stop), chosen, missing, out[:, start:stop], start)
+        if not complete and max(np.fmax.reduce(block, axis=None), -np.fmin.reduce(block, axis=None)) > limit:
+            refuse_infinite(block.T, start)
+            refuse_large(block.T, start)
+        _score_block(block, complete, factor_points.rows(start, stop), chosen, missing, out[:, start:stop], start)
     return ScoreArrays(*out)
 
 
 def _score_block(
     block: Array,
     complete: bool,
-    given: FactorPoints,
-    chosen: Rules,
+    factor_points: FactorPoints,
+    rules: Rules,
     missing: Missing,
     out: Scores8,
     start: int,
 ) -> None:
-    if not complete:
-        refuse_infinite(block.T, start)
-    if chosen.upper_arm_reference == "gravity":
+    if rules.upper_arm_reference == "gravity":
         against_gravity(block)
     if complete:
-        _evaluate(block, given, chosen, out)
+        _evaluate(block, factor_points, rules, out)
         out[_ROW["reba_low"]] = out[_ROW["reba_high"]] = out[_ROW["reba"]]
         return
     unmeasured = np.isnan(block)
@@ -179,9 +185,9 @@ def _score_block(
         )
     high = np.empty_like(out)
     _fill(block, unmeasured, _BEST)
-    _evaluate(block, given, chosen, out)
+    _evaluate(block, factor_points, rules, out)
     _fill(block, unmeasured, _WORST)
-    _evaluate(block, given, chosen, high)
+    _evaluate(block, factor_points, rules, high)
     out[_ROW["reba_low"]] = out[_ROW["reba"]]
     out[_ROW["reba_high"]] = high[_ROW["reba"]]
     ends = len(_RANGED)
@@ -197,20 +203,21 @@ def _fill(block: Array, unmeasured: Flags, ends: Array) -> None:
         np.copyto(block[column], ends[column], where=unmeasured[column])
 
 
-def _evaluate(c: Array, given: FactorPoints, chosen: Rules, out: Scores8) -> None:
+def _evaluate(c: Array, factor_points: FactorPoints, rules: Rules, out: Scores8) -> None:
     """Score one block of fully known columns c (22, m) into the rows of `out`.
 
     Left and right stand beside each other in `c` and `out`, so that both arms are scored as one (2, m) array.
     """
     score_a, score_b, sides = out[_ROW["score_a"]], _both(out, "score_b"), _both(out, "reba")
-    out[_ROW["activity"]] = given.activity
-    _group_a(c, given, chosen, out, score_a)
-    _group_b(c, given, chosen, out, score_b)
-    np.add(_C.take((score_a - 1) * 12 + (score_b - 1)), given.activity, out=sides)
-    if chosen.two_sides == "worse":
+    out[_ROW["activity"]] = factor_points.activity
+    steps = part_steps(rules)
+    _group_a(c, factor_points, steps, out, score_a)
+    _group_b(c, factor_points, steps, out, score_b)
+    np.add(_C.take(score_a * _C_STRIDES[0] + score_b - _C_FIRST), factor_points.activity, out=sides)
+    if rules.two_sides == "worse":
         np.maximum(sides[0], sides[1], out=out[_ROW["reba"]])
     else:
-        out[_ROW["reba"]] = sides[SIDES.index(chosen.two_sides)]
+        out[_ROW["reba"]] = sides[SIDES.index(rules.two_sides)]
     out[_ROW["action_level"]] = LEVEL_OF.take(out[_ROW["reba"]])
 
 
@@ -220,77 +227,60 @@ def _both(out: Scores8, name: str) -> Scores8:
     return out[first : first + 2]
 
 
-def _group_a(c: Array, given: FactorPoints, chosen: Rules, out: Scores8, score_a: Scores8) -> None:
-    above = np.greater if chosen.edges == "lower" else np.greater_equal
-    two = chosen.twist_and_bend == "two"
-    trunk, neck, legs = out[_ROW["trunk"]], out[_ROW["neck"]], out[_ROW["legs"]]
-
-    flexion = c[INDEX["trunk_flexion"]]
-    np.add(_beyond(flexion, chosen.trunk_upright), 1, out=trunk, dtype=np.uint8)
-    trunk += _beyond(flexion, TRUNK_EDGES[0], above)
-    trunk += above(flexion, TRUNK_EDGES[1])
-    twisted = _beyond(c[INDEX["trunk_twist"]], chosen.trunk_twist)
-    bent = _beyond(c[INDEX["trunk_side_bend"]], chosen.trunk_side_bend)
-    _adjust(trunk, twisted, bent, two, PART_MAXIMA["trunk"])
-
-    flexion = c[INDEX["neck_flexion"]]
-    np.add(above(flexion, NECK_EDGE) | (flexion < -chosen.neck_upright), 1, out=neck, dtype=np.uint8)
-    twisted = _beyond(c[INDEX["neck_twist"]], chosen.neck_twist)
-    bent = _beyond(c[INDEX["neck_side_bend"]], chosen.neck_side_bend)
-    _adjust(neck, twisted, bent, two, PART_MAXIMA["neck"])
-
-    knee = np.maximum(c[INDEX["knee_flexion_left"]], c[INDEX["knee_flexion_right"]])
-    np.add(knee >= KNEE_EDGES[0], above(knee, KNEE_EDGES[1]), out=legs, dtype=np.uint8)
-    legs *= given.knees_count
-    legs += given.legs
-
-    out[_ROW["load_force"]] = given.load_force
-    np.add(_A.take((trunk - 1) * 12 + (neck - 1) * 4 + (legs - 1)), given.load_force, out=score_a)
+def _group_a(c: Array, factor_points: FactorPoints, steps: Steps, out: Scores8, score_a: Scores8) -> None:
+    trunk, neck, legs = (out[_ROW[part]] for part in GROUP_A)
+    _part_score(c, steps["trunk"], trunk, PART_MAXIMA["trunk"])
+    _part_score(c, steps["neck"], neck, PART_MAXIMA["neck"])
+    _part_score(c, steps["legs"], legs, PART_MAXIMA["legs"], lowest=0)
+    legs *= factor_points.knees_count
+    legs += factor_points.legs
+    out[_ROW["load_force"]] = factor_points.load_force
+    cells = trunk * _A_STRIDES[0] + neck * _A_STRIDES[1] + legs - _A_FIRST
+    np.add(_A.take(cells), factor_points.load_force, out=score_a)
 
 
-def _group_b(c: Array, given: FactorPoints, chosen: Rules, out: Scores8, score_b: Scores8) -> None:
-    above = np.greater if chosen.edges == "lower" else np.greater_equal
-    upper, lower, wrist = _both(out, "upper_arm"), _both(out, "lower_arm"), _both(out, "wrist")
-
-    def angle(name: str) -> Array:
-        first = INDEX[f"{name}_left"]
-        return c[first : first + 2]
-
-    flexion = angle("upper_arm_flexion")
-    np.add(_beyond(flexion, UPPER_ARM_EDGES[0], above), 1, out=upper, dtype=np.uint8)
-    upper += above(flexion, UPPER_ARM_EDGES[1])
-    upper += above(flexion, UPPER_ARM_EDGES[2])
-    upper += angle("upper_arm_abduction") > chosen.abduction
-    upper += angle("shoulder_elevation") > chosen.shoulder_elevation
-    if given.arm_supported.any():
+def _group_b(c: Array, factor_points: FactorPoints, steps: Steps, out: Scores8, score_b: Scores8) -> None:
+    upper, lower, wrist = (_both(out, part) for part in GROUP_B)
+    _part_score(c, steps["upper_arm"], upper, PART_MAXIMA["upper_arm"])
+    if factor_points.arm_supported.any():
         # A supported arm takes one off but never below 1: index 0 would wrap to the last row of Table B.
-        upper -= given.arm_supported & (upper > 1)
-
-    elbow = angle("lower_arm_flexion")
-    np.add((elbow < LOWER_ARM_RANGE[0]) | above(elbow, LOWER_ARM_RANGE[1]), 1, out=lower, dtype=np.uint8)
-
-    np.add(_beyond(angle("wrist_flexion"), WRIST_EDGE, above), 1, out=wrist, dtype=np.uint8)
-    deviated = _beyond(angle("wrist_deviation"), chosen.wrist_deviation)
-    wrist += deviated | _beyond(angle("wrist_twist"), chosen.wrist_twist)
-
-    _both(out, "coupling")[:] = given.coupling
-    np.add(_B.take((upper - 1) * 6 + (lower - 1) * 3 + (wrist - 1)), given.coupling, out=score_b)
+        upper -= factor_points.arm_supported & (upper > 1)
+    _part_score(c, steps["lower_arm"], lower, PART_MAXIMA["lower_arm"])
+    _part_score(c, steps["wrist"], wrist, PART_MAXIMA["wrist"])
+    _both(out, "coupling")[:] = factor_points.coupling
+    cells = upper * _B_STRIDES[0] + lower * _B_STRIDES[1] + wrist - _B_FIRST
+    np.add(_B.take(cells), factor_points.coupling, out=score_b)
 
 
-def _beyond(angle: Array, limit: float, above: np.ufunc = np.greater) -> Flags:
-    """Return where angles lie beyond a limit on either side; cheaper than the absolute value, which is another copy."""
-    either: Flags = above(angle, limit) | above(-limit, angle)
-    return either
+def _part_score(c: Array, steps: PartSteps, score: Scores8, highest: int, lowest: int = 1) -> None:
+    """Write the score of a body part, (m,) or (2, m) for both sides, from the columns c (22, m)."""
+    (main, *adjustments), shares_point = steps
+    angle = c[main.rows]
+    if angle.ndim > score.ndim:  # two knees, one score
+        angle = np.maximum(angle[0], angle[1])
+    first, *others = main.boundaries
+    np.add(_outside(angle, first), lowest, out=score)
+    for boundary in others:
+        score += _outside(angle, boundary)
+    if not adjustments:
+        return
+    one, other = (_outside(c[each.rows], each.boundaries[0]) for each in adjustments)
+    if shares_point:
+        score += one | other
+        return
+    score += one
+    score += other
+    if lowest + len(main.boundaries) + len(adjustments) > highest:
+        np.minimum(score, highest, out=score)
 
 
-def _adjust(part: Scores8, twisted: Flags, bent: Flags, two: bool, highest: int) -> None:
-    """Add the points for twisted and side flexed in place: one together, or one each up to the table's size."""
-    if two:
-        part += twisted
-        part += bent
-        np.minimum(part, highest, out=part)
-    else:
-        part += twisted | bent
+def _outside(angle: Array, boundary: Boundary) -> Scores8:
+    """Return 1 where angles lie outside a boundary, that is in a higher class, else 0."""
+    low, high, low_inside, high_inside = boundary
+    outside = angle > high if high_inside else angle >= high
+    if low > -np.inf:
+        outside |= angle < low if low_inside else angle <= low
+    return outside.view(np.uint8)  # adding booleans would cast them again and again
 
 
 class PartScores(NamedTuple):
@@ -328,34 +318,36 @@ def score_parts(
         >>> score_parts(trunk=4, neck=2, legs=2, load_force=3, upper_arm=4, lower_arm=2, wrist=3, coupling=3)
         PartScores(score_a=9, score_b=10, score_c=12, reba=12, action_level=4)
     """
-    given = {
+    part_scores = {
         "trunk": trunk, "neck": neck, "legs": legs, "upper_arm": upper_arm, "lower_arm": lower_arm, "wrist": wrist,
         "load_force": load_force, "coupling": coupling, "activity": activity,
     }  # fmt: skip
-    p = {name: _whole(name, value) for name, value in given.items()}
+    scores = {name: _integers(name, value) for name, value in part_scores.items()}
     try:
-        np.broadcast_shapes(*(scores.shape for scores in p.values()))
+        np.broadcast_shapes(*(values.shape for values in scores.values()))
     except ValueError as error:
-        shapes = ", ".join(f"{name} {scores.shape}" for name, scores in p.items() if scores.ndim)
+        shapes = ", ".join(f"{name} {values.shape}" for name, values in scores.items() if values.ndim)
         raise PostureError(f"part scores do not fit together: {shapes}; expected scalars or equal lengths") from error
-    score_a = TABLE_A[p["trunk"] - 1, p["neck"] - 1, p["legs"] - 1].astype(int) + p["load_force"]
-    score_b = TABLE_B[p["upper_arm"] - 1, p["lower_arm"] - 1, p["wrist"] - 1].astype(int) + p["coupling"]
+    score_a = TABLE_A[scores["trunk"] - 1, scores["neck"] - 1, scores["legs"] - 1].astype(int) + scores["load_force"]
+    score_b = (
+        TABLE_B[scores["upper_arm"] - 1, scores["lower_arm"] - 1, scores["wrist"] - 1].astype(int) + scores["coupling"]
+    )
     score_c = TABLE_C[score_a - 1, score_b - 1].astype(int)
-    reba = score_c + p["activity"]
+    reba = score_c + scores["activity"]
     results = (score_a, score_b, score_c, reba, LEVEL_OF[reba].astype(int))
     return PartScores(*(int(value) if np.ndim(value) == 0 else value for value in results))
 
 
-def _whole(name: str, value: ArrayLike) -> NDArray[np.int64]:
+def _integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
     lowest = 0 if name in ("load_force", "coupling", "activity") else 1
     highest = PART_MAXIMA[name]
-    scores = np.asarray(value)
+    values = np.asarray(value)
     try:
         with np.errstate(invalid="ignore"):  # NaN and infinity become some integer, which the comparison refuses
-            whole = scores.astype(np.int64)
-        fits = bool(np.all((whole == scores) & (whole >= lowest) & (whole <= highest)))
+            integers = values.astype(np.int64)
+        fits = bool(np.all((integers == values) & (integers >= lowest) & (integers <= highest)))
     except (TypeError, ValueError, OverflowError):
         fits = False
     if not fits:
         raise PostureError(f"{name} score is {value!r}; expected whole numbers from {lowest} to {highest}")
-    return whole
+    return integers

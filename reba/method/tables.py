@@ -12,6 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from reba.posture.columns import GROUP_A, GROUP_B
+
 # One line per trunk score 1-5; blocks for neck 1, 2, 3; in a block legs 1-4.
 _A = """
 1234 1234 3356
@@ -46,20 +48,6 @@ cccccccccccc
 """
 TABLES_SHA256: Final = "41df1df3ee0cfb4e2bf3a369a6e79aeaffd465bb24dfb488606af7a9fa5fd395"
 """sha256 of the uint8 bytes of A[trunk][neck][legs], B[upper arm][lower arm][wrist] and C row-major, in this order."""
-
-
-def _cells(text: str, shape: tuple[int, ...]) -> NDArray[np.uint8]:
-    table = np.array([int(digit, 16) for digit in "".join(text.split())], np.uint8).reshape(shape)
-    table.setflags(write=False)
-    return table
-
-
-TABLE_A: Final[NDArray[np.uint8]] = _cells(_A, (5, 3, 4))
-"""Trunk (1-5), neck (1-3), legs (1-4) -> 1-9. Read-only; indices are scores minus 1."""
-TABLE_B: Final[NDArray[np.uint8]] = _cells(_B, (6, 2, 3))
-"""Upper arm (1-6), lower arm (1-2), wrist (1-3) -> 1-9. Read-only; indices are scores minus 1."""
-TABLE_C: Final[NDArray[np.uint8]] = _cells(_C, (12, 12))
-"""Score A (1-12), Score B (1-12) -> 1-12. Read-only; indices are scores minus 1."""
 PART_MAXIMA: Final[dict[str, int]] = {
     "trunk": 5,
     "neck": 3,
@@ -72,6 +60,20 @@ PART_MAXIMA: Final[dict[str, int]] = {
     "activity": 3,
 }
 """Highest score of each part; body parts start at 1, load/force, coupling and activity at 0."""
+
+
+def _cells(text: str, *shape: int) -> NDArray[np.uint8]:
+    table = np.array([int(digit, 16) for digit in "".join(text.split())], np.uint8).reshape(shape)
+    table.setflags(write=False)
+    return table
+
+
+TABLE_A: Final[NDArray[np.uint8]] = _cells(_A, *(PART_MAXIMA[part] for part in GROUP_A))
+"""Trunk (1-5), neck (1-3), legs (1-4) -> 1-9. Read-only; indices are scores minus 1."""
+TABLE_B: Final[NDArray[np.uint8]] = _cells(_B, *(PART_MAXIMA[part] for part in GROUP_B))
+"""Upper arm (1-6), lower arm (1-2), wrist (1-3) -> 1-9. Read-only; indices are scores minus 1."""
+TABLE_C: Final[NDArray[np.uint8]] = _cells(_C, 12, 12)
+"""Score A (1-12), Score B (1-12) -> 1-12. Read-only; indices are scores minus 1."""
 ACTION_LEVEL_FROM: Final[tuple[int, ...]] = (1, 2, 4, 8, 11)
 """Lowest REBA score of action levels 0 to 4 (the paper's numbering)."""
 ACTION_LEVELS: Final[tuple[tuple[str, str], ...]] = (

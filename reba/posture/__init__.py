@@ -1,6 +1,6 @@
 """The posture table: one row per frame, angles in degrees, NaN = not measured.
 
-Columns, signs and units are public (README, "The posture table"); everything else in the package speaks in them.
+Columns, signs and units are public (README, "The posture table") and the same in every room of the packages.
 """
 
 from __future__ import annotations

@@ -19,12 +19,12 @@ CONE = 30.0
 
 There 5 mm of noise in a joint centre turns the plane by tens of degrees, while the elevation stays within two."""
 MIRROR = np.array([1.0, 1.0, -1.0])
-"""Left seen as right: the z axis turns round."""
+"""Signs of the axes that mirror the left side onto the right: z is negated."""
 
 
 @dataclass
 class SegmentFrames:
-    """A body over n frames, as far as a recording shows it.
+    """Orientations of the body segments over n frames, as far as a recording has them.
 
     Attributes:
         frames: segment -> (n, 3, 3) orientation, its columns the segment's ISB axes in one common reference. Segments:
@@ -51,26 +51,27 @@ class SegmentFrames:
 def posture_angles(body: SegmentFrames, n: int) -> Array:
     """Return the (n, 22) posture angles [deg] of a body in the order of `reba.COLUMNS`; NaN = not measured.
 
-    >>> frames = {"pelvis": turned(np.eye(3), 2, np.zeros(1)), "thorax": turned(np.eye(3), 2, np.radians([-30.0]))}
-    >>> float(posture_angles(Body(frames, up=np.array([0.0, 1.0, 0.0])), 1)[0, 0].round(9))
+    >>> upright, bent = (rotated_about(np.eye(3), 2, np.radians([angle])) for angle in (0.0, -30.0))
+    >>> body = SegmentFrames({"pelvis": upright, "thorax": bent}, up=np.array([0.0, 1.0, 0.0]))
+    >>> float(posture_angles(body, 1)[0, 0].round(9))
     30.0
     """
-    out = np.full((n, len(COLUMNS)), np.nan)
-    found: dict[str, Array] = {}
+    angles = np.full((n, len(COLUMNS)), np.nan)
+    columns: dict[str, Array] = {}
     trunk = body.frames.get("trunk", body.frames.get("thorax"))
     thorax = body.frames.get("thorax", trunk)
     if trunk is not None:
-        _trunk(body, trunk, found)
+        _trunk(body, trunk, columns)
     if thorax is not None:
-        _neck(body, thorax, found)
+        _neck(body, thorax, columns)
     for side in SIDES:
         if trunk is not None and thorax is not None:
-            _shoulder(body, trunk, thorax, side, found)
-        _limbs(body, side, found)
-    found.update(body.columns)
-    for column, values in found.items():
-        out[:, INDEX[column]] = values
-    return out
+            _shoulder(body, trunk, thorax, side, columns)
+        _limbs(body, side, columns)
+    columns.update(body.columns)
+    for column, values in columns.items():
+        angles[:, INDEX[column]] = values
+    return angles
 
 
 def rotated_about(frame: Array, axis: int, angle: Array) -> Array:
@@ -90,14 +91,14 @@ def rotated_about(frame: Array, axis: int, angle: Array) -> Array:
 
 
 def frame_from_y_z(y: Array, z: Array) -> Array:
-    """Return (n, 3, 3) frames with the (n, 3) axis y kept and z made square to it; NaN where they are parallel."""
+    """Return (n, 3, 3) frames with the given (n, 3) y axis and z orthogonalised to it; NaN where they are parallel."""
     up = unit(y)
     right = unit(z - np.sum(z * up, axis=1, keepdims=True) * up)
     return np.stack([cross(up, right), up, right], axis=2)
 
 
 def frame_across(y: Array, z: Array) -> Array:
-    """Return (n, 3, 3) frames with the (n, 3) axis z kept, like a hip line, and y made square to it."""
+    """Return (n, 3, 3) frames with the given (n, 3) z axis, such as the hip line, and y orthogonalised to it."""
     return frame_from_y_z(cross(z, cross(y, z)), z)
 
 
@@ -142,7 +143,7 @@ def arm_angles(direction: Array) -> tuple[Array, Array]:
 
 
 def _lean(axis: Array) -> tuple[Array, Array]:
-    """Return flexion and side bend [deg] of an (n, 3) axis given in the axes of what it leans against."""
+    """Return flexion and side bend [deg] of an (n, 3) axis in the coordinates of the reference segment."""
     x, y, z = axis.T
     return np.degrees(np.arctan2(x, y)), np.degrees(np.arctan2(z, np.hypot(x, y)))
 
@@ -167,59 +168,59 @@ def _mirrored(relative: Array, side: str) -> Array:
     return relative * (MIRROR if relative.ndim == 2 else np.outer(MIRROR, MIRROR))
 
 
-def _trunk(body: SegmentFrames, trunk: Array, found: dict[str, Array]) -> None:
+def _trunk(body: SegmentFrames, trunk: Array, columns: dict[str, Array]) -> None:
     pelvis = body.frames.get("pelvis")
     if body.up is not None:
-        # The way a person faces: the hip line keeps it when the pelvis tips forward, its x axis does not.
+        # Heading of the person: the hip line keeps it when the pelvis tips forward, its x axis does not.
         right = (trunk if pelvis is None else pelvis)[:, :, 2]
         base = frame_from_y_z(np.broadcast_to(body.up, right.shape), right)
     elif pelvis is not None:
         base = pelvis
     else:
         return
-    found["trunk_flexion"], found["trunk_side_bend"] = _lean(_in(base, trunk[:, :, 1]))
+    columns["trunk_flexion"], columns["trunk_side_bend"] = _lean(_in(base, trunk[:, :, 1]))
     if pelvis is not None:
-        found["trunk_twist"] = _twist(_relative(pelvis, trunk))
+        columns["trunk_twist"] = _twist(_relative(pelvis, trunk))
 
 
-def _neck(body: SegmentFrames, thorax: Array, found: dict[str, Array]) -> None:
+def _neck(body: SegmentFrames, thorax: Array, columns: dict[str, Array]) -> None:
     axis = body.axis("head")
     if axis is not None:
-        found["neck_flexion"], found["neck_side_bend"] = _lean(_in(thorax, axis))
+        columns["neck_flexion"], columns["neck_side_bend"] = _lean(_in(thorax, axis))
     if "head" in body.frames:
-        found["neck_twist"] = _twist(_relative(thorax, body.frames["head"]))
+        columns["neck_twist"] = _twist(_relative(thorax, body.frames["head"]))
 
 
-def _shoulder(body: SegmentFrames, trunk: Array, thorax: Array, side: str, found: dict[str, Array]) -> None:
+def _shoulder(body: SegmentFrames, trunk: Array, thorax: Array, side: str, columns: dict[str, Array]) -> None:
     arm = body.axis(f"upper_arm_{side}")
     if arm is not None:
         angles = arm_angles(_mirrored(-_in(trunk, unit(arm)), side))
-        found[f"upper_arm_flexion_{side}"], found[f"upper_arm_abduction_{side}"] = angles
+        columns[f"upper_arm_flexion_{side}"], columns[f"upper_arm_abduction_{side}"] = angles
     clavicle = body.axes.get(f"clavicle_{side}")
     if f"clavicle_{side}" in body.frames:
         clavicle = body.frames[f"clavicle_{side}"][:, :, 2] * (1.0 if side == "right" else -1.0)
     if clavicle is not None:
         x, y, z = _in(thorax, clavicle).T
-        found[f"shoulder_elevation_{side}"] = np.degrees(np.arctan2(y, np.hypot(x, z)))
+        columns[f"shoulder_elevation_{side}"] = np.degrees(np.arctan2(y, np.hypot(x, z)))
 
 
-def _limbs(body: SegmentFrames, side: str, found: dict[str, Array]) -> None:
+def _limbs(body: SegmentFrames, side: str, columns: dict[str, Array]) -> None:
     hinges = (("knee_flexion", "thigh", "shank"), ("lower_arm_flexion", "upper_arm", "forearm"))
     for column, upper, lower in hinges:
         near, far = body.axis(f"{upper}_{side}"), body.axis(f"{lower}_{side}")
         if near is not None and far is not None:
-            found[f"{column}_{side}"] = angle_between(near, far)
+            columns[f"{column}_{side}"] = angle_between(near, far)
     forearm = body.frames.get(f"forearm_{side}")
     if forearm is None:
         return
     hand = body.axis(f"hand_{side}")
     if hand is not None:
         radial, along, palmar = _mirrored(_in(forearm, hand), side).T
-        found[f"wrist_flexion_{side}"] = np.degrees(np.arctan2(palmar, along))
-        found[f"wrist_deviation_{side}"] = np.degrees(np.arctan2(radial, np.hypot(along, palmar)))
+        columns[f"wrist_flexion_{side}"] = np.degrees(np.arctan2(palmar, along))
+        columns[f"wrist_deviation_{side}"] = np.degrees(np.arctan2(radial, np.hypot(along, palmar)))
     arm = body.frames.get(f"upper_arm_{side}")
     if arm is not None:
-        found[f"wrist_twist_{side}"] = _twist(_mirrored(_relative(arm, forearm), side))
+        columns[f"wrist_twist_{side}"] = _twist(_mirrored(_relative(arm, forearm), side))
 
 
 def against_gravity(columns: Array) -> None:

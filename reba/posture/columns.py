@@ -1,7 +1,4 @@
-"""The posture table: one row per frame, angles in degrees, NaN = not measured.
-
-Columns, signs and units are public (README, "The posture table"); everything else in the package speaks in them.
-"""
+"""The 22 angles of the posture table: names, sides, signs, ends, and the body parts that they belong to."""
 
 from __future__ import annotations
 
@@ -55,3 +52,25 @@ COLUMNS: tuple[str, ...] = tuple(column for angle in ANGLES for column in angle.
 """The 22 angle columns in their public order."""
 INDEX: dict[str, int] = {column: index for index, column in enumerate(COLUMNS)}
 """Position of each angle column in `COLUMNS`."""
+COLUMNS_OF: dict[str, tuple[str, ...]] = {angle.name: angle.columns for angle in ANGLES}
+"""Columns of each angle name without a side."""
+BEST: dict[str, float] = {column: angle.best for angle in ANGLES for column in angle.columns}
+"""[deg] The angle of the lowest part score of each column."""
+GROUP_A: tuple[str, ...] = ("trunk", "neck", "legs")
+"""Body parts of Table A, in the order of its indices."""
+GROUP_B: tuple[str, ...] = ("upper_arm", "lower_arm", "wrist")
+"""Body parts of Table B, in the order of its indices; one of each on either side."""
+PARTS: dict[str, tuple[str, ...]] = {
+    "trunk": ("trunk_flexion", "trunk_side_bend", "trunk_twist"),
+    "neck": ("neck_flexion", "neck_side_bend", "neck_twist"),
+    "legs": ("knee_flexion",),
+    "upper_arm": ("upper_arm_flexion", "upper_arm_abduction", "shoulder_elevation"),
+    "lower_arm": ("lower_arm_flexion",),
+    "wrist": ("wrist_flexion", "wrist_deviation", "wrist_twist"),
+}
+"""Body part -> its angles, both without a side."""
+PART_COLUMNS: dict[str, tuple[str, ...]] = {
+    **{part: tuple(column for name in PARTS[part] for column in COLUMNS_OF[name]) for part in GROUP_A},
+    **{f"{part}_{side}": tuple(f"{name}_{side}" for name in PARTS[part]) for side in SIDES for part in GROUP_B},
+}
+"""Column of a body part's score -> the angle columns that it depends on."""

@@ -1,7 +1,7 @@
 """The factors beside the angles: load, coupling, support, arm support and activity.
 
-A factor is one value for a whole recording or one per frame. What nobody gave is assumed (`ASSUMED`) and named in
-every output; only angles carry a range of what is unmeasured.
+A factor is one value for a recording or one per frame. Factors that are not given take the defaults of `ASSUMED`, which
+every output names; only angles carry a range of what is unmeasured.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ ASSUMED: Final[dict[str, str]] = {
     "arm_supported_left": "left arm unsupported",
     "arm_supported_right": "right arm unsupported",
 }
-"""What is assumed for a factor that nobody gave."""
+"""Text of the default of each factor, reported where it is not given."""
 ASSUMED_ACTIVITY: Final = "activity from the movement"
-"""The same for activity, which is found in the movement itself."""
+"""The same for activity, which is detected in the movement."""
 Points = NDArray[np.uint8]
 
 
@@ -63,19 +63,19 @@ class Factors:
     unstable: Any = False
 
     @staticmethod
-    def of(given: Factors | Mapping[str, Any] | None) -> Factors:
+    def of(factors: Factors | Mapping[str, Any] | None) -> Factors:
         """Return the record for a mapping of some of its fields; `coupling` and `arm_supported` stand for both sides.
 
         Raises:
             PostureError: it is neither record nor mapping, or a name is unknown.
         """
-        if given is None:
+        if factors is None:
             return Factors()
-        if isinstance(given, Factors):
-            return given
-        if not isinstance(given, Mapping):
-            raise PostureError(f"factors are {given!r}; expected reba.Factors or a mapping like {{'load': 5.0}}")
-        values = expand_sides(given)
+        if isinstance(factors, Factors):
+            return factors
+        if not isinstance(factors, Mapping):
+            raise PostureError(f"factors are {factors!r}; expected reba.Factors or a mapping like {{'load': 5.0}}")
+        values = expand_sides(factors)
         for name in values:
             if name not in FACTORS:
                 raise PostureError(
@@ -86,20 +86,22 @@ class Factors:
 
 BOTH_SIDES: Final = ("coupling", "arm_supported")
 """Names that stand for a factor of both sides."""
-_GRIPS: Final = tuple(f"coupling_{side}" for side in SIDES)
-_FLAGS: Final = ("shock", *(f"arm_supported_{side}" for side in SIDES), *ACTIVITIES)
+GRIPS: Final = tuple(f"coupling_{side}" for side in SIDES)
+"""Names of the coupling of either hand."""
+FLAGS: Final = ("shock", *(f"arm_supported_{side}" for side in SIDES), *ACTIVITIES)
+"""Names of the factors that are true or false."""
 FACTORS: Final = tuple(field.name for field in fields(Factors))
 """The factor names, which are also the names of factor columns of a posture table."""
 
 
-def expand_sides(given: Mapping[str, Any]) -> dict[str, Any]:
+def expand_sides(factors: Mapping[str, Any]) -> dict[str, Any]:
     """Return the mapping with `coupling` and `arm_supported` written out for both sides.
 
     >>> expand_sides({"coupling": "fair"})
     {'coupling_left': 'fair', 'coupling_right': 'fair'}
     """
     values: dict[str, Any] = {}
-    for name, value in given.items():
+    for name, value in factors.items():
         if name in BOTH_SIDES:
             for side in SIDES:
                 values.setdefault(f"{name}_{side}", value)
@@ -118,18 +120,18 @@ def checked(factors: Factors, n: int) -> Factors:
     def plain(values: NDArray[Any]) -> Any:
         return values[0].item() if len(values) == 1 else values
 
-    couplings = {name: np.array(COUPLINGS)[_choice(name, getattr(factors, name), COUPLINGS, n)] for name in _GRIPS}
-    flags = {name: flag(name, getattr(factors, name), n) for name in _FLAGS}
-    support = np.array(SUPPORTS)[_choice("support", factors.support, SUPPORTS, n)]
-    given = {"load": load_kg(factors.load, n), "support": support, **couplings, **flags}
-    return Factors(**{name: plain(values) for name, values in given.items()})
+    couplings = {name: np.array(COUPLINGS)[codes(name, getattr(factors, name), COUPLINGS, n)] for name in GRIPS}
+    flags = {name: flag(name, getattr(factors, name), n) for name in FLAGS}
+    support = np.array(SUPPORTS)[codes("support", factors.support, SUPPORTS, n)]
+    columns = {"load": load_kg(factors.load, n), "support": support, **couplings, **flags}
+    return Factors(**{name: plain(values) for name, values in columns.items()})
 
 
 def load_kg(value: Any, n: int) -> Array:
     """Return a load as (n,) or (1,) kilograms.
 
     Raises:
-        PostureError: not a number, negative, infinite or missing somewhere.
+        PostureError: not a number, negative, infinite or missing in a frame.
     """
     try:
         load = np.atleast_1d(np.asarray(value, np.float64))
@@ -147,13 +149,13 @@ def flag(name: str, value: Any, n: int) -> Flags:
     """Return a yes-or-no factor as (n,) or (1,) booleans; words and 0 and 1 stand for no and yes.
 
     Raises:
-        PostureError: anything else, or missing somewhere.
+        PostureError: another value, or missing in a frame.
     """
-    given = _values(name, value, n)
-    if given.dtype == bool:
-        return given
+    values = _values(name, value, n)
+    if values.dtype == bool:
+        return values
     words = dict.fromkeys(("true", "yes", "1", "1.0"), True) | dict.fromkeys(("false", "no", "0", "0.0"), False)
-    items = given.tolist()
+    items = values.tolist()
     yes = [words.get(str(item).strip().lower()) for item in items]
     if None in yes:
         where = yes.index(None)
@@ -161,35 +163,39 @@ def flag(name: str, value: Any, n: int) -> Flags:
     return np.array(yes, bool)
 
 
-def _choice(name: str, value: Any, words: tuple[str, ...], n: int) -> Points:
-    """Return codes 0, 1, ... of words (or of the codes themselves, for coupling)."""
-    given = _values(name, value, n)
-    found = np.full(len(given), 255, np.uint8)
+def codes(name: str, value: Any, words: tuple[str, ...], n: int) -> Points:
+    """Return the places (n,) or (1,) of a factor's values in `words`; coupling may also be given by its points 0 to 3.
+
+    Raises:
+        PostureError: a value is none of the words, or their number is wrong.
+    """
+    values = _values(name, value, n)
+    places = np.full(len(values), 255, np.uint8)
     for code, word in enumerate(words):
-        found[given == word] = code
-    if (found == 255).any():  # numbers or other spellings
-        codes = {word: code for code, word in enumerate(words)}
-        if name in _GRIPS:
-            codes |= {text: code for code in range(4) for text in (str(code), f"{code}.0")}
-        kinds, inverse = np.unique(given.astype(str), return_inverse=True)
-        read = [codes.get(str(kind).strip().lower()) for kind in kinds]
+        places[values == word] = code
+    if (places == 255).any():  # numbers or other spellings
+        by_text = {word: code for code, word in enumerate(words)}
+        if name in GRIPS:
+            by_text |= {text: code for code in range(4) for text in (str(code), f"{code}.0")}
+        kinds, inverse = np.unique(values.astype(str), return_inverse=True)
+        read = [by_text.get(str(kind).strip().lower()) for kind in kinds]
         if None in read:
             raise PostureError(
                 f"{name} is {str(kinds[read.index(None)])!r}; expected one of {', '.join(words)} at every frame"
             )
-        found = np.array(read, np.uint8)[inverse]
-    return found
+        places = np.array(read, np.uint8)[inverse]
+    return places
 
 
 def _values(name: str, value: Any, n: int) -> NDArray[Any]:
     try:
-        given = np.atleast_1d(np.asarray(value))
+        values = np.atleast_1d(np.asarray(value))
     except ValueError as error:
         raise PostureError(f"{name} is {value!r}; expected one value or one for each of {n} frames") from error
-    _check_length(name, given, n)
-    return given
+    _check_length(name, values, n)
+    return values
 
 
-def _check_length(name: str, given: NDArray[Any], n: int) -> None:
-    if given.ndim != 1 or len(given) not in (1, n):
-        raise PostureError(f"{name} has shape {given.shape}; expected one value or one for each of {n} frames")
+def _check_length(name: str, values: NDArray[Any], n: int) -> None:
+    if values.ndim != 1 or len(values) not in (1, n):
+        raise PostureError(f"{name} has shape {values.shape}; expected one value or one for each of {n} frames")

@@ -56,7 +56,7 @@ _HEIGHT, _WIDTH, _SCALE = 250.0, 190.0, 220.0
 
 @dataclass(frozen=True)
 class Mark:
-    """A part score to show at its joint: `share` of the way from its lowest to its highest value."""
+    """A part score to show at its joint: `share` from 0 at its lowest to 1 at its highest value."""
 
     text: str
     share: float

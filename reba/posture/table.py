@@ -1,39 +1,44 @@
 """The posture table: one row per frame, angles in degrees, NaN = not measured.
 
-Columns, signs and units are public (README, "The posture table"); everything else in the package speaks in them.
+`table_of` builds one from a DataFrame or other data with column names; readers build theirs from recordings.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from reba.arrays import Array
 from reba.errors import PostureError, did_you_mean
-from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
-from reba.posture.factors import BOTH_SIDES, FACTORS, flag
-
-if TYPE_CHECKING:
-    import pandas as pd
+from reba.posture.columns import COLUMNS, COLUMNS_OF
+from reba.posture.factors import BOTH_SIDES, FACTORS
+from reba.posture.named_angles import (
+    RAISED,
+    check_angles,
+    column_numbers,
+    named_columns,
+    read_angles,
+    warn_if_radians,
+)
 
 
 @dataclass(frozen=True)
 class Quality:
-    """How good a recording is: what was read, what was skipped, how regular it is.
+    """Quality of a recording: messages read and skipped, sampling rate, gaps.
 
     Attributes:
         messages: samples or messages seen.
         skipped: of these, not usable.
         first_skipped: where and why the first one was skipped.
-        ended_abnormally: None, or how the recording breaks off.
+        ended_abnormally: None, or how the recording is truncated.
         time_source: where the time column comes from.
         rate: median sampling rate [Hz].
-        gaps: (start, end) [s] of stretches without samples, longer than 0.2 s and five sample periods.
-        warnings: other things a user must know.
+        gaps: (start, end) [s] of intervals without samples, longer than 0.2 s and five sample periods.
+        warnings: other facts that limit the use of the scores.
         sha256: of the file, "" for a folder.
     """
 
@@ -48,12 +53,12 @@ class Quality:
     sha256: str = ""
 
     def notes(self) -> list[str]:
-        """Return what a user must know in one line each: how it breaks off, what was skipped, and the warnings."""
-        found = [f"the recording breaks off: {self.ended_abnormally}"] if self.ended_abnormally else []
+        """Return one line each for the reader of a report: truncated input, skipped messages, then the warnings."""
+        notes = [f"the recording is truncated: {self.ended_abnormally}"] if self.ended_abnormally else []
         if self.skipped:
             first = f", the first: {self.first_skipped}" if self.first_skipped else ""
-            found.append(f"{self.skipped} of {self.messages} messages could not be used{first}")
-        return [*found, *self.warnings]
+            notes.append(f"{self.skipped} of {self.messages} messages could not be used{first}")
+        return [*notes, *self.warnings]
 
 
 @dataclass(frozen=True)
@@ -85,40 +90,69 @@ class PostureTable:
     epoch: float = 0.0
 
 
-RAISED = tuple(f"shoulder_raised_{side}" for side in SIDES)
-"""Boolean columns that may stand in for `shoulder_elevation_*`."""
-_ELEVATION = next(angle for angle in ANGLES if angle.name == "shoulder_elevation")
+def table_of(data: Any) -> PostureTable:
+    """Return named data as a posture table.
 
-
-def table_of(frame: pd.DataFrame) -> PostureTable:
-    """Return a DataFrame as a posture table.
+    Args:
+        data: a DataFrame, a mapping of columns or a list of rows by name. Absent columns are not measured, a name
+            without a side stands for both, and without `time` frames are numbered by seconds.
 
     Raises:
-        PostureError: it is no DataFrame, no column is known, one stands twice or is no number, or time does not
-            increase.
+        PostureError: no column is known, one stands twice, is not a number or holds an angle that no body has, or time
+            does not increase.
+
+    Warns:
+        RadiansWarning: the angles look like radians.
     """
-    if not isinstance(frame, pd.DataFrame):
-        raise PostureError(
-            f"postures are of type {type(frame).__name__}; expected what reba.read returns or a DataFrame "
-            "(arrays of angles go to reba.score_array)"
-        )
-    known = ("time", *COLUMNS, *FACTORS, *BOTH_SIDES, *RAISED)
-    if not any(name in COLUMNS or name in RAISED for name in frame.columns):
+    frame = _frame(data)
+    known = {"time", *COLUMNS, *COLUMNS_OF, *FACTORS, *BOTH_SIDES, *RAISED}
+    used = [str(name) for name in frame.columns if str(name) in known]
+    if not any(name in COLUMNS_OF or name in COLUMNS or name in RAISED for name in used):
         names = ", ".join(str(name) for name in list(frame.columns)[:6])
         hint = did_you_mean(str(frame.columns[0]), COLUMNS) if len(frame.columns) else ""
         raise PostureError(
             f"no angle column among: {names or 'none'}; expected some of {', '.join(COLUMNS[:3])}, ...{hint}"
         )
-    columns: dict[str, Any] = {"time": np.arange(len(frame), dtype=np.float64)}
-    used = [str(name) for name in frame.columns if str(name) in known]
     if twice := [name for name in dict.fromkeys(used) if used.count(name) > 1]:
         raise PostureError(f"column {twice[0]} stands {used.count(twice[0])} times; keep one of them")
+    columns: dict[str, Any] = {"time": np.arange(len(frame), dtype=np.float64)}
     for name in used:
-        if name in COLUMNS or name == "time":
-            columns[name] = _numbers(frame, name)
+        if name == "time" or name in COLUMNS:
+            columns[name] = column_numbers(name, frame[name])
+        elif name in COLUMNS_OF:
+            numbers = column_numbers(name, frame[name])
+            columns |= {column: numbers for column in COLUMNS_OF[name] if column not in used}
         else:
             columns[name] = frame[name].to_numpy()
-    time = columns["time"]
+    _check_time(columns["time"])
+    # A misspelt column would otherwise only show as "not measured".
+    near = [(str(n), did_you_mean(str(n), COLUMNS)) for n in frame.columns if str(n) not in known]
+    wrong = [f"column {name!r} is not used{hint}" for name, hint in near if hint]
+    table = PostureTable(pd.DataFrame(columns), source="DataFrame", recognised="posture table columns")
+    table = dataclasses.replace(table, quality=dataclasses.replace(table.quality, warnings=tuple(wrong)))
+    angles = angles_of(table.data)
+    check_angles(angles)
+    warn_if_radians(angles, stacklevel=4)
+    empty = np.isnan(angles).all(axis=0)
+    return dataclasses.replace(table, unmeasured=tuple(np.array(COLUMNS)[empty].tolist()))
+
+
+def _frame(data: Any) -> pd.DataFrame:
+    if isinstance(data, pd.DataFrame):
+        return data
+    named = named_columns(data)
+    if named is None:
+        raise PostureError(
+            f"postures are of type {type(data).__name__}; expected what reba.read returns, a DataFrame or other data "
+            "with column names (arrays of angles go to reba.score_array)"
+        )
+    try:
+        return pd.DataFrame({name: np.atleast_1d(np.asarray(values)) for name, values in named.items()})
+    except ValueError as error:
+        raise PostureError(f"columns do not fit together ({error}); expected one value per frame in each") from error
+
+
+def _check_time(time: Array) -> None:
     bad = ~np.isfinite(time)
     if bad.any():
         where = int(np.argmax(bad))
@@ -129,46 +163,10 @@ def table_of(frame: pd.DataFrame) -> PostureTable:
         raise PostureError(
             f"time does not increase after frame {where} ({time[where]} s); sort the rows and drop duplicates"
         )
-    # A misspelt column would otherwise only show as "not measured".
-    near = [(str(n), did_you_mean(str(n), COLUMNS)) for n in frame.columns if str(n) not in known]
-    wrong = [f"column {name!r} is not used{hint}" for name, hint in near if hint]
-    table = PostureTable(pd.DataFrame(columns), source="DataFrame", recognised="posture table columns")
-    table = dataclasses.replace(table, quality=dataclasses.replace(table.quality, warnings=tuple(wrong)))
-    empty = np.isnan(angles_of(table.data)).all(axis=0)
-    return dataclasses.replace(table, unmeasured=tuple(np.array(COLUMNS)[empty].tolist()))
-
-
-def _numbers(frame: pd.DataFrame, name: str) -> Array:
-    if (kind := frame[name].dtype.kind) in "mMc":
-        what = "complex numbers" if kind == "c" else "dates"
-        raise PostureError(f"column {name} holds {what}; expected {'seconds' if name == 'time' else 'degrees'}")
-    try:
-        return pd.to_numeric(frame[name]).to_numpy(np.float64, na_value=np.nan)
-    except (TypeError, ValueError) as error:
-        raise PostureError(f"column {name} holds something that is no number ({error}); expected degrees") from error
 
 
 def angles_of(data: pd.DataFrame) -> Array:
     """Return the (n, 22) angles of a posture table, without a copy where its columns stand in one block."""
     if tuple(data.columns) == ("time", *COLUMNS):
         return data.to_numpy()[:, 1:]
-    angles = np.full((len(data), len(COLUMNS)), np.nan)
-    for index, name in enumerate(COLUMNS):
-        if name in data:
-            angles[:, index] = data[name]
-    for side, name in enumerate(RAISED):
-        if name in data:
-            column = angles[:, INDEX["shoulder_elevation_left"] + side]
-            raised = np.where(flag(name, data[name].to_numpy(), len(data)), _ELEVATION.worst, _ELEVATION.best)
-            column[:] = np.where(np.isnan(column), raised, column)
-    return angles
-
-
-def refuse_infinite(angles: Array, start: int = 0) -> None:
-    """Raise `PostureError` where angles (n, 22) are infinite; `start` is the number of their first frame."""
-    infinite = np.isinf(angles)
-    if infinite.any():
-        frame, column = np.argwhere(infinite)[0]
-        raise PostureError(
-            f"{COLUMNS[column]} is infinite at frame {start + frame}; expected degrees, or NaN if not measured"
-        )
+    return read_angles(data, COLUMNS)[0]

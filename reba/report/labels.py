@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
-from reba.posture.columns import ANGLES, SIDES
+from reba.posture.columns import COLUMNS_OF, SIDES
+from reba.posture.columns import PARTS as BODY_PARTS
 
 LEVEL_COLOURS: Final[tuple[str, ...]] = ("#5aa5d6", "#bfe0ef", "#ffe8a3", "#f9a35c", "#b92d2b")
 """Action levels 0 to 4: blue over yellow to red after ColorBrewer RdYlBu, which colour-blind people can distinguish;
@@ -31,15 +32,15 @@ PARTS: Final[dict[str, str]] = {
     "activity": "Activity",
 }
 """Part score columns in worksheet order, with their titles."""
-BODY: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
-    ("trunk", "the trunk", ("trunk_flexion", "trunk_side_bend", "trunk_twist")),
-    ("neck", "the neck", ("neck_flexion", "neck_side_bend", "neck_twist")),
-    ("legs", "the knees", ("knee_flexion",)),
-    ("upper_arm", "the upper arms", ("upper_arm_flexion", "upper_arm_abduction", "shoulder_elevation")),
-    ("lower_arm", "the elbows", ("lower_arm_flexion",)),
-    ("wrist", "the wrists", ("wrist_flexion", "wrist_deviation", "wrist_twist")),
-)
-"""Part score, its name in a sentence, and the angles (without sides) that determine it."""
+BODY: Final[dict[str, str]] = {
+    "trunk": "the trunk",
+    "neck": "the neck",
+    "legs": "the knees",
+    "upper_arm": "the upper arms",
+    "lower_arm": "the elbows",
+    "wrist": "the wrists",
+}
+"""Body part -> its name in a sentence."""
 RULES: Final[dict[str, str]] = {
     "name": "name of the rules",
     "trunk_upright": "trunk counts as upright up to this flexion or extension [deg]",
@@ -169,15 +170,15 @@ def body_parts(columns: Sequence[str]) -> list[str]:
     >>> body_parts(["neck_twist", "knee_flexion_left", "knee_flexion_right"])
     ['neck twist', 'the knees']
     """
-    of_angle = {angle.name: angle.columns for angle in ANGLES}
     names = []
-    for _, part, angles in BODY:
-        if all(column in columns for angle in angles for column in of_angle[angle]):
-            names.append(part)
+    for part, angles in BODY_PARTS.items():
+        every = [column for name in angles for column in COLUMNS_OF[name]]
+        if all(column in columns for column in every):
+            names.append(BODY[part])
             continue
-        for angle in angles:
-            if all(column in columns for column in of_angle[angle]):
-                names.append(angle.replace("_", " "))
+        for name in angles:
+            if all(column in columns for column in COLUMNS_OF[name]):
+                names.append(name.replace("_", " "))
             else:
-                names += [angle_name(column) for column in of_angle[angle] if column in columns]
+                names += [angle_name(column) for column in COLUMNS_OF[name] if column in columns]
     return names

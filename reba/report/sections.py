@@ -17,10 +17,11 @@ from reba.method.rules import PRESETS
 from reba.method.scoring import ScoreArrays, score_parts
 from reba.method.tables import PART_MAXIMA
 from reba.posture.angles import against_gravity
-from reba.posture.columns import ANGLES, INDEX, SIDES
+from reba.posture.columns import COLUMNS_OF, INDEX, SIDES
+from reba.posture.columns import PARTS as BODY_PARTS
 from reba.posture.factors import ACTIVITIES, ASSUMED, COUPLINGS, FACTORS, flag, load_kg
-from reba.report.labels import BODY, PARTS, RULES, angle_name, percent, span
 from reba.report.labels import FACTORS as FACTOR_TITLES
+from reba.report.labels import PARTS, RULES, angle_name, percent, span
 from reba.report.summary import RecordingSummary
 
 QUANTILES: Final = (0.05, 0.50, 0.95)
@@ -148,11 +149,10 @@ def _value(record: RecordingSummary, name: str, value: Any) -> str:
 
 def unmeasured_rows(record: RecordingSummary) -> list[UnmeasuredPart]:
     """Return the parts with unmeasured angles in worksheet order."""
-    of_angle = {angle.name: angle.columns for angle in ANGLES}
     why = record.scores.postures.why_unmeasured
     rows = []
-    for part, _, names in BODY:
-        columns = [c for name in names for c in of_angle[name] if c in record.scores.unmeasured]
+    for part, names in BODY_PARTS.items():
+        columns = [c for name in names for c in COLUMNS_OF[name] if c in record.scores.unmeasured]
         if not columns:
             continue
         sides = [side for side in SIDES if any(column.endswith(side) for column in columns)]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from reba.analysis.exposure import column, durations
 from reba.arrays import Array, Flags
-from reba.method.scoring import ScoreArrays, score_array
+from reba.method.scoring import ScoreArrays, score_angles
 from reba.scores import Scores
 
 BUCKETS: Final = 2000
@@ -62,9 +62,9 @@ class StepCurve:
 def score_range(scores: Scores) -> ScoreRange:
     """Return both ends of the range of every score."""
     angles = scores.angles
-    low = score_array(angles, scores.factors, scores.rules, "neutral")
+    low = score_angles(angles, scores.factors, scores.rules, "neutral")
     complete = not np.isnan(angles).any()
-    return ScoreRange(low, low if complete else score_array(angles, scores.factors, scores.rules, "worst"))
+    return ScoreRange(low, low if complete else score_angles(angles, scores.factors, scores.rules, "worst"))
 
 
 def score_curve(scores: Scores, ends: ScoreRange, name: str) -> Curve:

@@ -10,10 +10,10 @@ import pytest
 
 import dreba
 import reba
-from dreba.domain import BEST, Domain
+from dreba.domain import Domain
 from dreba.sampling.classes import true_scores
 from dreba.sampling.poses import columns_named
-from reba.posture.columns import COLUMNS, INDEX
+from reba.posture.columns import BEST, COLUMNS, INDEX
 from tests.support.paths import RECORDINGS
 from tests.support.says import says
 

@@ -14,10 +14,10 @@ import dreba
 import reba
 from dreba.surrogates.soft import SoftModel
 from dreba.surrogates.soft_fit import RATES, by_parameters
-from dreba.surrogates.soft_steps import STEPS
 from dreba.surrogates.soft_tables import SoftTables
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
+from reba.method.steps import STEPS
 from reba.posture.columns import COLUMNS, INDEX
 from tests.support.says import says
 
@@ -186,5 +186,6 @@ def test_wrong_evaluations_are_refused() -> None:
 
 
 def test_steps_have_the_edges_of_the_rules() -> None:
-    edges = {(s.angle, abs(s.threshold)) for s in STEPS}
-    assert {("trunk_flexion", 5.0), ("trunk_flexion", 60.0), ("lower_arm_flexion", 100.0)} <= edges
+    tables = SoftTables.of(Rules(trunk_upright=7.0), 1.0)
+    edges = {(step.angle, step.sense, edge) for step, edge in zip(STEPS, tables.thresholds, strict=True)}
+    assert {("trunk_flexion", -1, 7.0), ("trunk_flexion", 1, 60.0), ("lower_arm_flexion", -1, -60.0)} <= edges

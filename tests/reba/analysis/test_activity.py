@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import reba
-from reba.analysis.activity import Activity, _swings, detect
+from reba.analysis.activity import Activity, detect, turning_movements
 from reba.posture.columns import INDEX
 
 RULES = reba.Rules()
@@ -238,7 +238,7 @@ def test_input_is_not_changed() -> None:
 # -- swings --------------------------------------------------------------------------------------------------------
 
 
-def most_swings(signal: list[int], least: int) -> int:
+def mostturning_movements(signal: list[int], least: int) -> int:
     """Return the most movements to and fro of at least `least` that any choice of turning points gives."""
     up, down = [0] * len(signal), [0] * len(signal)
     for end in range(len(signal)):
@@ -254,7 +254,7 @@ def most_swings(signal: list[int], least: int) -> int:
 @given(st.lists(st.integers(-6, 6), min_size=2, max_size=40), st.integers(1, 6))
 def test_swings_by_brute_force(values: list[int], least: int) -> None:
     signal = np.array(values, float)
-    swings = list(_swings(signal, least))
+    swings = list(turning_movements(signal, least))
     sizes = [signal[end] - signal[start] for start, end in swings]
     assert all(abs(size) >= least for size in sizes)
     assert all(a < b for a, b in swings)
@@ -267,12 +267,12 @@ def test_swings_by_brute_force(values: list[int], least: int) -> None:
         assert inside.max() == inside[-1]
         assert inside.min() == inside[0]
         assert (np.maximum.accumulate(inside) - inside).max() < least
-    assert len(swings) == most_swings(values, least)
+    assert len(swings) == mostturning_movements(values, least)
 
 
 def test_swings_of_a_triangle() -> None:
     signal = np.array([0.0, 10.0, 20.0, 10.0, 0.0, 10.0, 20.0])
-    assert list(_swings(signal, 15.0)) == [(0, 2), (2, 4), (4, 6)]
-    assert list(_swings(signal, 25.0)) == []
+    assert list(turning_movements(signal, 15.0)) == [(0, 2), (2, 4), (4, 6)]
+    assert list(turning_movements(signal, 25.0)) == []
     signal[3] = np.nan
-    assert list(_swings(signal, 15.0)) == [(0, 2), (2, 4), (4, 6)]
+    assert list(turning_movements(signal, 15.0)) == [(0, 2), (2, 4), (4, 6)]

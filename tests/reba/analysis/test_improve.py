@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import reba
-from reba.analysis.changes import _BEST, choices
-from reba.analysis.improve import Improvement, improve_frame, improve_frames, improve_worst, worst_interval
+from reba.analysis.changes import choices
+from reba.analysis.improve import Improvement, improve_frame, improve_frames, worst_interval
 from reba.method.classes import angle_classes
 from reba.method.tables import ACTION_LEVEL_FROM, LEVEL_OF
 from reba.posture.angles import against_gravity
-from reba.posture.columns import INDEX
+from reba.posture.columns import BEST, INDEX
 from tests.support import posture_samples as samples
 
 rule_sets = st.builds(
@@ -31,6 +31,7 @@ rule_sets = st.builds(
     upper_arm_reference=st.sampled_from(["trunk", "gravity"]),
 )
 seeds = st.integers(0, 2**32 - 1)
+NEUTRAL = np.array([BEST[column] for column in reba.COLUMNS])
 KNEES = ("knee_flexion_left", "knee_flexion_right")
 
 
@@ -53,7 +54,7 @@ def seen_angles(scores: reba.Scores, frames: np.ndarray) -> np.ndarray:
     columns = np.array(scores.angles[frames]).T
     if scores.rules.upper_arm_reference == "gravity":
         against_gravity(columns)
-    return np.where(np.isnan(columns), _BEST[:, None], columns).T
+    return np.where(np.isnan(columns), NEUTRAL[:, None], columns).T
 
 
 def rescored(scores: reba.Scores, frames: np.ndarray, improvement: Improvement) -> tuple[int, float]:
@@ -140,10 +141,10 @@ def test_least_movement_by_brute_force(seed: int, rules: reba.Rules) -> None:
     """All combinations of class limits on a posture that departs in at most seven quantities."""
     rng = np.random.default_rng(seed)
     rules = rules.replace(upper_arm_reference="trunk")
-    row = np.where(rng.random(len(reba.COLUMNS)) < 0.3, samples.random_angles(rng, 1)[0], _BEST)
+    row = np.where(rng.random(len(reba.COLUMNS)) < 0.3, samples.random_angles(rng, 1)[0], NEUTRAL)
     listed = [q for q in angle_classes(rules) if _departs(q, row)][:7]
     kept = {column for q in listed for column in q.columns}
-    row = np.where([column in kept for column in reba.COLUMNS], row, _BEST)
+    row = np.where([column in kept for column in reba.COLUMNS], row, NEUTRAL)
     factors = samples.frame_factors(samples.random_factors(rng, 1), 0)
     scores = reba.score(table(row[None]), rules=rules, activity="none", **factors)
     before = int(scores.data["reba"].iloc[0])
@@ -181,7 +182,7 @@ def test_random_search_finds_nothing_smaller(seed: int, rules: reba.Rules) -> No
     row = scores.angles[0]
     # Every angle keeps its place, or goes to a class edge near zero or to a random place on the way to neutral.
     share = rng.choice([0.0, 0.0, 0.3, 1.0], (3000, len(row))) * rng.random((3000, len(row)))
-    moved = row + share * (_BEST - row)
+    moved = row + share * (NEUTRAL - row)
     edges = np.sign(row) * rng.choice([5.0, 10.0, 15.0, 20.0, 45.0, 60.0], moved.shape)
     nearer = (np.abs(edges) < np.abs(row)) & (rng.random(moved.shape) < 0.4)
     moved = np.where(nearer, edges, moved)
@@ -196,7 +197,7 @@ def test_random_search_finds_nothing_smaller(seed: int, rules: reba.Rules) -> No
 
 def test_one_angle_away() -> None:
     angles = np.zeros((1, len(reba.COLUMNS)))
-    angles[0] = _BEST
+    angles[0] = NEUTRAL
     angles[0, INDEX["trunk_flexion"]] = 27.0
     angles[0, INDEX["neck_flexion"]] = 22.0
     scores = reba.score(table(angles), load=12.0, activity="none")
@@ -212,13 +213,13 @@ def test_one_angle_away() -> None:
 
 
 def test_nothing_to_improve_at_level_zero() -> None:
-    scores = reba.score(table(_BEST[None]), activity="none")
+    scores = reba.score(table(NEUTRAL[None]), activity="none")
     assert scores.improve(0.0) == []
 
 
 @pytest.mark.parametrize("level", [0, 1, 2, 3])
 def test_a_chosen_level(level: int) -> None:
-    angles = np.repeat(_BEST[None], 1, axis=0)
+    angles = np.repeat(NEUTRAL[None], 1, axis=0)
     for name in ("trunk_flexion", "upper_arm_flexion_left", "neck_flexion", *KNEES):
         angles[0, INDEX[name]] = 95.0
     scores = reba.score(table(angles), activity="none", load=12.0)
@@ -229,19 +230,19 @@ def test_a_chosen_level(level: int) -> None:
 
 def test_worst_stretch() -> None:
     n = 300
-    angles = np.repeat(_BEST[None], n, axis=0)
+    angles = np.repeat(NEUTRAL[None], n, axis=0)
     angles[100:160, INDEX["trunk_flexion"]] = 70.0
     angles[100:160, INDEX["knee_flexion_left"]] = 70.0
     scores = reba.score(table(angles), activity="none")
     frames = worst_interval(scores, 60.0)
     assert (frames[0], frames[-1], len(frames)) == (100, 159, 60)
-    for improvement in improve_worst(scores):
+    for improvement in improve_frames(scores, worst_interval(scores)):
         assert rescored(scores, frames, improvement)[0] == improvement.reba_after
     assert worst_interval(scores, 10_000.0).tolist() == list(range(n))
 
 
 def test_improvements_are_plain_data() -> None:
-    angles = _BEST[None].copy()
+    angles = NEUTRAL[None].copy()
     angles[0, INDEX["trunk_flexion"]] = 80.0
     found = reba.score(table(angles), activity="none", load=20.0).improve(0.0)[0].to_dict()
     assert found["text"].startswith(found["changes"][0]["what"])
@@ -250,14 +251,14 @@ def test_improvements_are_plain_data() -> None:
 
 @pytest.mark.parametrize(("edges", "target"), [("lower", "up to 60 deg"), ("upper", "under 60 deg")])
 def test_ends_that_a_class_does_not_hold_read_under(edges: str, target: str) -> None:
-    angles = _BEST[None].copy()
+    angles = NEUTRAL[None].copy()
     angles[0, INDEX["trunk_flexion"]] = 61.0
     for name in ("neck_flexion", "neck_twist", *KNEES):
         angles[0, INDEX[name]] = 80.0
     scores = reba.score(table(angles), rules=reba.Rules(edges=edges), activity="none")
     # A(4, 3, 3) = 8 is high; A(3, 3, 3) = 7 is medium.
     assert scores.improve(0.0)[0].changes[0].target == target
-    knees = _BEST[None].copy()
+    knees = NEUTRAL[None].copy()
     knees[0, INDEX["knee_flexion_left"]] = 31.0
     found = reba.score(table(knees), load=5.0, activity="none").improve(0.0)
     assert found[0].changes[0].target == "under 30 deg"

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import reba
 from reba.method.rules import rules_of
+from tests.support.says import says
 
 NUMBERS = (
     "trunk_upright", "neck_upright", "trunk_twist", "trunk_side_bend", "neck_twist", "neck_side_bend", "abduction",
@@ -86,7 +87,7 @@ def test_fields_left_out_keep_the_preset(tmp_path: Path) -> None:
         ('preset = "strict"\n', "preset 'strict' is unknown; use one of measured, paper"),
         ("abduction = \n", "not TOML"),
         ('abduction = "much"\n', "abduction is 'much'; expected a number from 0"),
-        ("[abduction]\nvalue = 3\n", "abduction is .*; expected a number"),
+        ("[abduction]\nvalue = 3\n", "abduction is; expected a number"),
         ("abduction = nan\n", "expected a number"),
         ("abduction = -1\n", "expected a number from 0"),
     ],
@@ -94,17 +95,19 @@ def test_fields_left_out_keep_the_preset(tmp_path: Path) -> None:
 def test_wrong_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "own.toml"
     path.write_text(text)
-    with pytest.raises(reba.RulesError, match=message) as caught:
+    with pytest.raises(reba.RulesError) as caught:
         reba.Rules.load(path)
-    assert "\n" not in str(caught.value)
+    says(caught, *message.split("; "))
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(reba.RulesError, match="cannot be read as rules"):
+    with pytest.raises(reba.RulesError) as caught:
         reba.Rules.load(tmp_path / "absent.toml")
+    says(caught, "cannot be read as rules")
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(reba.RulesError, match="cannot be read as rules"):
+    with pytest.raises(reba.RulesError) as caught:
         reba.Rules.load(tmp_path / "bytes.toml")
+    says(caught, "cannot be read as rules")
 
 
 @pytest.mark.parametrize(
@@ -129,19 +132,22 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 )
 def test_wrong_values_are_refused(field: str, value: object) -> None:
     for make in (lambda change: reba.Rules(**change), lambda change: reba.Rules().replace(**change)):
-        with pytest.raises(reba.RulesError, match=f"{field.split('_')[0]}.* is .*; expected"):
+        with pytest.raises(reba.RulesError) as caught:
             make({field: value})
+        says(caught, f"{field.split('_')[0]}", "is", "expected")
 
 
 def test_replace_refuses_unknown_fields() -> None:
-    with pytest.raises(reba.RulesError, match="did you mean 'abduction'"):
+    with pytest.raises(reba.RulesError) as caught:
         reba.Rules().replace(abductoin=3.0)
+    says(caught, "did you mean 'abduction'")
 
 
 @pytest.mark.parametrize("which", ["strict", "", 5, None, "rules.json"])
 def test_unknown_rules(which: object) -> None:
-    with pytest.raises(reba.RulesError, match="are unknown; use measured or paper, or a file"):
+    with pytest.raises(reba.RulesError) as caught:
         rules_of(which)
+    says(caught, "are unknown", "use measured or paper, or a file")
 
 
 def test_every_threshold_is_echoed() -> None:
@@ -156,11 +162,13 @@ def test_every_threshold_is_echoed() -> None:
 def test_a_wrong_value_names_its_file(tmp_path: Path, text: str) -> None:
     path = tmp_path / "lab.toml"
     path.write_text(text)
-    with pytest.raises(reba.RulesError, match=r"lab\.toml: ") as caught:
+    with pytest.raises(reba.RulesError) as caught:
         reba.Rules.load(path)
+    says(caught, "lab.toml:")
     assert str(caught.value).count("lab.toml") == 1
 
 
 def test_rules_that_cannot_be_saved_are_one_error(tmp_path: Path) -> None:
-    with pytest.raises(reba.RebaError, match="cannot be written"):
+    with pytest.raises(reba.RebaError) as caught:
         reba.Rules().save(tmp_path)
+    says(caught, "cannot be written")

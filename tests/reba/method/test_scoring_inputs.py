@@ -9,9 +9,10 @@ import pandas as pd
 import pytest
 
 import reba
-from reba.method.scoring import CHUNK, SCORE_COLUMNS
+from reba.method.scoring import CHUNK, SCORE_COLUMNS, score_angles
 from tests.support import posture_samples as samples
 from tests.support.posture_samples import MEASURED, one, posture
+from tests.support.says import says
 
 
 @pytest.mark.parametrize("n", [0, 1, 8191, 8192, 8193, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK + 3])
@@ -63,30 +64,41 @@ def test_input_is_never_changed() -> None:
 @pytest.mark.parametrize(
     ("angles", "message"),
     [
-        (np.zeros(22), r"shape \(22,\); expected \(n, 22\)"),
-        (np.zeros((3, 21)), r"shape \(3, 21\); expected \(n, 22\)"),
+        (np.zeros(21), "shape (21,); expected (n, 22)"),
+        (np.zeros((3, 21)), "shape (3, 21); expected (n, 22)"),
         (np.zeros((2, 3, 22)), "expected"),
-        ([["flexed"] * 22], "no number"),
-        ([[0.0] * 22, [0.0] * 21], "no number"),
+        ([["flexed"] * 22], "not a number"),
+        ([[0.0] * 22, [0.0] * 21], "not a number"),
         (None, "expected"),
         (posture(trunk_twist=np.inf), "trunk_twist is infinite at frame 0"),
         (posture(trunk_twist=np.inf, neck_twist=-np.inf), "infinite"),
+        (posture(trunk_flexion=-360.1), "trunk_flexion is -360.1 at frame 0; expected degrees from -360 to 360"),
+        (posture(trunk_flexion=1.7e308, trunk_twist=1.7e308), "trunk_flexion is 1.7e+308 at frame 0"),
     ],
 )
 def test_bad_angles_are_refused(angles: object, message: str) -> None:
-    with pytest.raises(reba.PostureError, match=message):
+    with pytest.raises(reba.PostureError) as caught:
         reba.score_array(angles)
+    says(caught, *message.split("; "))
 
 
-def test_huge_angles_are_only_large() -> None:
-    assert one(posture(trunk_flexion=1.7e308, trunk_twist=1.7e308))["trunk"] == 5
+def test_the_largest_angles_are_scored() -> None:
+    assert one(posture(trunk_flexion=360.0, trunk_twist=-360.0))["trunk"] == 5
+    huge = np.full((1, 22), 1.7e308)  # angles of recordings, whose readers warn of them
+    assert score_angles(huge).reba.tolist() == reba.score_array(np.full((1, 22), 360.0)).reba.tolist()
+
+
+def test_one_posture_without_a_row() -> None:
+    assert reba.score_array(posture(trunk_flexion=70.0)[0]).trunk.tolist() == [4]
 
 
 def test_unknown_choices_are_refused() -> None:
-    with pytest.raises(reba.PostureError, match="missing is 'guess'"):
+    with pytest.raises(reba.PostureError) as caught:
         reba.score_array(posture(), missing="guess")
-    with pytest.raises(reba.RulesError, match="rules 'strict' are unknown"):
+    says(caught, "missing is 'guess'")
+    with pytest.raises(reba.RulesError) as caught:
         reba.score_array(posture(), rules="strict")
+    says(caught, "rules 'strict' are unknown")
     with pytest.raises(KeyError):
         reba.score_array(posture())["knees"]
 

@@ -11,6 +11,7 @@ import pytest
 import reba
 from reba.method.tables import LEVEL_OF, PART_MAXIMA, TABLES_SHA256
 from tests.support import reference_reba as reference
+from tests.support.says import says
 
 TABLES = {"a": reba.TABLE_A, "b": reba.TABLE_B, "c": reba.TABLE_C}
 
@@ -130,11 +131,12 @@ BODY = {"trunk": 1, "neck": 1, "legs": 1, "upper_arm": 1, "lower_arm": 1, "wrist
     ],
 )
 def test_scores_out_of_range_are_refused(name: str, value: object) -> None:
-    with pytest.raises(reba.PostureError, match=f"{name} score is .*; expected whole numbers from") as caught:
+    with pytest.raises(reba.PostureError) as caught:
         reba.score_parts(**{**BODY, name: value})
-    assert "\n" not in str(caught.value)
+    says(caught, f"{name} score is", "expected whole numbers from")
 
 
 def test_lengths_that_do_not_fit_are_refused() -> None:
-    with pytest.raises(reba.PostureError, match="do not fit together"):
+    with pytest.raises(reba.PostureError) as caught:
         reba.score_parts(**{**BODY, "trunk": [1, 2], "neck": [1, 2, 3]})
+    says(caught, "do not fit together")

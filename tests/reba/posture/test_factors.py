@@ -9,6 +9,7 @@ import pytest
 import reba
 from reba.method.factor_points import points
 from reba.posture.factors import FACTORS, checked, expand_sides
+from tests.support.says import says
 
 N = 4
 
@@ -82,15 +83,15 @@ def test_columns_of_any_kind(values: object) -> None:
         ({"load": float("inf")}, "load is inf"),
         ({"load": "heavy"}, "load is 'heavy'; expected kilograms"),
         ({"load": None}, "load is"),
-        ({"load": [1, 2]}, r"load has shape \(2,\); expected one value or one for each of 4 frames"),
-        ({"load": [[1, 2, 3, 4]]}, r"load has shape \(1, 4\)"),
+        ({"load": [1, 2]}, "load has shape (2,); expected one value or one for each of 4 frames"),
+        ({"load": [[1, 2, 3, 4]]}, "load has shape (1, 4)"),
         ({"load": {}}, "load is"),
         ({"shock": "maybe"}, "shock is 'maybe' at frame 0; expected true or false"),
         ({"shock": 2}, "shock is 2"),
         ({"static": [True, None, True, True]}, "static is None at frame 1"),
         ({"static": [0.0, float("nan"), 1.0, 1.0]}, "static is nan at frame 1"),
-        ({"unstable": [True, False]}, r"unstable has shape \(2,\)"),
-        ({"repeated": [[1, 2], [3]]}, "repeated is .*; expected one value"),
+        ({"unstable": [True, False]}, "unstable has shape (2,)"),
+        ({"repeated": [[1, 2], [3]]}, "repeated is; expected one value"),
         ({"coupling": "great"}, "coupling_left is 'great'; expected one of good, fair, poor, unacceptable"),
         ({"coupling": 4}, "coupling_left is '4'"),
         ({"coupling": 1.5}, "coupling_left is '1.5'"),
@@ -99,15 +100,16 @@ def test_columns_of_any_kind(values: object) -> None:
         ({"support": "flying"}, "support is 'flying'; expected one of bilateral"),
         ({"support": 1}, "support is '1'"),
         ({"support": ["bilateral", None, "walking", "sitting"]}, "support is 'None'"),
-        ({"support": ["bilateral"] * 3}, r"support has shape \(3,\)"),
+        ({"support": ["bilateral"] * 3}, "support has shape (3,)"),
         ({"supprot": "sitting"}, "factor 'supprot' is unknown; did you mean 'support'"),
         ({"zzz": 1}, "factor 'zzz' is unknown; known: load"),
     ],
 )
 def test_wrong_values_are_refused(given: dict[str, object], message: str) -> None:
-    with pytest.raises(reba.PostureError, match=message) as caught:
+    with pytest.raises(reba.PostureError) as caught:
         reba.score_array(np.zeros((N, 22)), given)
-    assert "\n" not in str(caught.value)
+    says(caught, *message.split("; "))
     frame = pd.DataFrame(np.zeros((N, 22)), columns=list(reba.COLUMNS))
-    with pytest.raises(reba.PostureError, match=message):
+    with pytest.raises(reba.PostureError) as caught:
         reba.score(frame, **{name: value for name, value in given.items() if value is not None} or {"load": "none"})
+    says(caught, *message.split("; "))

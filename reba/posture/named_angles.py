@@ -1,0 +1,268 @@
+"""Angles from named data or arrays: the common entry of scores, models, pose files and live rows.
+
+Data with names are read by name, in whatever order their columns stand; arrays by position. Every entry then makes the
+same checks: numbers, finite, within the reach of a joint, and a warning where degrees look like radians.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, Literal
+
+import numpy as np
+import pandas as pd
+
+from reba.arrays import Array
+from reba.errors import PostureError, RadiansWarning, did_you_mean
+from reba.posture.columns import ANGLES, COLUMNS, COLUMNS_OF, INDEX, SIDES
+from reba.posture.factors import flag
+
+Absent = Literal["nan", "refuse"]
+LARGEST: Final = 360.0
+"""[deg] No angle of a posture is larger."""
+RADIANS_BELOW: Final = 3.2
+"""[deg] Angles that all lie below this are taken for radians: 3.2 rad is half a turn, and work in 3.2 deg is rare."""
+RADIANS_ABOVE: Final = 0.01
+"""[deg] Angles that all lie below this are a body at rest with rounding errors, not radians."""
+RADIANS_POSES: Final = 10
+"""Fewer poses may well be close to rest, all of them."""
+RAISED: Final = tuple(f"shoulder_raised_{side}" for side in SIDES)
+"""Boolean columns that may stand in for `shoulder_elevation_*`."""
+_RAISED_OF: Final = dict(zip(COLUMNS_OF["shoulder_elevation"], RAISED, strict=True))
+_ELEVATION: Final = next(angle for angle in ANGLES if angle.name == "shoulder_elevation")
+_TILE: Final = 1000  # rows looked at together
+_PLAIN: Final = (float, int, type(None))
+_FLOAT: Final = np.dtype(np.float64)
+
+
+def angle_table(
+    data: Any,
+    columns: Sequence[str] = COLUMNS,
+    *,
+    absent: Absent = "nan",
+    error: type[ValueError] = PostureError,
+) -> Array:
+    """Return angles as (n, d) float64 degrees, in the order of `columns`.
+
+    Args:
+        data: by name: a DataFrame, a Series, a mapping, a list of mappings, a `PostureTable`, `Scores` or
+            `dreba.Poses`; a name without a side ("knee_flexion") stands for both. By position: anything else that
+            NumPy reads as (n, d), or (d,) for one pose.
+        columns: (d,) names.
+        absent: "nan": a column that the data lack is not measured; "refuse": it is an error, and so is NaN.
+        error: class of the errors.
+
+    Raises:
+        PostureError: values that are no numbers, another shape, infinite or beyond 360 deg, or a misspelt name.
+
+    Warns:
+        RadiansWarning: ten poses or more of angles so small that they look like radians.
+
+    Example:
+        >>> angle_table({"knee_flexion": [30.0, 90.0]}, ("knee_flexion_left", "knee_flexion_right")).tolist()
+        [[30.0, 30.0], [90.0, 90.0]]
+    """
+    angles, _ = read_angles(data, columns, absent=absent, error=error)
+    check_angles(angles, columns, complete=absent == "refuse", error=error)
+    warn_if_radians(angles, columns)
+    return angles
+
+
+def read_angles(
+    data: Any, columns: Sequence[str], *, absent: Absent = "nan", error: type[ValueError] = PostureError
+) -> tuple[Array, bool]:
+    """Return angles (n, d) before the checks of their size, and whether the data are a single pose; as `angle_table`.
+
+    An array of the right type and shape is not copied.
+    """
+    if type(data) is np.ndarray and data.dtype == np.float64:  # called 1e5 times by optimisers
+        if data.ndim == 2 and data.shape[1] == len(columns):
+            return data, False
+        if data.ndim == 1 and len(data) == len(columns):
+            return data[None], True
+    if isinstance(data, pd.DataFrame) and tuple(data.columns) == tuple(columns) and set(data.dtypes) == {_FLOAT}:
+        return np.ascontiguousarray(data.to_numpy()), False
+    named = named_columns(data)
+    if named is None:
+        return _by_position(data, columns, error)
+    return _by_name(named, columns, absent, error)
+
+
+def named_columns(data: Any) -> dict[str, Any] | None:
+    """Return the columns of named data, or None for data without names."""
+    if isinstance(data, pd.DataFrame):
+        if not any(isinstance(name, str) for name in data.columns):
+            return None
+        return {str(name): data[name] for name in data.columns}
+    if isinstance(data, pd.Series):
+        return {str(name): value for name, value in data.items()} if data.index.inferred_type == "string" else None
+    if isinstance(data, Mapping):  # also a sparse matrix by (row, column)
+        return dict(data) if all(isinstance(name, str) for name in data) else None
+    if isinstance(data, Sequence) and len(data) and all(isinstance(row, Mapping) for row in data):
+        return {str(name): [row.get(name) for row in data] for name in dict.fromkeys(n for row in data for n in row)}
+    if isinstance(angles := getattr(data, "angles", None), np.ndarray):  # Scores, Poses
+        return dict(zip(COLUMNS, angles.T, strict=True))
+    if isinstance(frame := getattr(data, "data", None), pd.DataFrame):  # PostureTable
+        return named_columns(frame)
+    return None
+
+
+def _by_position(data: Any, columns: Sequence[str], error: type[ValueError]) -> tuple[Array, bool]:
+    try:
+        if isinstance(data, np.ma.MaskedArray):
+            data = np.where(np.ma.getmaskarray(data), np.nan, np.ma.getdata(data))
+        array = np.asarray(data)
+        if array.dtype.kind in "mMc":
+            raise TypeError("complex numbers" if array.dtype.kind == "c" else "dates")
+        angles = np.asarray(array, np.float64)
+    except (TypeError, ValueError, OverflowError) as cause:
+        raise error(f"angles hold a value that is not a number ({cause}); expected degrees") from cause
+    single = angles.ndim == 1
+    if single:
+        angles = angles[None]
+    if angles.ndim != 2 or angles.shape[1] != len(columns):
+        order = "reba.COLUMNS" if tuple(columns) == COLUMNS else "joints_"
+        raise error(
+            f"angles have shape {np.shape(data)}; expected (n, {len(columns)}) or ({len(columns)},) degrees in the "
+            f"order of {order}, or data with column names"
+        )
+    return angles, single
+
+
+def _by_name(
+    named: dict[str, Any], columns: Sequence[str], absent: Absent, error: type[ValueError]
+) -> tuple[Array, bool]:
+    sources = {column: column if column in named else _both(column) for column in columns}
+    values = {column: named[name] for column, name in sources.items() if name in named}
+    raised = {column: named[name] for column, name in _RAISED_OF.items() if column in columns and name in named}
+    missing = [column for column in columns if column not in values and column not in raised]
+    check_spelling(named, missing, error)
+    if not values and not raised:
+        listed = ", ".join(list(named)[:6]) or "none"
+        raise error(f"no angle column among: {listed}; expected some of {', '.join(columns[:3])}, ...")
+    if missing and absent == "refuse":
+        raise error(f"the table has no column {missing[0]!r}; expected {', '.join(columns)}")
+    lengths = {column: len(value) for column, value in (values | raised).items() if _has_rows(value)}
+    numbers = {column: column_numbers(column, value, error) for column, value in values.items()}
+    n = max(lengths.values(), default=1)
+    angles = np.full((n, len(columns)), np.nan)
+    for index, column in enumerate(columns):
+        if column in numbers:
+            if len(numbers[column]) not in (1, n):
+                raise error(f"column {column} has {len(numbers[column])} values; expected one or {n}")
+            angles[:, index] = numbers[column]
+        if column in raised:
+            flags = flag(_RAISED_OF[column], raised[column], n)
+            elevation = np.where(flags, _ELEVATION.worst, _ELEVATION.best)
+            angles[:, index] = np.where(np.isnan(angles[:, index]), elevation, angles[:, index])
+    return angles, not lengths
+
+
+def _has_rows(value: Any) -> bool:
+    return isinstance(value, list | tuple | pd.Series) or np.ndim(value) > 0
+
+
+def _both(column: str) -> str:
+    """Return the name without a side that stands for a column of either side."""
+    name, _, side = column.rpartition("_")
+    return name if side in SIDES else column
+
+
+def check_spelling(names: Mapping[str, Any], missing: Sequence[str], error: type[ValueError]) -> None:
+    """Refuse a name that no column has and that is nearly the name of a missing one."""
+    known = {*COLUMNS, *COLUMNS_OF, *RAISED}
+    for name in names if missing else ():
+        if name not in known and (hint := did_you_mean(name, missing)):
+            raise error(f"column {name!r} is unknown{hint}")
+
+
+def column_numbers(name: str, values: Any, error: type[ValueError] = PostureError) -> Array:
+    """Return one column as (n,) floats: texts are read as numbers, missing values are NaN.
+
+    Raises:
+        PostureError: dates, complex numbers or texts that are no numbers.
+    """
+    expected = "seconds" if name == "time" else "degrees"
+    if isinstance(values, pd.DataFrame):
+        raise error(f"column {name} stands {values.shape[1]} times; keep one of them")
+    try:
+        if isinstance(values, list) and all(type(value) in _PLAIN for value in values):
+            return np.array(values, np.float64)
+        series = values if isinstance(values, pd.Series) else pd.Series(np.atleast_1d(np.asarray(values)))
+        if series.dtype.kind in "mMc":
+            raise TypeError("complex numbers" if series.dtype.kind == "c" else "dates")
+        return pd.to_numeric(series).to_numpy(np.float64, na_value=np.nan)
+    except (TypeError, ValueError, OverflowError) as cause:
+        raise error(f"column {name} holds a value that is not a number ({cause}); expected {expected}") from cause
+
+
+def check_angles(
+    angles: Array, columns: Sequence[str] = COLUMNS, *, complete: bool = False, error: type[ValueError] = PostureError
+) -> None:
+    """Check that angles (n, d) are finite and, of postures, at most `LARGEST`; NaN only unless they are `complete`.
+
+    Raises:
+        PostureError: infinity, an angle that no body has, or NaN where every angle is needed.
+    """
+    # One comparison serves all: NaN and infinity fail it as well.
+    if not angles.size or abs(angles).max() <= LARGEST:
+        return
+    if complete and not np.isfinite(angles).all():
+        raise error("angles hold NaN or infinity; a surrogate needs every angle, leave such poses out")
+    refuse_infinite(angles, columns=columns, error=error)
+    if all(column in INDEX for column in columns):  # other columns may hold anything
+        refuse_large(angles, columns=columns, what="in pose" if complete else "at frame", error=error)
+
+
+def refuse_infinite(
+    angles: Array,
+    start: int = 0,
+    columns: Sequence[str] = COLUMNS,
+    error: type[ValueError] = PostureError,
+) -> None:
+    """Raise an error where angles (n, d) are infinite; `start` is the number of their first frame."""
+    infinite = np.isinf(angles)
+    if infinite.any():
+        frame, column = np.argwhere(infinite)[0]
+        raise error(f"{columns[column]} is infinite at frame {start + frame}; expected degrees, or NaN if not measured")
+
+
+def refuse_large(
+    angles: Array,
+    start: int = 0,
+    columns: Sequence[str] = COLUMNS,
+    what: str = "at frame",
+    error: type[ValueError] = PostureError,
+) -> None:
+    """Raise an error where angles (n, d) are larger than `LARGEST`."""
+    large = abs(angles) > LARGEST
+    if large.any():
+        frame, column = np.argwhere(large)[0]
+        raise error(
+            f"{columns[column]} is {angles[frame, column]:.6g} {what} {start + frame}; expected degrees from "
+            f"-{LARGEST:g} to {LARGEST:g}, so check the unit or leave it out"
+        )
+
+
+def warn_if_radians(angles: Array, columns: Sequence[str] = COLUMNS, *, stacklevel: int = 3) -> None:
+    """Warn if the angles (n, d) of posture columns look like radians.
+
+    Warns:
+        RadiansWarning: at least `RADIANS_POSES` poses, and the largest angle lies between `RADIANS_ABOVE` and
+            `RADIANS_BELOW`.
+    """
+    if len(angles) < RADIANS_POSES or not all(column in INDEX for column in columns):
+        return
+    largest = 0.0
+    for start in range(0, len(angles), _TILE):
+        largest = max(largest, float(np.fmax.reduce(abs(angles[start : start + _TILE]), axis=None, initial=0.0)))
+        if largest >= RADIANS_BELOW:
+            return
+    if largest > RADIANS_ABOVE:
+        warnings.warn(
+            f"every angle lies within +-{RADIANS_BELOW}: these look like radians; expected degrees, "
+            "convert with numpy.degrees",
+            RadiansWarning,
+            stacklevel=stacklevel,
+        )
