@@ -13,29 +13,36 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from reba._version import __version__
+from reba.analysis.exposure import compare
+from reba.analysis.improve import Improvement
+from reba.analysis.worksheet import Worksheet
 from reba.errors import PostureError, ProfileError, RadiansWarning, ReadError, RebaError, RulesError
 from reba.method.rules import PRESETS, Rules
-from reba.method.scoring import PartScores, ScoreArrays, score_array, score_parts
+from reba.method.scoring import SCORE_COLUMNS, PartScores, ScoreArrays, score_array, score_parts
 from reba.method.tables import ACTION_LEVELS, TABLE_A, TABLE_B, TABLE_C
 from reba.posture.columns import COLUMNS
-from reba.posture.factors import Factors
+from reba.posture.factors import FACTORS, Factors
 from reba.posture.named_angles import angle_table
 from reba.posture.table import PostureTable, Quality
 from reba.scores import Scores, score
 
 if TYPE_CHECKING:
     from reba.readers import read
+    from reba.readers.info import info
     from reba.report import write_report
     from reba.writers import write_postures, write_scores
 
 __all__ = [
     "ACTION_LEVELS",
     "COLUMNS",
+    "FACTORS",
     "PRESETS",
+    "SCORE_COLUMNS",
     "TABLE_A",
     "TABLE_B",
     "TABLE_C",
     "Factors",
+    "Improvement",
     "PartScores",
     "PostureError",
     "PostureTable",
@@ -48,8 +55,11 @@ __all__ = [
     "RulesError",
     "ScoreArrays",
     "Scores",
+    "Worksheet",
     "__version__",
     "angle_table",
+    "compare",
+    "info",
     "read",
     "score",
     "score_array",
@@ -60,6 +70,7 @@ __all__ = [
 ]
 # Readers and writers import the libraries of their formats; programs that only score load none of them.
 _LAZY = {
+    "info": "reba.readers.info",
     "read": "reba.readers",
     "write_postures": "reba.writers",
     "write_report": "reba.report",

@@ -116,7 +116,7 @@ def score(
 @json_option
 def info(path: str, as_json: bool, **values: Any) -> None:
     """Print the contents of a recording, the recognised profile with the reason, and the angles that REBA can use."""
-    from reba.readers.info import inspect
+    from reba.readers.info import info as inspect
 
     contents = inspect(path, **values)
     if as_json:

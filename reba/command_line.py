@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from reba.errors import RebaError
+from reba.extras import EXTRAS, missing
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -81,6 +82,11 @@ def run(group: click.Group, name: str) -> None:
     except (RebaError, click.ClickException) as error:
         text = error.format_message() if isinstance(error, click.ClickException) else str(error)
         click.echo(f"{name}: {' '.join(text.split())}", err=True)
+        code = 2
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] not in EXTRAS:
+            raise
+        click.echo(f"{name}: {missing(error.name or '', 'this command')}", err=True)
         code = 2
     except (KeyboardInterrupt, click.Abort):
         click.echo(f"{name}: interrupted", err=True)

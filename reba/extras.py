@@ -21,13 +21,10 @@ EXTRAS: Final = {
     "pinocchio": "plan",
     "piqp": "plan",
     "qdldl": "plan",
-    "example_robot_data": "robots",
+    "example-robot-data": "robots",
     "statsmodels": "experiments",
-    "collada": "page",
-    "jupyter_threejs_sage": "page",
     "PIL": "page",
     "pyvista": "page",
-    "sphinx_revealjs": "page",
     "trimesh": "page",
     "mcap_ros2": "run",
     "starlette": "run",
@@ -36,22 +33,32 @@ EXTRAS: Final = {
     "distributed": "cluster",
 }
 """Name of an import -> extra that installs it."""
+DISTRIBUTIONS: Final = {
+    "foxglove": "foxglove-sdk",
+    "mcap_ros2": "mcap-ros2-support",
+    "pinocchio": "pin",
+    "sklearn": "scikit-learn",
+}
+"""Name of an import -> name of its package, where they differ."""
 
 
 class MissingPackageError(RebaError, ImportError):
     """An optional package is not installed; its text names the command that installs it."""
 
 
-def missing(package: str, purpose: str = "this") -> MissingPackageError:
+def missing(package: str, purpose: str = "this", extra: str | None = None) -> MissingPackageError:
     """Return the error that says what to install.
 
     Args:
         package: name of the import, with or without submodules.
         purpose: what needs it, the subject of the sentence.
+        extra: that installs it; by default of `EXTRAS`.
 
     >>> print(missing("sklearn.base", "dreba.load"))
-    dreba.load needs the package sklearn, which is not installed; run: pip install "dreba[fit]"
+    dreba.load needs the package scikit-learn, which is not installed; run: pip install "dreba[fit]"
     """
     name = package.split(".")[0]
-    command = f'pip install "dreba[{EXTRAS[name]}]"' if name in EXTRAS else f"pip install {name}"
+    extra = extra or EXTRAS.get(name)
+    name = DISTRIBUTIONS.get(name, name)
+    command = f'pip install "dreba[{extra}]"' if extra else f"pip install {name}"
     return MissingPackageError(f"{purpose} needs the package {name}, which is not installed; run: {command}")

@@ -14,6 +14,7 @@ from dreba.surrogates.graduated import GraduatedModel
 from dreba.surrogates.quadratic import QuadraticModel
 from dreba.surrogates.soft import SoftModel
 from dreba.surrogates.soft_steps import GROUPS, PAIRED, ROWS, SINGLE
+from reba.extras import missing
 from reba.method.rules import load_points
 from reba.posture.columns import COLUMNS, INDEX
 
@@ -27,7 +28,7 @@ def casadi_function(model: Surrogate, *, temperature: float | None = None, name:
     try:
         import casadi
     except ImportError as error:
-        raise ModelError("CasADi is not installed; run: pip install casadi") from error
+        raise missing("casadi", "an export to CasADi") from error
     angles = casadi.SX.sym("angles", len(model.joints_))
     load, coupling, activity = casadi.SX.sym("load"), casadi.SX.sym("coupling", 2), casadi.SX.sym("activity")
     points = load_points(load)

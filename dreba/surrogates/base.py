@@ -22,14 +22,10 @@ from dreba.surrogates.metrics import evaluation_of
 from dreba.surrogates.registry import ModelInfo
 from dreba.surrogates.serialization import save
 from dreba.surrogates.task_factors import DEFAULT_FACTORS, TaskFactorArguments, TaskFactors, task_factors_of
-from dreba.surrogates.validation import (
-    Allowed,
-    check_parameters,
-    checked_joints,
-    checked_weights,
-)
+from dreba.surrogates.validation import check_parameters, checked_joints, checked_weights
 from reba._version import __version__
 from reba.arrays import Array
+from reba.checks import Allowed
 from reba.posture.columns import COLUMNS
 from reba.posture.named_angles import check_angles, named_columns, read_angles, warn_if_radians
 

@@ -11,8 +11,9 @@ from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
 from dreba.surrogates.task_factors import TaskFactors
-from dreba.surrogates.validation import COUNT, POSITIVE, Allowed, check_sample_count
+from dreba.surrogates.validation import check_sample_count
 from reba.arrays import Array, Indices
+from reba.checks import COUNT, POSITIVE, Allowed
 from reba.method.rules import load_points
 from reba.posture.columns import ANGLES, BEST
 from reba.posture.factors import load_kg

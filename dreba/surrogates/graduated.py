@@ -17,8 +17,9 @@ from dreba.surrogates.registry import ModelInfo, register
 from dreba.surrogates.serialization import from_dict, to_dict
 from dreba.surrogates.soft import LADDER, SoftModel
 from dreba.surrogates.task_factors import TaskFactors
-from dreba.surrogates.validation import COUNT, FALLING, POSITIVE, SEED, Allowed, one_of
+from dreba.surrogates.validation import FALLING
 from reba.arrays import Array
+from reba.checks import COUNT, POSITIVE, SEED, Allowed, one_of
 
 FIRST: dict[str, type[Surrogate]] = {"quadratic": QuadraticModel, "convex": ConvexModel}
 """Kinds of the first stage."""

@@ -13,8 +13,9 @@ from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
 from dreba.surrogates.task_factors import OMEGA_LOAD, PAYLOADS, Payload, TaskFactors, delta_payload
-from dreba.surrogates.validation import NOT_NEGATIVE, POSITIVE, YES_NO, Allowed, check_sample_count, one_of
+from dreba.surrogates.validation import check_sample_count
 from reba.arrays import Array, Flags
+from reba.checks import NOT_NEGATIVE, POSITIVE, YES_NO, Allowed, one_of
 from reba.posture.columns import ANGLES, COLUMNS
 
 _SIGNED = ("trunk_side_bend", "trunk_twist", "neck_side_bend", "neck_twist")

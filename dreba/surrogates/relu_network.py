@@ -17,8 +17,9 @@ from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
 from dreba.surrogates.task_factors import TaskFactors
-from dreba.surrogates.validation import COUNT, COUNTS, SEED, Allowed, check_sample_count
+from dreba.surrogates.validation import COUNTS, check_sample_count
 from reba.arrays import Array
+from reba.checks import COUNT, SEED, Allowed
 from reba.method.rules import load_points
 from reba.posture.factors import load_kg
 

@@ -13,8 +13,9 @@ from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
 from dreba.surrogates.soft_tables import SoftTables
 from dreba.surrogates.task_factors import TaskFactors
-from dreba.surrogates.validation import COUNT, FALLING, POSITIVE, SEED, YES_NO, Allowed, check_parameters
+from dreba.surrogates.validation import FALLING, check_parameters
 from reba.arrays import Array
+from reba.checks import COUNT, POSITIVE, SEED, YES_NO, Allowed
 from reba.method.rules import Rules, load_points, rules_of
 from reba.posture.columns import ANGLES, COLUMNS
 from reba.posture.factors import load_kg

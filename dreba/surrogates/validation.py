@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dreba.errors import ModelError
 from reba.arrays import Array
+from reba.checks import COUNT, POSITIVE, Allowed, shown
 from reba.errors import did_you_mean
 from reba.posture.columns import COLUMNS
 
@@ -79,32 +80,6 @@ def checked_joints(named: Any, columns: int, kind: str, any_columns: bool) -> tu
     return joints
 
 
-_WHOLE: Final = (int, np.integer)
-_NUMBER: Final = (*_WHOLE, float, np.floating)
-_YES_NO: Final = (bool, np.bool_)
-
-
-class Allowed(NamedTuple):
-    """Admissible values of a parameter: a description and a predicate."""
-
-    expected: str
-    fits: Callable[[Any], bool]
-
-
-def _is(value: Any, kinds: tuple[type, ...]) -> bool:
-    return isinstance(value, kinds) and not isinstance(value, _YES_NO)
-
-
-def one_of(*names: str) -> Allowed:
-    """Return the rule that a parameter is one of the names."""
-    return Allowed("one of " + ", ".join(names), lambda value: isinstance(value, str) and value in names)
-
-
-YES_NO: Final = Allowed("True or False", lambda value: isinstance(value, _YES_NO))
-POSITIVE: Final = Allowed("a number above 0", lambda value: _is(value, _NUMBER) and 0 < value < np.inf)
-NOT_NEGATIVE: Final = Allowed("a number, 0 or more", lambda value: _is(value, _NUMBER) and 0 <= value < np.inf)
-COUNT: Final = Allowed("a whole number above 0", lambda value: _is(value, _WHOLE) and value > 0)
-SEED: Final = Allowed("a whole number from 0 to 4294967295", lambda value: _is(value, _WHOLE) and 0 <= value < 2**32)
 COUNTS: Final = Allowed(
     "whole numbers above 0, such as (124, 7)",
     lambda value: isinstance(value, tuple | list) and len(value) > 0 and all(COUNT.fits(item) for item in value),
@@ -128,4 +103,4 @@ def check_parameters(allowed: dict[str, Allowed], parameters: dict[str, Any]) ->
     """
     for name, rule in allowed.items():
         if not rule.fits(parameters[name]):
-            raise ModelError(f"{name} is {parameters[name]!r}; expected {rule.expected}")
+            raise ModelError(f"{name} is {shown(parameters[name])}; expected {rule.expected}")

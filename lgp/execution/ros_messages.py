@@ -12,9 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from lgp.errors import LgpError
 from lgp.execution.trajectory import JointTrajectory
 from reba.arrays import Array, Indices
+from reba.extras import missing
 
 _LINE = "\n" + "=" * 80 + "\n"
 _HEADER = "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
@@ -155,7 +155,5 @@ def encoder(kind: str) -> Callable[[dict[str, Any]], bytes]:
     try:
         from mcap_ros2._dynamic import serialize_dynamic  # what `mcap_ros2.writer.Writer` encodes with
     except ImportError as error:
-        raise LgpError(
-            'the log of a run needs the package mcap-ros2-support; install it with: pip install "dreba[run]"'
-        ) from error
+        raise missing("mcap_ros2", "the log of a run") from error
     return serialize_dynamic(kind, DEFINITIONS[kind])[kind]

@@ -20,6 +20,7 @@ from lgp.execution.events import Event, Hub
 from lgp.execution.session import ExecutionRun, RunOptions
 from lgp.page.page import write_page
 from lgp.plan_record import Plan
+from reba.extras import missing
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -55,9 +56,7 @@ class PageServer:
         try:
             import uvicorn
         except ImportError as error:
-            raise LgpError(
-                'the live page needs the package uvicorn; install it with: pip install "dreba[run]", or use --no-page'
-            ) from error
+            raise missing("uvicorn", "the live page (or use --no-page)") from error
         self.hub = hub
         self._readers = Readers()
         self._socket = _bind(host, port)

@@ -13,6 +13,7 @@ from lgp.errors import WorldError
 from lgp.scene.model import Agent, Robot
 from lgp.scene.scene_file import known_robots
 from reba.errors import did_you_mean
+from reba.extras import missing
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -39,9 +40,7 @@ def urdf_of(model: str) -> Path:
     try:
         path = Path(str(metadata.distribution(PACKAGE).locate_file(f"{FOLDER}/{inside}")))
     except metadata.PackageNotFoundError as error:
-        raise WorldError(
-            f"robot {model!r} needs the package {PACKAGE}; install it with: pip install 'dreba[robots]'"
-        ) from error
+        raise missing(PACKAGE, f"robot {model!r}") from error
     if not path.is_file():
         raise WorldError(f"{PACKAGE} {metadata.version(PACKAGE)} has no {inside}; give the path of a .urdf file")
     return path

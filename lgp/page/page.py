@@ -23,6 +23,7 @@ from lgp.page.pictures import write_pictures
 from lgp.page.sentences import Instruction, humanised, sentences
 from lgp.page.view import SceneAnimation, scene_animation
 from lgp.plan_record import Plan
+from reba.extras import missing
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 from reba.report.labels import LEVEL_COLOURS, TEXT_ON
 from reba.report.page import read, template
@@ -159,7 +160,7 @@ def check_packages(modules: Mapping[str, str] | None = None) -> None:
         try:
             import_module(module)
         except ImportError as error:
-            raise _missing(package) from error
+            raise missing(package, "the page", "page") from error
     library_files()
 
 
@@ -174,7 +175,7 @@ def library_files() -> dict[str, Path]:
         try:
             distribution = metadata.distribution(library["package"])
         except metadata.PackageNotFoundError as error:
-            raise _missing(library["package"]) from error
+            raise missing(library["package"], "the page", "page") from error
         carried = sorted(str(file) for file in distribution.files or ())
         for name, pattern in library["files"].items():
             inside = [file for file in carried if fnmatch(file, pattern)]
@@ -184,10 +185,6 @@ def library_files() -> dict[str, Path]:
                 )
             files[name] = Path(str(distribution.locate_file(inside[-1])))
     return files
-
-
-def _missing(package: str) -> LgpError:
-    return LgpError(f'the page needs the package {package}; install it with: pip install "dreba[page]"')
 
 
 @dataclass(frozen=True)

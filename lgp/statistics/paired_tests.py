@@ -20,6 +20,7 @@ import numpy as np
 
 from lgp.errors import LgpError
 from reba.arrays import Array
+from reba.extras import missing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -323,7 +324,5 @@ def _statsmodels() -> Any:
     try:
         from statsmodels.stats import anova as module
     except ImportError as error:
-        raise LgpError(
-            "the statistics need statsmodels, which is not installed; pip install dreba[experiments]"
-        ) from error
+        raise missing("statsmodels", "a statistical test") from error
     return module

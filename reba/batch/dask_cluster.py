@@ -17,6 +17,7 @@ from typing import Any, Final
 from reba._version import __version__
 from reba.batch.worker_pool import TASKS_PER_WORKER, WorkerDied
 from reba.errors import RebaError
+from reba.extras import missing
 
 CONNECT_SECONDS: Final = 5.0
 """[s] Within which a scheduler must answer."""
@@ -164,9 +165,7 @@ def _connect(address: str, seconds: float) -> Any:
     try:
         from distributed import Client
     except ImportError as error:
-        raise RebaError(
-            '--scheduler needs the package distributed, which is not installed; pip install "dreba[cluster]"'
-        ) from error
+        raise missing("distributed", "--scheduler") from error
     for name in logging.root.manager.loggerDict:
         if name.startswith("distributed"):  # errors are reported once, as the one line of a RebaError
             logging.getLogger(name).setLevel(logging.CRITICAL)

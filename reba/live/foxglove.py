@@ -15,6 +15,7 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.errors import RebaError
+from reba.extras import missing
 from reba.live.frames import Frames
 from reba.live.output import encoder
 from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays
@@ -50,7 +51,7 @@ class FoxgloveServer:
             from foxglove import messages
             from foxglove.channels import SceneUpdateChannel
         except ImportError as error:
-            raise RebaError("--foxglove needs foxglove-sdk; install it with `pip install dreba[live]`") from error
+            raise missing("foxglove", "--foxglove") from error
         self._messages = messages
         # Referenced as long as the server lives: channels close with their context.
         context = self._context = foxglove.Context()

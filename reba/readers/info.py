@@ -87,7 +87,7 @@ class Info:
         return result
 
 
-def inspect(
+def info(
     path: str | Path,
     *,
     profile: str | Path = "auto",

@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from reba.readers.info import inspect
+from reba.readers.info import info
 from tests.support.synthetic_bodies import table_file
 
 
 def test_info_has_ranges_of_a_table_and_the_reason_without_a_profile(tmp_path: Path) -> None:
-    good = inspect(table_file(tmp_path / "a.csv", ["0.0,10,5,1", "0.1,20,5,1"]))
+    good = info(table_file(tmp_path / "a.csv", ["0.0,10,5,1", "0.1,20,5,1"]))
     assert good.usable
     assert good.ranges["trunk_flexion"] == (10.0, 15.0, 20.0)
     assert "wrist_twist_left" in good.unmeasured
     assert good.to_dict()["found"] == good.present
     json.dumps(good.to_dict(), allow_nan=False)
-    bad = inspect(table_file(tmp_path / "b.csv", ["0.0,1,2"], "time,foo,bar"))
+    bad = info(table_file(tmp_path / "b.csv", ["0.0,1,2"], "time,foo,bar"))
     assert not bad.usable
     assert "foo, bar" in bad.recognised
     json.dumps(bad.to_dict(), allow_nan=False)
