@@ -7,10 +7,9 @@ from typing import Any
 
 import click
 
+from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.execution.commands import run_command
-from lgp.planner import COST
-from lgp.planner import plan as make_plan
 from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
 from reba._version import __version__
@@ -65,6 +64,8 @@ def plan(
         raise LgpError("--tree and --sequence exclude each other: a sequence is not searched; leave one of them out")
     loaded = load_scene(scene).with_heights(dict(_height(text) for text in heights))
     lines = None if sequence is None else _read(sequence)
+    from lgp.planner import plan as make_plan
+
     result = make_plan(
         loaded,
         None if no_ergonomics else cost or COST,
@@ -243,4 +244,4 @@ def _labels(node: Any) -> tuple[str, ...]:
 
 def main() -> None:
     """Run the command line with the exit codes of `reba.command_line`."""
-    run(cli, "lgp")
+    run(cli, "lgp", fit="plan")

@@ -15,6 +15,7 @@ import numpy as np
 
 import dreba
 from dreba.surrogates.base import Surrogate
+from lgp.defaults import COST
 from lgp.errors import LgpError, LogicError
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
@@ -29,9 +30,6 @@ from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton, search
 from reba.arrays import Array
-
-COST = "convex"
-"""Default surrogate: convex, with its minimum near the rest posture."""
 
 
 def plan(

@@ -70,7 +70,7 @@ def _discard_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def run(group: click.Group, name: str) -> None:
+def run(group: click.Group, name: str, fit: str = "fit") -> None:
     """Run a command group and exit; errors and warnings are one line each on standard error."""
     try:
         with warnings.catch_warnings():
@@ -84,9 +84,11 @@ def run(group: click.Group, name: str) -> None:
         click.echo(f"{name}: {' '.join(text.split())}", err=True)
         code = 2
     except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] not in EXTRAS:
+        extra = EXTRAS.get((error.name or "").split(".")[0])
+        if extra is None:
             raise
-        click.echo(f"{name}: {missing(error.name or '', 'this command')}", err=True)
+        # The extra for planning holds that for fitting: a planner's user installs once.
+        click.echo(f"{name}: {missing(error.name or '', 'this command', fit if extra == 'fit' else extra)}", err=True)
         code = 2
     except (KeyboardInterrupt, click.Abort):
         click.echo(f"{name}: interrupted", err=True)

@@ -7,12 +7,8 @@ from typing import Any
 
 import click
 
+from lgp.defaults import COST
 from lgp.errors import LgpError
-from lgp.execution.log import Recorder, RunLog
-from lgp.execution.retarget import Planner
-from lgp.execution.trajectory import time_scaled, violations
-from lgp.plan_record import Plan
-from lgp.planner import COST
 from reba.command_line import Stop, console, json_option, print_json
 
 
@@ -102,6 +98,7 @@ def _run(options: dict[str, Any]) -> Any:
 
 def _export(folder: str, file: str, strict: bool, as_json: bool) -> None:
     from lgp.execution.retarget import load_plan
+    from lgp.execution.trajectory_export import export
 
     exported = export(load_plan(folder), Path(file), slow_down=not strict)
     for text in exported["limits"]:
@@ -131,48 +128,3 @@ def _show(summary: dict[str, Any]) -> None:
             f"against a new plan{other}"
         )
     out.print(f"log: {summary['output']}")
-
-
-PAUSE = 1.0
-"""[s] Time between the stamps of two actions; in a run the predicates decide."""
-
-
-def export(plan: Plan, file: Path, *, slow_down: bool = False) -> dict[str, Any]:
-    """Write the motion of each robot in each action as one JointTrajectory, from rest to rest.
-
-    Args:
-        plan: with at least one robot.
-        file: MCAP file that is written.
-        slow_down: scale the duration of motions above a velocity limit; otherwise they are refused.
-
-    Returns:
-        `output`, `actions` (label, seconds, factor of the duration) and `limits` (exceeded limits in words).
-
-    Raises:
-        LgpError: there is no robot, a motion exceeds a limit, or the file cannot be written.
-    """
-    planner = Planner(plan, None)
-    world = planner.motion.world
-    if not world.scene.robots:
-        raise LgpError(f"{plan.scene.name}: no robot, thus no motion to export; expected a plan with a robot")
-    rows: list[dict[str, Any]] = []
-    trajectories, limits = [], []
-    for number, action in enumerate(planner.actions):
-        trajectory, label, factor = planner.planned(number).trajectory, action.at(number + 1), 1.0
-        for name in world.scene.robots:
-            violated = violations(world, trajectory, world.columns(name))
-            limits += [f"{label}: {one}" for one in violated]
-            if any(one.kind == "position" for one in violated) or (violated and not slow_down):
-                hint = "plan again" if violated[0].kind == "position" else "leave out --strict to slow it down"
-                raise LgpError(f"{limits[-len(violated)]}; {hint}")
-            trajectory, more = time_scaled(world, trajectory, world.columns(name))
-            factor *= more
-        trajectories.append(trajectory)
-        rows.append({"label": label, "seconds": trajectory.duration, "factor": factor})
-    about = {"scene": plan.scene.name, "what": "planned motion of the robots"}
-    with RunLog(file, 0.0, about, "ros2") as log:
-        recorder, time = Recorder(log, world), 0.0
-        for trajectory in trajectories:
-            recorder.command(time, trajectory)
-            time += trajectory.duration + PAUSE
-    return {"output": str(file), "actions": rows, "limits": limits}

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import dreba
+from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.execution.fixed_path import FixedPathBounds, holding_hands, planned_course
 from lgp.execution.replan import phase_variables, replan_remaining
@@ -31,7 +32,7 @@ from lgp.motion import Motion
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.keyframes import Solution
 from lgp.plan_record import Plan
-from lgp.planner import COST, task_of
+from lgp.planner import task_of
 from lgp.scene.model import Scene
 from reba.arrays import Array, Indices
 

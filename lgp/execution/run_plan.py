@@ -6,10 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.execution.events import Event
 from lgp.execution.session import ExecutionRun, RunOptions
-from lgp.planner import COST
 from reba.checks import NOT_NEGATIVE, PATH, SEED, YES_NO, Allowed, accepts
 
 _CALLBACK = Allowed("a function, or None", lambda value: value is None or callable(value))

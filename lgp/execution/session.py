@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.execution.events import Event, Hub
 from lgp.execution.executive import Executive, RetargetedAction, Settings
@@ -29,7 +30,6 @@ from lgp.execution.worker import Worker, WorkerBehaviour
 from lgp.kinematics.modes import ModeSequence
 from lgp.path.phases import Phases
 from lgp.plan_record import Plan
-from lgp.planner import COST
 from lgp.scene.model import Scene
 from lgp.search.tree_search import BoundResult
 

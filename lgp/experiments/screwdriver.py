@@ -17,6 +17,7 @@ import numpy as np
 import dreba
 from dreba.surrogates.library import models
 from lgp.collision.random_start import random_start
+from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES, empty
 from lgp.experiments.variations import BASELINE, SceneVariation
@@ -26,7 +27,7 @@ from lgp.path.bounds import PathBounds
 from lgp.path.costs import Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.plan_record import Plan
-from lgp.planner import COST, parse_sequence, plan_within, task_of
+from lgp.planner import parse_sequence, plan_within, task_of
 from lgp.scene.model import Scene
 from lgp.search.tree_search import Budget
 from reba.batch.parallel import run_parallel

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.experiments.report import write_results
 from lgp.experiments.runs import STARTS, RunStore
@@ -14,7 +15,6 @@ from lgp.experiments.screwdriver import DEPTH, SCENE, plan_runs
 from lgp.experiments.sensitivity import sensitivity_table
 from lgp.kinematics.reachability import reachability
 from lgp.kinematics.world import World
-from lgp.planner import COST
 from lgp.scene.scene_file import load_scene
 from lgp.statistics.paired_tests import require_statsmodels
 

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 import dreba
+from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.experiments import published
 from lgp.experiments.summary import write_summary
@@ -35,7 +36,7 @@ from lgp.path.bounds import PathBounds
 from lgp.path.costs import Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.plan_record import Plan
-from lgp.planner import COST, plan_within, task_of
+from lgp.planner import plan_within, task_of
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import Budget

@@ -11,11 +11,11 @@ import pytest
 
 import lgp
 import reba
-from lgp.execution.commands import export
 from lgp.execution.faults import parse_fault
 from lgp.execution.log_reader import messages
 from lgp.execution.ros_messages import DEFINITIONS
 from lgp.execution.session import TICK, ExecutionRun, RunOptions, retarget_cost
+from lgp.execution.trajectory_export import export
 from lgp.execution.worker import EXACT, WorkerBehaviour
 from lgp.kinematics.posture import PostureMap
 from lgp.motion import Motion

@@ -1,0 +1,8 @@
+"""Defaults that commands name in their help, apart from the packages that planning loads."""
+
+from __future__ import annotations
+
+from typing import Final
+
+COST: Final = "convex"
+"""Default surrogate: convex, with its minimum near the rest posture."""
