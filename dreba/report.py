@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dreba.domain import Bins, Domain, domain_of
-from dreba.evaluation.evaluate import values_on
+from dreba.errors import ModelError
+from dreba.evaluation.evaluate import MODEL, POSES, values_on
 from dreba.sampling.classes import true_scores
 from dreba.sampling.poses import Poses
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation, distance_to_published, evaluation_of
 from dreba.surrogates.quadratic import QuadraticModel
 from reba.arrays import Array
+from reba.checks import PATH, accepts
 from reba.files import write_atomic
 from reba.posture.columns import ANGLES, COLUMNS, INDEX
 from reba.posture.skeleton import stick_figure
@@ -27,6 +29,7 @@ WORST_POSES: Final = 6
 """Number of poses shown, those with the largest absolute errors."""
 
 
+@accepts(ModelError, model=MODEL, poses=POSES, path=PATH)
 def write_report(
     model: Surrogate,
     poses: Poses,
@@ -139,7 +142,7 @@ def _script_safe(text: str) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-MODEL: Final = "#403a82"
+MODEL_COLOUR: Final = "#403a82"
 TRUE: Final = "#1b2430"
 PAPER: Final = "#c98a1b"
 POINTS: Final = 181
@@ -154,7 +157,9 @@ def error_figure(evaluation: Evaluation) -> Any:
 
     scores = list(evaluation.classes)
     figure = go.Figure()
-    figure.add_bar(x=scores, y=[error.rmse for error in evaluation.classes.values()], name="RMSE", marker_color=MODEL)
+    figure.add_bar(
+        x=scores, y=[error.rmse for error in evaluation.classes.values()], name="RMSE", marker_color=MODEL_COLOUR
+    )
     figure.add_bar(x=list(PUBLISHED), y=list(PUBLISHED.values()), name="RMSE, Table I", marker_color=PAPER)
     bias = [error.bias for error in evaluation.classes.values()]
     figure.add_scatter(x=scores, y=bias, name="bias", mode="lines+markers", line={"color": TRUE, "width": 1.5})
@@ -171,7 +176,7 @@ def value_figure(values: Array, scores: NDArray[np.integer]) -> Any:
         low, q1, median, q3, high = np.quantile(values[scores == score], [0.05, 0.25, 0.5, 0.75, 0.95])
         figure.add_box(
             x=[int(score)], lowerfence=[low], q1=[q1], median=[median], q3=[q3], upperfence=[high],
-            marker_color=MODEL, showlegend=False, name=str(int(score)),
+            marker_color=MODEL_COLOUR, showlegend=False, name=str(int(score)),
         )  # fmt: skip
     ends = [int(scores.min()), int(scores.max())]
     figure.add_scatter(x=ends, y=ends, mode="lines", name="exact", line={"color": TRUE, "dash": "dot"})
@@ -218,7 +223,7 @@ def weight_figure(model: QuadraticModel, domain: Domain) -> Any:
             values = model.weights_[index] * np.polyval(model.polynomials_[index][::-1], angle)
             names.append(name)
             contributions.append(float(np.ptp(values)))
-    figure = go.Figure(go.Bar(x=contributions, y=names, orientation="h", marker_color=MODEL))
+    figure = go.Figure(go.Bar(x=contributions, y=names, orientation="h", marker_color=MODEL_COLOUR))
     figure.update_layout(**_layout(360), xaxis_title="largest difference")
     figure.update_yaxes(autorange="reversed", automargin=True)
     return figure
@@ -243,7 +248,7 @@ def _small_plots(curves: list[tuple[str, Array, Array, tuple[Array, Array]]], un
     for title, angle, values, steps in curves:
         figure = go.Figure()
         figure.add_scatter(x=steps[0], y=steps[1], mode="lines", line={"color": TRUE, "width": 1.5}, name="table")
-        figure.add_scatter(x=angle, y=values, mode="lines", line={"color": MODEL, "width": 2}, name="model")
+        figure.add_scatter(x=angle, y=values, mode="lines", line={"color": MODEL_COLOUR, "width": 2}, name="model")
         figure.update_layout(**_layout(190), showlegend=False, title={"text": title, "font": {"size": 13}, "x": 0.5})
         figure.update_layout(margin={"l": 44, "r": 12, "t": 30, "b": 34}, yaxis_title=unit)
         tick_step = next((step for step in TICK_STEPS if 3 * step >= np.ptp(angle)), TICK_STEPS[-1])

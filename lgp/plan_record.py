@@ -14,6 +14,7 @@ from lgp.errors import LgpError
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
+from reba.checks import PATH, accepts
 from reba.files import as_json, plain_data
 from reba.method.rules import Rules
 from reba.method.scoring import ScoreArrays, score_angles
@@ -104,6 +105,7 @@ class Plan:
             "solver": self.solver,
         }
 
+    @accepts(LgpError, folder=PATH)
     def save(self, folder: str | Path) -> None:
         """Write `plan.json`, `path.parquet` and, with a human, `postures.parquet` (which `reba score` reads).
 
@@ -113,6 +115,7 @@ class Plan:
         save(self, Path(folder))
 
     @staticmethod
+    @accepts(LgpError, folder=PATH)
     def load(folder: str | Path) -> Plan:
         """Return the plan that `save` wrote into a folder.
 

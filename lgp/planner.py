@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -30,8 +30,27 @@ from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton, search
 from reba.arrays import Array
+from reba.checks import COUNT, PATH, YES_NO, Allowed, accepts, is_number
+
+SCENE: Final = Allowed(
+    "a scene, or the name or path of one", lambda value: isinstance(value, Scene) or PATH.fits(value)
+)
+COST_MODEL: Final = Allowed(
+    "a surrogate, its name or path, or None",
+    lambda value: value is None or isinstance(value, Surrogate | Ergonomics) or PATH.fits(value),
+)
+SECONDS: Final = Allowed("seconds above 0", lambda value: is_number(value) and value > 0)
 
 
+@accepts(
+    LgpError,
+    scene=SCENE,
+    cost=COST_MODEL,
+    depth=COUNT.or_none(),
+    seconds=SECONDS,
+    slices=COUNT.or_none(),
+    collisions=YES_NO,
+)
 def plan(
     scene: Scene | str | Path,
     cost: Surrogate | Ergonomics | str | Path | None = COST,

@@ -20,6 +20,7 @@ from reba.analysis.improve import Improvement, improve_frame
 from reba.analysis.score_table import ScoreTable
 from reba.analysis.worksheet import Worksheet, worksheet
 from reba.arrays import Array
+from reba.checks import TEXT, accepts
 from reba.errors import PostureError
 from reba.method.rules import Rules, rules_of
 from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, Missing, score_angles
@@ -55,6 +56,7 @@ class Scores(ScoreTable):
         return improve_frame(self, self.frame_at(time))
 
 
+@accepts(PostureError, activity=TEXT)
 def score(
     postures: PostureTable | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]],
     *,

@@ -17,9 +17,18 @@ from dreba.surrogates.registry import ModelInfo
 from reba.arrays import Array
 from reba.batch.parallel import run_parallel
 from reba.batch.worker_pool import WorkerDied
+from reba.checks import Allowed, accepts, instance
 from reba.posture.columns import COLUMNS, INDEX
 
+MODEL: Final = instance("a fitted surrogate, such as dreba.load returns", Surrogate)
+POSES: Final = instance("poses, as dreba.sample or dreba.read_poses return", Poses)
+MODELS: Final = Allowed(
+    "fitted surrogates by name",
+    lambda value: isinstance(value, dict) and len(value) > 0 and all(map(MODEL.fits, value.values())),
+)
 
+
+@accepts(ModelError, model=MODEL, poses=POSES)
 def evaluate(model: Surrogate, poses: Poses, temperature: float | None = None) -> Evaluation:
     """Return the error of a model on poses with their true scores.
 
@@ -80,6 +89,7 @@ def angles_for(model: Surrogate, poses: Poses) -> Array:
     return poses.angles[:, [INDEX[joint] for joint in model.joints_]]
 
 
+@accepts(ModelError, model=MODEL, train=POSES, held_out=POSES)
 def fit_to(model: Surrogate, train: Poses, held_out: Poses, sample_weight: Array | None = None, **notes: Any) -> None:
     """Fit a model to poses and record its provenance and its error on held-out poses in `about_`.
 
@@ -125,6 +135,7 @@ STARTS_PER_TASK: Final = 3
 """Initial postures of each kind for each reach task."""
 
 
+@accepts(ModelError, models=MODELS, poses=POSES)
 def compare(
     models: Mapping[str, Surrogate], poses: Poses, *, jobs: int = 1, scheduler: str | None = None
 ) -> list[dict[str, Any]]:

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Final
 
 from dreba.errors import ModelError
-from dreba.evaluation.evaluate import check_temperature
+from dreba.evaluation.evaluate import MODEL, check_temperature
 from dreba.export.c import c_source
 from dreba.export.casadi import casadi_json
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.graduated import GraduatedModel
 from dreba.surrogates.serialization import write
+from reba.checks import PATH, TEXT, accepts
 from reba.errors import did_you_mean
 
 TARGETS: Final[dict[str, tuple[str, Callable[..., str]]]] = {
@@ -29,6 +30,7 @@ C_KEYWORDS: Final = frozenset({
 """Names the exported function must not have: keywords of C99 and the other functions of the file."""
 
 
+@accepts(ModelError, model=MODEL, path=PATH, to=TEXT, name=TEXT)
 def export_model(
     model: Surrogate,
     path: str | Path,

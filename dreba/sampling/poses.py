@@ -18,6 +18,7 @@ from dreba.errors import SampleError
 from dreba.sampling.classes import true_scores
 from dreba.surrogates.task_factors import TaskFactors, task_factors_of
 from reba.arrays import Array
+from reba.checks import PATH, TEXT, Allowed, accepts
 from reba.errors import RebaError, did_you_mean
 from reba.files import write_atomic
 from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, INDEX
@@ -141,6 +142,13 @@ MEASURED: Final = "measured"
 NEUTRAL: Final = "neutral"
 
 
+JOINTS: Final = Allowed(
+    f"{MEASURED!r}, or names of columns, or None",
+    lambda value: value is None or TEXT.fits(value) or (isinstance(value, list | tuple) and all(map(TEXT.fits, value))),
+)
+
+
+@accepts(SampleError, path=PATH, joints=JOINTS)
 def read_poses(
     path: str | Path, rules: reba.Rules | str = "measured", *, joints: Joints = None, hold: Hold = None
 ) -> Poses:

@@ -30,6 +30,7 @@ from dreba.sampling.classes import WEIGHTS, Weights, true_scores
 from dreba.sampling.distribution import SamplingPlan
 from dreba.sampling.poses import Poses
 from reba._version import __version__
+from reba.checks import shown
 from reba.posture.columns import ANGLES, SIDES
 from reba.posture.factors import Factors
 
@@ -124,9 +125,10 @@ def _held(domain: Domain, adjustments: bool, arms: str) -> Domain:
 def _classes(classes: Iterable[int]) -> tuple[int, ...]:
     try:
         scores = tuple(classes)
+        repeated = len(set(scores)) != len(scores)
     except TypeError as error:
-        raise SampleError(f"classes are {classes!r}; expected REBA scores such as range(1, 11)") from error
-    if not scores or len(set(scores)) != len(scores):
+        raise SampleError(f"classes are {shown(classes)}; expected REBA scores such as range(1, 11)") from error
+    if not scores or repeated:
         raise SampleError(f"classes are {scores}; expected each REBA score once, at least one")
     for score in scores:
         if isinstance(score, bool) or not isinstance(score, int | np.integer) or not 1 <= score <= 15:

@@ -15,6 +15,7 @@ from dreba.surrogates.registry import KINDS, ModelInfo
 from dreba.surrogates.relu_network import NetModel
 from dreba.surrogates.serialization import from_dict
 from dreba.surrogates.soft import SoftModel
+from reba.checks import PATH, accepts
 
 __all__ = [
     "KINDS",
@@ -33,6 +34,7 @@ SHIPPED: Final = Path(__file__).parent / "shipped"
 """Folder of the shipped model files."""
 
 
+@accepts(ModelError, path=PATH)
 def load(path: str | Path) -> Surrogate:
     """Return the model of a file, or a shipped model by its name (`models()`).
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dreba.errors import ModelError
+from reba.checks import shown
 from reba.errors import did_you_mean
 from reba.method.factor_points import points
 from reba.method.rules import Rules, load_points
@@ -152,9 +153,12 @@ def delta_payload(load: ArrayLike, form: Payload = "tree", omega: float = OMEGA_
         >>> delta_payload(7.0), delta_payload(7.0, "linear")
         (1.0, 1.4)
     """
-    kilograms = np.asarray(load, np.float64)
+    try:
+        kilograms = np.asarray(load, np.float64)
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"load is {shown(load)}; expected kilograms, 0 or more") from error
     if not (np.isfinite(kilograms).all() and (kilograms >= 0).all()):
-        raise ModelError(f"load is {load!r}; expected kilograms, 0 or more")
+        raise ModelError(f"load is {shown(load)}; expected kilograms, 0 or more")
     if form == "linear":
         cost = kilograms / omega
     elif form == "tree":

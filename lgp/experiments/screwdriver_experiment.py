@@ -17,8 +17,10 @@ from lgp.kinematics.reachability import reachability
 from lgp.kinematics.world import World
 from lgp.scene.scene_file import load_scene
 from lgp.statistics.paired_tests import require_statsmodels
+from reba.checks import PATH, YES_NO, accepts
 
 
+@accepts(LgpError, folder=PATH, cost=PATH, collisions=YES_NO)
 def experiment_screwdriver(
     folder: str | Path,
     *,

@@ -40,6 +40,7 @@ from lgp.planner import plan_within, task_of
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import Budget
+from reba.checks import PATH, YES_NO, accepts
 from reba.files import plain_data, write_atomic
 
 SCENE: Final = "toolbox"
@@ -74,6 +75,7 @@ class Condition:
     infeasible_orders: dict[str, str] = field(default_factory=dict)
 
 
+@accepts(LgpError, folder=PATH, cost=PATH, collisions=YES_NO)
 def experiment_toolbox(
     folder: str | Path,
     *,

@@ -23,6 +23,7 @@ from lgp.page.pictures import write_pictures
 from lgp.page.sentences import Instruction, humanised, sentences
 from lgp.page.view import SceneAnimation, scene_animation
 from lgp.plan_record import Plan
+from reba.checks import PATH, YES_NO, accepts, instance
 from reba.extras import missing
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 from reba.report.labels import LEVEL_COLOURS, TEXT_ON
@@ -37,6 +38,7 @@ RING = 0.08
 SCRIPTS = ("stage.js", "player.js", "live.js")
 
 
+@accepts(LgpError, plan=instance("what lgp.plan returns", Plan), folder=PATH, pictures=YES_NO)
 def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path:
     """Write the presentation of a plan.
 

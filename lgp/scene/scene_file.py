@@ -12,6 +12,7 @@ from typing import Any
 from lgp.errors import SceneError
 from lgp.scene.body_measures import STATURE, table
 from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
+from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
 from reba.toml_table import TomlTable
 
@@ -32,6 +33,7 @@ def shipped_scenes() -> tuple[str, ...]:
     return tuple(sorted(file.stem for file in SHIPPED.glob("*.toml")))
 
 
+@accepts(SceneError, which=PATH)
 def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> Scene:
     """Return a shipped scene by its name, or the scene in a TOML file.
 

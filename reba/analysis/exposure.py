@@ -15,9 +15,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from reba.analysis.score_table import ScoreTable
+from reba.analysis.score_table import SCORES, ScoreTable
 from reba.analysis.worksheet import contributions
 from reba.arrays import Array
+from reba.checks import accepts
+from reba.errors import PostureError
 from reba.method.scoring import SCORE_COLUMNS
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 
@@ -258,6 +260,7 @@ def _side_shares(scores: ScoreTable, side: str, weights: Array) -> dict[str, flo
     return _level_times(levels, weights / (weights.sum() or 1.0))
 
 
+@accepts(PostureError, a=SCORES, b=SCORES)
 def compare(a: ScoreTable, b: ScoreTable) -> dict[str, Any]:
     """Return the summaries of two recordings and b minus a for every figure both have.
 

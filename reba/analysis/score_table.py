@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numbers
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 import pandas as pd
 
 from reba.arrays import Array
+from reba.checks import instance
 from reba.errors import PostureError
 from reba.method.rules import Rules
 from reba.method.scoring import Missing
@@ -64,3 +66,7 @@ class ScoreTable:
             span = f"{stamps[0]:g} to {stamps[-1]:g} s" if len(stamps) else "no frames"
             raise PostureError(f"time {time:g} s lies outside the recording ({span}); choose a time inside")
         return int(np.argmin(np.abs(stamps - time)))
+
+
+SCORES: Final = instance("what reba.score returns", ScoreTable)
+"""What public functions take as the scores of one recording."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reba.arrays import Array, Flags
+from reba.checks import shown
 from reba.errors import PostureError
 from reba.method.factor_points import FactorPoints, points
 from reba.method.rules import Rules, rules_of
@@ -141,8 +142,8 @@ def score_angles(
 ) -> ScoreArrays:
     """Score the angles (n, 22) of a posture table; as `score_array`, with any finite angle up to `limit` [deg]."""
     chosen = rules_of(rules)
-    if missing not in MISSING:
-        raise PostureError(f"missing is {missing!r}; expected one of {', '.join(MISSING)}")
+    if not isinstance(missing, str) or missing not in MISSING:
+        raise PostureError(f"missing is {shown(missing)}; expected one of {', '.join(MISSING)}")
     factor_points = points(Factors.of(factors), chosen, len(table))
     out = np.empty((len(SCORE_COLUMNS), len(table)), np.uint8)
     columns = np.empty((len(COLUMNS), CHUNK))

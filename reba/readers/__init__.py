@@ -8,7 +8,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from reba.errors import ReadError
+from reba.checks import PATH, TEXT, YES_NO, accepts
+from reba.errors import ReadError, RebaError
 from reba.posture.table import PostureTable
 from reba.readers import formats
 from reba.readers.build_table import build_table
@@ -30,6 +31,7 @@ def is_recording_folder(path: Path) -> bool:
     return formats.is_recording_folder(path)
 
 
+@accepts(RebaError, path=PATH, profile=PATH, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO)
 def read(
     path: str | Path,
     *,

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from reba.errors import ProfileError
+from reba.checks import PATH, TEXT, YES_NO, accepts
+from reba.errors import ProfileError, RebaError
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
 from reba.readers.build_table import build_table
@@ -87,6 +88,7 @@ class Info:
         return result
 
 
+@accepts(RebaError, path=PATH, profile=PATH, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO)
 def info(
     path: str | Path,
     *,

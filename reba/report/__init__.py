@@ -11,6 +11,8 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+from reba.analysis.score_table import SCORES
+from reba.checks import PATH, shown
 from reba.errors import RebaError
 from reba.files import write_atomic, write_text
 from reba.report.page import page
@@ -60,5 +62,10 @@ def write_report(scores: Recordings, path: str | Path, *, command: str = "") -> 
             "write_report(path, scores) is deprecated; use write_report(scores, path)", DeprecationWarning, stacklevel=2
         )
         scores, path = path, scores  # type: ignore[assignment]
+    several = list(scores) if isinstance(scores, list | tuple) else [scores]
+    if not several or not all(SCORES.fits(each) for each in several):
+        raise RebaError(f"write_report: scores is {shown(scores)}; expected {SCORES.expected}, or a list of these")
+    if not PATH.fits(path):
+        raise RebaError(f"write_report: path is {shown(path)}; expected {PATH.expected}")
     html = render(scores, command=command)
     write_atomic(Path(path), lambda part: write_text(part, html))

@@ -16,6 +16,8 @@ import numpy as np
 import pandas as pd
 
 from reba._version import __version__
+from reba.analysis.score_table import SCORES
+from reba.checks import PATH, accepts, instance
 from reba.errors import RebaError
 from reba.files import as_json, write_atomic, write_text
 from reba.posture.factors import FACTORS
@@ -28,6 +30,7 @@ BLOCK_ROWS: Final = 16_384
 SUFFIXES: Final = (".parquet", ".csv", ".mcap")
 
 
+@accepts(RebaError, scores=SCORES, path=PATH)
 def write_scores(scores: Scores, path: str | Path) -> None:
     """Write the score table; the ending of `path` chooses .parquet, .csv or .mcap.
 
@@ -43,6 +46,7 @@ def write_scores(scores: Scores, path: str | Path) -> None:
     _write(scores.data, _score_metadata(scores), Path(path), scores.postures, "scores")
 
 
+@accepts(RebaError, postures=instance("what reba.read returns", PostureTable), path=PATH)
 def write_postures(
     postures: PostureTable, path: str | Path, *, records: Mapping[str, Mapping[str, str]] | None = None
 ) -> None:
