@@ -84,6 +84,7 @@ class Poses:
         counts = np.bincount(self.reba)
         return np.asarray(len(self) / (np.count_nonzero(counts) * counts[self.reba]), np.float64)
 
+    @accepts(SampleError, path=PATH)
     def save(self, path: str | Path) -> None:
         """Write a Parquet file: a posture table, readable by `reba score` too, with `reba` and the factors.
 
@@ -108,6 +109,7 @@ class Poses:
             raise SampleError(str(error)) from error
 
     @staticmethod
+    @accepts(SampleError, path=PATH)
     def load(path: str | Path) -> Poses:
         """Read a file of `save`.
 

@@ -25,7 +25,7 @@ from dreba.surrogates.task_factors import DEFAULT_FACTORS, TaskFactorArguments, 
 from dreba.surrogates.validation import check_parameters, checked_joints, checked_weights
 from reba._version import __version__
 from reba.arrays import Array
-from reba.checks import Allowed
+from reba.checks import PATH, Allowed, accepts
 from reba.posture.columns import COLUMNS
 from reba.posture.named_angles import check_angles, named_columns, read_angles, warn_if_radians
 
@@ -172,6 +172,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
         factor = self._gauss_newton(poses, TaskFactors.checked(factors, len(poses)))
         return factor[0] if single else factor
 
+    @accepts(ModelError, path=PATH)
     def save(self, path: str | Path) -> None:
         """Write the model as JSON; `dreba.load` reads it back equal.
 

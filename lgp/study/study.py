@@ -19,6 +19,7 @@ from lgp.study.recordings import Failure, Sources, find_sources
 from lgp.study.report import render
 from lgp.study.scoring import Scored, cells, missing_cells, score_sources, warnings
 from reba.batch.run import ScoringOptions
+from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
 from reba.files import as_json, write_atomic, write_text
 from reba.method.rules import rules_of
@@ -46,6 +47,7 @@ class Study:
     cells: pd.DataFrame
     summary: dict[str, Any]
 
+    @accepts(LgpError, folder=PATH)
     def save(self, folder: str | Path, *, command: str = "") -> None:
         """Write `summary.json`, `scores.parquet` (one row per recording) and `report.html` into a folder.
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
+from reba.checks import PATH, accepts
 from reba.errors import RulesError, did_you_mean
 from reba.files import write_atomic, write_text
 
@@ -110,6 +111,7 @@ class Rules:
         """Return the record as TOML, one field a line."""
         return "".join(f"{key} = {_toml(value)}\n" for key, value in dataclasses.asdict(self).items())
 
+    @accepts(RulesError, path=PATH)
     def save(self, path: str | Path) -> None:
         """Write the record as TOML; `Rules.load` reads it back equal.
 
@@ -120,6 +122,7 @@ class Rules:
         write_atomic(Path(path), lambda part: write_text(part, self.to_toml()))
 
     @staticmethod
+    @accepts(RulesError, path=PATH)
     def load(path: str | Path) -> Rules:
         """Read a TOML file; fields left out keep the preset named by `preset` ("measured" if that is left out too).
 
