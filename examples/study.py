@@ -13,4 +13,4 @@ subprocess.run(
 )
 study = lgp.run_study(["logs"], conditions=["ergonomic", "fast"])  # your own recordings: names in a manifest
 study.save("study")  # summary.json, scores.parquet, report.html
-print(study.summary["findings"][0])
+print(study.summary["verdict"])

@@ -22,6 +22,8 @@ _NUMBER: Final = (*_WHOLE, float, np.floating)
 _YES_NO: Final = (bool, np.bool_)
 LONGEST: Final = 60
 """Characters of a value that a message repeats."""
+FEW: Final = 8
+"""Numbers of a list that a message repeats."""
 
 
 class Allowed(NamedTuple):
@@ -80,7 +82,8 @@ def shown(value: Any) -> str:
     >>> shown(2.5)
     '2.5'
     """
-    text = repr(value) if isinstance(value, str | int | float | bool | np.number | os.PathLike | None) else ""
+    few = isinstance(value, tuple | list) and len(value) <= FEW and all(map(is_number, value))
+    text = repr(value) if few or isinstance(value, str | int | float | bool | np.number | os.PathLike | None) else ""
     return text if 0 < len(text) <= LONGEST else f"a {type(value).__name__}"
 
 

@@ -132,7 +132,7 @@ def table_of(data: Any) -> PostureTable:
     table = dataclasses.replace(table, quality=dataclasses.replace(table.quality, warnings=tuple(wrong)))
     angles = angles_of(table.data)
     check_angles(angles)
-    warn_if_radians(angles, stacklevel=4)
+    warn_if_radians(angles, stacklevel=5)
     empty = np.isnan(angles).all(axis=0)
     return dataclasses.replace(table, unmeasured=tuple(np.array(COLUMNS)[empty].tolist()))
 

@@ -63,7 +63,7 @@ def write_report(scores: Recordings, path: str | Path, *, command: str = "") -> 
         )
         scores, path = path, scores  # type: ignore[assignment]
     several = list(scores) if isinstance(scores, list | tuple) else [scores]
-    if not several or not all(SCORES.fits(each) for each in several):
+    if not all(SCORES.fits(each) for each in several):
         raise RebaError(f"write_report: scores is {shown(scores)}; expected {SCORES.expected}, or a list of these")
     if not PATH.fits(path):
         raise RebaError(f"write_report: path is {shown(path)}; expected {PATH.expected}")

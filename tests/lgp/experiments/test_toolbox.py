@@ -171,14 +171,14 @@ def test_other_orders_start_from_the_best_motion_of_the_same_actions() -> None:
     task = task_of(world.scene)
     first, second = (Phases.of(world.scene, parse_sequence(task, paper(name))) for name in CONDITIONS)
     memory = WarmStartCache(world)
-    assert memory.start(second, world.initial_configuration) is None
+    assert memory.initial_guess(second, world.initial_configuration) is None
     rng = np.random.default_rng(0)
     keys = rng.uniform(world.lower, world.upper, (first.count, world.nq))
     size = ModeSequence(world, first.switches).size
     variables = rng.uniform(-1.0, 1.0, size)
-    memory.keep(first, 2.0, keys, variables)
-    memory.keep(first, 3.0, keys * 0.0, variables)
-    found = memory.start(second, world.initial_configuration)
+    memory.store_motion(first, 2.0, keys, variables)
+    memory.store_motion(first, 3.0, keys * 0.0, variables)
+    found = memory.initial_guess(second, world.initial_configuration)
     assert found is not None
     left = np.flatnonzero(world.support("baxter.left"))
     # Its grasp of the side is third in one order and fourth in the other; before it the arm is on its way there.

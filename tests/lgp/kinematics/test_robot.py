@@ -11,6 +11,7 @@ from lgp.kinematics import robot
 from lgp.kinematics.world import World
 from lgp.scene.model import Robot
 from lgp.scene.scene_file import load_scene
+from reba.extras import MissingPackageError
 from tests.support.lgp_worlds import needs_robots
 from tests.support.says import says
 
@@ -20,9 +21,9 @@ def test_without_the_package_the_command_to_install_it_is_named(monkeypatch: pyt
         raise metadata.PackageNotFoundError(name)
 
     monkeypatch.setattr(robot.metadata, "distribution", absent)
-    with pytest.raises(WorldError) as error:
+    with pytest.raises(MissingPackageError) as error:
         World(load_scene("screwdriver"))
-    says(error, "pip install 'dreba[robots]'")
+    says(error, 'pip install "dreba[robots]"')
 
 
 def test_unknown_robots_are_refused() -> None:

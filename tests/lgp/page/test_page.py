@@ -12,6 +12,7 @@ import lgp
 from lgp.errors import LgpError
 from lgp.page.page import check_packages, score_spans, write_page
 from lgp.scene.scene_file import read_scene
+from reba.extras import MissingPackageError
 from tests.support.lgp_worlds import HUMAN_ONLY
 from tests.support.page_packages import needs_page
 from tests.support.says import says
@@ -68,7 +69,7 @@ def test_nothing_is_asked_from_elsewhere(page: Path) -> None:
 
 
 def test_a_missing_package_is_one_line() -> None:
-    with pytest.raises(LgpError) as error:
+    with pytest.raises(MissingPackageError) as error:
         check_packages({"no_such_module": "such-package"})
     says(error, "such-package", 'pip install "dreba[page]"')
 

@@ -23,6 +23,7 @@ from lgp.statistics.paired_tests import (
     signed_rank_p,
     stars,
 )
+from reba.extras import MissingPackageError
 from tests.support.says import says
 
 PAIRS = (("a", "b"), ("a", "c"), ("b", "c"))
@@ -234,9 +235,9 @@ def test_an_unknown_choice_is_named():
 def test_a_missing_library_is_said_in_one_line(monkeypatch):
     require_statsmodels()
     monkeypatch.setitem(__import__("sys").modules, "statsmodels.stats", None)
-    with pytest.raises(LgpError) as error:
+    with pytest.raises(MissingPackageError) as error:
         require_statsmodels()
-    says(error, "statsmodels", "pip install dreba[experiments]")
+    says(error, "statsmodels", 'pip install "dreba[experiments]"')
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.35])
