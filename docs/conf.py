@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from importlib.metadata import version as installed
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -45,28 +46,28 @@ def block_math(writer: Any, node: nodes.math_block) -> None:
     raise nodes.SkipNode
 
 
-def constant_docs(package: str) -> dict[str, str]:
-    """Return the string below each constant of a package, by its name."""
-    docs: dict[str, str] = {}
-    for path in (Path(__file__).parent.parent / package).rglob("*.py"):
-        body = ast.parse(path.read_text(encoding="utf-8")).body
-        for node, after in pairwise(body):
-            target = node.target if isinstance(node, ast.AnnAssign) else getattr(node, "targets", [None])[0]
-            if isinstance(target, ast.Name) and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
-                docs[target.id] = str(after.value.value)
-    return docs
+def constant_doc(module: str, name: str) -> str:
+    """Return the string below a constant in the module that defines it, which others import it from."""
+    path = Path(find_spec(module).origin)  # type: ignore[union-attr, arg-type]
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node, after in pairwise(tree.body):
+        target = node.target if isinstance(node, ast.AnnAssign) else getattr(node, "targets", [None])[0]
+        if isinstance(target, ast.Name) and target.id == name:
+            return str(after.value.value)  # type: ignore[attr-defined]
+    imports = (node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module)
+    source = next(node.module for node in imports if name in [alias.name for alias in node.names])
+    return constant_doc(str(source), name)
 
 
 def describe_constant(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
-    """Take the description of a constant from the module that defines it: autodoc sees its type's alone."""
-    package, _, constant = name.partition(".")
+    """Describe a constant by the string below it; autodoc finds the description of its type alone."""
     if what == "data":
-        lines[:] = [*constant_docs(package)[constant].splitlines(), ""]
+        lines[:] = [*constant_doc(*name.rsplit(".", 1)).splitlines(), ""]
 
 
 def setup(app: Any) -> None:
     """Add the writer of formulas and the descriptions of constants."""
-    app.connect("autodoc-process-docstring", describe_constant, priority=1)
+    app.connect("autodoc-process-docstring", describe_constant, priority=900)
     app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))
 
 
