@@ -22,6 +22,8 @@ source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build"]
 myst_heading_anchors = 3
 html_theme = "furo"
+html_static_path = ["formulas.css"]
+html_css_files = ["formulas.css"]
 html_title = f"dREBA {release}"
 nitpicky = True
 autodoc_typehints = "description"
@@ -42,7 +44,7 @@ def inline_math(writer: Any, node: nodes.math) -> None:
 
 def block_math(writer: Any, node: nodes.math_block) -> None:
     """Write a formula of its own as MathML."""
-    writer.body.append(tex2mathml(node.astext(), as_block=True))
+    writer.body.append(f'<div class="formula">{tex2mathml(node.astext(), as_block=True)}</div>')
     raise nodes.SkipNode
 
 
