@@ -43,7 +43,7 @@ class Hinges(NamedTuple):
 
 @register
 class ConvexModel(Surrogate):
-    """Value = constant + sum over angles and knots of w |h((s q - k) / width)|, all weights w >= 0.
+    """Value = constant + sum over angles and knots of w h((s q - k) / width), all weights w >= 0.
 
     A hinge rises from 0 at its knot, rounded over `width` so that the gradient is continuous: h(t) is t^2 / 2 from 0 to
     1 and t - 1/2 beyond. Every angle has hinges in both directions away from its best angle; the two signs of a side

@@ -174,7 +174,7 @@ class SolverOptions:
     kkt: float = 1e-6
     """Largest relative stationarity and complementarity error of an OPTIMAL point."""
     decrease: float = 1e-10
-    """Predicted decrease, relative to max(1, |cost|), below which a feasible point is ACCEPTABLE."""
+    """Predicted decrease, relative to max(1, abs(cost)), below which a feasible point is ACCEPTABLE."""
     iterations: int = 100
     seconds: float = float("inf")
     """Wall time; checked between iterations."""
