@@ -15,7 +15,6 @@ import pinocchio as pin
 
 from lgp.errors import WorldError
 from lgp.kinematics import human
-from lgp.kinematics.batched_kinematics import BatchedKinematics
 from lgp.kinematics.features import cross, rotation_about_z
 from lgp.kinematics.leg_ik import rest_posture
 from lgp.kinematics.robot import locked_model, robot_model, slides
@@ -25,10 +24,6 @@ from reba.errors import did_you_mean
 from reba.posture.columns import SIDES
 
 AnyAgent = TypeVar("AnyAgent", bound=Agent)
-LOOP_UP_TO = 12
-"""Configurations that Pinocchio computes one by one; more go through `BatchedKinematics`.
-
-The loop is the faster one up to about 100, but its rounding differs (4e-15), and so do the last digits of plans."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +116,6 @@ class World:
         self.initial_values = values
         self.initial_configuration = self._initial_configuration()
         self._data = self.model.createData()
-        self._batched = BatchedKinematics(self.model)
         self._support: dict[str, Array] = {}
         self._add_hands()
         self.planted = self._planted()
@@ -197,9 +191,6 @@ class World:
             raise WorldError(f"configurations have shape {q.shape}, expected (n, {self.nq}), one column per joint")
         frames = list(dict.fromkeys(names))
         numbers = [self.frame_id(name) for name in frames]
-        if len(q) > LOOP_UP_TO:
-            batch = self._batched.at(q, numbers)
-            return Kinematics(self, frames, batch.rotation, batch.position, batch.spatial)
         rotation, position = np.empty((len(q), len(frames), 3, 3)), np.empty((len(q), len(frames), 3))
         spatial = np.empty((len(q), 6, self.nq))
         model, data = self.model, self._data
