@@ -169,7 +169,6 @@ def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, j
     Raises:
         ModelError: an unknown kind or option.
     """
-
     from dreba.surrogates.library import KINDS
 
     if kind not in KINDS:

@@ -62,7 +62,6 @@ def write_report(
         ...     "Error per REBA class" in path.read_text(encoding="utf-8")
         True
     """
-
     html = render(model, poses, name=name, command=command, temperature=temperature)
 
     def write(part: Path) -> None:

@@ -110,7 +110,6 @@ def fit_to(model: Surrogate, train: Poses, held_out: Poses, sample_weight: Array
         >>> model.about_.domain["name"], model.about_.provenance["rmse_on"]
         ('human', 'held-out poses')
     """
-
     joints = model.get_params(deep=False).get("joints")
     angles = train.angles if joints is None else train.angles[:, [INDEX[joint] for joint in joints]]
     model.fit(angles, train.reba, sample_weight=sample_weight, factors=train.factors)
@@ -184,7 +183,6 @@ def enable(
         Rows of "model", "start", "mean_reba" (infeasible runs count 12), "share_best" (runs with the best score that
         any model reached on the task), "share_best_of_starts", "infeasible", "evaluations" and "seconds" per run.
     """
-
     usable = {name: model for name, model in models.items() if model.joints_ == COLUMNS}
     cases = {(start, name): (start, model) for start in STARTS for name, model in usable.items()}
     results = _in_parallel(partial(_reach, tasks=tasks, seed=seed), cases, jobs, scheduler)

@@ -157,7 +157,6 @@ def write(path: str | Path, text: str) -> None:
     Raises:
         ModelError: the file cannot be written.
     """
-
     try:
         write_atomic(Path(path), lambda part: write_text(part, text))
     except RebaError as error:

@@ -179,7 +179,6 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
 
     `reba` has a statistic only where the measured angles determine it; `range` always has both ends.
     """
-
     time = scores.time
     weights = durations(time)
     low, high = column(scores, "reba_low"), column(scores, "reba_high")

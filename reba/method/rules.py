@@ -118,7 +118,6 @@ class Rules:
         Raises:
             RebaError: the place cannot be written to.
         """
-
         write_atomic(Path(path), lambda part: write_text(part, self.to_toml()))
 
     @staticmethod
