@@ -1,0 +1,1 @@
+"""Paired tests and effect sizes, for experiments and studies."""

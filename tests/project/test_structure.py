@@ -134,3 +134,9 @@ def test_every_module_has_a_room_and_every_room_a_module() -> None:
 def test_the_picture_of_the_rooms_is_that_of_the_code() -> None:
     drawing = runpy.run_path(str(ROOT / "docs" / "draw_rooms.py"))
     assert drawing["PICTURE"].read_text(encoding="utf-8") == drawing["draw"](), "run: python docs/draw_rooms.py"
+
+
+def test_every_room_says_what_it_is_for() -> None:
+    rooms = [path for path in MODULES.values() if path.name == "__init__.py"]
+    assert [str(path) for path in rooms if not ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))] == []
+    assert [str(path) for path in MODULES.values() if len(path.read_text(encoding="utf-8").splitlines()) > 400] == []

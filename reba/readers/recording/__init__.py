@@ -1,0 +1,1 @@
+"""What a recording holds before a profile gives it meaning, and the profiles that do."""
