@@ -58,6 +58,8 @@ class Processes:
     """Local worker processes; they end with the process that started them, even if that is killed."""
 
     def __init__(self, jobs: int) -> None:
+        # Workers, and the process that cleans up after them, would import a numpy.py of the current folder.
+        os.environ.setdefault("PYTHONSAFEPATH", "1")
         self.jobs = jobs
         self._pool = self._start(jobs)
 

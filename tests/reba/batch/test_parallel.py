@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import socket
+import subprocess
 import sys
 import threading
 import time
@@ -17,6 +19,7 @@ from reba.batch.parallel import run_parallel
 from reba.batch.run import access_problem
 from reba.batch.worker_pool import TASKS_PER_WORKER, WorkerDied
 from reba.errors import RebaError
+from tests.support.paths import DATASETS, ROOT
 from tests.support.says import says
 from tests.support.scale_work import die_at, refuse, square
 
@@ -101,3 +104,24 @@ def test_what_a_worker_cannot_access_is_named(tmp_path: Path) -> None:
     assert "cannot write" in access_problem(str(here), str(tmp_path / "nothing"))
     assert access_problem(str(here), str(tmp_path), str(mark), "this one") == ""
     assert "another folder" in access_problem(str(here), str(tmp_path), str(mark), "that one")
+
+
+@pytest.mark.parametrize("module", ["numpy", "shutil", "tempfile", "joblib"])
+def test_workers_import_nothing_of_the_current_folder(module: str, tmp_path: Path) -> None:
+    (tmp_path / f"{module}.py").write_text("open('imported', 'w').close()")
+    recordings = [tmp_path / name for name in ("a.csv", "b.csv")]
+    for path in recordings:
+        path.write_bytes((DATASETS / "simulated_assembly.csv").read_bytes())
+    # As the installed command starts: its own folder, not the current one, stands first on the path.
+    command = [sys.executable, "-P", "-c", "import reba.cli; reba.cli.main()", "score", *map(str, recordings)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [*command, "--jobs", "2", "-o", "out"],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert not (tmp_path / "imported").exists()
