@@ -148,7 +148,7 @@ def _angle(quantity: AngleClasses, angles: Array, knees: Flags) -> Modifiable:
                 Alternative(
                     points=(np.minimum(worst, limit.points) * counts).astype(np.int16),
                     degrees=float(np.abs(rows - limited).sum(axis=0).mean()),
-                    target=_interval(limit.low, limit.high),
+                    target=interval_text(limit.low, limit.high),
                     before=_range(rows),
                 )
             )
@@ -157,7 +157,7 @@ def _angle(quantity: AngleClasses, angles: Array, knees: Flags) -> Modifiable:
     return Modifiable(quantity.name, "angle", group, part, shares, (worst * counts).astype(np.int16), tuple(options))
 
 
-def _interval(low: float, high: float) -> str:
+def interval_text(low: float, high: float) -> str:
     """Return a class in words; an end just below a printed edge reads "under"."""
     edge = round(high, 3)
     under = edge > high

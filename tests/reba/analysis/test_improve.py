@@ -82,9 +82,9 @@ def rescored(scores: reba.Scores, frames: np.ndarray, improvement: Improvement) 
 
 
 def _class_for(text: str, quantity: object) -> object:
-    from reba.analysis.changes import _interval
+    from reba.analysis.changes import interval_text
 
-    return next(c for c in quantity.classes if _interval(c.low, c.high) == text)
+    return next(c for c in quantity.classes if interval_text(c.low, c.high) == text)
 
 
 def _change_factor(factors: dict[str, np.ndarray], what: str, target: str) -> None:
