@@ -62,7 +62,7 @@ class FoxgloveServer:
         self._next_scene = -np.inf
 
     def publish(self, frames: Frames, records: Sequence[Mapping[str, Any]], scores: ScoreArrays, epoch: float) -> None:
-        """Send n records of n scored frames, and the skeleton of the newest frame once per `SCENE_PERIOD`.
+        """Send one record per scored frame, and the skeleton of the newest frame once per `SCENE_PERIOD`.
 
         `epoch` is the Unix time of time 0 [s]; for 0 the frames get the current time.
         """
@@ -207,7 +207,7 @@ def colour_of(part: str, score: int) -> Colour:
 
 
 def skeleton_markers(angles: Array, scores: ScoreArrays, frame: int, sitting: bool = False) -> SkeletonMarkers:
-    """Return the skeleton of angles (22,) [deg] of one frame, a row of `scores`.
+    """Return the skeleton of one posture (22,) [deg], coloured by the scores of its `frame`.
 
     NaN (not measured) is drawn neutral, and grey if the part score is undetermined.
     """
