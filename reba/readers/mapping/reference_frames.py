@@ -159,7 +159,7 @@ def axis_name(vector: Array) -> str:
 class VerticalAxis:
     """The vertical axis of a recording, chosen from its first frames and checked against all of them.
 
-    It is `stated` by the file or `usual` for the source; "" for neither.
+    It is `stated` by the file or `usual` for the source; each is "" if there is none.
     """
 
     def __init__(self, stated: str, usual: str) -> None:

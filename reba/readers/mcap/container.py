@@ -227,7 +227,7 @@ class Container:
         return size >= 2 * len(MAGIC) and self.source.read_at(size - len(MAGIC), len(MAGIC)) == MAGIC
 
     def _walk(self, closed: bool) -> Iterator[tuple[int, int, int]]:
-        """Yield (content offset, opcode, length) of each top-level record, a run of messages as one; note a truncated end."""
+        """Yield (content offset, opcode, length) of top-level records, message runs as one; note a truncated end."""
         end = self.source.size
         opcode = -1
         while self._at < end and opcode != Opcode.FOOTER:

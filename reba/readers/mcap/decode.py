@@ -96,7 +96,7 @@ class _LayoutPlan:
 
 
 class ColumnDecoder:
-    """Decodes messages whose layout can be walked; `wanted` names to read, None for all.
+    """Decodes the `wanted` names (None: all) of messages whose layout can be walked.
 
     Args:
         walk: returns the fields of one message.
@@ -225,7 +225,7 @@ def _whole(value: Value, rows: MessageRows) -> NDArray[np.int64]:
 
 
 class JsonDecoder:
-    """Decodes JSON messages one by one; `extract` returns the usable numbers, `wanted` names to read (None: all)."""
+    """Decodes the `wanted` names (None: all) of JSON messages one by one; `extract` returns their usable numbers."""
 
     def __init__(self, extract: Extractor, wanted: frozenset[str] | None) -> None:
         self._extract = extract

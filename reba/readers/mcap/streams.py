@@ -103,7 +103,7 @@ def _clock(pieces: Sequence[Piece], stamped: str) -> Clock:
 
 
 class McapBlockDecoder:
-    """Decodes the channels of one stream to blocks, segment by segment; `wanted` names to read, None for all."""
+    """Decodes the `wanted` names (None: all) of the channels of one stream to blocks, segment by segment."""
 
     def __init__(
         self,

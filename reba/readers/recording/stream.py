@@ -147,7 +147,7 @@ class Stream:
 class Topic:
     """One line of `reba info`: a topic or signal group with its `count` of messages or samples, None if unknown.
 
-    `why` says what it contains, or why it is not `usable`: no stream was made of it.
+    `usable`: a stream was made of it. `why` says what it contains, or why it is not used.
     """
 
     name: str
