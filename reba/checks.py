@@ -90,10 +90,9 @@ def shown(value: Any) -> str:
 def accepts(
     error: type[RebaError], **allowed: Allowed
 ) -> Callable[[Callable[_Given, _Result]], Callable[_Given, _Result]]:
-    """Check arguments of a public function by name (a decorator).
+    """Check arguments of a public function by name (a decorator); a wrong one raises `error`.
 
     Args:
-        error: class of the errors raised.
         **allowed: argument -> what it may be; arguments left out by the caller are not checked.
 
     >>> @accepts(RebaError, depth=COUNT)

@@ -52,11 +52,7 @@ def plain_data(value: Any, non_finite: NonFinite = "null") -> Any:
 
 
 def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
-    """Call `write` with a temporary path beside `path` and rename the complete file.
-
-    Raises:
-        RebaError: the place cannot be written to.
-    """
+    """Call `write` with a temporary path beside `path` and rename the complete file."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -76,8 +76,7 @@ def into_dataset(
 def print_results(results: Iterable[RecordingResult], **more: Any) -> None:
     """Print the JSON object of `reba score` recording by recording, so that memory does not grow with their number.
 
-    Args:
-        more: further members of the object, after the lists of recordings and failures.
+    `more` are further members of the object, after the lists of recordings and failures.
     """
     failed = []
     click.echo('{"recordings": [', nl=False)

@@ -131,11 +131,7 @@ def _activity(
 
 
 def named_activity(activity: str) -> dict[str, bool]:
-    """Return which kinds of activity "none" or a comma list of them names.
-
-    Raises:
-        PostureError: a kind is unknown.
-    """
+    """Return which kinds of activity "none" or a comma list of them names; unknown kinds are refused."""
     words = [] if activity == "none" else [word.strip() for word in str(activity).split(",")]
     for word in words:
         if word not in ACTIVITIES:

@@ -33,11 +33,9 @@ class TomlTable:
         return key in self.values
 
     def keys(self, known: Iterable[str], what: str = "key") -> tuple[str, ...]:
-        """Return the keys in the order of the file and refuse those that are not known.
+        """Return the keys in the order of the file and refuse those not `known`.
 
-        Args:
-            known: the keys that the table may have.
-            what: what messages call a key ("segment", "column").
+        `what` is what messages call a key ("segment", "column").
         """
         names = tuple(known)
         for key in self.values:

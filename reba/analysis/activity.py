@@ -40,11 +40,9 @@ GAIT_MIN_STEPS = 3
 
 @dataclass(frozen=True)
 class Activity:
-    """Activity of n frames.
+    """Activity of n frames, each kind as (n,) booleans.
 
-    Attributes:
-        static, repeated, unstable: (n,) booleans.
-        causes: for each kind, the parts that caused it and the share of frames in which they did.
+    `causes` has for each kind the parts that caused it and the share of frames in which they did.
     """
 
     static: Flags
@@ -54,12 +52,9 @@ class Activity:
 
 
 def detect(time: Array, angles: Array, rules: Rules, walking: Flags | None = None) -> Activity:
-    """Find the activity of a recording.
+    """Return the activity of a recording at (n,) increasing times [s]; angles (n, 22) [deg], NaN = not measured.
 
     Args:
-        time: (n,) seconds, increasing.
-        angles: (n, 22) degrees, NaN = not measured.
-        rules: thresholds.
         walking: (n,) frames known to be walking; gait seen in the knees is added to them.
 
     Example:

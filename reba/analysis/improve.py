@@ -79,16 +79,13 @@ def worst_interval(scores: ScoreTable, seconds: float = WORST_SECONDS) -> NDArra
 
 
 def improve_frames(scores: ScoreTable, frames: NDArray[np.int64], to_level: int | None = None) -> list[Improvement]:
-    """Return the smallest common changes that bring every given frame to a lower action level.
+    """Return the smallest common changes that bring every given frame to a lower action level, one per reachable goal.
 
-    Unmeasured angles are taken as neutral: only measured angles can be changed.
+    The list is empty if the frames are at or below the level. Unmeasured angles are taken as neutral and not changed.
 
     Args:
         frames: rows of the score table.
         to_level: highest action level (0 to 3) that may remain; by default one below the highest among the frames.
-
-    Returns:
-        One improvement for each goal that can be reached; none if the frames are at or below the level already.
     """
     available = choices(scores, frames)
     before = int(_total(available, {}).max())

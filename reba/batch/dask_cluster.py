@@ -102,11 +102,7 @@ class Cluster:
             raise
 
     def check(self) -> None:
-        """Check that the cluster has workers.
-
-        Raises:
-            RebaError: it had none for `MAX_SECONDS_WITHOUT_WORKERS`.
-        """
+        """Check that the cluster had workers within the last `MAX_SECONDS_WITHOUT_WORKERS`."""
         self._count()
         if time.monotonic() - self._last_with_workers > MAX_SECONDS_WITHOUT_WORKERS:
             raise RebaError(_no_workers_message(self.address))
@@ -145,11 +141,7 @@ class Cluster:
                 raise RebaError(problems[0] + more)
 
     def _run_on_workers(self, check: Callable[[], str]) -> dict[str, str]:
-        """Return the answer of every worker: worker address -> text.
-
-        Raises:
-            RebaError: one does not answer.
-        """
+        """Return the answer of every worker: worker address -> text; each must answer."""
         try:
             answers: dict[str, str] = self._client.sync(self._client.run, check, callback_timeout=PROBE_SECONDS)
         except Exception as error:  # distributed's type for an error that could not be pickled on the worker

@@ -51,7 +51,7 @@ class PendingRecording:
         recording: name in the dataset.
         output: file for its scores.
         reason: why it is scored, such as "new".
-        previous_hash: hash of its content at the last scoring if only the content can have changed, else "".
+        previous_hash: hash at the last scoring if only the content can have changed, else "".
     """
 
     input: str
@@ -63,10 +63,7 @@ class PendingRecording:
 
 
 class Dataset:
-    """A dataset open for writing, by one process at a time.
-
-    Args:
-        folder: created if missing.
+    """A dataset open for writing, by one process at a time; the folder is created if missing.
 
     Raises:
         RebaError: the folder cannot be used, its manifest is damaged, or another process writes to it.
@@ -105,7 +102,6 @@ class Dataset:
         """Return the recordings that have to be scored, in the order of the inputs.
 
         Args:
-            inputs: files and folders that are recordings.
             settings: `scoring_settings` of the run.
             rescore_all: include unchanged recordings.
         """
@@ -221,11 +217,7 @@ class Dataset:
 
 
 def scoring_settings(options: ScoringOptions) -> dict[str, Any]:
-    """Return everything but the recording that determines scores, as fields of a manifest line.
-
-    Raises:
-        RebaError: the rules or the profile cannot be used.
-    """
+    """Return everything but the recording that determines scores, as fields of a manifest line."""
     rules = rules_of(options.rules)
     values = asdict(replace(options, rules=rules.name))
     del values["rules"]

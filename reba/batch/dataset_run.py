@@ -28,7 +28,6 @@ class DatasetRun:
         recordings: distinct inputs.
         scored: reason, such as "new" -> number of recordings, failed ones included.
         unchanged: recordings with valid scores from an earlier run.
-        failed: recordings that could not be scored.
         frames: scored frames.
         seconds: duration of the run [s].
         scores: input -> scores, if requested.
@@ -78,9 +77,6 @@ def score_into(
         jobs, scheduler: see `reba.batch.parallel.run_parallel`.
         keep_scores: return the scores themselves (for a report); every recording is scored then.
         on_done: called with the name of each finished recording.
-
-    Raises:
-        RebaError: options are wrong, the cluster cannot be used, or the dataset cannot be written.
     """
     start = time.perf_counter()
     settings = scoring_settings(options)

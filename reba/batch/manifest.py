@@ -36,7 +36,7 @@ class Entry:
 
     Attributes:
         recording: name in the dataset.
-        size, modified, hash: of the input: bytes, ns since 1970, SHA-256.
+        size, modified, hash: of the input, as in `Content`.
         version, rules_hash, options: of the scoring; options as JSON text.
         outcome: `SCORED` or `FAILED`.
         offset, length: of the line in the manifest [bytes].
@@ -81,11 +81,7 @@ class Manifest:
             raise
 
     def append(self, line: dict[str, Any]) -> None:
-        """Append a line; after the return it survives the end of this process.
-
-        Raises:
-            RebaError: the manifest cannot be written.
-        """
+        """Append a line; after the return it survives the end of this process."""
         data = as_json(line).encode() + b"\n"
         try:
             offset = self._file.seek(0, os.SEEK_END)

@@ -51,11 +51,9 @@ class ScoringOptions:
 
 @dataclass(frozen=True)
 class RecordingResult:
-    """Result of one input: its summary (the JSON object of a recording) or its error.
+    """Summary of one input (the JSON object of a recording) or its error; `scores` only if requested.
 
-    Attributes:
-        scores: the scores themselves, if requested.
-        hash: SHA-256 of the recording if the reader computed it, else "".
+    `hash` is the SHA-256 of the recording if the reader computed it, else "".
     """
 
     input: str
@@ -135,11 +133,7 @@ def plan_output(inputs: Sequence[str], output: str | None) -> tuple[Path | None,
 
 
 def check_report(report: str | None, inputs: Sequence[str], output: Path | None = None) -> None:
-    """Check the path of the report before anything is scored.
-
-    Raises:
-        RebaError: it is a recording, the score table or a folder.
-    """
+    """Refuse a path of the report that is a recording, the score table or a folder, before anything is scored."""
     if report is None:
         return
     target = Path(report)
@@ -185,9 +179,6 @@ def score_many(
         jobs, scheduler: see `reba.batch.parallel.run_parallel`.
         keep_scores: return the scores themselves (for a report), not only their summaries.
         on_done: called with the name of each finished input.
-
-    Raises:
-        RebaError: the cluster cannot be used.
     """
     remote = scheduler is not None
     target = output.resolve() if remote and output is not None else output

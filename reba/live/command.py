@@ -31,7 +31,6 @@ class LiveOptions:
     """Options of `reba live`.
 
     Attributes:
-        reading: options of reading the source.
         factors: load and others by name.
         activity: "none", or a comma list.
         rules: preset or TOML file.
@@ -54,11 +53,7 @@ class LiveOptions:
 
 
 def activity_of(text: str) -> dict[str, bool]:
-    """Return the named kinds of activity.
-
-    Raises:
-        RebaError: the text is "auto", or a kind is unknown.
-    """
+    """Return the named kinds of activity; "auto" and unknown kinds are refused."""
     if text == "auto":
         raise RebaError(
             "activity auto depends on later frames (a posture held for more than a minute is static from its first "
@@ -190,9 +185,6 @@ def parse_seconds(name: str, text: str) -> float:
 
     >>> parse_seconds("window", "1.5min"), parse_seconds("hold", "2")
     (90.0, 2.0)
-
-    Raises:
-        RebaError: the text is not a duration.
     """
     form = _FORM.fullmatch(text.strip())
     if form is None:
@@ -201,11 +193,7 @@ def parse_seconds(name: str, text: str) -> float:
 
 
 def live_options(values: dict[str, Any]) -> LiveOptions:
-    """Return the record of the values that click gives.
-
-    Raises:
-        RebaError: a value cannot be used, or both alert options are given.
-    """
+    """Return the record of the values that click gives."""
     if values["alert"] is not None and values["alert_level"] is not None:
         raise RebaError("--alert and --alert-level are alternatives; give one of them")
     alert = values["alert"] or ALERT_SCORE

@@ -41,14 +41,11 @@ def report_once(on_warning: Callable[[str], None]) -> Callable[[str], None]:
 
 
 class Follower:
-    """Yields the frames of a source.
+    """Yields the frames of a growing source.
 
     Args:
-        source: message store that grows.
-        reading: options of reading.
         factors: load and others by name; they replace columns of the source.
         activity: value of each kind of activity without a column in the source.
-        on_warning: called with the text of a warning.
 
     Attributes:
         converter: from segments to frames, None before the decision.

@@ -35,11 +35,7 @@ LIMB_WIDTH: Final = 0.05
 
 
 class FoxgloveServer:
-    """WebSocket server of scores and skeletons.
-
-    Args:
-        port: to listen on; 0 for any free port.
-        host: address to listen on.
+    """WebSocket server of scores and skeletons; port 0 stands for any free port.
 
     Raises:
         RebaError: foxglove-sdk is not installed, or the port is taken.
@@ -66,13 +62,9 @@ class FoxgloveServer:
         self._next_scene = -np.inf
 
     def publish(self, frames: Frames, records: Sequence[Mapping[str, Any]], scores: ScoreArrays, epoch: float) -> None:
-        """Send the records of n frames, and the skeleton of the newest frame once per `SCENE_PERIOD`.
+        """Send one record per scored frame, and the skeleton of the newest frame once per `SCENE_PERIOD`.
 
-        Args:
-            frames: scored frames.
-            records: one per frame.
-            scores: of the frames.
-            epoch: Unix time of time 0 [s]; for 0 the frames get the current time.
+        `epoch` is the Unix time of time 0 [s]; for 0 the frames get the current time.
         """
         now = time.time_ns()
         encode = encoder()
@@ -178,13 +170,11 @@ CROSS_LINES: Final[tuple[tuple[str, str, str], ...]] = (
 
 @dataclass(frozen=True)
 class SkeletonMarkers:
-    """Lines and head of a coloured skeleton.
+    """m lines and the head of a coloured skeleton.
 
     Attributes:
-        lines: (m, 2, 3) ends of m lines [m]: x forward, y to the left, z up; the feet stand on z = 0.
-        colours: of each line.
+        lines: (m, 2, 3) their ends [m]: x forward, y to the left, z up; the feet stand on z = 0.
         head: (3,) centre of the head [m].
-        head_colour: of the head.
     """
 
     lines: Array
@@ -217,13 +207,9 @@ def colour_of(part: str, score: int) -> Colour:
 
 
 def skeleton_markers(angles: Array, scores: ScoreArrays, frame: int, sitting: bool = False) -> SkeletonMarkers:
-    """Return the skeleton of one frame.
+    """Return the skeleton of one posture (22,) [deg], coloured by the scores of its `frame`.
 
-    Args:
-        angles: (22,) [deg], NaN = not measured: drawn neutral, and grey if the part score is undetermined.
-        scores: of n frames.
-        frame: index of the frame.
-        sitting: the person sits.
+    NaN (not measured) is drawn neutral, and grey if the part score is undetermined.
     """
     positions = joints(angles, sitting)
     floor = min(float(point[1]) for point in positions.values())

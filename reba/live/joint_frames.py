@@ -40,11 +40,8 @@ class BodyFollower:
     Args:
         recording: the first segments.
         match: the stream with its profile.
-        profile: the profile of the match.
-        reading: options of reading.
         factors: checked, one value each.
         final: no more segments will arrive.
-        on_warning: called with the text of a warning.
 
     Attributes:
         pelvis: pose of the pelvis over time, None without a root frame.
@@ -184,12 +181,10 @@ MARGIN = 2.0
 
 
 class PelvisFollower:
-    """Pose of the pelvis over time.
+    """Pose of the pelvis over time, from the frame `name` of `stream`.
 
     Args:
         pose: axes and vertical, decided from the first samples.
-        stream: stream of the frame.
-        name: of the frame.
     """
 
     def __init__(self, pose: PelvisPose, stream: Stream, name: str) -> None:
@@ -216,10 +211,9 @@ class PelvisFollower:
             self.forget(float(time[-1]) - MAX_AGE)
 
     def available_until(self, newest: float) -> float:
-        """Return the time [s] up to which frames need not wait: that of the latest pose, or `HOLD` before `newest`.
+        """Return the time [s] up to which frames need not wait.
 
-        Args:
-            newest: time of the newest waiting frame [s].
+        It is the time of the latest pose, or `HOLD` before the newest waiting frame at `newest` [s].
         """
         last = float(self.pose.time[-1]) if len(self.pose.time) else -np.inf
         return max(last, newest - HOLD)
@@ -243,7 +237,6 @@ class DecisionMonitor:
         mapper: from samples to angles; it stores the ranges of its joints.
         profile, kind, neutral: as for `reba.readers.quality_control.quality_control`.
         decided: corrections decided from the first seconds.
-        on_warning: called with the text of the warning.
     """
 
     def __init__(

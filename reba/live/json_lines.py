@@ -51,7 +51,6 @@ class LineStore:
 
     Args:
         descriptor: of the open pipe or file.
-        on_warning: called with the text of a warning.
     """
 
     def __init__(self, descriptor: int, on_warning: Callable[[str], None]) -> None:

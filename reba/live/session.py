@@ -17,12 +17,7 @@ from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 
 
 class LiveScorer:
-    """Scores frames and accumulates exposure; its memory is bounded by the window.
-
-    Args:
-        rules: preset, TOML file or record.
-        window: length of the rolling window [s].
-        alert: state of the alert.
+    """Scores frames and accumulates exposure; its memory is bounded by the rolling `window` [s].
 
     Example:
         >>> scorer = LiveScorer("measured", 60.0, Alert(8, 1.0))
@@ -215,8 +210,7 @@ class Alert:
     Attributes:
         score: REBA score from which on the alert is raised.
         hold: time for which the score must persist to raise or to clear the alert [s].
-        active: whether the alert is raised.
-        since: time at which it was raised [s].
+        active: whether the alert is raised, at the time `since` [s].
         raised: number of alerts so far.
     """
 
@@ -228,11 +222,10 @@ class Alert:
     _changed_at: float | None = None
 
     def update(self, time: float, score: int, gap: bool) -> str | None:
-        """Add a frame; return "raised" or "cleared" if the alert changes with it.
+        """Add a frame at `time` [s]; return "raised" or "cleared" if the alert changes with it.
 
         Args:
-            time: of the frame [s].
-            score: lower end of its REBA range.
+            score: lower end of the REBA range.
             gap: the frame follows a gap, which restarts the hold time.
         """
         above = score >= self.score

@@ -19,11 +19,7 @@ from reba.readers.recording.stream import BlockDecoder, ReadLog, Stream
 
 
 def block_decoder(stream: Stream, names: Sequence[str] | None, log: ReadLog) -> BlockDecoder:
-    """Return the decoder from segments of a stream to blocks.
-
-    Raises:
-        ReadError: the stream has no segments.
-    """
+    """Return the decoder from segments of a stream to blocks; a stream without segments is refused."""
     if stream.follow is None:
         raise ReadError(stream.name, "this kind of stream cannot be followed", hint="give MCAP or JSON lines")
     return stream.follow(log, names)
@@ -48,7 +44,7 @@ class GrowingStore(Store, Protocol):
         """Return the next complete segment and append it to `segments`; None if there is none yet.
 
         Raises:
-            ReadError: the source is damaged, or was replaced.
+            ReadError: the source is damaged, replaced, removed or cut.
         """
 
     def forget(self) -> None:
@@ -63,14 +59,7 @@ EMPTY_FILE_SECONDS = 0.05
 
 
 class GrowingMcap(Container):
-    """One growing MCAP file; satisfies `GrowingStore`.
-
-    Args:
-        path: the file, which has at least the magic bytes.
-
-    Raises:
-        ReadError: it is not an MCAP file.
-    """
+    """One growing MCAP file, which has at least the magic bytes; satisfies `GrowingStore`."""
 
     ready = False
     skipped = 0
@@ -85,11 +74,7 @@ class GrowingMcap(Container):
         """Index nothing on opening: `grow` reads the records."""
 
     def grow(self) -> ChunkRef | None:
-        """Return the next complete chunk or run of messages, None if there is none yet.
-
-        Raises:
-            ReadError: a record is damaged, or the file was replaced, removed or cut.
-        """
+        """Return the next complete chunk or run of messages, None if there is none yet."""
         self._refresh()
         known = len(self.segments)
         self.ended_abnormally = None
@@ -144,10 +129,9 @@ class GrowingMcap(Container):
 
 
 def open_growing(path: Path, until_idle: float | None) -> GrowingMcap:
-    """Open a file that is being written, as soon as it has its magic bytes.
+    """Open a plain MCAP file that is being written, as soon as it has its magic bytes.
 
     Args:
-        path: the file.
         until_idle: longest wait for these bytes [s], None for no limit.
 
     Raises:

@@ -31,11 +31,9 @@ class TableFollower:
     Args:
         source: with the first segments.
         match: the stream of the table.
-        reading: options of reading.
         factors: by name; they replace columns.
         activity: value of each kind of activity without a column.
         final: no more segments will arrive.
-        on_warning: called with the text of a warning.
 
     Raises:
         NotEnoughData: the interval of the neutral posture has not ended.

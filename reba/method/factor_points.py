@@ -45,11 +45,7 @@ class FactorPoints:
 
 
 def points(factors: Factors, rules: Rules, n: int) -> FactorPoints:
-    """Return the points of n frames.
-
-    Raises:
-        PostureError: a value is missing, out of range or has another number of frames.
-    """
+    """Return the points of n frames."""
     load = load_kg(factors.load, n)
     coupling = np.stack(np.broadcast_arrays(*(codes(name, getattr(factors, name), COUPLINGS, n) for name in GRIPS)))
     if not rules.coupling_without_load:
@@ -67,10 +63,7 @@ def points(factors: Factors, rules: Rules, n: int) -> FactorPoints:
 
 
 def leg_points(support: Any, rules: Rules) -> Any:
-    """Return the points of the support of the legs, 1 or 2, before those of bent knees.
-
-    Args:
-        support: places in `SUPPORTS`, one or an array.
+    """Return the points 1 or 2 of places in `SUPPORTS`, one or an array, before those of bent knees.
 
     >>> int(leg_points(SUPPORTS.index("unilateral"), Rules()))
     2

@@ -75,11 +75,7 @@ def posture_angles(body: SegmentFrames, n: int) -> Array:
 
 
 def rotated_about(frame: Array, axis: int, angle: Array) -> Array:
-    """Return (n, 3, 3) frames turned about their own axis 0, 1 or 2 by (n,) angles [rad].
-
-    Args:
-        frame: (3, 3) or (n, 3, 3).
-    """
+    """Return (n, 3, 3) frames: (3, 3) or (n, 3, 3) turned about their own axis 0, 1 or 2 by (n,) angles [rad]."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     result = np.empty((len(angle), 3, 3))
     result[:] = frame

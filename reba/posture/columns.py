@@ -15,8 +15,7 @@ class Angle:
         name: column name without a side.
         sided: whether there are a `_left` and a `_right` column.
         positive: the positive sense.
-        best: an angle [deg] that gives the lowest part score.
-        worst: an angle [deg] that gives the highest part score.
+        best, worst: angles [deg] that give the lowest and the highest part score.
     """
 
     name: str

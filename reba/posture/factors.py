@@ -128,11 +128,7 @@ def checked(factors: Factors, n: int) -> Factors:
 
 
 def load_kg(value: Any, n: int) -> Array:
-    """Return a load as (n,) or (1,) kilograms.
-
-    Raises:
-        PostureError: not a number, negative, infinite or missing in a frame.
-    """
+    """Return a load as (n,) or (1,) kilograms; negative, infinite or missing loads are refused."""
     try:
         load = np.atleast_1d(np.asarray(value, np.float64))
     except (TypeError, ValueError, OverflowError) as error:
@@ -146,11 +142,7 @@ def load_kg(value: Any, n: int) -> Array:
 
 
 def flag(name: str, value: Any, n: int) -> Flags:
-    """Return a yes-or-no factor as (n,) or (1,) booleans; words and 0 and 1 stand for no and yes.
-
-    Raises:
-        PostureError: another value, or missing in a frame.
-    """
+    """Return a yes-or-no factor as (n,) or (1,) booleans; words and 0 and 1 stand for no and yes."""
     values = _values(name, value, n)
     if values.dtype == bool:
         return values
@@ -164,11 +156,7 @@ def flag(name: str, value: Any, n: int) -> Flags:
 
 
 def codes(name: str, value: Any, words: tuple[str, ...], n: int) -> Points:
-    """Return the places (n,) or (1,) of a factor's values in `words`; coupling may also be given by its points 0 to 3.
-
-    Raises:
-        PostureError: a value is none of the words, or their number is wrong.
-    """
+    """Return the places (n,) or (1,) of a factor's values in `words`; coupling may also be given as points 0 to 3."""
     values = _values(name, value, n)
     places = np.full(len(values), 255, np.uint8)
     for code, word in enumerate(words):

@@ -178,11 +178,7 @@ def check_spelling(names: Mapping[str, Any], missing: Sequence[str], error: type
 
 
 def column_numbers(name: str, values: Any, error: type[ValueError] = PostureError) -> Array:
-    """Return one column as (n,) floats: texts are read as numbers, missing values are NaN.
-
-    Raises:
-        PostureError: dates, complex numbers or texts that are no numbers.
-    """
+    """Return one column as (n,) floats: texts as numbers, missing values as NaN; dates and complex numbers fail."""
     expected = "seconds" if name == "time" else "degrees"
     if isinstance(values, pd.DataFrame):
         raise error(f"column {name} stands {values.shape[1]} times; keep one of them")

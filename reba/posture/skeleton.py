@@ -140,13 +140,11 @@ def _leg(side: str, outward: float, knee: float, sitting: bool) -> dict[str, Arr
 
 
 def stick_figure(angles: Array, marks: dict[str, Mark], label: str, sitting: bool = False) -> str:
-    """Return one SVG with all views of a posture.
+    """Return one SVG with all views of a posture (22,) [deg], NaN = not measured.
 
     Args:
-        angles: (22,) degrees, NaN = not measured.
         marks: part score column -> what to show at its joints.
         label: text for people who cannot see it.
-        sitting: whether the person sits.
     """
     from markupsafe import escape
 

@@ -32,12 +32,7 @@ from reba.readers.recording.stream import ReadLog, Recording, Stream
 
 
 def build_table(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:
-    """Read the chosen stream of a recording into a posture table.
-
-    Args:
-        match: the stream and the meaning of its names.
-        neutral: neutral posture as in `reba.read`.
-        strict: refuse a truncated recording.
+    """Read the chosen stream of a recording into a posture table; `neutral` and `strict` as in `reba.read`.
 
     Raises:
         ReadError: no sample can be used, or `strict` and the recording is truncated.

@@ -31,25 +31,21 @@ class Info:
         input: path of the recording.
         format: name of the reader.
         topics: one dict per topic or signal group: name, type, count, usable, why.
-        profile: name of the profile, "table" for a posture table, "" if none was recognised.
-        title: of the profile.
+        profile: name of the profile, "table" for a posture table, "" if none was recognised; `title` describes it.
         recognised: why it was chosen, or why none was.
         usable: whether postures can be read.
         alternatives: other matches.
         topic: stream that is used.
         present: joints, segments or points of the profile that are recorded ("found" in JSON).
         missing: those that are not.
-        frames: rows of the posture table.
-        seconds: its duration.
+        frames, seconds: rows and duration [s] of the posture table.
         start: Unix time of time 0 [s], 0.0 if unknown.
         rate: median rate [Hz].
         gaps: (start, end) [s].
-        time_source: origin of the time.
         messages, skipped, first_skipped, ended_abnormally, sha256: as in `Quality`.
         measured: angle columns with values.
         unmeasured: angle columns without values -> why.
         assumed: assumptions made while reading.
-        warnings: further notes for the user.
         ranges: measured column -> minimum, median, maximum [deg].
     """
 

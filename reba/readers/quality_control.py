@@ -82,10 +82,9 @@ def first_frame_is_outlier(angles: Array) -> bool:
 
 
 def constant_columns(angles: Array, seconds: float, kind: str, dummies: Mapping[str, float]) -> dict[str, str]:
-    """Return the constant columns that count as not measured -> the reason; others must change.
+    """Return the constant columns of angles (n, 22) [deg] that count as not measured -> the reason; others must change.
 
     Args:
-        angles: (n, 22) [deg].
         seconds: duration; up to 1 s every column counts as measured.
         kind: of the stream; constant joints at another value than 0 may be real and stay.
         dummies: column -> the value [deg] of a joint that is not measured.
@@ -177,11 +176,11 @@ MAX_HYPEREXTENSION = 10.0
 
 @dataclass(frozen=True)
 class Corrections:
-    """Corrections of the angles of a recording.
+    """Corrections of the angles of a recording, as positions of columns.
 
     Attributes:
-        turned: positions of columns whose sign was inverted.
-        hidden: positions of columns that were not measured and are NaN.
+        turned: their sign was inverted.
+        hidden: they were not measured and are NaN.
         reasons: column -> why it has no value.
     """
 
@@ -199,8 +198,7 @@ def quality_control(samples: Samples, mapper: Mapper, profile: Profile, kind: Ki
     """Set columns that were not measured to NaN and correct inverted signs, in place; return the corrections.
 
     Args:
-        samples: of the complete recording.
-        mapper: the mapper that read them all.
+        samples: of the complete recording, all read by `mapper`.
         neutral: neutral posture that will be subtracted.
     """
     angles = samples.angles

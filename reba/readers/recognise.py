@@ -23,7 +23,6 @@ class Match:
     """A profile in a stream.
 
     Attributes:
-        stream: the stream of the recording.
         profile: what the names mean; None for a posture table, which needs none.
         body: id of the body in the names, "" if they have none.
         names: joint, segment or point of the profile -> its signals; only those present.
@@ -86,7 +85,6 @@ def choose(recording: Recording, known: tuple[Profile, ...], topic: str | None =
     """Return the stream of a recording and the profile to read it by.
 
     Args:
-        recording: the opened file.
         known: the profiles to try.
         topic: name of a stream, id of a body, or "<stream>#<id>"; None for the best.
         named: the caller named the only profile, so a posture table in the recording is not used.

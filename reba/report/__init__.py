@@ -23,11 +23,7 @@ Recordings = Scores | Sequence[Scores]
 
 
 def render(scores: Recordings, *, command: str = "") -> str:
-    """Return the report as HTML text.
-
-    Args:
-        scores: scores of one recording or of several.
-        command: command line to show, with which the report can be reproduced.
+    """Return the report on one recording or several as HTML text; `command` is the command line that reproduces it.
 
     Raises:
         RebaError: no recording was given.

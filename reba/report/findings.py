@@ -41,8 +41,7 @@ class Headline:
 
     Attributes:
         p90: 90th percentile, a score or a range; "" without frames.
-        levels: lowest and highest action level of the 90th percentile.
-        risk, action: names of the risk and of the action.
+        levels: lowest and highest action level of the 90th percentile, with the names `risk` and `action`.
         because: reason of the range, "" for a single score.
         sentences: findings as text.
         tiles: further figures.
@@ -194,9 +193,7 @@ class WorstInterval:
         start, end, time: of the interval and of its representative frame [s].
         length: duration as text.
         sustained: score that every frame of the interval reaches.
-        reba: score or range of the frame.
-        levels: action levels at both ends of that range.
-        risk: name of the risk.
+        reba: score or range of the frame, with its action `levels` at both ends and the name of its `risk`.
         why: angles and factors with the most points.
         changes: (goal, change as text).
         svg: drawing of the posture.

@@ -151,9 +151,7 @@ def template(
     """Return a template of a package; `render` must get every variable that the template uses.
 
     Args:
-        package: package of the template, such as `lgp.study`; its first part is named as the generator of the page.
-        name: file name in the package.
-        filters: name -> function.
+        package: such as `lgp.study`; its first part is named as the generator of the page.
         scripted: the page runs its own scripts; the content security policy of other pages forbids all scripts.
 
     Example:

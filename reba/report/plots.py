@@ -50,10 +50,7 @@ def time_range(record: RecordingSummary, span: float) -> list[float]:
 def time_figure(record: RecordingSummary, intervals: list[WorstInterval], span: float) -> str:
     """Return the plot of REBA over time as JSON: totals with their ranges, levels, gaps, worst intervals, activity.
 
-    Args:
-        record: with at least one frame.
-        intervals: the worst intervals, marked by their numbers.
-        span: length of the time axis [s].
+    The recording has at least one frame; the time axis is `span` [s] long.
     """
     import plotly.graph_objects as go
 

@@ -30,10 +30,9 @@ QUANTILES: Final = (0.05, 0.50, 0.95)
 
 @dataclass(frozen=True)
 class AngleRow:
-    """One measured angle.
+    """One measured angle; `name` as in a sentence.
 
     Attributes:
-        name: of the angle in a sentence.
         lowest, p5, p50, p95, highest: extremes and time-weighted percentiles [deg].
         measured: share of time with a value.
         beyond: (class as text, share of the measured time) of every occurring class above the lowest one.
@@ -211,7 +210,6 @@ class PartShare:
     """Time in each score of one part.
 
     Attributes:
-        title: of the part.
         shares: (score, share of time) of the occurring scores, lowest first.
         undetermined: share of time without a single score.
         mean_low, mean_high: time-weighted mean at both ends of the range.

@@ -93,8 +93,6 @@ def steps(scores: Scores, curve: Curve, gaps: list[tuple[float, float]], buckets
     """Return the points of a curve: all frames, or of long recordings the extremes of each bucket.
 
     Args:
-        scores: of n frames.
-        curve: the total to draw.
         gaps: as from `gaps_of`; the curve is interrupted there.
         buckets: parts of the time axis; at most six points are kept in each.
     """
@@ -128,14 +126,9 @@ def _lowest(values: Array, first: NDArray[np.int64], n: int) -> NDArray[np.int64
 
 
 def line(points: StepCurve, values: Array, shown: Flags) -> tuple[Array, Array]:
-    """Return x [s] and y of a step line through the shown points, with NaN between its pieces.
+    """Return x [s] and y of a step line through the points `shown` (k,), with NaN between its pieces.
 
-    A piece ends at the end of its last value.
-
-    Args:
-        points: k points.
-        values: (k,) values at the points.
-        shown: (k,) true for points of the line.
+    A piece ends at the end of its last value; `values` (k,) belong to the points.
     """
     xs: list[Any] = []
     ys: list[Any] = []

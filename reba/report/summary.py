@@ -31,7 +31,6 @@ class RecordingSummary:
         curves: total -> its curve, see `reba.report.series.VIEWS`.
         weights: (n,) duration of each frame [s].
         gaps: (start, end) of intervals without samples [s].
-        quality_grade: data quality grade.
     """
 
     name: str
@@ -171,7 +170,6 @@ def quality_grade(
     """Return the data quality grade of a recording.
 
     Args:
-        quality: record of the reader.
         frames: number of scored frames.
         seconds: duration from the first to the last frame [s].
         gap_seconds: part of the duration without samples [s].

@@ -39,11 +39,7 @@ class Format:
         return bool(importlib.import_module(self.module).sniff(path, head))
 
     def open(self, path: Path) -> Recording:
-        """Open a file of this format.
-
-        Raises:
-            ReadError: it is damaged.
-        """
+        """Open a file of this format."""
         opened: Recording = getattr(importlib.import_module(self.module), self.opener)(path)
         return opened
 
@@ -62,12 +58,8 @@ FORMATS: tuple[Format, ...] = (
 def open_recording(path: str | Path, *, strict: bool = False) -> Recording:
     """Open a recording of any known format; a folder counts as a rosbag2 recording of MCAP splits.
 
-    Args:
-        path: file or folder.
-        strict: refuse a truncated recording.
-
     Raises:
-        ReadError: the file does not exist, its format is unknown, or it is damaged.
+        ReadError: the file does not exist, has an unknown format, is damaged, or is truncated and `strict` is set.
     """
     place = Path(path)
     try:

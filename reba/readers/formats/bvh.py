@@ -34,9 +34,6 @@ def open_bvh(path: Path) -> Recording:
 
     The stream's values are (n, k, 7): x y z in the unit of the file and qx qy qz qw, in the world of the file; `rest`
     is the pose with every channel zero. An end site is called `<joint>_end`.
-
-    Raises:
-        ReadError: the hierarchy or a number is damaged, no frame is complete, or the frame time is not positive.
     """
     log = ReadLog(time_source="frame time")
     lines = read_lines(path, log)
@@ -219,7 +216,6 @@ class BvhJoint:
     """One joint or end site.
 
     Attributes:
-        name: as in the file.
         parent: index of the parent, -1 for a root.
         offset: (3,) from the parent, in the parent's axes.
         channels: keys of `CHANNELS`, in the order of the file, which is the order of the rotations.

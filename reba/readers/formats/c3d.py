@@ -32,11 +32,7 @@ def sniff(path: Path, head: bytes) -> bool:
 
 
 def open_c3d(path: Path) -> Recording:
-    """Open a C3D file: points in metres, NaN in gaps, one stream per subject; frame 1 is at time 0.
-
-    Raises:
-        ReadError: the header, a parameter, the unit or the rate is damaged, or no frame is complete.
-    """
+    """Open a C3D file: points in metres, NaN in gaps, one stream per subject; frame 1 is at time 0."""
     log = ReadLog(time_source="frame rate")
     data = read_bytes(path)
     layout = read_layout(path, data)
@@ -166,11 +162,7 @@ class C3dHeader:
 
 
 def read_layout(path: Path, data: bytes) -> C3dHeader:
-    """Return the header and parameters of a C3D file.
-
-    Raises:
-        ReadError: the header or a parameter does not fit the bytes of the file.
-    """
+    """Return the header and parameters of a C3D file."""
     if len(data) < 2 * BLOCK or data[1] != MAGIC:
         raise ReadError(path, "not a C3D header", offset=0, hint="give a .c3d file; " + HINT)
     section = (data[0] - 1) * BLOCK

@@ -24,11 +24,7 @@ METRES: dict[str, float] = {
 
 
 def metres(path: Path, unit: str, where: str) -> float:
-    """Return the length [m] of one unit.
-
-    Raises:
-        ReadError: the unit is unknown; `where` names its place in the file.
-    """
+    """Return the length [m] of one unit; `where` names its place in the file for an unknown unit."""
     scale = METRES.get(unit.strip().lower())
     if scale is None:
         raise ReadError(path, f"{where}: unit {clip(unit)} is unknown", hint="write mm, cm or m there")
@@ -49,20 +45,15 @@ def marker_recording(
     """Return a recording with one stream per subject, in the order of the file.
 
     A single subject gives a stream named as the file, several give streams named as the subjects. Markers without a
-    label are left out and listed.
+    label are left out and listed; at least one must have a label.
 
     Args:
-        path: the file.
         format: name of the reader, and of the format for messages.
         labels: k labels, with or without `Subject:`; "" and `*...` mean unlabelled.
         time: (n,) [s].
         points: (n, k, 3) [m], NaN in gaps.
         log: notes made on opening.
         topics: further topics to list.
-        up: as in `Stream`.
-
-    Raises:
-        ReadError: no marker has a label.
     """
     subjects: dict[str, list[int]] = {}
     markers: list[str] = []

@@ -46,11 +46,7 @@ def sniff(path: Path, head: bytes) -> bool:
 
 
 def open_mvnx(path: Path) -> Recording:
-    """Open an MVNX file: a stream `segments` of frames (z up, metres) and a stream `jointAngle` of joints [deg].
-
-    Raises:
-        ReadError: not XML, a document type definition, no segments, or no complete frame.
-    """
+    """Open an MVNX file: a stream `segments` of frames (z up, metres) and a stream `jointAngle` of joints [deg]."""
     log = ReadLog(time_source="frame time")
     parser = _parse(path, log)
     if parser.bad_frames:
@@ -199,7 +195,6 @@ class Parser:
     """Collects labels and frames from the chunks of a file.
 
     Attributes:
-        version: of the file.
         rate: of its first subject [Hz], NaN if not stated.
         segments, joints, ergonomic: labels in the order of the file.
         frames: complete frames of type normal, of the first subject.

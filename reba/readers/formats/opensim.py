@@ -33,11 +33,7 @@ def sniff(path: Path, head: bytes) -> bool:
 
 
 def open_opensim(path: Path) -> Recording:
-    """Open a .mot or .sto file: one stream of joints, named as its columns, in degrees, radians or "" (not stated).
-
-    Raises:
-        ReadError: no header, no time column, a word that is not a number, or a table of vectors or quaternions.
-    """
+    """Open a .mot or .sto file: one stream of joints, named as its columns, in degrees, radians or "" (not stated)."""
     log = ReadLog(time_source="time column")
     lines = read_lines(path, log)
     keys, labels_at = _header(path, lines)

@@ -53,11 +53,7 @@ def sniff(path: Path, head: bytes) -> bool:
 
 
 def open_table(path: Path) -> Recording:
-    """Open a CSV or Parquet file: `angles` with the complete table, `joints`, or, of Vicon, `points`.
-
-    Raises:
-        ReadError: no header, no time column, no column of numbers, or a cell that is not a number.
-    """
+    """Open a CSV or Parquet file: `angles` with the complete table, `joints`, or, of Vicon, `points`."""
     log = ReadLog()
     try:
         with path.open("rb") as file:
@@ -195,11 +191,7 @@ _NAME = re.compile(r"^(.+?)(?:[ _]?[\[(](\w+)[\])]|[ _](\w+))?$")
 
 
 def time_column(path: Path, columns: list[str]) -> tuple[str, float | None, str | None]:
-    """Return the name of the time column, its unit [s] if the name states it, and a column of nanoseconds to add.
-
-    Raises:
-        ReadError: no column is one.
-    """
+    """Return the name of the time column, its unit [s] if the name states it, and a column of nanoseconds to add."""
     ranked: list[tuple[int, str, float | None, str | None]] = []
     for column in columns:
         lower = column.lower()
@@ -228,8 +220,7 @@ def take_time(
 ) -> tuple[Array, float, list[str]]:
     """Return the time (n,) [s], NaN where a row has none, the epoch [s] (0 if not a date), and the columns used.
 
-    Raises:
-        ReadError: no time column, or a value in it is not a time; `where` names the line of a row.
+    `where` names the line of a row in messages.
     """
     column, unit, nanoseconds = time_column(path, list(frame.columns))
     values, dated = _as_numbers(path, frame, column, where)

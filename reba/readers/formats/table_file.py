@@ -39,11 +39,7 @@ class TableFile:
 
 
 def read_csv(path: Path, log: ReadLog) -> TableFile:
-    """Read separated values: comma, semicolon or tab, decimal point or comma, `#` lines before the header.
-
-    Raises:
-        ReadError: no header, no columns, or rows that do not fit the header.
-    """
+    """Read separated values: comma, semicolon or tab, decimal point or comma, `#` lines before the header."""
     import pandas as pd
 
     data = read_bytes(path)
@@ -86,11 +82,7 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
 
 
 def read_parquet(path: Path) -> TableFile:
-    """Read a Parquet file; columns of lists or records are left out.
-
-    Raises:
-        ReadError: it is damaged.
-    """
+    """Read a Parquet file; columns of lists or records are left out."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -24,11 +24,7 @@ BLANKS = frozenset({"", "nan", "na", "n/a", "-nan", "nan(ind)", "-nan(ind)", "nu
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the content of a file.
-
-    Raises:
-        ReadError: it is missing, empty, a folder or not readable.
-    """
+    """Return the content of a file; a missing, empty or unreadable file and a folder are refused."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -39,11 +35,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def decode(path: Path, data: bytes, log: ReadLog) -> str:
-    """Return text from UTF-8 or UTF-16 with a byte order mark, else Latin-1, which is noted.
-
-    Raises:
-        ReadError: the bytes are not text.
-    """
+    """Return text from UTF-8 or UTF-16 with a byte order mark, else Latin-1, which is noted."""
     encoding = next((MARKS[mark] for mark in MARKS if data.startswith(mark)), "utf-8")
     if encoding != "utf-16" and (at := data.find(b"\0")) >= 0:
         raise ReadError(path, "binary data where text was expected", offset=at, hint="give a text file")
@@ -57,11 +49,7 @@ def decode(path: Path, data: bytes, log: ReadLog) -> str:
 
 
 def read_lines(path: Path, log: ReadLog) -> list[str]:
-    """Return the lines of a text file without their ends (LF, CRLF or CR).
-
-    Raises:
-        ReadError: it cannot be read or is not text.
-    """
+    """Return the lines of a text file without their ends (LF, CRLF or CR)."""
     text = decode(path, read_bytes(path), log)
     # splitlines() also splits at form feeds and Unicode separators, and lines would be miscounted.
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -82,11 +70,8 @@ def number_rows(
     Blank lines are skipped. A truncated last row is left out and noted; an incomplete row before it is an error.
 
     Args:
-        path: for errors.
-        lines: every line of the file.
+        lines: every line of the file, which is at `path`.
         first: index of the first line with numbers.
-        width: numbers in a row.
-        log: receives the note of a truncated end.
         separator: None for any white space.
         gaps: blank fields and "nan" are NaN, and short rows are filled with NaN.
 

@@ -27,11 +27,7 @@ def sniff(path: Path, head: bytes) -> bool:
 
 
 def open_trc(path: Path) -> Recording:
-    """Open a TRC file: points in metres, NaN in gaps.
-
-    Raises:
-        ReadError: the header is truncated, the unit unknown, names do not fit the columns, or a field is not a number.
-    """
+    """Open a TRC file: points in metres, NaN in gaps."""
     log = ReadLog(time_source="time column")
     lines = read_lines(path, log)
     if not sniff(path, lines[0].encode()):

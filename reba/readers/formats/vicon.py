@@ -32,11 +32,7 @@ def is_vicon(line: str) -> bool:
 
 
 def open_vicon(path: Path, log: ReadLog) -> Recording:
-    """Open a Vicon export: points in metres, one stream per subject; frame 1 is at time 0.
-
-    Raises:
-        ReadError: no trajectories, a damaged header, an unknown unit, or a cell that is not a number.
-    """
+    """Open a Vicon export: points in metres, one stream per subject; frame 1 is at time 0."""
     log.time_source = "frame rate"
     lines = read_lines(path, log)
     sections = {

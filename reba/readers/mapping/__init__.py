@@ -25,9 +25,7 @@ Names = Mapping[str, tuple[str, ...]]
 class Mapper(Protocol):
     """Converts blocks of one kind of stream to segment frames: `joints`, `segments`, `markers`.
 
-    Attributes:
-        wanted: the signals that it reads.
-        assumed, warnings: sentences for the user.
+    `wanted` are the signals that it reads; `assumed` and `warnings` are sentences for the user.
     """
 
     wanted: tuple[str, ...]
@@ -96,12 +94,7 @@ PASSES = 3
 
 @dataclass
 class Samples:
-    """Time and angles of a recording.
-
-    Attributes:
-        table: (n, 23): time [s], then the 22 angles [deg].
-        log: notes of the reader.
-    """
+    """Time [s] and 22 angles [deg] of a recording as a `table` (n, 23), with the `log` of its reader."""
 
     table: Array
     log: ReadLog

@@ -44,7 +44,6 @@ class JointMapper:
     Args:
         profile: a profile of kind "joints".
         names: joint of the profile -> signal of the stream; only those present.
-        stream: where the blocks come from.
         root: pose of the pelvis in the world, None if the recording has none.
     """
 
@@ -109,8 +108,7 @@ class JointMapper:
     def unmeasured_columns(self, seconds: float) -> dict[str, str]:
         """Return the columns that no moving joint measures -> the reason.
 
-        Args:
-            seconds: duration of the recording; up to 1 s a constant joint counts as measured.
+        In recordings of up to 1 s a constant joint counts as measured.
         """
         fixed = self._constant_joints() if seconds > 1.0 else {}
         reasons: dict[str, str] = {}

@@ -41,12 +41,9 @@ HEAD_LINE_NOTE = (
 
 
 class PointMapper:
-    """Converts blocks of marker positions to segment frames.
+    """Converts blocks of marker positions to segment frames by a profile of kind "points".
 
-    Args:
-        profile: a profile of kind "points".
-        names: point of the profile -> the markers whose mean it is; only points with all their markers.
-        stream: where the blocks come from.
+    `names` maps each point of the profile to the markers whose mean it is; it has only points with all their markers.
     """
 
     def __init__(self, profile: Profile, names: Mapping[str, tuple[str, ...]], stream: Stream) -> None:

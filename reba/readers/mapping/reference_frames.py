@@ -15,12 +15,7 @@ from reba.readers.recording.stream import Block, ReadLog, Stream
 
 
 class FrameTree:
-    """Poses of some frames of a stream in the root of their tree.
-
-    Args:
-        stream: a stream of frames.
-        names: the frames whose poses are wanted.
-    """
+    """Poses of the wanted frames `names` of a stream in the root of their tree."""
 
     def __init__(self, stream: Stream, names: Sequence[str]) -> None:
         self._parent = dict(zip(stream.names, stream.parents or ("",) * len(stream.names), strict=False))
@@ -111,7 +106,6 @@ def read_pelvis_pose(profile: Profile, streams: list[tuple[Stream, str]], axes: 
     """Return the pose of the pelvis from the first stream that has it, or None.
 
     Args:
-        profile: the joints profile.
         streams: streams of frames of the recording and the name of the pelvis frame in each.
         axes: (3, 3) the ISB axes in the root frame.
     """
@@ -165,9 +159,7 @@ def axis_name(vector: Array) -> str:
 class VerticalAxis:
     """The vertical axis of a recording, chosen from its first frames and checked against all of them.
 
-    Args:
-        stated: vertical axis that the file states, "" if it does not.
-        usual: vertical axis that is usual for the source, "" if there is none.
+    It is `stated` by the file or `usual` for the source; each is "" if there is none.
     """
 
     def __init__(self, stated: str, usual: str) -> None:

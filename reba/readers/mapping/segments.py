@@ -33,12 +33,9 @@ BONE = {
 
 
 class FrameMapper:
-    """Converts blocks of frame poses to segment frames.
+    """Converts blocks of frame poses to segment frames by a profile of kind "frames".
 
-    Args:
-        profile: a profile of kind "frames".
-        names: segment of the profile -> frame of the stream; only those present.
-        stream: where the blocks come from.
+    `names` maps each segment of the profile to a frame of the stream; it has only those present.
     """
 
     def __init__(self, profile: Profile, names: Mapping[str, str], stream: Stream) -> None:

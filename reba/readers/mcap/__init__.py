@@ -35,17 +35,15 @@ def sniff(path: Path) -> bool:
 
 
 def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK) -> Recording:
-    """Open a recording, or a folder with the splits of one.
+    """Open a recording, or a folder with the splits of one; its log notes a truncated end.
+
+    Without joint states, transforms or posture angles it has no streams; `topics` has the reason for each topic.
 
     Args:
         path: an .mcap file, plain or zstd-compressed as a whole, or a folder of them (rosbag2).
         strict: refuse a truncated recording, and a folder with a damaged split.
         check_crc: compare the CRC of every chunk that has one.
         limit_bytes: the largest chunk, record or unpacked file that is accepted.
-
-    Returns:
-        The recording; its log notes a truncated end. It has no streams if no topic has joint states, transforms or
-        posture angles; `topics` has the reason for each.
 
     Raises:
         ReadError: not an MCAP recording, or damaged so that samples would be wrong or missing.
@@ -63,11 +61,7 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
 def gathered(
     path: Path, channels: Iterable[DecodableChannel | Unused], log: ReadLog, *, strict: bool = False
 ) -> Recording:
-    """Return the recording of the channels of one or more files.
-
-    Raises:
-        ReadError: a chunk is damaged.
-    """
+    """Return the recording of the channels of one or more files."""
     parts: list[DecodableChannel] = []
     unused: list[Unused] = []
     for channel in channels:

@@ -26,11 +26,7 @@ _HEAD: Final = 18
 
 
 class ByteSource:
-    """Random access to the bytes of one recording.
-
-    Attributes:
-        path: the file.
-        size: bytes of the (unpacked) recording.
+    """Random access to the bytes of one recording; `size` is that of the unpacked file.
 
     Raises:
         ReadError: the file is absent, empty, not MCAP, or unpacks to more than `limit_bytes`.
@@ -65,11 +61,7 @@ class ByteSource:
         return self.size != before
 
     def read_at(self, offset: int, count: int) -> bytes:
-        """Return up to `count` bytes from `offset`, fewer only at the end of the file.
-
-        Raises:
-            ReadError: the system cannot read there.
-        """
+        """Return up to `count` bytes from `offset`, fewer only at the end of the file."""
         try:
             self._file.seek(offset)
             data = self._file.read(min(count, max(self.size - offset, 0)))

@@ -30,7 +30,6 @@ class DecodableChannel:
     """One usable channel of one file.
 
     Attributes:
-        container: the file.
         channel: id of the channel in the file.
         topic, type: for messages.
         kind, format: as in `Stream`.
@@ -88,11 +87,7 @@ def first_message(container: Store, channel: int) -> bytes | None:
 
 
 def classify(container: Store, channel: Channel) -> DecodableChannel | Unused:
-    """Return the content of a channel: decodable, or unused with the reason.
-
-    Raises:
-        ReadError: its messages are compressed one by one, or a chunk is damaged.
-    """
+    """Return the content of a channel: decodable, or unused with the reason."""
     schema = container.schemas.get(channel.schema_id)
     type_name = schema.name.replace("/msg/", "/") if schema else ""
     shown = (schema.name if schema else "") or channel.encoding
@@ -184,11 +179,7 @@ def _part(
 
 
 def recording_files(path: Path) -> list[Path]:
-    """Return the recordings of a folder of splits in the order of their names, or the file itself.
-
-    Raises:
-        ReadError: the folder has no recording.
-    """
+    """Return the recordings of a folder of splits in the order of their names, or the file itself."""
     if not path.is_dir():
         return [path]
     files = sorted(file for file in path.iterdir() if file.name.endswith((".mcap", ".mcap.zstd")))

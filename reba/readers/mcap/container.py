@@ -66,10 +66,7 @@ class Loaded:
 
 
 class Store(Protocol):
-    """Source of streams: segments of messages and the channels they belong to.
-
-    Attributes: as of `Container`.
-    """
+    """Source of streams: segments of messages and the channels they belong to; attributes as of `Container`."""
 
     path: Path
     segments: list[ChunkRef]
@@ -105,7 +102,6 @@ class Container:
         schemas, channels: definitions by id.
         counts: messages of each channel.
         ended_abnormally: None, or where the file is truncated.
-        warnings: further notes for the user.
 
     Raises:
         ReadError: the file is not an MCAP recording, or damaged so that its data would be wrong.
@@ -231,10 +227,7 @@ class Container:
         return size >= 2 * len(MAGIC) and self.source.read_at(size - len(MAGIC), len(MAGIC)) == MAGIC
 
     def _walk(self, closed: bool) -> Iterator[tuple[int, int, int]]:
-        """Yield (offset of content, opcode, length) of every top-level record, of a run of messages for the first one.
-
-        A truncated end is noted.
-        """
+        """Yield (content offset, opcode, length) of top-level records, message runs as one; note a truncated end."""
         end = self.source.size
         opcode = -1
         while self._at < end and opcode != Opcode.FOOTER:

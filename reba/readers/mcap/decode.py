@@ -40,12 +40,11 @@ _ERRORS: Final = (ValueError, TypeError, OverflowError, RecursionError)
 
 @dataclass(frozen=True)
 class Piece:
-    """n samples with the same names.
+    """n samples of the same k names.
 
     Attributes:
         stamp: (n,) time in the message [ns since 1970], `NO_STAMP` where it has none.
         log: (n,) log time [ns since 1970].
-        names: k names.
         parents: frames only: k parents.
         values: (n, k) or (n, 7 k).
     """
@@ -97,12 +96,11 @@ class _LayoutPlan:
 
 
 class ColumnDecoder:
-    """Decodes messages whose layout can be walked.
+    """Decodes the `wanted` names (None: all) of messages whose layout can be walked.
 
     Args:
         walk: returns the fields of one message.
         extract: returns its usable numbers.
-        wanted: names to read, None for all.
     """
 
     def __init__(self, walk: Callable[[bytes], Walked], extract: Extractor, wanted: frozenset[str] | None) -> None:
@@ -227,12 +225,7 @@ def _whole(value: Value, rows: MessageRows) -> NDArray[np.int64]:
 
 
 class JsonDecoder:
-    """Decodes JSON messages one by one.
-
-    Args:
-        extract: returns the usable numbers of a message.
-        wanted: names to read, None for all.
-    """
+    """Decodes the `wanted` names (None: all) of JSON messages one by one; `extract` returns their usable numbers."""
 
     def __init__(self, extract: Extractor, wanted: frozenset[str] | None) -> None:
         self._extract = extract

@@ -29,11 +29,9 @@ _XYZ, _XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
 
 @dataclass(frozen=True)
 class SignalGroup:
-    """Signals of a message with one time stamp.
+    """k signals of a message with one time `stamp`, None if the message has none.
 
     Attributes:
-        stamp: time in the message, None without one.
-        names: k signal names.
         parents: frames only: k parent frames.
         values: k numbers, or 7 k of poses.
     """

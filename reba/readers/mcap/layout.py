@@ -58,7 +58,6 @@ class Walked:
     """Tree and layout of one message.
 
     Attributes:
-        tree: the message.
         fixed: (start, stop) of bytes that must be equal in another message of the same layout.
         varints: (start, stop) of bytes of which only the highest bit must be equal.
     """

@@ -61,7 +61,6 @@ class Merger:
         names: first columns; others are added as they appear.
         parents: frames only: their parents.
         frames: whether a value is a pose of 7 numbers.
-        log: where notes go.
     """
 
     def __init__(

@@ -46,7 +46,7 @@ class Schema:
 
 @dataclass(frozen=True)
 class Channel:
-    """A topic of one publisher, the encoding of its messages and the id of their schema (0: none).
+    """A topic of one publisher, with the encoding and schema of its messages (`schema_id` 0: none).
 
     `described` are the bytes of its metadata; reading does not need them, a copy includes them.
     """
@@ -183,11 +183,10 @@ def message_index(content: bytes) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Scan:
-    """The records of a chunk, or of a run of records outside chunks.
+    """The n messages of a chunk, or of a run of records outside chunks.
 
     Attributes:
-        payloads: (n,) start of the payload of each message.
-        lengths: (n,) bytes of each payload.
+        payloads, lengths: (n,) start and length of each payload [bytes].
         channels: (n,) channel of each message.
         times: (n,) log time [ns].
         definitions: (opcode, start, stop) of schemas and channels among them.

@@ -57,11 +57,7 @@ def first_header(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) ->
 
 
 def read_header(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
-    """Return the header by the first messages of each channel, None if none is usable; the log then has the reason.
-
-    Raises:
-        ReadError: a chunk is damaged.
-    """
+    """Return the header by the first messages of each channel, None if none is usable; the log then has the reason."""
     moving: list[Piece] = []
     static: list[Piece] = []
     for part in parts:
@@ -107,15 +103,7 @@ def _clock(pieces: Sequence[Piece], stamped: str) -> Clock:
 
 
 class McapBlockDecoder:
-    """Decodes the channels of one stream to blocks, segment by segment.
-
-    Args:
-        parts: channels.
-        kind: as in `Stream`.
-        header: names and clock of the stream.
-        log: receives notes.
-        wanted: names to read, None for all.
-    """
+    """Decodes the `wanted` names (None: all) of the channels of one stream to blocks, segment by segment."""
 
     def __init__(
         self,
@@ -143,11 +131,7 @@ class McapBlockDecoder:
                     self._merger.add(piece, static=True)
 
     def take(self, container: Store, segment: ChunkRef) -> None:
-        """Decode the messages of a segment.
-
-        Raises:
-            ReadError: it is damaged.
-        """
+        """Decode the messages of a segment."""
         for part in self._parts:
             if part.container is container:
                 batch = batch_of(container, segment, part.channel)
@@ -169,11 +153,7 @@ class McapBlockDecoder:
         return self._merger.flush(last=self._merger.newest_whole())
 
     def rows(self, container: Store, segment: ChunkRef) -> list[dict[str, Any]]:
-        """Return the rows of posture tables in a segment, text columns included.
-
-        Raises:
-            ReadError: it is damaged.
-        """
+        """Return the rows of posture tables in a segment, text columns included."""
         rows = []
         for part in self._parts:
             if part.container is container:
@@ -195,8 +175,6 @@ class StreamReader:
 
     Args:
         parts: channels, of one or more files, by start time.
-        kind: as in `Stream`.
-        header: names and clock of the stream.
         opened: notes made on opening the recording.
         strict: whether a damaged file of several is an error.
     """

@@ -61,13 +61,11 @@ class Term:
 
 @dataclass(frozen=True)
 class Profile:
-    """The meaning of the names of one kind of source; the fields are the keys of its TOML file.
+    """The meaning of the names of one kind of source; the fields are the keys of its TOML file (see the module).
 
     Attributes:
-        name, title, source: short name, description, and where the source is documented.
-        kind: "joints", "frames" or "points".
+        title, source: description, and where the source is documented.
         formats: formats in which it is usual, for information.
-        patterns: how names are written, see the module.
         unit: unit of joints if the recording does not state it: "rad", "deg" or "".
         axes: axes of frames, one of `AXES`.
         up: vertical axis of the world in the source's own axes, "" where the body decides.
@@ -75,9 +73,8 @@ class Profile:
         trunk: "line" (hips to shoulders) or "thorax" (orientation of the chest).
         required: names, segments or points that must be present.
         marks: further names that identify this source; all must be present.
-        chains, columns, segments, points, dummies, turns: see the module; `turns` are constant rotations of frames.
-        root: frames with the pose of the pelvis of a joints profile, if they are recorded too.
-        root_axes: axes of these frames.
+        turns: constant rotations of frames.
+        root: frames with the pose of the pelvis of a joints profile, if they are recorded too, with axes `root_axes`.
         sign_from_range: columns whose sign differs between models and is determined from the data.
         needs_neutral: columns without anatomical zero, measured only with a neutral posture.
         cannot: column -> why it is not measured.
@@ -136,11 +133,7 @@ def profiles() -> tuple[Profile, ...]:
 
 
 def profile_text(name: str) -> str:
-    """Return the text of the TOML file of a shipped profile, as a start for another one.
-
-    Raises:
-        ProfileError: no shipped profile has this name.
-    """
+    """Return the text of the TOML file of a shipped profile, as a start for another one."""
     path = SHIPPED / f"{find_profile(name).name}.toml"
     if not path.is_file():
         raise ProfileError(f"{name} is a profile file, expected the name of a shipped profile; see `reba profiles`")
@@ -182,11 +175,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
 
 
 def load_profile(path: Path) -> Profile:
-    """Read and check a profile file.
-
-    Raises:
-        ProfileError: the file does not exist, is not TOML, or has a wrong key or value.
-    """
+    """Read and check a profile file."""
     try:
         with path.open("rb") as file:
             content = tomllib.load(file)
@@ -198,11 +187,7 @@ def load_profile(path: Path) -> Profile:
 
 
 def parse_profile(content: Mapping[str, Any], where: str) -> Profile:
-    """Return the profile of the content of a profile file.
-
-    Args:
-        content: the parsed TOML.
-        where: the file, for messages.
+    """Return the profile of parsed TOML; `where` names the file in messages.
 
     Raises:
         ProfileError: a key is missing or unknown, or a value is not what it should be.

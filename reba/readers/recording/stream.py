@@ -80,7 +80,6 @@ class ReadLog:
         first_skipped: place and reason of the first one ("byte 676: string length 12 exceeds the message").
         ended_abnormally: None, or where the recording is truncated ("inside a chunk at byte 81920 of 81920").
         time_source: "header.stamp", "log_time", "file", "frame rate" ...
-        warnings: further notes for the user, one sentence each.
     """
 
     messages: int = 0
@@ -146,14 +145,9 @@ class Stream:
 
 @dataclass(frozen=True)
 class Topic:
-    """One line of `reba info`: a topic or signal group of a file, whether it is used, and why.
+    """One line of `reba info`: a topic or signal group with its `count` of messages or samples, None if unknown.
 
-    Attributes:
-        name: topic or group name.
-        type: message type or format.
-        count: messages or samples, None if unknown.
-        usable: whether a stream was made of it.
-        why: what it contains, or why it is not used.
+    `usable`: a stream was made of it. `why` says what it contains, or why it is not used.
     """
 
     name: str
@@ -165,11 +159,10 @@ class Topic:
 
 @dataclass(frozen=True)
 class Recording:
-    """An opened file with its streams.
+    """An opened file or folder with its streams.
 
     Attributes:
-        path: the file or folder.
-        format: "mcap", "bvh", "csv" ... (the name of the reader).
+        format: name of the reader: "mcap", "bvh", "csv" ...
         streams: candidates for scoring, in file order.
         topics: every topic or signal group, for `reba info`.
         log: notes made on opening (truncated, no summary ...).
@@ -198,11 +191,9 @@ def array_stream(
     opened: ReadLog,
     **more: Any,
 ) -> Stream:
-    """Return a stream of `values` in blocks of `BLOCK` samples.
+    """Return a stream of k signals at times (n,) [s] in blocks of `BLOCK` samples.
 
     Args:
-        name, kind, format, names: as in `Stream`; k names.
-        time: (n,) [s].
         values: (n, k) or (n, k, 3) or (n, k, 7) as in `Block`, or a function from a slice of samples to them.
         opened: notes made on opening; every reading starts with them.
         more: further fields of `Stream`.
