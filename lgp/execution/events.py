@@ -20,7 +20,6 @@ class Event:
             action ended), or "failed" and "finished", which end the run.
         kind: one word: "told" (the human has to act), "started", "ended", "retargeted", "replanned", "fault" ...
         text: the event in a sentence.
-        details: numbers and names.
         plan: 0 for the first plan, 1 for the first replanned one ...
     """
 
@@ -44,11 +43,7 @@ class Event:
 
 
 class Hub:
-    """All events so far, for readers in other threads.
-
-    Args:
-        first: events of an earlier part of the run.
-    """
+    """All events so far, for readers in other threads; `first` are those of an earlier part of the run."""
 
     def __init__(self, first: Sequence[Event] = ()) -> None:
         self._events = list(first)

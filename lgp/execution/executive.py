@@ -48,7 +48,6 @@ class Settings:
         patience: largest wait for the start of an action, and largest excess of its duration over its motion [s].
         reminder: excess of its duration after which the page says that the action is late [s].
         grace: time after which a start predicate that does not hold contradicts the plan [s].
-        attempts: number of attempts at an action.
         search: wall-clock time of the search for a new plan [s].
         slow_down: whether motions above the velocity limits of a robot are slowed down; otherwise the run fails.
     """
@@ -72,14 +71,6 @@ class RetargetedAction:
 
 class Executive:
     """State machine that follows a plan; the caller adds an observation to `view` before each `step`.
-
-    Args:
-        planner: the plan, and new motions and plans.
-        view: the tracked world.
-        robots: receive the commands.
-        on_event: is called with each event.
-        settings: time limits and attempts.
-        number: of the first action.
 
     Attributes:
         number: of the current action.

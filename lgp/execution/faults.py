@@ -71,13 +71,7 @@ def parse_fault(text: str) -> Fault:
 
 
 class Faults:
-    """Injects faults into a simulated world.
-
-    Args:
-        faults: each happens once, in the first plan only.
-        simulation, tracker, worker: what they act on.
-        rng: of directions.
-    """
+    """Injects faults into a simulated world, each once, in the first plan only."""
 
     def __init__(
         self,

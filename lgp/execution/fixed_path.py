@@ -99,9 +99,7 @@ class FixedPathBounds(PathBounds):
         holding: hands that stay where they start until their next action.
         prescribed: motion of some joints during the first action.
         resting: columns of q that stay where they start in the first slice.
-        planned_motions: sequence -> motion planned for it in another world (1 + T, nq) and its variables (nz,), the
-            initial guess where the free path is in collision.
-        more: as `PathBounds` takes it.
+        planned_motions: see `FixedPathSolver`; the initial guess where the free path is in collision.
     """
 
     def __init__(
@@ -166,12 +164,7 @@ OFF = 0.02
 
 
 def holding_hands(modes: ModeSequence, number: int) -> tuple[str, ...]:
-    """Return the hands that stand still during an action, as they hold a part until their next action.
-
-    Args:
-        modes: of the whole sequence.
-        number: of the action.
-    """
+    """Return the hands that stand still during an action of a sequence: they hold a part until their next action."""
     hands = [hand for hand, since, end in modes.holding_intervals if since < number <= end]
     hands += [hand for hand, _, end in modes.held_at_first if number <= end]
     return tuple(dict.fromkeys(hands))
@@ -183,7 +176,6 @@ def planned_course(world: World, first: Array, planned: Array, hands: Sequence[s
     An arm moves as planned as a whole or not at all: some of its joints alone would take the hand to any place.
 
     Args:
-        world: the kinematics.
         first: (nq,) present configuration.
         planned: (slices + 1, nq) planned motion of the action.
         hands: that have a part in the action or stand still.

@@ -178,8 +178,7 @@ class Recorder:
     def moment(self, view: TrackedWorld, nominal: AbstractSet[Atom]) -> None:
         """Write joints, tracked poses and posture of the last observation.
 
-        Args:
-            nominal: atoms that hold by the plan; they decide where a hand is at an object on a table.
+        The atoms that hold by the plan, `nominal`, decide where a hand is at an object on a table.
         """
         now = view.now
         stamp = self.log.stamp(now.time)

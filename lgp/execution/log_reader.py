@@ -39,10 +39,8 @@ class LoggedRun:
 
     Attributes:
         epoch: wall-clock time at which the run began [s].
-        events: all events so far.
         state: the last checkpoint.
         last: time of the last message [s since the run began].
-        file: the log.
     """
 
     epoch: float
@@ -119,7 +117,7 @@ def checkpoint(
         time: since then [s].
         q: (nq,) configuration of human and robots [rad, m].
         closed: hands whose grippers are closed.
-        objects: true placements of the objects of a simulated world.
+        objects: true placements in a simulated world.
     """
     return {
         "epoch": epoch,

@@ -45,14 +45,7 @@ def end_of(task: Task, action: Action) -> tuple[Predicate, ...]:
 
 
 def check(predicates: tuple[Predicate, ...], view: TrackedWorld, task: Task, state: int) -> dict[str, PredicateState]:
-    """Return the state of each predicate, by its text.
-
-    Args:
-        predicates: start or end predicates of an action.
-        view: the tracked world.
-        task: with their atoms.
-        state: bits of the planned state, for atoms without geometry.
-    """
+    """Return the state of each predicate, by its text; atoms without geometry hold as in the planned `state` (bits)."""
     nominal = set(task.holding(state))
     return {str(one): one.check(view, one.atom in nominal) for one in predicates}
 

@@ -30,13 +30,11 @@ SHOWN_REASONS = 3
 def replan_remaining(
     motion: Motion, task: Task, number: int, bounds: FixedPathBounds, seconds: float, thorough: bool = False
 ) -> Plan:
-    """Return a new plan, which may be infeasible.
+    """Return a new plan from the tracked world, given by `task` and `bounds`; it may be infeasible.
 
     Args:
         motion: of the plan in force.
-        task: of the tracked world.
         number: of the action of that plan that failed.
-        bounds: of the tracked world.
         seconds: wall-clock time of the search.
         thorough: search for all of that time even if the remaining actions are feasible; otherwise for
             `IMPROVEMENT_SECONDS` then.
@@ -57,13 +55,8 @@ def replan_remaining(
 def remaining_actions(motion: Motion, task: Task, number: int, bounds: FixedPathBounds) -> tuple[Action, ...]:
     """Return the last actions of a plan that lead to the goal from the tracked world, () if none do.
 
-    Their planned motion becomes the initial guess of the bounds.
-
-    Args:
-        motion: of the plan.
-        task: of the tracked world.
-        number: of the action that failed; as few as possible of those before it are repeated.
-        bounds: of the tracked world.
+    As few as possible of the actions before `number`, the failed one, are repeated. Their planned motion becomes the
+    initial guess of the bounds.
     """
     phases = motion.phases
     for first in range(number, -1, -1):

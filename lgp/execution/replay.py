@@ -26,8 +26,6 @@ class Replay:
     """Observations from a recording.
 
     Args:
-        file: an MCAP recording.
-        world: kinematics and scene.
         robots: source of grippers, and of joints that were not recorded.
 
     Attributes:

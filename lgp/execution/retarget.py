@@ -57,8 +57,7 @@ class Phase:
     Attributes:
         trajectory: of human and robots; that of the human is a prediction.
         cost: of a retargeted motion, on the scale of the plan; None for the planned motion.
-        scene: for which it was retargeted; None for the planned motion.
-        solution: of its path problem; None for the planned motion.
+        scene: for which it was retargeted, with the solution of the path problem; both None for the planned motion.
     """
 
     trajectory: JointTrajectory
@@ -68,15 +67,12 @@ class Phase:
 
 
 class Planner:
-    """The plan in force, and new motions and plans from the tracked world.
+    """The plan in force with its motion and task, and new motions and plans from the tracked world.
 
     Args:
-        plan: the first plan.
         cost: dREBA model of new motions; ignored if the plan was made without ergonomics.
 
     Attributes:
-        plan, motion: the plan in force, and its motion.
-        task: its symbolic task.
         collision_free: whether new motions have collision constraints.
         states: planned state before each action and after the last, as bits of the task.
     """
@@ -143,15 +139,13 @@ class Planner:
     def retarget(
         self, number: int, scene: Scene, start: Array, target: TablePose | None = None, pause: bool = False
     ) -> Phase | str:
-        """Return the retargeted motion of one action, or the reason why there is none.
+        """Return the motion of one action retargeted from `start` (nq,) [rad, m], or the reason why there is none.
 
         The object keeps its planned grip and placement if possible. Hands that hold a part stand still; robot arms
         that take no part in the action and are as planned move as planned, unless that leaves no motion.
 
         Args:
-            number: of the action.
-            scene: the tracked world, see `scene`.
-            start: (nq,) present configuration.
+            scene: the tracked world, see the method `scene`.
             target: placement of the object instead of the planned one.
             pause: whether the hands of the action before rest for a slice, as they do within a plan.
         """
@@ -286,12 +280,11 @@ class Planner:
         return TrackedPose(poses.rotation[row], poses.position[row], 0.0)
 
     def replan(self, number: int, scene: Scene, start: Array, seconds: float, thorough: bool = False) -> Plan:
-        """Return a new plan of the remaining actions, which may be infeasible.
+        """Return a new plan of the remaining actions from `start` (nq,) [rad, m]; it may be infeasible.
 
         Args:
             number: of the action that failed.
-            scene: the tracked world, see `scene`.
-            start: (nq,) configuration.
+            scene: the tracked world, see the method `scene`.
             seconds: wall-clock time of the search.
             thorough: whether all of that time is used, see `replan.replan_remaining`.
         """

@@ -136,9 +136,6 @@ def _seconds(nanoseconds: int) -> dict[str, int]:
 def encode(kind: str, value: dict[str, Any]) -> bytes:
     """Return a message of a type in `DEFINITIONS` in CDR (little-endian), as ROS 2 serialises it.
 
-    Raises:
-        LgpError: mcap-ros2-support is not installed.
-
     >>> encode("tf2_msgs/msg/TFMessage", {"transforms": []})
     b'\\x00\\x01\\x00\\x00\\x00\\x00\\x00\\x00'
     """

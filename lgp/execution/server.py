@@ -36,17 +36,12 @@ LINGER = 1.5
 
 
 class PageServer:
-    """Serves a page and the events of a run from a thread of its own.
+    """Serves a page and the events of a run at the URL `address`, from a thread of its own.
 
     Args:
         page: folder with `index.html`; `show` changes it.
-        hub: the events.
-        host: address to listen at.
         port: 0 for any free one.
         keep_alive: silence after which a comment is sent [s].
-
-    Attributes:
-        address: URL of the page.
 
     Raises:
         LgpError: uvicorn is not installed, or the address is in use.
@@ -189,11 +184,7 @@ def _number(text: str | None) -> int | None:
 
 
 def _bind(host: str, port: int) -> socket.socket:
-    """Return a listening socket.
-
-    Raises:
-        LgpError: the address is in use or not of this machine.
-    """
+    """Return a listening socket; raise LgpError if the address is in use or not of this machine."""
     listening: socket.socket | None = None
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
@@ -234,8 +225,6 @@ def run_live(
 
     Args:
         folder: with the plan; log, page and new plans are written there.
-        run: options.
-        on_event: is called with each event.
         address: of the page; None for no page.
         on_served: is called with the URL of the page.
 

@@ -50,15 +50,11 @@ class RunOptions:
     """How a plan is run.
 
     Attributes:
-        seed: of the random numbers.
         speed: simulated seconds per second of the clock; 0 for as fast as possible.
-        settings: time limits of the executive.
-        behaviour: deviations of the simulated human from the plan.
         noise: standard deviation of tracked positions [m].
         scatter: standard deviation of initial object positions from the planned ones, in x and y [m].
-        faults: that are injected.
         replay: recording that replaces the simulated tracker and human.
-        cost: dREBA model of new motions.
+        cost: dREBA model of new motions; None for motions without ergonomics.
         compare: whether retargeted motions are compared with new plans at the end.
         resume: whether the interrupted run in the folder continues.
     """
@@ -77,12 +73,9 @@ class RunOptions:
 
 
 class ExecutionRun:
-    """A run of the plan in a folder.
+    """A run of the plan in a folder, to which the log is written.
 
     Args:
-        folder: with the plan; the log is written there.
-        run: options.
-        on_event: is called with each event.
         on_plan: is called with each plan that comes into force, and its folder.
 
     Raises:
@@ -291,13 +284,8 @@ class ExecutionRun:
 def retarget_cost(planner: Planner, retargeted: RetargetedAction, seconds: float) -> dict[str, Any]:
     """Return the cost of a retargeted motion and of all later ones retargeted in turn, against that of a new plan.
 
-    The new plan is the better of two, as solutions of path problems are local: the result of a search, and the
-    retargeted motions optimised as a whole.
-
-    Args:
-        planner: of the run.
-        retargeted: the motion.
-        seconds: wall-clock time of the search.
+    The new plan is the better of two, as solutions of path problems are local: the result of a search of `seconds`
+    wall-clock time, and the retargeted motions optimised as a whole.
 
     Returns:
         `action`, costs `greedy` (retargeted) and `anew` (new plan), their difference `extra` and its `share` of the new

@@ -39,15 +39,12 @@ class SimulatedWorld:
     """The true state of robots, human and objects.
 
     Args:
-        world: kinematics and scene.
-        robots: the commanded robots.
         q: (nq,) initial configuration of human and robots [rad, m].
         objects: object -> placement; from the scene by default.
 
     Attributes:
         time: [s] since the run began.
         q: (nq,) configuration; `Worker` writes the columns of the human.
-        objects: object -> placement.
         view: the world as a tracker without error sees it.
     """
 
@@ -163,14 +160,9 @@ class Robots(Protocol):
 class SimulatedRobots:
     """Robots that follow their commands without error.
 
-    Args:
-        world: kinematics and scene.
-        q: (nq,) initial configuration [rad, m].
-        closed: hands whose grippers are closed at first.
-
     Attributes:
         columns: of q that belong to robots.
-        q: (nq,) configuration; only `columns` are up to date.
+        q: (nq,) configuration [rad, m]; only `columns` are up to date.
         speed: (nq,) velocity.
         closed: hands whose grippers are closed.
         stuck: hands whose grippers ignore commands, see the fault `stuck`.
@@ -203,12 +195,7 @@ class SimulatedRobots:
 
 
 class SimulatedTracker:
-    """A tracker of the simulated world with normally distributed errors.
-
-    Args:
-        simulation: the true state.
-        rng: of the errors.
-        noise: standard deviation of each coordinate [m].
+    """A tracker of the simulated world; each coordinate has a normal error of standard deviation `noise` [m].
 
     Attributes:
         lost: object -> time until which it is not seen [s].

@@ -28,13 +28,9 @@ class ObjectUnavailable(LgpError):
 
 
 def scene_now(scene: Scene, view: TrackedWorld, nominal: AbstractSet[Atom], atoms: Iterable[Atom]) -> Scene:
-    """Return a scene with its objects at their tracked poses.
+    """Return a scene with its objects at their tracked poses and the initial atoms `atoms`, see `atoms_now`.
 
-    Args:
-        scene: with the agents, tables and objects.
-        view: the tracked world.
-        nominal: atoms that hold by the plan.
-        atoms: initial atoms of the new scene, see `atoms_now`.
+    `nominal` are the atoms that hold by the plan.
 
     Raises:
         ObjectUnavailable: an object is lost, moves, or is neither in a hand nor on a table.

@@ -130,11 +130,7 @@ def robot_columns(world: World) -> Indices:
 
 
 def violations(world: World, trajectory: JointTrajectory, columns: Indices) -> list[LimitViolation]:
-    """Return the largest violation of each joint and kind, sampled every `STEP`.
-
-    Args:
-        columns: of q, the joints that are checked.
-    """
+    """Return the largest violation of each joint in `columns` of q and each kind, sampled every `STEP`."""
     times = np.arange(0.0, trajectory.duration + STEP, STEP)
     speed_limit = np.asarray(world.model.velocityLimit, dtype=float)
     q = np.array([trajectory.at(t) for t in times])

@@ -19,8 +19,6 @@ def export(plan: Plan, file: Path, *, slow_down: bool = False) -> dict[str, Any]
     """Write the motion of each robot in each action as one JointTrajectory, from rest to rest.
 
     Args:
-        plan: with at least one robot.
-        file: MCAP file that is written.
         slow_down: scale the duration of motions above a velocity limit; otherwise they are refused.
 
     Returns:

@@ -43,16 +43,7 @@ EXACT = WorkerBehaviour(0.0, 0.0, 0.0, 0.0)
 
 
 class Worker:
-    """A person in a simulated world.
-
-    Args:
-        simulation: the world in which they act.
-        behaviour: deviations from the plan.
-        rng: of the deviations.
-
-    Attributes:
-        stuck: whether they do not move, see the fault `stuck`.
-    """
+    """A person in a simulated world; they do not move while `stuck`, see the fault of that name."""
 
     def __init__(self, simulation: SimulatedWorld, behaviour: WorkerBehaviour, rng: np.random.Generator) -> None:
         self.simulation, self.behaviour, self.rng = simulation, behaviour, rng
@@ -65,13 +56,7 @@ class Worker:
         self._floor_since: dict[str, float] = {}
 
     def on_action(self, planner: Planner, number: int, phase: Phase) -> None:
-        """React to the current action on the page, after an action of their own that is under way.
-
-        Args:
-            planner: with the plan in force.
-            number: of the action.
-            phase: its motion.
-        """
+        """React to the current action on the page, after an action of their own that is under way."""
         action = self._action()
         if self._trajectory is not None and action is not None and self._hand(action) and not self.stuck:
             self._next = planner.snapshot(), number, phase

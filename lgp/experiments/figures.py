@@ -53,9 +53,7 @@ _BRACKET_LEVEL = {(0, 1): 1, (1, 2): 1, (0, 2): 2}
 def bars(scores: Mapping[str, Any], label: str) -> str:
     """Bar chart of mean scores per condition with standard errors, and a bracket over every compared pair (Figs. 5, 6).
 
-    Args:
-        scores: `reba_grasp` or `reba_mean` of one initial posture in a summary.
-        label: text for screen readers.
+    `scores` are `reba_grasp` or `reba_mean` of one initial posture in a summary; `label` is for screen readers.
     """
     conditions = scores["conditions"]
     means = [_number(conditions[name]["mean"]) for name in CONDITIONS]
@@ -92,9 +90,7 @@ def _bracket(pair: Mapping[str, Any], centres: Sequence[float]) -> list[str]:
 def profile(paths: pd.DataFrame, label: str) -> str:
     """Mean REBA score over time per condition and initial posture, its standard error as a band (Fig. 7).
 
-    Args:
-        paths: columns `PATH_COLUMNS`.
-        label: text for screen readers.
+    `label` is the text for screen readers.
     """
     means = paths.groupby(["initial", "condition", "time"])["reba"].agg(["mean", "sem"]).fillna({"sem": 0.0})
     means = means.reset_index()
@@ -171,7 +167,6 @@ class Example:
     """Representative run: the one of median difference in REBA score between the two conditions of `COMPARED`.
 
     Attributes:
-        run, start: number and initial posture of the run.
         of: number of runs it was chosen from.
         difference: score without minus score with the ergonomic cost [points].
         postures: one per condition of `COMPARED`.
@@ -225,9 +220,7 @@ MARGIN: Final = 0.22
 def reach_map(scene: Scene, spots: pd.DataFrame) -> str:
     """Scene from above with the share of table heights that are reached; the human's forward axis x points up.
 
-    Args:
-        scene: the scene.
-        spots: rows of `hand table height x y reached`, see `lgp.kinematics.reachability.Reachability.data`.
+    `spots` has rows of `hand table height x y reached`, see `lgp.kinematics.reachability.Reachability.data`.
     """
     corners = {name: _corners(table.position, table.size, table.yaw) for name, table in scene.tables.items()}
     feet = np.array([agent.position[:2] for agent in scene.agents])

@@ -38,7 +38,6 @@ def write_results(
     """Write `summary.json`, `figure_5.svg` to `figure_7.svg` and `report.html` into a folder; return the summary.
 
     Args:
-        folder: of the results.
         runs, paths: tables of `RunStore.finish`, of one initial posture or both.
         scene: the planned scene; its free choices are listed with their reasons.
         settings: of the experiment, shown and kept in the summary.

@@ -196,7 +196,6 @@ class RunStore:
         """Plan the runs 0 to `runs` - 1 that are not finished yet, append each as it finishes, and return both tables.
 
         Args:
-            runs: their number.
             initial: initial posture, one of `STARTS`.
             plan: plans the runs of these numbers and yields the tables of each.
             progress: called after each run with the number of finished runs and `runs`.
@@ -213,11 +212,7 @@ class RunStore:
         return self.finish()
 
     def append(self, runs: pd.DataFrame, paths: pd.DataFrame) -> None:
-        """Append one finished run: its row of every condition and its paths; synchronised to disk on return.
-
-        Args:
-            runs: rows with `RUN_COLUMNS`.
-            paths: rows with `PATH_COLUMNS`, none if no condition is feasible.
+        """Append a finished run with its paths, none if no condition is feasible; synchronised to disk on return.
 
         Raises:
             LgpError: `check_runs` or `check_paths` refuses the rows, the run is stored already, or cannot be written.

@@ -57,8 +57,6 @@ def plan_run(
     """Plan one run: a row per condition (columns `RUN_COLUMNS`), and the paths of the feasible ones (`PATH_COLUMNS`).
 
     Args:
-        run: number of the run.
-        seed: of the experiment.
         initial: "rest" starts from the posture of lowest REBA score, "random" from one drawn within the joint limits.
         cost: dREBA model of the conditions with ergonomics: a file or a shipped name.
         slices: per phase, the scene's by default.
@@ -104,12 +102,11 @@ def plan_runs(
     scheduler: str | None = None,
     collisions: bool = False,
 ) -> Iterator[tuple[pd.DataFrame, pd.DataFrame]]:
-    """Plan runs in parallel and yield the tables of each, see `plan_run`, as they finish.
+    """Plan runs in parallel with the arguments of `plan_run`, and yield the tables of each as it finishes.
 
     Args:
-        runs: their numbers.
-        seed, initial, cost, variation, collisions: see `plan_run`.
-        jobs, scheduler: processes, or the address of a Dask cluster, see `reba.batch.parallel.run_parallel`.
+        jobs: processes on this computer.
+        scheduler: address of a Dask cluster, see `reba.batch.parallel.run_parallel`.
 
     Raises:
         LgpError: the process of a run died each time.

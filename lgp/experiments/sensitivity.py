@@ -46,9 +46,6 @@ def sensitivity_table(
     """Plan the missing runs of every variation from the rest posture; one row per variation and condition.
 
     Args:
-        folder: of the experiment.
-        runs: of each variation.
-        settings: of the experiment.
         plan: plans the runs of these numbers with `variation=`, see `lgp.experiments.screwdriver.plan_runs`.
         varied: variations, by default all of the scene.
         on_event: called with one line for each variation that lacks runs.

@@ -40,9 +40,7 @@ def summarise(
     """Summary as plain data, with None for NaN.
 
     Args:
-        runs: columns `RUN_COLUMNS`, of one initial posture or both.
-        paths: columns `PATH_COLUMNS`.
-        settings: of the experiment, copied.
+        runs: of one initial posture or both.
         sensitivity: table of `lgp.experiments.sensitivity.sensitivity_table`, copied.
 
     Raises:
@@ -66,11 +64,7 @@ def summarise(
 
 
 def write_summary(path: str | Path, summary: Mapping[str, Any]) -> None:
-    """Write a summary as JSON.
-
-    Raises:
-        RebaError: the file cannot be written.
-    """
+    """Write a summary as JSON."""
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
     write_atomic(Path(path), lambda part: write_text(part, text))
 
@@ -195,13 +189,7 @@ ALPHA: Final = 0.05
 
 @dataclass(frozen=True)
 class Finding:
-    """Claim of the paper, tested with these runs.
-
-    Attributes:
-        claim: statement of the paper.
-        shown: whether these runs support it; None if a test is not defined.
-        evidence: differences, tests and n.
-    """
+    """Claim of the paper, whether these runs support it (None: a test is undefined), and the evidence of tests."""
 
     claim: str
     shown: bool | None

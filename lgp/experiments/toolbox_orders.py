@@ -48,13 +48,11 @@ def sequences(plan: Plan) -> list[dict[str, Any]]:
 
 
 def best_of(bounds: PathBounds, task: Task, rows: Iterable[dict[str, Any]], order: str) -> Plan | None:
-    """Plan of lowest cost of an order, None if no sequence of it is feasible.
+    """Plan of lowest cost of an order, one of `ORDERS`, None if no sequence of it is feasible.
 
     Args:
         bounds: of the search, with its table of solved problems.
-        task: of the scene.
         rows: from `sequences`.
-        order: one of `ORDERS`.
     """
     best: Plan | None = None
     candidates = [row for row in rows if row["order"] == order and row["sequence"] is not None]
@@ -69,14 +67,10 @@ def best_of(bounds: PathBounds, task: Task, rows: Iterable[dict[str, Any]], orde
 
 
 def cost_terms(plan: Plan, weight: float = 1.0) -> dict[str, float]:
-    """Terms of a plan's cost, and the carried load.
+    """Terms of a feasible plan's cost, and the carried load; `weight` is that of the ergonomic cost, 0 without it.
 
     Keys: total, acceleration, `acceleration of NAME` for each agent, posture and load (terms of the ergonomic cost,
     load by equation 4 of the paper), and carried [kg s].
-
-    Args:
-        plan: a feasible plan.
-        weight: of the ergonomic cost, 0 without it.
     """
     tau = float(plan.time[0])
     deviation = plan.path - plan.start
@@ -101,12 +95,7 @@ def break_even_mass(place: dict[str, float], grasp: dict[str, float], mass: floa
     """Mass of the first part [kg] from which on placing it first costs less; None if no mass does.
 
     Exact, because the load term does not depend on the path: the orders differ in the time for which the first part is
-    held, and only in that.
-
-    Args:
-        place, grasp: cost terms of the two orders.
-        mass: of the first part [kg].
-        weight: of the ergonomic cost.
+    held, and only in that. `place` and `grasp` are the cost terms of the two orders, for a first part of `mass` [kg].
     """
     longer = (grasp["carried"] - place["carried"]) / mass  # [s]
     if longer < 1e-9:

@@ -40,7 +40,6 @@ def write_page(
     """Write `report.html` into a folder.
 
     Args:
-        folder: of the results.
         summary: returned by `lgp.experiments.toolbox.experiment_toolbox`.
         plans: condition -> its plan.
         scene: the planned scene; its free choices are listed with their reasons.

@@ -22,13 +22,10 @@ WEIGHT: Final = "weight of the ergonomic cost"
 
 @dataclass(frozen=True)
 class SceneVariation:
-    """One free choice of the scene multiplied by a factor.
+    """One free choice of the scene, given by its label, or the weight of the ergonomic cost, multiplied by a factor.
 
     Attributes:
-        choice: label of the varied parameters.
-        factor: on their values.
         changes: dotted key of the scene file -> value, as JSON text (so that a variation is hashable).
-        weight: of the ergonomic cost.
     """
 
     choice: str
@@ -54,9 +51,8 @@ BASELINE: Final = SceneVariation("as it is", 1.0)
 def variations(scene: Scene) -> tuple[SceneVariation, ...]:
     """Baseline, then every free choice of the scene by every factor.
 
-    Example:
-        >>> [one.name for one in variations(load_scene("screwdriver"))][:3]
-        ['as_it_is_1', 'tables_left_center_right_position_0.8', 'tables_left_center_right_position_1.2']
+    >>> [one.name for one in variations(load_scene("screwdriver"))][:3]
+    ['as_it_is_1', 'tables_left_center_right_position_0.8', 'tables_left_center_right_position_1.2']
     """
     varied = [BASELINE]
     for label, keys in _groups(scene).items():

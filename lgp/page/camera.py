@@ -104,11 +104,9 @@ class Subject:
 
 
 def shots(subjects: Sequence[Subject], ahead: float) -> tuple[Shot, ...]:
-    """Return the shot of least cost of each subject; a change of direction has a cost too, so that the view is steady.
+    """Return the shot of least cost of each subject, where `ahead` [rad] is the direction of the line human - robot.
 
-    Args:
-        subjects: in their order on the page.
-        ahead: direction of the line human - robot [rad].
+    A change of direction has a cost too, so that the view is steady.
     """
     chosen: list[Shot] = []
     for subject in subjects:
@@ -163,7 +161,6 @@ def shots_of(
     """Return the shots of the start and of each action.
 
     Args:
-        motion: of the plan.
         frames: name of a frame -> its number.
         place: (T, F, 4, 4) poses of the frames [m].
         solid: (k, 3) surface points of all bodies [m], at the start and at the end of each action.

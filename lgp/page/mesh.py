@@ -107,7 +107,7 @@ class Solid:
 def surface(solids: Sequence[Solid], voxel: float, blend: float, floor: float = -np.inf) -> pyvista.PolyData:
     """Return the surface of the smooth union of solids.
 
-    The field is the polynomial smooth minimum of the distances (Quilez, "smooth minimum"), its zero level is found
+    The field is the polynomial smooth minimum of the distances (Quilez, "smooth minimum"), its zero level is extracted
     by VTK's flying edges.
 
     Args:
@@ -138,14 +138,7 @@ def surface(solids: Sequence[Solid], voxel: float, blend: float, floor: float = 
 
 
 def painted(skin: pyvista.PolyData, solids: Sequence[Solid], colours: Mapping[str, str], gloss: float) -> Mesh:
-    """Return a surface in the colours of the solids it is nearest to, cut where they meet.
-
-    Args:
-        skin: as `surface` returns it.
-        solids: of the surface.
-        colours: name of a colour -> "#rrggbb".
-        gloss: of the mesh.
-    """
+    """Return a surface in the colours (name -> "#rrggbb") of the solids it is nearest to, cut where they meet."""
     names = tuple(dict.fromkeys(solid.colour for solid in solids))
     distance = np.stack([solid.distance(np.asarray(skin.points, dtype=float)) for solid in solids], axis=1)
     nearest = np.stack([distance[:, [solid.colour == name for solid in solids]].min(axis=1) for name in names], axis=1)

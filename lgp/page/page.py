@@ -150,10 +150,7 @@ def table() -> dict[str, Any]:
 
 
 def check_packages(modules: Mapping[str, str] | None = None) -> None:
-    """Check that the packages of a page are installed.
-
-    Args:
-        modules: module -> package; those of libraries.toml by default.
+    """Check that the packages of a page are installed, by default those of libraries.toml (module -> package).
 
     Raises:
         LgpError: a package is missing.

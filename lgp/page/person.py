@@ -53,11 +53,7 @@ class PersonModel:
 
 @cache
 def figure(stature: float, sex: str) -> PersonModel:
-    """Return the meshes of a person.
-
-    Args:
-        stature: [m].
-        sex: "male" or "female".
+    """Return the meshes of a person of a stature [m] and a sex, "male" or "female".
 
     Raises:
         SceneError: the stature is out of range, or the sex is unknown.

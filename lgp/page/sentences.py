@@ -18,13 +18,7 @@ TABLE = Path(__file__).parent / "data" / "sentences.toml"
 
 @dataclass(frozen=True)
 class Instruction:
-    """An action in words.
-
-    Attributes:
-        text: the sentence.
-        short: a few words.
-        you: whether the reader acts; else a robot does.
-    """
+    """An action in words: a sentence, a few words, and whether the reader acts (`you`) or a robot."""
 
     text: str
     short: str
@@ -34,16 +28,11 @@ class Instruction:
 def sentences(scene: Scene, switches: Sequence[KinematicSwitch]) -> tuple[Instruction, ...]:
     """Return the instructions of a sequence of actions.
 
-    Args:
-        scene: with their hands, objects and tables.
-        switches: the actions in order.
-
-    Example:
-        >>> from lgp.scene.scene_file import load_scene
-        >>> from lgp.kinematics.modes import KinematicSwitch
-        >>> scene = load_scene("screwdriver")
-        >>> print(sentences(scene, [KinematicSwitch("grasp", "baxter.left", "screwdriver")])[0].text)
-        The robot, using its left arm, picks up the screwdriver from the start table.
+    >>> from lgp.scene.scene_file import load_scene
+    >>> from lgp.kinematics.modes import KinematicSwitch
+    >>> scene = load_scene("screwdriver")
+    >>> print(sentences(scene, [KinematicSwitch("grasp", "baxter.left", "screwdriver")])[0].text)
+    The robot, using its left arm, picks up the screwdriver from the start table.
     """
     table_of: dict[str, str] = {name: scene_object.on for name, scene_object in scene.objects.items()}
     lines = []

@@ -40,7 +40,6 @@ class SceneAnimation:
         meshes: each once.
         bodies: rigid meshes in their frames.
         skin: of the human and the frames (B,) of its bones, None without a human.
-        frames: names of the frames.
         time: (T,) moments [s].
         place: (T, F, 4, 4) poses of the frames in the world [m].
         ends: (K,) number of the last moment of each action.
@@ -58,10 +57,7 @@ class SceneAnimation:
 
 
 def scene_animation(motion: Motion) -> SceneAnimation:
-    """Return the animation of a plan, interpolated between its slices by cubic splines of the joints.
-
-    Args:
-        motion: of a feasible plan.
+    """Return the animation of a feasible plan, interpolated between its slices by cubic splines of the joints.
 
     Raises:
         LgpError: the meshes of a robot cannot be read.

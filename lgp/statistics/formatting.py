@@ -11,9 +11,8 @@ def number(value: float | None, digits: int = 2) -> str:
 def p_value(value: float | None) -> str:
     """P value with two significant digits, for tables; a dash for None.
 
-    Example:
-        >>> p_value(0.0123), p_value(1.24e-9), p_value(None)
-        ('0.012', '1.2e-09', '–')
+    >>> p_value(0.0123), p_value(1.24e-9), p_value(None)
+    ('0.012', '1.2e-09', '–')
     """
     return "–" if value is None else f"{value:.2g}" if value < 0.0995 else f"{value:.2f}"
 

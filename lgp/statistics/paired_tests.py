@@ -46,7 +46,7 @@ class Anova:
     """One-way repeated-measures ANOVA.
 
     Attributes:
-        n: runs with every condition; `excluded`: runs that lack one.
+        n, excluded: runs with every condition, and runs that lack one.
         f, df, df_error: F ratio and its uncorrected degrees of freedom.
         p: assuming sphericity.
         epsilon: of Greenhouse and Geisser, from 1 / (conditions - 1) to 1.
@@ -71,11 +71,11 @@ class Comparison:
 
     Attributes:
         first, second: the conditions; differences are first minus second.
-        n: runs with both; `excluded`: runs that lack one; `ties`: runs without a difference.
+        n, excluded, ties: runs with both, runs that lack one, runs without a difference.
         difference, low, high: mean difference and its 95 % interval.
-        t, p: two-sided paired t test; `p_holm`: corrected over the comparisons made together.
+        t, p, p_holm: two-sided paired t test; `p_holm` is corrected over the comparisons made together.
         d: effect size Cohen's d_z, mean over standard deviation of the differences.
-        wilcoxon_p, wilcoxon_p_holm: exact signed-rank test, for ordinal scores.
+        wilcoxon_p, wilcoxon_p_holm: exact signed-rank test, for ordinal scores; corrected in the same way.
     """
 
     first: str
@@ -104,7 +104,7 @@ class ChoiceTest:
     """Change of a categorical choice between two conditions on the same runs.
 
     Attributes:
-        n: runs with both; `excluded`: runs that lack one; `changed`: runs with different choices.
+        n, excluded, changed: runs with both, runs that lack one, runs with different choices.
         counts: (k, k) runs by choice before (rows) and after (columns).
         statistic, df, p: Stuart-Maxwell test of equal marginal shares.
         by_choice: choice -> runs that left it, runs that came to it, p of the exact McNemar test, the same after Holm.
@@ -137,10 +137,9 @@ def mean_of(values: Any) -> Mean:
 def greenhouse_geisser_epsilon(values: Array) -> float:
     """Greenhouse-Geisser epsilon of `values` (n, k); NaN if all differences have zero variance.
 
-    Example:
-        >>> rng = np.random.default_rng(0)
-        >>> 0.5 <= greenhouse_geisser_epsilon(rng.normal(size=(20, 3))) <= 1.0
-        True
+    >>> rng = np.random.default_rng(0)
+    >>> 0.5 <= greenhouse_geisser_epsilon(rng.normal(size=(20, 3))) <= 1.0
+    True
     """
     k = values.shape[1]
     centre = np.eye(k) - 1.0 / k
@@ -152,10 +151,9 @@ def greenhouse_geisser_epsilon(values: Array) -> float:
 def anova(table: pd.DataFrame) -> Anova:
     """Repeated-measures ANOVA of a table with one row per run and one column per condition.
 
-    Example:
-        >>> import pandas as pd
-        >>> round(anova(pd.DataFrame({"a": [1.0, 2, 3], "b": [2.0, 4, 3], "c": [5.0, 5, 6]})).f, 2)
-        19.75
+    >>> import pandas as pd
+    >>> round(anova(pd.DataFrame({"a": [1.0, 2, 3], "b": [2.0, 4, 3], "c": [5.0, 5, 6]})).f, 2)
+    19.75
     """
     from scipy.stats import f as f_distribution
 
@@ -234,9 +232,8 @@ def signed_rank_p(differences: Array) -> float:
     Under the null hypothesis both signs are equally likely, so the distribution of the rank sum is the convolution of
     the ranks, added one by one: exact and fast for a hundred runs.
 
-    Example:
-        >>> signed_rank_p(np.array([1.0, 2.0, 3.0, 4.0]))
-        0.125
+    >>> signed_rank_p(np.array([1.0, 2.0, 3.0, 4.0]))
+    0.125
     """
     from scipy.stats import rankdata
 
@@ -257,9 +254,8 @@ def signed_rank_p(differences: Array) -> float:
 def holm(p_values: Sequence[float]) -> list[float]:
     """P values corrected for multiple comparisons after Holm (1979); NaN stays NaN and is not counted as a test.
 
-    Example:
-        >>> holm([0.01, 0.04, float("nan")])
-        [0.02, 0.04, nan]
+    >>> holm([0.01, 0.04, float("nan")])
+    [0.02, 0.04, nan]
     """
     from statsmodels.stats.multitest import multipletests
 
@@ -273,9 +269,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 def compare_choices(before: pd.Series, after: pd.Series, choices: Sequence[str]) -> ChoiceTest:
     """Tests of marginal homogeneity of a categorical choice: Stuart-Maxwell over all, exact McNemar for each choice.
 
-    Args:
-        before, after: one entry per run, missing for runs without the condition.
-        choices: all categories.
+    `before` and `after` have one entry per run, missing for runs without the condition.
 
     Raises:
         LgpError: an entry is not one of `choices`.
@@ -312,11 +306,7 @@ def compare_choices(before: pd.Series, after: pd.Series, choices: Sequence[str])
 
 
 def require_statsmodels() -> None:
-    """Refuse to start a long computation whose statistics need the missing package statsmodels.
-
-    Raises:
-        LgpError: statsmodels is not installed.
-    """
+    """Raise LgpError if statsmodels is missing, before a long computation that needs it for its statistics."""
     _statsmodels()
 
 

@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 def analyse(cells: pd.DataFrame, conditions: Sequence[str]) -> dict[str, Any]:
     """Means, tests, effect sizes and tests of assumptions of every measure, as plain data.
 
-    Args:
-        cells: one row per participant and condition, see `lgp.study.scoring.cells`.
-        conditions: their order; differences are earlier minus later.
+    Differences are earlier minus later in `conditions`; `cells` has one row per participant and condition.
 
     Raises:
         LgpError: statsmodels is not installed.
@@ -49,10 +47,7 @@ def analyse(cells: pd.DataFrame, conditions: Sequence[str]) -> dict[str, Any]:
 def measure(table: pd.DataFrame, pairs: Sequence[tuple[str, str]], *, tested: bool = True) -> dict[str, Any]:
     """Means, values by participant, comparisons and, if tested, ANOVA and assumptions of one measure.
 
-    Args:
-        table: participants x conditions, NaN without a recording.
-        pairs: conditions to compare.
-        tested: whether there are p values beside the intervals; they are not corrected here.
+    `table` is participants x conditions, NaN without a recording; p values, only if `tested`, are not corrected here.
     """
     comparisons = [compare(table, [pair])[0] for pair in pairs]
     results: dict[str, Any] = {

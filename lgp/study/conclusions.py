@@ -13,12 +13,7 @@ ALPHA: Final = 0.05
 
 
 def conclusion(results: Mapping[str, Any], conditions: list[str]) -> str:
-    """Conclusion on the mean REBA score, the primary measure, in one sentence.
-
-    Args:
-        results: of `lgp.study.analysis.analyse`, with None for NaN.
-        conditions: in their order.
-    """
+    """One sentence on the mean REBA score, the primary measure, from the results of `analyse` with None for NaN."""
     total = results[TOTAL]
     if len(conditions) < 2:
         return f"There is only one condition, {conditions[0]}: scores without a comparison."

@@ -33,14 +33,7 @@ _ENDING: Final = re.compile(r"\.mcap\.zstd$|\.[A-Za-z0-9]+$")
 
 @dataclass(frozen=True, order=True)
 class Label:
-    """Label of a recording in a study.
-
-    Attributes:
-        participant: name of the participant.
-        condition: name of the condition.
-        trial: name of one of several recordings of both, "" for the only one.
-        simulated: whether the data are simulated.
-    """
+    """Label of a recording; `trial` names one of several of a participant in a condition, "" for the only one."""
 
     participant: str
     condition: str
@@ -58,11 +51,7 @@ class Label:
 
 
 def label_of(values: dict[str, str | None], where: str) -> Label:
-    """Label from named values.
-
-    Args:
-        values: text by field name, as in a record or a manifest row; surrounding blanks are removed.
-        where: their source, for error messages.
+    """Label from the stripped values of a record or a manifest row; errors name their source as `where`.
 
     Raises:
         LgpError: participant or condition is missing or empty.

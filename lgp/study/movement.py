@@ -97,14 +97,11 @@ def perform(
     vary: MotionVariability = VARIATION,
     offset: Array | float = 0.0,
 ) -> Movement:
-    """Simulate one recording of a participant.
+    """Simulate one recording of a participant, with `rate` frames per second.
 
     Args:
         motion: planned motion for the stature of the participant.
-        participant: with habit and speed.
         rng: of this recording alone.
-        rate: frames per second.
-        vary: motion variability.
         offset: (22,) [deg] added to every frame: an effect of known size.
     """
     from scipy.interpolate import PchipInterpolator

@@ -24,12 +24,7 @@ SOURCE: Final = (
 
 
 def render(summary: Mapping[str, Any], *, command: str = "") -> str:
-    """Report as HTML text.
-
-    Args:
-        summary: of a study, see `lgp.study.study.summarise`.
-        command: command line that reproduces the report, shown on the page.
-    """
+    """Report of a summary of `lgp.study.study.summarise` as HTML text; it shows the `command` that reproduces it."""
     from markupsafe import Markup
 
     files = [one["input"] for one in (*summary["recordings"], *summary["failed"])]

@@ -47,15 +47,11 @@ class RetargetedMotion:
 
 
 class Retarget:
-    """Retargeting of one plan to other statures.
+    """Retargeting of one plan to other statures; errors name the plan as `name`.
 
     Attributes:
         planned: motion of the person of the plan.
         stature: of that person [m].
-
-    Args:
-        plan: a feasible plan with a human.
-        name: of the plan in error messages.
 
     Raises:
         LgpError: the plan is infeasible or has no human.

@@ -44,7 +44,6 @@ class Scored:
         unmeasured: file -> angles without a measurement.
         assumed: defaults used, over all recordings.
         rules: every threshold.
-        failed: recordings that could not be scored.
         truncated: file -> how the recording is truncated.
     """
 
@@ -125,11 +124,8 @@ def part_means(scores: Scores, weights: Array) -> dict[str, float]:
 def part_scores(columns: Mapping[str, Array], two_sides: str = "worse") -> dict[str, Array]:
     """Scores (n,) of each part; of sided parts those of the arm that gives the total score of the frame.
 
-    If both arms give the same total, the mean of the two is taken.
-
-    Args:
-        columns: (n,) scores by the names of the score table, NaN if undetermined.
-        two_sides: of the rules: "worse", "left" or "right".
+    If both arms give the same total, the mean of the two is taken. Undetermined scores are NaN. `two_sides` is that of
+    the rules: "worse", "left" or "right".
     """
     totals = [np.asarray(columns[f"{TOTAL}_{side}"], np.float64) for side in SIDES]
     left = np.nan_to_num(np.sign(totals[0] - totals[1]) / 2.0 + 0.5, nan=0.5)
@@ -224,13 +220,7 @@ def missing_cells(sources: Sources, scored: Scored, conditions: Sequence[str]) -
 
 
 def warnings(scored: Scored, results: dict[str, Any], cells: pd.DataFrame) -> list[str]:
-    """Limitations of the results, one sentence each.
-
-    Args:
-        scored: the recordings.
-        results: of `lgp.study.analysis.analyse`.
-        cells: one row per participant and condition.
-    """
+    """Limitations of the scores and of the results of `lgp.study.analysis.analyse`, one sentence each."""
     table = scored.recordings
     notes = [*_mixed_simulated(table), *_unequal_angles(scored), *_undetermined(table), *_short(table)]
     for pair in results[TOTAL]["pairs"]:

@@ -54,10 +54,7 @@ def simulate(
     Args:
         plans: condition -> plan, or the folder of `lgp plan -o`; the same plan under two names gives no effect.
         folder: of the logs; must not contain other recordings.
-        participants: number of persons.
-        seed: of all random draws.
         rate: frames per second.
-        vary: motion variability.
         offsets: condition -> angle column -> degrees added to every frame: an effect of known size.
 
     Raises:

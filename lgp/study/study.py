@@ -68,7 +68,6 @@ class Study:
         """Write the report as one HTML file.
 
         Args:
-            path: of the file.
             command: command line that reproduces the results, shown in the report.
 
         Raises:
@@ -157,10 +156,7 @@ def summarise(
     """Content of `summary.json` as plain data, with None for NaN.
 
     Args:
-        sources: the recordings with their labels.
-        scored: their scores.
         table: one row per participant and condition.
-        conditions: in their order.
         ignored: conditions that are not compared.
     """
     results = analyse(table, conditions)
