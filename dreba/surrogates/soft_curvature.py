@@ -19,7 +19,6 @@ RESIDUAL_OFFSET: Final = 0.1
 """[points] Added under the square root of the Gauss-Newton residuals, whose derivative is infinite at 0; small beside
 the steps of 1 point."""
 _KNEES: Final = INDEX["knee_flexion_left"]
-_OF_GROUP: Final = (np.arange(len(GROUPS))[:, None] == ROWS.group[None, :]).astype(float)
 
 
 def hessian(tables: SoftTables, angles: Array, added: Array | None = None) -> Array:

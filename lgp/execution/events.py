@@ -15,7 +15,7 @@ class Event:
     Attributes:
         number: counts from 1 over the whole run, restarts included.
         time: [s] since the run began.
-        action: number of the current action in its plan, from 0; None before the first and after the last.
+        action: number of the current action in its plan, from 0; None once the run is finished.
         state: "waiting" (for the world, or for a human who is late), "running" (human or robot acts), "done" (an
             action ended), or "failed" and "finished", which end the run.
         kind: one word: "told" (the human has to act), "started", "ended", "retargeted", "replanned", "fault" ...

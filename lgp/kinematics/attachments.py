@@ -355,7 +355,8 @@ def _in_axes_of(hand: FullPose, along: Array, by_along: Array) -> tuple[Array, A
 def _misalignment(direction: Array, by_direction: Array, axis: int) -> tuple[Array, Array]:
     """Return the angle from an axis to a unit direction as two components (n, 2) [rad], and its Jacobian.
 
-    They are the components of the direction across the axis, scaled from sine to angle: 0 only where both agree.
+    They are the components of the direction across the axis, scaled from sine to angle: 0 where both agree, and at the
+    exactly opposite direction, which has no side.
     """
     sides = list(_across(axis))
     across, by_across = direction[:, sides], by_direction[:, sides]

@@ -254,7 +254,7 @@ class ModeSequence:
         """
         switch = self.switches[number]
         if not switch.action.screws:
-            raise WorldError(f"action {number} ({switch.kind}) is no screw; give the number of a screw")
+            raise WorldError(f"action {number + 1} ({switch.kind}) is no screw; give the number of a screw")
         parts = {switch.object_name, switch.other}
         assembly = next(assembly for assembly in self.world.scene.assemblies if set(assembly.parts) == parts)
         first, second = (self.attachment(part, number) for part in assembly.parts)
@@ -287,7 +287,7 @@ class ModeSequence:
     def _check(self, number: int, switch: KinematicSwitch) -> None:
         scene = self.world.scene
         if switch.kind not in ACTIONS:
-            raise WorldError(f"action {number}: unknown kind {switch.kind!r}, expected one of {', '.join(ACTIONS)}")
+            raise WorldError(f"action {number + 1}: unknown kind {switch.kind!r}, expected one of {', '.join(ACTIONS)}")
         objects = dict.fromkeys(("object_name", "other"), scene.objects)
         for role in switch.action.roles:
             known = {"table": scene.tables, **objects}.get(role, scene.hands)
@@ -295,16 +295,16 @@ class ModeSequence:
             if name not in known:
                 hint = did_you_mean(name, known) or f"; known are {', '.join(known)}"
                 what = "object" if role in objects else role
-                raise WorldError(f"action {number} ({switch.kind}): unknown {what} {name!r}{hint}")
+                raise WorldError(f"action {number + 1} ({switch.kind}): unknown {what} {name!r}{hint}")
         action, parent = switch.action, self._attachments[switch.object_name][number].parent
         giver = getattr(switch, action.given_by) if action.given_by else parent
         if parent != giver:
             raise WorldError(
-                f"action {number}: {giver} {action.verb} {switch.object_name}, attached to {parent}; grasp it first"
+                f"action {number + 1}: {giver} {action.verb} {switch.object_name}, attached to {parent}; grasp it first"
             )
         parts = {switch.object_name, switch.other}
         if action.screws and parts not in [set(assembly.parts) for assembly in scene.assemblies]:
             raise WorldError(
-                f"action {number}: {switch.object_name} and {switch.other} have no assembly; "
+                f"action {number + 1}: {switch.object_name} and {switch.other} have no assembly; "
                 "add one to the scene's [[joints]]"
             )

@@ -204,9 +204,9 @@ def _beyond(inequality: features.Feature) -> features.Feature:
 
 
 def _targets(world: World, heights: Sequence[float], spots: int) -> pd.DataFrame:
+    """Return the spots of all tables and heights: `table height x y` [m]."""
     import pandas as pd
 
-    """Return the spots of all tables and heights: `table height x y` [m]."""
     rows = []
     side = np.linspace(-1.0, 1.0, spots)
     margin = min((min(item.size[:2]) / 2.0 for item in world.scene.objects.values()), default=0.0)

@@ -108,8 +108,9 @@ class World:
         self.model = pin.Model()
         values: dict[str, float] = dict.fromkeys((f"human.{name}" for name in human.joint_names()), 0.0)
         for agent in scene.agents:
-            self.model = pin.appendModel(self.model, *_placed(agent))
-            values |= _initial_values(agent)
+            model, frame, placement = _placed(agent)
+            self.model = pin.appendModel(self.model, model, frame, placement)
+            values |= _initial_values(agent, model)
         self.joints = tuple(self.model.names)[1:]
         self.column = {name: self.model.joints[number + 1].idx_q for number, name in enumerate(self.joints)}
         self.lower, self.upper = self.model.lowerPositionLimit.copy(), self.model.upperPositionLimit.copy()
@@ -267,9 +268,11 @@ def _degrees(name: str, value: float) -> float:
     return value if name in human.PRISMATIC else float(np.degrees(value))
 
 
-def _initial_values(agent: Agent) -> dict[str, float]:
-    """Return `agent.joint` -> initial value [rad, m]."""
+def _initial_values(agent: Agent, model: pin.Model) -> dict[str, float]:
+    """Return `agent.joint` -> initial value [rad, m]; a scene states [deg, m]."""
     values = rest_posture(agent.stature, agent.sex) if isinstance(agent, Human) else {}
     for name, value in agent.joints.items():
-        values[name] = value if name in human.PRISMATIC else float(np.radians(value))
+        full = f"{agent.name}.{name}"
+        prismatic = model.existJointName(full) and slides(model.joints[model.getJointId(full)])
+        values[name] = value if prismatic else float(np.radians(value))
     return {f"{agent.name}.{name}": value for name, value in values.items()}

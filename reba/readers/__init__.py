@@ -5,11 +5,10 @@ open_recording (formats, mcap) -> choose (recognise) -> collect (mapping) -> qua
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from reba.checks import PATH, TEXT, YES_NO, accepts
-from reba.errors import ReadError, RebaError
+from reba.errors import RebaError
 from reba.posture.table import PostureTable
 from reba.readers import formats
 from reba.readers.build_table import build_table
@@ -57,11 +56,6 @@ def read(
         ProfileError: no profile fits, two fit equally, or the recording has several bodies.
         RebaError: `neutral` is wrong.
     """
-    for name, value in (("path", path), ("profile", profile)):
-        if not isinstance(value, str | os.PathLike):
-            raise ReadError(str(value), f"{name} is of type {type(value).__name__}, expected text or a Path")
-    if topic is not None and not isinstance(topic, str):
-        raise ReadError(str(path), f"topic is {topic!r}, expected the name of a stream")
     parse_neutral(neutral)
     known = profiles() if str(profile) == "auto" else (find_profile(profile),)
     recording = open_recording(path, strict=strict)

@@ -109,7 +109,7 @@ def test_a_placed_object_keeps_upright_on_the_top_for_any_variables() -> None:
     [
         (
             [KinematicSwitch("grasp", "human.right_han", "box")],
-            ("action 0", "unknown hand", "did you mean 'human.right_hand'"),
+            ("action 1", "unknown hand", "did you mean 'human.right_hand'"),
         ),
         ([KinematicSwitch("grasp", RIGHT, "bux")], ("unknown object 'bux'",)),
         ([KinematicSwitch("place", RIGHT, "box", "table.near")], ("attached to table.near", "grasp it first")),

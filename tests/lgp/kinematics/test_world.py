@@ -10,7 +10,7 @@ import pytest
 from lgp.errors import WorldError
 from lgp.kinematics import features, robot
 from lgp.kinematics.world import World
-from lgp.scene.scene_file import read_scene
+from lgp.scene.scene_file import load_scene, read_scene
 from tests.support.lgp_worlds import anywhere, differences, human_world, needs_robots, screwdriver_world
 from tests.support.says import says
 
@@ -117,3 +117,13 @@ def test_hands_without_a_limit_change_nothing_else() -> None:
     assert {hand.tilt for hand in free.scene.hands.values()} == {180.0}
     assert free.joints == world.joints
     assert free.scene.tables == world.scene.tables
+
+
+@needs_robots
+def test_initial_values_of_prismatic_joints_are_metres() -> None:
+    scene = load_scene("screwdriver_panda")
+    (name, robot), *_ = scene.robots.items()
+    free = tuple(pattern for pattern in robot.locked if "finger" not in pattern)
+    joints = {**robot.joints, "panda_finger_joint1": 0.03}
+    world = World(replace(scene, robots={**scene.robots, name: replace(robot, locked=free, joints=joints)}))
+    assert world.initial_configuration[world.column[f"{name}.panda_finger_joint1"]] == pytest.approx(0.03)
