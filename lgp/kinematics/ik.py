@@ -21,14 +21,11 @@ def least_squares(
     """Return joints (n, k) and the largest absolute residual (n,) of n independent problems.
 
     A joint at a limit that the gradient step would violate takes no part in the step. A problem ends once its largest
-    residual is below the tolerance.
+    residual is below the tolerance, or after `iterations` steps.
 
     Args:
-        residuals: values and Jacobians of the problems.
         initial: (n, k).
         lower, upper: joint limits (k,).
-        tolerance: of the largest residual.
-        iterations: at most.
     """
     x = np.clip(initial, lower, upper)
     problems = np.arange(len(x))
