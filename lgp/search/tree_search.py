@@ -33,7 +33,6 @@ class BoundResult:
     """Result of one level for one sequence.
 
     Attributes:
-        feasible: whether its constraints can be satisfied.
         cost: of its optimum, inf where infeasible.
         reason: why it is infeasible, one sentence.
         conflict: consecutive actions that are infeasible in any sequence, () if only this one is known to be.
@@ -100,7 +99,6 @@ class Node:
         action: last action, None at the root.
         skeleton: all actions.
         state: symbolic state after them.
-        goal: whether the goal holds.
         actions_left: estimated number of actions to the goal.
         costs: level -> cost.
         bound: lower bound of any path through this node.
@@ -144,10 +142,8 @@ class SearchResult:
     """Result of a search.
 
     Attributes:
-        status: how it ended.
         skeleton, cost, payload: of the best path, () and inf where there is none.
         bound: lower bound on the cost of any path within the depth.
-        nodes: the searched tree.
         statistics: level -> problems solved.
         expanded, pruned: nodes extended, nodes cut off by bounds or known conflicts.
         seconds: wall-clock time [s].
@@ -181,9 +177,6 @@ def search(task: Task, bounds: Bounds, budget: Budget | None = None, first: Skel
     best plan so far.
 
     Args:
-        task: initial state, goal and actions.
-        bounds: levels of a sequence.
-        budget: limits of the search.
         first: a promising sequence; its path is solved first, so that its cost prunes others.
     """
     return _Search(task, bounds, budget or Budget(), first).run()
