@@ -143,14 +143,14 @@ def method_of(model: Surrogate, temperature: float | None = None, name: str = ""
 
 @dataclass(frozen=True)
 class ReachResult:
-    """Results of a method on tasks x starts.
+    """Results of a method on tasks x starts: exact scores, and means per run.
 
     Attributes:
-        scores: (tasks, starts) exact scores, `INFEASIBLE` where the targets were not reached.
+        scores: (tasks, starts), `INFEASIBLE` where the targets were not reached.
         infeasible: share of runs that did not reach their targets.
-        evaluations: mean number of objective evaluations per run.
-        constraint_evaluations: mean number of evaluations of the hand positions per run.
-        seconds: mean wall time per run [s].
+        evaluations: of the objective.
+        constraint_evaluations: of the hand positions.
+        seconds: wall time [s].
     """
 
     scores: NDArray[np.int64]
