@@ -108,9 +108,7 @@ def plan_within(
 ) -> Plan:
     """Return the plan from prepared bounds, which keep solved problems from earlier calls for the same scene.
 
-    Args:
-        sequence: actions to plan for instead of searching.
-        first: sequence to expand first, as for `lgp.search.tree_search.search`.
+    A `sequence` is planned for instead of searching; `first` is as for `lgp.search.tree_search.search`.
     """
     result = search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence)
     return _record(bounds.world.scene, bounds, result)

@@ -65,8 +65,7 @@ def minimise(
 
     Args:
         objectives: one per stage, such as those of `GraduatedModel.stages_`.
-        start: (d,) [deg].
-        low, high: (d,) limits [deg].
+        start, low, high: initial pose and limits (d,) [deg].
         free_start: minimise the first objective without the constraint before the stages. If it is convex, a few
             evaluations lead from any start to its global minimum; under the constraint a start far away ends in a
             local minimum or stays infeasible.

@@ -50,11 +50,10 @@ def learn(
     updates: int,
     rng: np.random.Generator,
 ) -> SoftTables:
-    """Return tables fitted to poses by weighted least squares, at the temperature of the initial tables `start`.
+    """Return tables fitted to n poses by weighted least squares, at the temperature of the initial tables `start`.
 
     Args:
-        angles: (n, 22) [deg].
-        scores: (n,) true REBA scores.
+        angles: (n, 22) [deg], with true REBA scores (n,).
         weights: (n,) weights of the squared errors, not negative.
         added: (3, n) or (3, 1) points added to Score A and both Scores B.
         activity: points added to the total, a scalar or (n,).

@@ -77,14 +77,13 @@ class Pass(NamedTuple):
 
 @dataclass(frozen=True)
 class SoftTables:
-    """Smooth tables at one temperature.
+    """Smooth tables at one temperature [deg], above 0.
 
     Attributes:
         thresholds: (27,) [deg] along the direction of each step of `reba.method.steps.STEPS`.
         heights: (27,) points a step adds, not negative.
         overlap: (3,) share of one point common to both adjustments of trunk, neck, wrist: 1 one together, 0 one each.
         table_a, table_b, table_c: (5, 3, 4), (6, 2, 3), (12, 12), non-decreasing along every axis.
-        temperature: [deg], above 0.
 
     Example:
         >>> tables = SoftTables.of(Rules(), temperature=0.001)

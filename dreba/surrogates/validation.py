@@ -42,10 +42,7 @@ def check_sample_count(n: int) -> None:
 def checked_joints(named: Any, columns: int, kind: str, any_columns: bool) -> tuple[str, ...]:
     """Return the names of d columns: `named`, or by default those of the posture table for d = 22, else x0, x1 ...
 
-    Args:
-        columns: number of columns, d.
-        kind: kind of the model, for the error.
-        any_columns: whether names outside the posture table are admissible.
+    Names outside the posture table are admissible for `any_columns` only; `kind` is for the error.
 
     Raises:
         ModelError: another number of names, an unknown name, or one twice.

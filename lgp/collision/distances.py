@@ -26,11 +26,9 @@ CONTACT_DEPTH = 0.02
 
 @dataclass(frozen=True)
 class Distances:
-    """Signed distances of m rows.
+    """Signed distances (m,) [m], negative in penetration, each of one pair in one slice.
 
     Attributes:
-        slices, pairs: slice and pair of each row (m,).
-        value: (m,) [m], negative in penetration.
         by_q: Jacobian (m, nq).
         by_variables: Jacobian (m, nz) by the variables of the sequence.
     """
@@ -45,8 +43,7 @@ class Distances:
 class Collisions:
     """The collision shapes of a world and the pairs that must not touch.
 
-    Args:
-        modes: attachments of the objects in each phase; their initial ones by default.
+    Without `modes` the objects have their initial attachments.
 
     Attributes:
         pairs: (first, second) numbers of shapes.

@@ -264,7 +264,6 @@ class ScrewConstraint:
     """The constraint of a screw between two objects: both stand as assembled, the tool is on the screw and aligned.
 
     Attributes:
-        assembly: relative pose of the parts, position and direction of the screw.
         hand: the hand with the tool.
         first, second: attachments of the parts, in the order of the assembly.
         size: number of variables nz of the whole sequence.

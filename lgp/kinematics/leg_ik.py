@@ -98,12 +98,11 @@ def _flexion(distance: Array, thigh: float, shank: float) -> tuple[Array, Array]
 
 
 def _leg(body: Array, from_ankle: Array, knee: Array, thigh: float, shank: float) -> tuple[Array, ...]:
-    """Return hip Z, X, Y, knee, ankle Z, X of a right leg, (n,) each [rad].
+    """Return hip Z, X, Y, knee, ankle Z, X of a right leg, (n,) each [rad], for a knee flexion (n,) [rad].
 
     Args:
         body: (n, 3, 3) pelvis in the axes of the foot.
         from_ankle: (n, 3) hip relative to the ankle in the axes of the foot [m].
-        knee: (n,) flexion [rad].
     """
     ankle_x = np.arctan2(-from_ankle[:, 2], from_ankle[:, 1])
     upright = np.hypot(from_ankle[:, 1], from_ankle[:, 2])

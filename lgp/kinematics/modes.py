@@ -89,10 +89,9 @@ A new action is a record here, an action in a PDDL domain, and a sentence in `lg
 
 @dataclass(frozen=True)
 class KinematicSwitch:
-    """One action as geometry.
+    """One action, of a kind in `ACTIONS`, as geometry.
 
     Attributes:
-        kind: one of `ACTIONS`.
         hand: that acts; the one that takes the object in a handover.
         table: on which the object is placed.
         giver: hand that hands it over.
@@ -216,10 +215,9 @@ class ModeSequence:
     def pose_continuity(self, number: int, kinematics: Kinematics, z: Array) -> Feature:
         """Return the difference of the poses of an object after and before a switch, (n, 6) [m, rad], by (q, z).
 
-        It is zero in a feasible switch.
+        It is zero in a feasible switch. The switch must have a `contact`.
 
         Args:
-            number: of a switch with a `contact`.
             kinematics: of the slice in which it happens (n = 1), or of n candidates for it.
             z: (nz,).
         """
@@ -242,9 +240,9 @@ class ModeSequence:
         return ScrewConstraint(assembly, self.world.scene.hands[switch.hand], first, second, self.size)
 
     def guess(self, keyframes: Array) -> Array:
-        """Return variables (nz,) with continuous poses at the keyframes (K, nq), one at the end of each phase.
+        """Return variables (nz,) with continuous poses at the keyframes (K, nq), as far as their bounds allow.
 
-        The poses are continuous as far as the bounds of the variables allow.
+        Keyframe k is the configuration at the end of phase k.
         """
         z = np.clip(np.zeros(self.size), self.lower, self.upper)
         kinematics = self.world.at(keyframes, self.frames)

@@ -29,10 +29,9 @@ CLOSE = 1e-3
 
 @dataclass(frozen=True)
 class Reachability:
-    """The reachability map of a scene.
+    """The reachability map of a scene: a row of `data` for each hand, table, height and spot.
 
-    Attributes:
-        data: one row per hand, table, height and spot: `hand table height x y reached miss` [m].
+    Its columns are `hand table height x y reached miss` [m].
     """
 
     data: pd.DataFrame

@@ -92,11 +92,9 @@ class PathBounds:
         stage: int = -1,
         collision_constraints: CollisionConstraints | None = None,
     ) -> PathProblem:
-        """Return the problem of a level: "pose", "sequence" or "path".
+        """Return the problem of a level: "pose", "sequence" or "path", only the last one with collision constraints.
 
-        Args:
-            stage: continuation stage of the ergonomic cost.
-            collision_constraints: at the level "path" only.
+        `stage` is the continuation stage of the ergonomic cost.
         """
         last = phases.count - 1
         return PathProblem(

@@ -57,7 +57,6 @@ def solve_collision_free(
         first: result of the problem with these constraints. The free path leads to better minima than most guesses.
         options: of the solver; its iterations are those of the last round.
         solved: whether `first` is at its minimum; otherwise it is an initial guess only.
-        rounds: of constraint generation.
         cost_limit: cost at which to stop: more constraints seldom make a path cheaper.
     """
     problem, result = problem_of(constraints), first

@@ -126,8 +126,7 @@ def _restricted(cost: Array, at: Indices) -> Array:
 class RowBlocks:
     """A sparse matrix (CSR) of dense blocks one below the other, each on its own of the `width` columns.
 
-    Args:
-        blocks: (number of rows, columns in rising order) of each block.
+    A block is given by its number of rows and its columns in rising order.
     """
 
     def __init__(self, blocks: Sequence[tuple[int, Indices]], width: int) -> None:

@@ -156,8 +156,7 @@ class KeyframeSolver:
     def _solve(self, problem: PathProblem, guesses: list[Array], options: SolverOptions) -> tuple[Result | None, str]:
         """Return the cheapest feasible result over the initial guesses, or None and the constraint that failed least.
 
-        Args:
-            guesses: x (n,) or configurations (P, nq); restarts are drawn around the last one, which has these.
+        A guess is x (n,) or configurations (P, nq); restarts are drawn around the last one, which has these.
         """
         best: Result | None = None
         least: tuple[float, str] = (math.inf, "")

@@ -189,10 +189,8 @@ def contact_curvature(
 
     Args:
         sides: attachment of the object after the switch, and before.
-        limbs: columns of q.
-        own: places in z.
+        limbs, own: columns of q, places in z (nz,).
         kinematics: of the slice of the switch (n = 1).
-        z: (nz,) all variables.
         y: (6,) weights of the rows: difference of positions, rotation vector in the frame of the first pose.
     """
     poses = [side.pose(kinematics, z[side.variables]) for side in sides]

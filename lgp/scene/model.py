@@ -46,11 +46,9 @@ class Hand:
 
 @dataclass(frozen=True)
 class Agent:
-    """The human or a robot.
+    """The human or a robot, its base at `position` [m] with `yaw` [deg], 0 faces x.
 
     Attributes:
-        position: of its base [m].
-        yaw: [deg], 0 faces x.
         locked: patterns of joints that do not move.
         joints: joint -> initial value [deg, m for prismatic joints] where it differs from the rest posture.
     """
