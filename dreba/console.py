@@ -29,12 +29,7 @@ def show_evaluation(console: Console, name: str, evaluation: Evaluation) -> None
 
 
 def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]], domain: str) -> None:
-    """Print RMSE per class, rank correlation and time per pose of models, one column each.
-
-    Args:
-        rows: rows of `dreba.compare`, with "model", "classes", "overall" and "seconds_per_pose".
-        domain: name of the domain of the poses.
-    """
+    """Print the rows of `dreba.compare`: RMSE per class, rank correlation and time per pose, one column a model."""
     scores = sorted({int(score) for row in rows for score in row["classes"]} | set(PUBLISHED))
     # Classes as columns would not fit a terminal of 80 characters.
     title = f"RMSE per REBA class, domain {domain}, beside the published Table I"

@@ -74,11 +74,7 @@ def poses_options(command: Command) -> Command:
 
 
 def refuse_drawing(poses_file: str | None, *allowed: str) -> None:
-    """Refuse options of drawn poses together with --poses, except the `allowed` ones.
-
-    Raises:
-        SampleError: one of them is on the command line.
-    """
+    """Refuse options of drawn poses together with --poses, except the `allowed` ones (SampleError)."""
     if poses_file is None:
         return
     context = click.get_current_context()
@@ -107,11 +103,7 @@ def draw_poses(drawing: dict[str, Any], rng: Any, domain: str | Domain = "human"
 
 
 def classes_of(text: str) -> list[int]:
-    """Return the scores of "1:10" or "1,2,5".
-
-    Raises:
-        SampleError: the text is neither.
-    """
+    """Return the scores of "1:10" or "1,2,5"; SampleError for any other text."""
     try:
         low, colon, high = text.partition(":")
         return (
@@ -129,11 +121,7 @@ def joints_of(text: str | None) -> str | tuple[str, ...] | None:
 
 
 def hold_of(text: str | None) -> str | dict[str, float] | None:
-    """Return the value of `--hold`: "neutral", angles [deg] by column, or None.
-
-    Raises:
-        SampleError: an item is not COLUMN=DEGREES.
-    """
+    """Return the value of `--hold`: "neutral", angles [deg] by column from items COLUMN=DEGREES, or None."""
     if text is None or text == NEUTRAL:
         return text
     held: dict[str, float] = {}
@@ -152,8 +140,7 @@ def hold_of(text: str | None) -> str | dict[str, float] | None:
 def drawn_domain(domain: str | None, joints: Any, hold: Any) -> Domain:
     """Return the domain of drawn poses: only `joints` vary, and columns of `hold` have their angle.
 
-    Raises:
-        SampleError: `joints` is "measured", which needs a recording.
+    "measured" joints are refused (SampleError): they need a recording.
     """
     if joints == MEASURED:
         raise SampleError(f"--joints {MEASURED} needs a recording; add --poses, or name columns")
@@ -164,11 +151,7 @@ def drawn_domain(domain: str | None, joints: Any, hold: Any) -> Domain:
 
 
 def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, joints: Any) -> Surrogate:
-    """Return an unfitted model with parameters from texts NAME=VALUE.
-
-    Raises:
-        ModelError: an unknown kind or option.
-    """
+    """Return an unfitted model with parameters from texts NAME=VALUE; ModelError for an unknown kind or option."""
     from dreba.surrogates.library import KINDS
 
     if kind not in KINDS:
@@ -196,11 +179,7 @@ def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, j
 
 
 def refuse_same_files(outputs: dict[str, str | None], *inputs: str | None) -> None:
-    """Refuse an output that is also an input or another output, before any computation.
-
-    Raises:
-        ModelError: two of them are the same file.
-    """
+    """Refuse an output that is also an input or another output (ModelError), before any computation."""
     used = {Path(path).resolve() for path in inputs if path is not None}
     for option, path in outputs.items():
         if path is None:

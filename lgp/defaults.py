@@ -1,4 +1,4 @@
-"""Defaults that commands name in their help, apart from the packages that planning loads."""
+"""Defaults that commands name in their help, without the packages that planning loads."""
 
 from __future__ import annotations
 

@@ -107,11 +107,7 @@ class Motion:
 
 
 def human_joints(world: World, path: Array) -> dict[str, Array]:
-    """Return joint -> (T,) value [rad, m] of all 41 joints of the human in configurations (T, nq).
-
-    Raises:
-        LgpError: there is no human in the scene.
-    """
+    """Return joint -> (T,) value [rad, m] of all 41 joints of the human in a path (T, nq); LgpError without a human."""
     person = world.scene.human
     if person is None:
         raise LgpError(f"{world.scene.name}: the scene has no human; add a [human] table")

@@ -219,11 +219,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _scene(file: Path, data: Any) -> Scene:
-    """Return the scene of a saved plan.
-
-    Raises:
-        LgpError: it is missing or invalid.
-    """
+    """Return the scene of a saved plan; LgpError where it is missing or invalid."""
     if not isinstance(data, dict) or not isinstance(data.get("values"), dict):
         raise LgpError(f"{file}: its scene is missing; the file is damaged, plan again")
     return read_scene(data["values"], str(data.get("name")))

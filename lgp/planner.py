@@ -108,23 +108,14 @@ def plan_within(
 ) -> Plan:
     """Return the plan from prepared bounds, which keep solved problems from earlier calls for the same scene.
 
-    Args:
-        bounds: cost, initial configuration and kinematics of the scene.
-        task: of the scene.
-        sequence: actions to plan for instead of searching.
-        budget: of the search.
-        first: sequence to expand first, as for `lgp.search.tree_search.search`.
+    A `sequence` is planned for instead of searching; `first` is as for `lgp.search.tree_search.search`.
     """
     result = search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence)
     return _record(bounds.world.scene, bounds, result)
 
 
 def task_of(scene: Scene) -> Task:
-    """Return the symbolic task of a scene.
-
-    Raises:
-        LogicError: the domain, the initial state or the goal is invalid.
-    """
+    """Return the symbolic task of a scene; LogicError where its domain, initial state or goal is invalid."""
     return ground(
         _domain(scene.domain), scene.object_types, map(parse_atom, scene.initial), map(parse_atom, scene.goal)
     )

@@ -64,11 +64,7 @@ def values_on(model: Surrogate, poses: Poses, temperature: float | None) -> Arra
 
 
 def check_temperature(model: Surrogate, temperature: float | None) -> None:
-    """Refuse a temperature for a model without temperatures.
-
-    Raises:
-        ModelError: the model has none.
-    """
+    """Refuse a temperature for a model without temperatures (ModelError)."""
     if temperature is not None and not model.temperatures_:
         raise ModelError(
             f"kind {model.kind!r} has no temperature; leave it out (soft and graduated models have temperatures)"
@@ -76,11 +72,7 @@ def check_temperature(model: Surrogate, temperature: float | None) -> None:
 
 
 def angles_for(model: Surrogate, poses: Poses) -> Array:
-    """Return the angles (n, d) [deg] of poses in the order of a model's joints.
-
-    Raises:
-        ModelError: a joint of the model is not a column of the posture table.
-    """
+    """Return the angles (n, d) [deg] of poses in the order of a model's joints; all must be in the posture table."""
     unknown = [joint for joint in model.joints_ if joint not in INDEX]
     if unknown:
         raise ModelError(
@@ -174,9 +166,7 @@ def enable(
 
     Args:
         models: fitted models by name; those without all 22 columns of the posture table are left out.
-        tasks: number of reach tasks.
-        seed: seed of tasks and starts.
-        jobs: number of processes.
+        seed: of tasks and starts.
         scheduler: address of a Dask scheduler instead of local processes.
 
     Returns:
@@ -221,11 +211,7 @@ def _reach(case: tuple[Any, tuple[Starts, Surrogate]], tasks: int, seed: int) ->
 def _in_parallel(
     work: Callable[[tuple[Name, Item]], Result], items: Mapping[Name, Item], jobs: int, scheduler: str | None
 ) -> dict[Name, Result]:
-    """Return the results of `work` for every item, in their order.
-
-    Raises:
-        ModelError: the process of an item died.
-    """
+    """Return the results of `work` for every item, in their order; ModelError where the process of an item died."""
     results: dict[Name, Result] = {}
     for (name, _), result in run_parallel(work, items.items(), jobs=min(jobs, len(items) or 1), scheduler=scheduler):
         if isinstance(result, WorkerDied):

@@ -104,11 +104,10 @@ SINGLE_STAGE: Final = Effort(iterations=100, tolerance=1e-4)
 
 @dataclass(frozen=True)
 class Method:
-    """Solution method of a reach task: the stages and the options of `staged_minimiser.minimise`.
+    """Solution method of a reach task: objectives of the 22 angles, one per stage, and options of the minimisation.
 
     Attributes:
         name: row of tables.
-        objectives: objectives of the 22 angles, one for each stage.
         free_start: see `staged_minimiser.minimise`.
         effort: limits of the stages.
         select_by_score: whether the result is the stage end of the lowest exact score.
@@ -122,10 +121,9 @@ class Method:
 
 
 def method_of(model: Surrogate, temperature: float | None = None, name: str = "", free_start: bool = True) -> Method:
-    """Return a model as a method: the stages of a graduated model, or one stage for any other.
+    """Return a model of all 22 columns as a method: the stages of a graduated model, or one stage for any other.
 
     Args:
-        model: fitted on all 22 columns.
         temperature: [deg] of a model with temperatures; None for its default, or for all stages of a graduated one.
         name: row of tables, the kind by default.
         free_start: of a graduated model.
@@ -143,14 +141,13 @@ def method_of(model: Surrogate, temperature: float | None = None, name: str = ""
 
 @dataclass(frozen=True)
 class ReachResult:
-    """Results of a method on tasks x starts.
+    """Results of a method on tasks x starts: exact scores, and means per run of evaluations and wall time.
 
     Attributes:
-        scores: (tasks, starts) exact scores, `INFEASIBLE` where the targets were not reached.
+        scores: (tasks, starts), `INFEASIBLE` where the targets were not reached.
         infeasible: share of runs that did not reach their targets.
-        evaluations: mean number of objective evaluations per run.
-        constraint_evaluations: mean number of evaluations of the hand positions per run.
-        seconds: mean wall time per run [s].
+        evaluations: of the objective.
+        constraint_evaluations: of the hand positions.
     """
 
     scores: NDArray[np.int64]

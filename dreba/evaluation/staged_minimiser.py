@@ -35,14 +35,12 @@ class Effort:
 
 @dataclass(frozen=True)
 class Minimum:
-    """Result of a staged minimisation.
+    """Result of a staged minimisation: the point x (d,) [deg] and the stage ends (k, d) [deg], the free start included.
 
     Attributes:
-        x: (d,) [deg].
         residual: largest absolute constraint residual at x.
         evaluations: number of evaluations of objectives with gradients, over all stages.
         constraint_evaluations: number of evaluations of the constraint with its Jacobian.
-        stages: (k, d) [deg] end of each stage, the free start included.
     """
 
     x: Array
@@ -63,13 +61,11 @@ def minimise(
     effort: Effort = Effort(),
     score: Callable[[Array], float] | None = None,
 ) -> Minimum:
-    """Return the minimum of the last objective under a constraint, reached stage by stage.
+    """Return the minimum of the last objective under an equality constraint, reached stage by stage.
 
     Args:
-        objectives: objectives of the stages, such as those of `GraduatedModel.stages_`.
-        start: (d,) [deg].
-        low, high: (d,) limits [deg].
-        constraint: equality constraint.
+        objectives: one per stage, such as those of `GraduatedModel.stages_`.
+        start, low, high: initial pose and limits (d,) [deg].
         free_start: minimise the first objective without the constraint before the stages. If it is convex, a few
             evaluations lead from any start to its global minimum; under the constraint a start far away ends in a
             local minimum or stays infeasible.

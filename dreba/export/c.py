@@ -157,11 +157,7 @@ def values(array: ArrayLike, whole: bool = False) -> str:
 
 
 def _soft(model: SoftModel, temperature: float | None) -> dict[str, Any]:
-    """Return the fields of the template `_SOFT`.
-
-    Raises:
-        ModelError: the model does not have all 22 columns, or not this temperature.
-    """
+    """Return the fields of the template `_SOFT`; ModelError without all 22 columns or without this temperature."""
     if model.joints_ != COLUMNS:
         raise ModelError(f"soft tables of {len(model.joints_)} columns cannot be exported; fit on all 22")
     tables = model.tables(temperature)

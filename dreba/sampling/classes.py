@@ -58,7 +58,6 @@ def parts_of(domain: Domain, factors: FactorPoints, weights: Weights) -> tuple[l
     """Return the parts of a domain: trunk, neck, legs; and upper arm, lower arm, wrist of each arm in `arms_of`.
 
     Args:
-        domain: limits and rules.
         factors: points of the factors that all poses share.
         weights: "bins": every bin of an angle has the same probability; "volume": in proportion to its width; "cells":
             every part score has the same probability, boxes inside it in proportion to their volume.

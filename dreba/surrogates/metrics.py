@@ -65,11 +65,7 @@ class Evaluation:
 
 
 def evaluation_of(kind: str, values: ArrayLike, scores: ArrayLike) -> Evaluation:
-    """Return the error of values (n,) against true scores (n,).
-
-    Raises:
-        ModelError: there are no poses, or a value is not finite.
-    """
+    """Return the error of values (n,) against true scores (n,); ModelError without poses or for a value not finite."""
     predicted, true = np.asarray(values, np.float64), np.asarray(scores).astype(int)
     if predicted.shape != true.shape or not len(true):
         raise ModelError(
@@ -94,11 +90,7 @@ def evaluation_of(kind: str, values: ArrayLike, scores: ArrayLike) -> Evaluation
 
 
 def distance_to_published(evaluation: Evaluation) -> float:
-    """Return the root mean square difference of the RMSE per class to Table I over classes 1 to 10.
-
-    Raises:
-        ModelError: one of these classes has no pose.
-    """
+    """Return the root mean square difference of the RMSE per class to Table I; classes 1 to 10 must all have poses."""
     missing = [score for score in PUBLISHED if score not in evaluation.classes]
     if missing:
         raise ModelError(f"no pose has REBA {missing[0]}; expected poses of all classes 1 to 10 of Table I")

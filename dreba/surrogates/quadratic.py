@@ -214,12 +214,8 @@ _SCALE = 100.0
 def fit_polynomial(bins: Bins, convex: bool = True) -> Array:
     """Return (c0, c1, c2) of the least-squares polynomial c0 + c1 q + c2 q^2 of a step function, q [deg].
 
-    The squared error is integrated exactly over the range of the angle. If `convex` and c2 < 0, the best convex
-    parabola is the least-squares line.
-
-    Args:
-        bins: k + 1 edges [deg] and the k points between them.
-        convex: whether c2 >= 0 is required.
+    The squared error is integrated exactly over the range of the angle. If c2 >= 0 is required (`convex`) and c2 < 0,
+    the best convex parabola is the least-squares line.
 
     Example:
         >>> fit_polynomial(Bins((-30.0, -10.0, 10.0, 30.0), (1, 0, 1))).round(4).tolist()
@@ -286,11 +282,7 @@ def build_qp(features: Array, targets: Array, sample_weight: Array, free: Flags)
 
 
 def solve(program: LeastSquares) -> Array:
-    """Return the optimal weights (k,).
-
-    Raises:
-        ModelError: the solver fails, or its solution does not satisfy the optimality conditions.
-    """
+    """Return the optimal weights (k,); ModelError unless the solution satisfies the optimality conditions."""
     from qpsolvers import solve_qp
     from scipy.sparse import csc_matrix
 

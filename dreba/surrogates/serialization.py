@@ -143,20 +143,12 @@ def _build(data: dict[str, Any]) -> Any:
 
 
 def save(model: Serialisable, path: str | Path) -> None:
-    """Write a model file, completely or not at all.
-
-    Raises:
-        ModelError: the model is not fitted, or the file cannot be written.
-    """
+    """Write a model file, completely or not at all (ModelError)."""
     write(path, json.dumps(to_dict(model), indent=1) + "\n")
 
 
 def write(path: str | Path, text: str) -> None:
-    """Write a text file, completely or not at all.
-
-    Raises:
-        ModelError: the file cannot be written.
-    """
+    """Write a text file, completely or not at all (ModelError)."""
     try:
         write_atomic(Path(path), lambda part: write_text(part, text))
     except RebaError as error:

@@ -50,12 +50,10 @@ def learn(
     updates: int,
     rng: np.random.Generator,
 ) -> SoftTables:
-    """Return tables fitted to poses by weighted least squares, at the temperature of the initial tables.
+    """Return tables fitted to n poses by weighted least squares, at the temperature of the initial tables `start`.
 
     Args:
-        start: initial tables.
-        angles: (n, 22) [deg].
-        scores: (n,) true REBA scores.
+        angles: (n, 22) [deg], with true REBA scores (n,).
         weights: (n,) weights of the squared errors, not negative.
         added: (3, n) or (3, 1) points added to Score A and both Scores B.
         activity: points added to the total, a scalar or (n,).
@@ -124,13 +122,7 @@ class _ClassWeights:
 
 
 def by_parameters(tables: SoftTables, run: Pass, weight: Array) -> dict[str, Array]:
-    """Return the derivatives of sum(weight * value) by every parameter, in the shapes of `SoftTables`.
-
-    Args:
-        tables: tables of the forward pass.
-        run: forward pass of n poses.
-        weight: (n,).
-    """
+    """Return the derivatives of sum(weight * value) by every parameter, in the shapes of `SoftTables`, weight (n,)."""
     by_table = tables.reverse_tables(run, weight)
     by_part = tables.reverse_parts(run, by_table)
     by_group = tables.reverse_groups(by_part, run)

@@ -24,13 +24,13 @@ SINGLE: Final = np.array([6, 1, 2, 4, 5])
 
 
 class StepRows(NamedTuple):
-    """Every step written out once a side and a direction.
+    """Every step written out once a side and a direction, r rows.
 
     Attributes:
-        step: (r,) number of the step each row belongs to.
-        column: (r,) column among the 22 angles and the larger of both knee flexions (22).
-        sense: (r,) +1.0 or -1.0.
-        group: (r,) number of the row's group in `GROUPS`.
+        step: number of the step each row belongs to.
+        column: column among the 22 angles and the larger of both knee flexions (22).
+        sense: +1.0 or -1.0.
+        group: number of the row's group in `GROUPS`.
     """
 
     step: Indices

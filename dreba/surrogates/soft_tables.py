@@ -44,22 +44,17 @@ class Pass(NamedTuple):
     """Intermediate results of a forward pass of n poses, for the reverse pass and for curvature.
 
     Attributes:
-        value: (n,).
         steps: (45, n) tanh of half the step arguments.
         groups: (17, n) sums of the steps.
-        knee: (n,) derivative of the smooth maximum of the knees by the left one.
-        knee_root: (n,) [deg] smooth absolute difference of the knees.
+        knee, side: (n,) derivative of the smooth maximum of the knees, of both Scores B, by the left one.
+        knee_root, side_root: (n,) smooth absolute difference of the knees [deg], of both Scores B.
         inside: (9, n) 1.0 where a part is within its table, else 0.0.
         place: (9, n) position in the table cell, 0 to 1.
         cell: (3, n) cell number of A, B left, B right.
         coef: (8, 3, n) monomial coefficients of these cells.
         slopes: (3, 3, n) derivatives of A, B left, B right by their three parts.
-        side: (n,) derivative of the smooth maximum of both Scores B by the left one.
-        side_root: (n,) smooth absolute difference of both Scores B.
-        cell_c: (n,) cell number of Table C.
-        place_c: (2, n) position in this cell.
-        slopes_c: (2, n) derivatives by Score A and Score B.
-        cross_c: (n,) mixed derivative by both.
+        cell_c, place_c: (n,) cell number of Table C, (2, n) position in this cell.
+        slopes_c, cross_c: (2, n) derivatives by Score A and Score B, (n,) mixed derivative by both.
     """
 
     value: Array
@@ -82,14 +77,13 @@ class Pass(NamedTuple):
 
 @dataclass(frozen=True)
 class SoftTables:
-    """Smooth tables at one temperature.
+    """Smooth tables at one temperature [deg], above 0.
 
     Attributes:
         thresholds: (27,) [deg] along the direction of each step of `reba.method.steps.STEPS`.
         heights: (27,) points a step adds, not negative.
         overlap: (3,) share of one point common to both adjustments of trunk, neck, wrist: 1 one together, 0 one each.
         table_a, table_b, table_c: (5, 3, 4), (6, 2, 3), (12, 12), non-decreasing along every axis.
-        temperature: [deg], above 0.
 
     Example:
         >>> tables = SoftTables.of(Rules(), temperature=0.001)
@@ -180,10 +174,9 @@ class SoftTables:
         return out + activity
 
     def value_gradient(self, angles: Array, added: Array | None = None, activity: Any = 0.0) -> tuple[Array, Array]:
-        """Return values (n,) and gradients (n, 22) [1/deg].
+        """Return values (n,) and gradients (n, 22) [1/deg] at angles (n, 22) [deg].
 
         Args:
-            angles: (n, 22) [deg].
             added: (3, n) or (3, 1) points of load and coupling, added to Score A, Score B left and right; None for 0.
             activity: points added to the total, a scalar or (n,).
         """

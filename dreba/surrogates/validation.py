@@ -17,11 +17,7 @@ from reba.posture.columns import COLUMNS
 
 
 def checked_weights(sample_weight: ArrayLike | None, n: int) -> Array:
-    """Return the weights (n,) of n poses; ones for None.
-
-    Raises:
-        ModelError: not numbers, another length, negative, infinite, or only zeros.
-    """
+    """Return the weights (n,) of n poses, ones for None; ModelError unless finite, not negative and not all 0."""
     try:
         weights = np.ones(n) if sample_weight is None else np.asarray(sample_weight, np.float64)
     except (TypeError, ValueError) as error:
@@ -38,11 +34,7 @@ def checked_weights(sample_weight: ArrayLike | None, n: int) -> Array:
 
 
 def check_sample_count(n: int) -> None:
-    """Refuse a single pose, to which no model can be fitted.
-
-    Raises:
-        ModelError: n is below 2.
-    """
+    """Refuse a single pose (ModelError), to which no model can be fitted."""
     if n < 2:
         raise ModelError(f"{n} sample is too few for a fit; expected 1000 or more poses")
 
@@ -50,11 +42,7 @@ def check_sample_count(n: int) -> None:
 def checked_joints(named: Any, columns: int, kind: str, any_columns: bool) -> tuple[str, ...]:
     """Return the names of d columns: `named`, or by default those of the posture table for d = 22, else x0, x1 ...
 
-    Args:
-        named: names, or None.
-        columns: number of columns, d.
-        kind: kind of the model, for the error.
-        any_columns: whether names outside the posture table are admissible.
+    Names outside the posture table are admissible for `any_columns` only; `kind` is for the error.
 
     Raises:
         ModelError: another number of names, an unknown name, or one twice.
@@ -96,11 +84,7 @@ FALLING: Final = Allowed(
 
 
 def check_parameters(allowed: dict[str, Allowed], parameters: dict[str, Any]) -> None:
-    """Check the parameters that `allowed` names.
-
-    Raises:
-        ModelError: a parameter is not admissible.
-    """
+    """Refuse parameters whose values `allowed` does not admit (ModelError)."""
     for name, rule in allowed.items():
         if not rule.fits(parameters[name]):
             raise ModelError(f"{name} is {shown(parameters[name])}; expected {rule.expected}")

@@ -26,11 +26,9 @@ CONTACT_DEPTH = 0.02
 
 @dataclass(frozen=True)
 class Distances:
-    """Signed distances of m rows.
+    """Signed distances (m,) [m], negative in penetration, each of one pair in one slice.
 
     Attributes:
-        slices, pairs: slice and pair of each row (m,).
-        value: (m,) [m], negative in penetration.
         by_q: Jacobian (m, nq).
         by_variables: Jacobian (m, nz) by the variables of the sequence.
     """
@@ -45,12 +43,9 @@ class Distances:
 class Collisions:
     """The collision shapes of a world and the pairs that must not touch.
 
-    Args:
-        world: kinematics and objects.
-        modes: attachments of the objects in each phase; their initial ones by default.
+    Without `modes` the objects have their initial attachments.
 
     Attributes:
-        shapes: every collision shape.
         pairs: (first, second) numbers of shapes.
         frames: frames whose placements are needed.
 
@@ -91,12 +86,7 @@ class Collisions:
     ) -> tuple[Indices, Indices]:
         """Return slices (m,) and pairs (m,) that may be nearer than `within` [m] less their allowed penetration.
 
-        Conservative: every pair that is nearer is among them.
-
-        Args:
-            kinematics: of n slices, with `frames`.
-            phases: phase of each slice (n,).
-            z: variables of the sequence (nz,).
+        Conservative: every pair that is nearer is among them. `phases` (n,) are those of the n slices, z is (nz,).
         """
         rotations, centres = self._poses(kinematics, np.asarray(phases), z)
         first, second = self._sides.T

@@ -21,10 +21,7 @@ def random_start(world: World, rng: np.random.Generator, draws: int = MAX_DRAWS)
     """Return a configuration (nq,) [rad, m] with a random human: joints uniform in their limits, robots as initially.
 
     A draw is rejected if the legs do not reach the floor inside their limits, or if a collision shape of the human is
-    nearer than `CLEARANCE` to another one.
-
-    Raises:
-        WorldError: there is no human, or all draws are rejected.
+    nearer than `CLEARANCE` to another one. WorldError where all draws are rejected or there is no human.
     """
     person = world.scene.human
     if person is None:

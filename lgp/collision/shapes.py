@@ -36,8 +36,7 @@ class CollisionShape:
         frame: frame it is fixed to, "" for the world.
         branch: limb; shapes of one limb are never checked against each other.
         reaches: whether it can touch other limbs of its agent.
-        rotation: (3, 3) in the frame.
-        position: centre (3,) in the frame [m].
+        rotation, position: (3, 3) and centre (3,) [m] in the frame.
         radius: of the bounding sphere [m].
         half, rim: all points within `rim` [m] of a box of half sides `half` (3,) [m]; a segment for a capsule.
         shape: coal geometry, capsules along z.

@@ -32,11 +32,9 @@ FREEDOM: dict[str, tuple[int, ...]] = {"free": (0, 1, 2), "axis": (2,), "jaw": (
 
 @dataclass(frozen=True)
 class Pose:
-    """Poses of an object in n slices.
+    """Poses of an object in n slices: rotation (n, 3, 3) and position (n, 3) [m].
 
     Attributes:
-        rotation: (n, 3, 3).
-        position: (n, 3) [m].
         by_q: Jacobian (n, 6, nq), linear then angular, world axes.
         by_variables: Jacobian (n, 6, m) by the m variables of its attachment.
         variables: the slice of z with these variables.
@@ -77,8 +75,7 @@ class Attachment:
 
     Attributes:
         parent: full name of the hand or table.
-        names: of its m variables.
-        lower, upper: their bounds [m, rad].
+        names: of its m variables; `lower` and `upper` are their bounds [m, rad].
         variables: their slice of z.
         pose: (kinematics of n slices, variables (m,)) -> Pose.
         fit: (kinematics, rotation (3, 3), position (3,), slice) -> variables (m,) of the nearest pose.
@@ -112,13 +109,9 @@ UPRIGHT: dict[str, Array] = {
 def resting(
     table: Table, scene_object: SceneObject, x: float, y: float, yaw: float, up: str = "z"
 ) -> tuple[Array, Array]:
-    """Return rotation (3, 3) and position (3,) [m] of an object on a table.
+    """Return rotation (3, 3) and position (3,) [m] of an object on a table, its axis `up` upwards.
 
-    Args:
-        table: the table.
-        scene_object: the object.
-        x, y, yaw: placement relative to the centre of the top [m, rad].
-        up: axis of the object that points upwards.
+    x, y [m] and yaw [rad] are relative to the centre of the top.
     """
     top = rotation_about_z(np.radians(table.yaw))
     centre = np.array([*table.position, table.height])
@@ -271,10 +264,9 @@ class ScrewConstraint:
     """The constraint of a screw between two objects: both stand as assembled, the tool is on the screw and aligned.
 
     Attributes:
-        assembly: relative pose of the parts, position and direction of the screw.
         hand: the hand with the tool.
         first, second: attachments of the parts, in the order of the assembly.
-        size: number of all variables nz of the sequence.
+        size: number of variables nz of the whole sequence.
     """
 
     assembly: Assembly

@@ -55,11 +55,7 @@ def along(place: Placement, number: int, direction: Array) -> Feature:
 
 
 def tilt(place: Placement, limit: float) -> Feature:
-    """Return cos(limit) - cos(angle between z of a hand and straight down), (n, 1): <= 0 where tilted by at most limit.
-
-    Args:
-        limit: [deg].
-    """
+    """Return cos(limit) - cos(angle between z of a hand and down), (n, 1): <= 0 where tilted at most by limit [deg]."""
     down = along(place, 2, np.array([0.0, 0.0, -1.0]))
     return Feature(np.cos(np.radians(limit)) - down.value, -down.jacobian)
 
@@ -89,11 +85,9 @@ def pose_difference(first: Placement, second: Placement) -> Feature:
 
 
 def position_curvature(jacobian: Array, weights: Array) -> Array:
-    """Return sum_i weights_i d2 position_i (n, columns, columns).
+    """Return sum_i weights_i d2 position_i (n, columns, columns) for weights (n, 3).
 
-    Args:
-        jacobian: (n, 6, columns), columns in the order of the chain (as pinocchio numbers joints).
-        weights: (n, 3).
+    The columns of the Jacobian (n, 6, columns) are in the order of the chain (as pinocchio numbers joints).
     """
     turned = -cross(jacobian[:, 3:], weights)
     return _symmetric(np.swapaxes(turned, 1, 2) @ jacobian[:, :3])

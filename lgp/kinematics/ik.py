@@ -20,15 +20,8 @@ def least_squares(
 ) -> tuple[Array, Array]:
     """Return joints (n, k) and the largest absolute residual (n,) of n independent problems.
 
-    A joint at a limit that the gradient step would violate takes no part in the step. A problem ends once its largest
-    residual is below the tolerance.
-
-    Args:
-        residuals: values and Jacobians of the problems.
-        initial: (n, k).
-        lower, upper: joint limits (k,).
-        tolerance: of the largest residual.
-        iterations: at most.
+    The initial joints are (n, k), their limits (k,). A joint at a limit that the gradient step would violate takes no
+    part in the step. A problem ends once its largest residual is below the tolerance, or after `iterations` steps.
     """
     x = np.clip(initial, lower, upper)
     problems = np.arange(len(x))

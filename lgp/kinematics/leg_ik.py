@@ -63,8 +63,7 @@ Beyond reach flexion decays exponentially to 0 from the same value and slope, so
 def knees(pelvis: Array, stature: float, sex: str) -> tuple[Array, Array, Array, Array]:
     """Return knee flexion and leg reach for fixed soles, with derivatives by the five joints of the pelvis.
 
-    Args:
-        pelvis: (n, 5) as for `solve_legs`.
+    The arguments are those of `solve_legs`.
 
     Returns:
         Flexion (n, 2) [rad] left and right, `STRAIGHTEST` or more within reach, and its Jacobian (n, 2, 5); distance
@@ -99,12 +98,11 @@ def _flexion(distance: Array, thigh: float, shank: float) -> tuple[Array, Array]
 
 
 def _leg(body: Array, from_ankle: Array, knee: Array, thigh: float, shank: float) -> tuple[Array, ...]:
-    """Return hip Z, X, Y, knee, ankle Z, X of a right leg.
+    """Return hip Z, X, Y, knee, ankle Z, X of a right leg, (n,) each [rad], for a knee flexion (n,) [rad].
 
     Args:
         body: (n, 3, 3) pelvis in the axes of the foot.
         from_ankle: (n, 3) hip relative to the ankle in the axes of the foot [m].
-        knee: (n,) flexion [rad].
     """
     ankle_x = np.arctan2(-from_ankle[:, 2], from_ankle[:, 1])
     upright = np.hypot(from_ankle[:, 1], from_ankle[:, 2])

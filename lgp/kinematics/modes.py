@@ -89,13 +89,11 @@ A new action is a record here, an action in a PDDL domain, and a sentence in `lg
 
 @dataclass(frozen=True)
 class KinematicSwitch:
-    """One action as geometry.
+    """One action, of a kind in `ACTIONS`, as geometry.
 
     Attributes:
-        kind: one of `ACTIONS`.
         hand: that acts; the one that takes the object in a handover.
-        object_name: the object.
-        table: on which it is placed.
+        table: on which the object is placed.
         giver: hand that hands it over.
         other: object that it is screwed to.
 
@@ -122,13 +120,10 @@ class KinematicSwitch:
 
 
 class ModeSequence:
-    """The attachment of every object in every phase of a sequence of switches.
+    """The attachment of every object in every phase of a sequence of switches, one switch per phase.
 
     Attributes:
-        world: whose hands, tables and objects they are.
-        switches: one per phase.
-        lower, upper: bounds of z, (nz,).
-        names: of the variables, (nz,): `2.screwdriver.yaw` is set by switch 2.
+        names: of the variables z, (nz,): `2.screwdriver.yaw` is set by switch 2; `lower` and `upper` are their bounds.
         held_at_first: hands that hold an object still from the initial state on: (hand, object, switch until they act).
 
     Raises:
@@ -197,11 +192,7 @@ class ModeSequence:
         return next((k for k in range(first, last + 1) if hand in self.switches[k].hands), last)
 
     def attachment(self, object_name: str, phase: int) -> Attachment:
-        """Return the attachment of an object in a phase, 0 to K; phase K is after the last of K actions.
-
-        Raises:
-            WorldError: there is no such object or phase.
-        """
+        """Return the attachment of an object in a phase, 0 to K; phase K is after the last of K actions."""
         if object_name not in self._attachments:
             raise WorldError(f"no object {object_name!r}{did_you_mean(object_name, self._attachments)}")
         if not 0 <= phase <= len(self.switches):
@@ -214,13 +205,9 @@ class ModeSequence:
         return None if new is None else (new, self.attachment(self.switches[number].object_name, number))
 
     def pose(self, object_name: str, phase: int, kinematics: Kinematics, z: Array) -> Pose:
-        """Return the pose of an object in n slices of a phase, with Jacobians by q and by its own variables.
+        """Return the pose of an object in n slices of a phase (0 to K), with Jacobians by q and by its own variables.
 
-        Args:
-            object_name: name of the object.
-            phase: 0 to K.
-            kinematics: of n slices, with `frames`.
-            z: (nz,) all variables.
+        The kinematics must have `frames`; z are all variables (nz,).
         """
         attachment = self.attachment(object_name, phase)
         return attachment.pose(kinematics, z[attachment.variables])
@@ -228,15 +215,11 @@ class ModeSequence:
     def pose_continuity(self, number: int, kinematics: Kinematics, z: Array) -> Feature:
         """Return the difference of the poses of an object after and before a switch, (n, 6) [m, rad], by (q, z).
 
-        It is zero in a feasible switch.
+        It is zero in a feasible switch. The switch must have a `contact`.
 
         Args:
-            number: of a switch with a `contact`.
             kinematics: of the slice in which it happens (n = 1), or of n candidates for it.
             z: (nz,).
-
-        Raises:
-            WorldError: the switch changes no attachment.
         """
         sides = self.contact(number)
         if sides is None:
@@ -247,11 +230,7 @@ class ModeSequence:
         return pose_difference(*poses)
 
     def screw_constraint(self, number: int) -> ScrewConstraint:
-        """Return the geometry of a screw.
-
-        Raises:
-            WorldError: the switch screws nothing.
-        """
+        """Return the geometry of the screw of switch `number`."""
         switch = self.switches[number]
         if not switch.action.screws:
             raise WorldError(f"action {number + 1} ({switch.kind}) is no screw; give the number of a screw")
@@ -261,10 +240,9 @@ class ModeSequence:
         return ScrewConstraint(assembly, self.world.scene.hands[switch.hand], first, second, self.size)
 
     def guess(self, keyframes: Array) -> Array:
-        """Return variables (nz,) with continuous poses at keyframes, as far as their bounds allow.
+        """Return variables (nz,) with continuous poses at the keyframes (K, nq), as far as their bounds allow.
 
-        Args:
-            keyframes: (K, nq), the configuration at the end of each phase.
+        Keyframe k is the configuration at the end of phase k.
         """
         z = np.clip(np.zeros(self.size), self.lower, self.upper)
         kinematics = self.world.at(keyframes, self.frames)

@@ -55,11 +55,7 @@ def joint_angles() -> dict[str, tuple[str, float, float]]:
 
 
 class PostureMap:
-    """The posture table of the human of a world.
-
-    Attributes:
-        body: the human.
-        columns: the k columns of q that move the human; Jacobians are by these.
+    """The posture table of the human of a world; Jacobians are by `columns`, the k columns of q that move the human.
 
     Raises:
         WorldError: the world has no human.

@@ -29,10 +29,9 @@ CLOSE = 1e-3
 
 @dataclass(frozen=True)
 class Reachability:
-    """The reachability map of a scene.
+    """The reachability map of a scene: a row of `data` for each hand, table, height and spot.
 
-    Attributes:
-        data: one row per hand, table, height and spot: `hand table height x y reached miss` [m].
+    Its columns are `hand table height x y reached miss` [m].
     """
 
     data: pd.DataFrame
@@ -56,11 +55,9 @@ def reachability(
     """Return the reachability map of all hands and tables.
 
     Args:
-        world: kinematics of the scene.
         heights: [m] of the tables whose height is a range; a table with a fixed height keeps it.
         spots: per side of a top, from edge to edge.
         attempts: of the inverse kinematics: from the initial configuration, then from random ones.
-        seed: of the random configurations.
     """
     import pandas as pd
 
@@ -102,11 +99,8 @@ def transport_reachability(
 ) -> pd.DataFrame:
     """Return where each robot hand can place an object that it grasps at its initial position.
 
-    Stricter than reach: the grasp does not change and the object lies flat at both ends, so the hand has the same tilt
-    at both.
-
-    Returns:
-        One row per hand, table, height and spot as in `Reachability.data`, without tables of fixed height.
+    The rows are those of `Reachability.data` without tables of fixed height. Stricter than reach: the grasp does not
+    change and the object lies flat at both ends, so the hand has the same tilt at both.
     """
     import pandas as pd
 

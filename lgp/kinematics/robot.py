@@ -70,7 +70,7 @@ def robot_model(robot: Robot) -> pin.Model:
 
 
 def locked_model(model: pin.Model, agent: Agent, patterns: tuple[str, ...]) -> pin.Model:
-    """Return the model without the joints that match a pattern, fixed at the agent's initial values.
+    """Return the model with the joints that match a pattern fixed at the agent's initial values.
 
     Raises:
         WorldError: a pattern or an initial value matches no joint.

@@ -43,9 +43,7 @@ class Kinematics:
     """Placements of F frames for n configurations; the Jacobian of a frame is computed on first use.
 
     Attributes:
-        index: frame -> its row in `rotation` and `position`.
-        rotation: (n, F, 3, 3).
-        position: (n, F, 3) [m].
+        index: frame -> its row in `rotation` (n, F, 3, 3) and `position` (n, F, 3) [m].
         spatial: (n, 6, nq) spatial velocity of each joint at the origin of the world.
     """
 

@@ -31,12 +31,7 @@ class Literal(NamedTuple):
 
 @dataclass(frozen=True)
 class ActionSchema:
-    """A lifted action.
-
-    Attributes:
-        parameters: (name with question mark, allowed types) in order.
-        precondition, effect: literals over the parameters.
-    """
+    """A lifted action: literals over its parameters, which are (name with question mark, allowed types) in order."""
 
     name: str
     parameters: tuple[tuple[str, frozenset[str]], ...]
@@ -46,12 +41,11 @@ class ActionSchema:
 
 @dataclass(frozen=True)
 class PddlDomain:
-    """A planning domain.
+    """A planning domain; actions are in the order of the file.
 
     Attributes:
         supertypes: type -> direct supertype, "object" at the top.
         predicates: predicate -> allowed types of each argument.
-        actions: schemas in file order.
         constants: object -> type, declared in the domain.
     """
 

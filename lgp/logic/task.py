@@ -15,10 +15,9 @@ from reba.errors import did_you_mean
 
 @dataclass(frozen=True)
 class Action:
-    """A ground action.
+    """A ground action, printed as its name and arguments: `grasp`, ("baxter.left", "screwdriver").
 
     Attributes:
-        name, arguments: as printed: `grasp`, ("baxter.left", "screwdriver").
         needs, forbids: masks of the positive and negative preconditions.
         adds, deletes: masks of the effects; adding wins where an atom is in both.
     """
@@ -51,11 +50,9 @@ class Task:
     """A ground planning task.
 
     Attributes:
-        domain: its PDDL domain.
         objects: object -> type.
         atoms: every reachable atom, in a fixed order; atom i is bit i of a state.
         actions: every applicable action, in a fixed order.
-        initial: initial state.
         goal: mask of the atoms that must be true at the end.
     """
 
@@ -83,11 +80,7 @@ class Task:
         return tuple(atom for bit, atom in enumerate(self.atoms) if state >> bit & 1)
 
     def action(self, text: str) -> Action:
-        """Return the action with a name such as `grasp(baxter.left, screwdriver)`.
-
-        Raises:
-            LogicError: there is no such action.
-        """
+        """Return the action with a name such as `grasp(baxter.left, screwdriver)`; LogicError where there is none."""
         name = text.replace(" ", "")
         for action in self.actions:
             if str(action).replace(" ", "") == name:
@@ -97,14 +90,9 @@ class Task:
 
 
 def ground(domain: PddlDomain, objects: Mapping[str, str], initial: Iterable[Atom], goal: Iterable[Atom]) -> Task:
-    """Return the ground task of a domain for some objects.
+    """Return the ground task of a domain for some objects, given as object -> type of the domain.
 
     It has only actions and atoms that are reachable under delete relaxation, and the atoms of the goal.
-
-    Args:
-        domain: the PDDL domain.
-        objects: object -> type of the domain.
-        initial, goal: atoms.
 
     Raises:
         LogicError: an object, type, predicate or number of arguments is unknown.
@@ -202,10 +190,7 @@ class Atom(NamedTuple):
 
 
 def parse_atom(text: str) -> Atom:
-    """Return the atom written as `predicate(argument, ...)`.
-
-    Raises:
-        LogicError: the text has another form.
+    """Return the atom written as `predicate(argument, ...)`; LogicError for another form.
 
     Example:
         >>> parse_atom("placed(screwdriver, table.left)").arguments

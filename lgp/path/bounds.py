@@ -33,9 +33,7 @@ class PathBounds:
     """The levels of a scene, as `lgp.search.tree_search.search` queries them; each problem is solved once.
 
     Args:
-        world: the kinematics.
         ergonomics: the ergonomic cost, None to leave it out.
-        weights: of the terms.
         initial_configuration: (nq,) [rad, m], of the world by default.
         slices: per phase, of the scene by default.
         options: of the path solver.
@@ -94,13 +92,9 @@ class PathBounds:
         stage: int = -1,
         collision_constraints: CollisionConstraints | None = None,
     ) -> PathProblem:
-        """Return the problem of a level.
+        """Return the problem of a level: "pose", "sequence" or "path", only the last one with collision constraints.
 
-        Args:
-            level: "pose", "sequence" or "path".
-            phases: the sequence.
-            stage: continuation stage of the ergonomic cost.
-            collision_constraints: at the level "path" only.
+        `stage` is the continuation stage of the ergonomic cost.
         """
         last = phases.count - 1
         return PathProblem(

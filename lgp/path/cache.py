@@ -99,10 +99,6 @@ class WarmStartCache:
         """Return keyframes (K, nq) and variables (nz,) from the best motion of the same actions, None without one.
 
         Each limb is where it was at its own actions, interpolated between them in other phases.
-
-        Args:
-            phases: the sequence.
-            initial_configuration: (nq,) before it [rad, m].
         """
         names = _occurrences(phases)
         cached = self._best.get(frozenset(names))

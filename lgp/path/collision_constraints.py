@@ -40,8 +40,6 @@ class CollisionConstraints:
     """The active collision constraints of one sequence.
 
     Args:
-        world: the kinematics.
-        phases: the sequence.
         initial_configuration: (nq,) [rad, m]; pairs nearer than the margin there may stay so within the first phase.
         margin: [m].
 

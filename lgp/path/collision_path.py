@@ -53,12 +53,10 @@ def solve_collision_free(
     """Return the problem of the last round and its result; constraints left violated show that it failed.
 
     Args:
-        problem_of: makes the path problem.
         constraints: none active yet, or those of `first`.
         first: result of the problem with these constraints. The free path leads to better minima than most guesses.
         options: of the solver; its iterations are those of the last round.
         solved: whether `first` is at its minimum; otherwise it is an initial guess only.
-        rounds: of constraint generation.
         cost_limit: cost at which to stop: more constraints seldom make a path cheaper.
     """
     problem, result = problem_of(constraints), first
@@ -134,9 +132,7 @@ def multi_start(
     """Return the cheapest candidate that costs clearly less than the known path, None without one.
 
     Args:
-        problem_of: makes the path problem.
-        problem: the one without collision constraints.
-        free: its result.
+        problem: the one without collision constraints, with its result `free`.
         least: cost of the known path, inf without one.
         reference: (T, nq) path of the same actions under another cost [rad, m]; the first guess has its robot joints.
     """
@@ -188,15 +184,9 @@ def candidate_guesses(
 
 
 def initial_guesses(world: World, phases: Phases, path: Array, count: int) -> Iterator[Array]:
-    """Yield initial guesses (T, nq) [rad, m] that equal the path at its keyframes, from a fixed seed.
+    """Yield `count` initial guesses (T, nq) [rad, m] that equal the path (T, nq) at its keyframes, from a fixed seed.
 
     Between keyframes the limbs move towards random postures and back, sin^2 of the time in the phase.
-
-    Args:
-        world: the kinematics.
-        phases: the sequence.
-        path: (T, nq) configurations of all slices.
-        count: number of guesses.
     """
     limbs = _moving_limbs(world, phases)
     rng = np.random.default_rng(0)

@@ -39,9 +39,7 @@ class Constraints:
     """The rows of some switches and knots; unknowns are the configurations (P, nq) and the variables z (nz,).
 
     Args:
-        world: the kinematics.
-        phases: the sequence.
-        modes: its attachments.
+        modes: attachments of the sequence.
         knots: (P,) slices that are unknowns.
         enforced: numbers of the switches whose rows are enforced; their slices must be knots.
         collision_constraints: where all slices are knots; they must not change afterwards.
@@ -184,9 +182,6 @@ def equal_joint_constraints(
     In every other pair the first slice is a knot and the second is not.
 
     Args:
-        world: the kinematics.
-        phases: the sequence.
-        modes: its attachments.
         limbs: enforced switch -> joints that rest after it.
         knots: (P,) slices that are unknowns, rising.
     """
@@ -219,8 +214,7 @@ BLEND = 1e-4
 class LegReachConstraint:
     """Leg reach of a human whose legs follow from the pelvis: a smooth maximum (log-sum-exp) over both legs.
 
-    Attributes:
-        columns: columns of q that it depends on, (p,): those of the pelvis that move.
+    It depends on `columns` (p,) of q: those of the pelvis that move.
     """
 
     def __init__(self, world: World) -> None:

@@ -17,10 +17,10 @@ from reba.arrays import Array, Indices
 
 @dataclass(frozen=True)
 class CondensedQuadratic:
-    """The acceleration cost on the knots, minimised over all other slices.
+    """The acceleration cost on P knots, minimised over all other slices.
 
     Attributes:
-        cost: (P, P), d'Cd is the least cost of a path through d (P,).
+        cost: C (P, P): d'Cd is the least cost of a path through d (P,).
         expand: (T, P) maps d to that path.
     """
 
@@ -48,12 +48,9 @@ def quadratic(slices: int, tau: float, stop: bool) -> Array:
 
 
 def eliminate_slices(matrix: Array, knots: Indices, joined: Sequence[tuple[int, int]] = ()) -> CondensedQuadratic:
-    """Return the quadratic on the knots, minimised over all other slices.
+    """Return the quadratic of a matrix A (T, T) on the knots (P,), rising, minimised over all other slices.
 
-    Args:
-        matrix: A (T, T).
-        knots: (P,) slices, rising.
-        joined: pairs of slices (a, b) that are equal; b is no knot.
+    Both slices of a pair in `joined` are equal; the second is no knot.
     """
     total = len(matrix)
     spread = np.eye(total)

@@ -166,12 +166,11 @@ class Rectangle:
 
 @dataclass(frozen=True)
 class ReachBound:
-    """Upper bound on the reach of a hand: it stays within `length` of a root point that slides.
+    """Upper bound on the reach of a hand: it stays within `length` [m] of a root point that slides.
 
     Attributes:
         root: (3,) the root point with every slide at 0 [m].
         slides: (s, 3) directions of the slides, `lower` and `upper` (s,) their limits [m].
-        length: [m].
     """
 
     root: Array

@@ -124,11 +124,9 @@ def _restricted(cost: Array, at: Indices) -> Array:
 
 
 class RowBlocks:
-    """A sparse matrix by rows (CSR) of dense blocks one below the other, each on its own columns.
+    """A sparse matrix (CSR) of dense blocks one below the other, each on its own of the `width` columns.
 
-    Args:
-        blocks: (number of rows, columns in rising order) of each block.
-        width: number of columns of the matrix.
+    A block is given by its number of rows and its columns in rising order.
     """
 
     def __init__(self, blocks: Sequence[tuple[int, Indices]], width: int) -> None:
@@ -151,7 +149,6 @@ class UpperBlocks:
     Args:
         constant: rows, columns and values of the constant part, upper triangle.
         blocks: columns in rising order of each symmetric block, (m,) or (n, m) for n blocks at once.
-        width: of the matrix.
     """
 
     def __init__(self, constant: tuple[Indices, Indices, Array], blocks: Sequence[Indices], width: int) -> None:

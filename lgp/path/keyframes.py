@@ -55,8 +55,6 @@ class Solution:
         keyframes: (k, nq) configurations at the switches so far [rad, m].
         variables: (nz,) of grasps and placements; empty at the level "pose".
         path: (T, nq), at the levels "free_path" and "path" only.
-        costs: terms of the cost.
-        result: of the solver.
     """
 
     keyframes: Array
@@ -71,9 +69,7 @@ class KeyframeSolver:
 
     Args:
         problem: makes the problem of a level.
-        world: the kinematics.
         ergonomics: the ergonomic cost, None to leave it out.
-        weights: of the terms.
         initial_configuration: (nq,) [rad, m].
         reference: level, actions -> solution under another ergonomic cost, whose robots' motions are initial guesses.
     """
@@ -160,10 +156,7 @@ class KeyframeSolver:
     def _solve(self, problem: PathProblem, guesses: list[Array], options: SolverOptions) -> tuple[Result | None, str]:
         """Return the cheapest feasible result over the initial guesses, or None and the constraint that failed least.
 
-        Args:
-            problem: on few knots.
-            guesses: x (n,) or configurations (P, nq); restarts are drawn around the last one, which has these.
-            options: of the solver.
+        A guess is x (n,) or configurations (P, nq); restarts are drawn around the last one, which has these.
         """
         best: Result | None = None
         least: tuple[float, str] = (math.inf, "")

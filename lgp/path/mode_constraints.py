@@ -48,9 +48,7 @@ class ModeConstraints:
     """The rows of some switches; unknowns are configurations (P, nq), knot after knot, then the variables z.
 
     Args:
-        world: the kinematics.
-        phases: the sequence.
-        modes: its attachments.
+        modes: attachments of the sequence.
         at: number of each enforced switch -> place of its slice among the knots.
         tail: where z starts among the unknowns.
 
@@ -163,10 +161,7 @@ class ModeConstraints:
     def equality_hessians(self, kinematics: dict[int, Kinematics], z: Array, y: Array) -> list[Array]:
         """Return sum_i y_i d2 row_i (m, m) by the unknowns of each block in `hessian_columns`.
 
-        Args:
-            kinematics: of each switch, as `evaluate` returned it.
-            z: (nz,) variables.
-            y: multipliers of `eq_rows`.
+        `kinematics` are those that `evaluate` returned for each switch, y the multipliers of `eq_rows`, z is (nz,).
         """
         hessians, start = [], 0
         for number, own in self._own.items():
@@ -194,10 +189,8 @@ def contact_curvature(
 
     Args:
         sides: attachment of the object after the switch, and before.
-        limbs: columns of q.
-        own: places in z.
+        limbs, own: columns of q, places in z (nz,).
         kinematics: of the slice of the switch (n = 1).
-        z: (nz,) all variables.
         y: (6,) weights of the rows: difference of positions, rotation vector in the frame of the first pose.
     """
     poses = [side.pose(kinematics, z[side.variables]) for side in sides]

@@ -37,13 +37,12 @@ FINAL_OPTIONS = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
 
 
 class PathSolver:
-    """Solves path problems of a scene.
+    """Solves path problems of a scene, collision-free ones where `collisions` is set.
 
     Args:
         keyframes: solves the sequence a path starts from; gives problems and the reference.
         options: of a path without continuation stages.
         free_path: phases, sequence -> solution of the level "free_path", solved or stored.
-        collisions: whether paths are to be collision-free.
         multi_start: whether an expensive collision-free path is solved from other initial guesses too.
     """
 

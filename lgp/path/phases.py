@@ -20,14 +20,7 @@ from reba.arrays import Array, Indices
 
 @dataclass(frozen=True)
 class Phases:
-    """A sequence of actions laid out in time.
-
-    Attributes:
-        scene: agents, tables and objects.
-        actions: as the plan names them.
-        switches: the kinematic switch of each action.
-        slices: per phase.
-        seconds: per phase.
+    """A sequence of actions laid out in time, each with its kinematic switch; `slices` and `seconds` are per phase.
 
     Example:
         >>> from lgp.scene.scene_file import load_scene
@@ -43,12 +36,10 @@ class Phases:
 
     @staticmethod
     def of(scene: Scene, actions: Sequence[Action], slices: int | None = None) -> Phases:
-        """Return the phases of a sequence.
+        """Return the phases of a sequence of ground actions.
 
         Args:
-            scene: the scene; its phase duration and, unless given, its slices per phase are used.
-            actions: ground actions.
-            slices: per phase, at least 2.
+            slices: per phase, at least 2; those of the scene by default.
 
         Raises:
             LgpError: an action has no geometry, or there are too few slices.

@@ -31,13 +31,11 @@ class PathProblem:
     """A path problem or one of its relaxations.
 
     Args:
-        world: the kinematics.
         phases: the sequence; only its first `knots[-1] + 1` slices exist for the cost.
         knots: (P,) slices whose configurations are unknowns, rising; None for all.
         enforced: numbers of the switches whose constraints are enforced; None for all.
         stop: whether all agents stop at the end (a complete sequence) or may go on (a prefix).
         ergonomics: the ergonomic cost, None to leave it out.
-        weights: of the terms.
         initial_configuration: (nq,) [rad, m], of the world by default.
         stage: continuation stage of the ergonomic cost, see `Ergonomics.stages`.
         collision_constraints: where all slices are knots; they must not change afterwards.

@@ -21,8 +21,7 @@ class Hand:
     """An end-effector.
 
     Attributes:
-        agent: name of its agent.
-        name: name inside the agent; `full` joins them.
+        name: name inside the agent; `full` joins both.
         frame: frame of the agent's model, z in the direction of approach.
         reach: distance from the frame to the grasping point, along z [m].
         kind: its type in the PDDL domain.
@@ -47,13 +46,9 @@ class Hand:
 
 @dataclass(frozen=True)
 class Agent:
-    """The human or a robot.
+    """The human or a robot, its base at `position` [m] with `yaw` [deg], 0 faces x.
 
     Attributes:
-        name: of the agent.
-        position: of its base [m].
-        yaw: [deg], 0 faces x.
-        hands: its end-effectors.
         locked: patterns of joints that do not move.
         joints: joint -> initial value [deg, m for prismatic joints] where it differs from the rest posture.
     """
@@ -152,9 +147,7 @@ class Assembly:
     """The relative pose of two objects that are screwed together, and the screw, in the frame of the first object.
 
     Attributes:
-        parts: names of the objects.
-        position: of the second object [m].
-        yaw: of the second object [deg].
+        position, yaw: of the second object [m, deg].
         screw: position of the screw head [m].
         along: direction of the screw (unit vector).
         tool: distance from the hand to the screw head, along the fingers of a human hand, z of other hands [m].

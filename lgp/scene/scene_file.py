@@ -64,11 +64,7 @@ def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> S
 
 
 def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[str, Any] | None = None) -> Scene:
-    """Return the scene of a table of values, as read from TOML.
-
-    Raises:
-        SceneError: as `load_scene`.
-    """
+    """Return the scene of a table of values, as read from TOML; raises as `load_scene`."""
     chosen = _changed(values, changes or {}, name)
     entries = TomlTable(name, chosen, SceneError)
     tables = {f"table.{key}": _table(key, entry) for key, entry in entries.tables("tables").items()}

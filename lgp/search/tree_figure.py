@@ -30,11 +30,7 @@ LEGEND: Final = (("best", "the plan"), ("", "examined or still open"), ("infeasi
 
 
 def draw(nodes: Sequence[Node], best: Sequence[object] = ()) -> str:
-    """Return the tree as SVG text.
-
-    Args:
-        nodes: of a search, parents before children.
-        best: actions of the plan; the path to it is drawn thick.
+    """Return the tree as SVG text; the path to the plan `best` is drawn thick. Parents come before children.
 
     >>> draw([Node(0, -1, None, (), 0, False)]).startswith("<svg")
     True

@@ -33,11 +33,9 @@ class BoundResult:
     """Result of one level for one sequence.
 
     Attributes:
-        feasible: whether its constraints can be satisfied.
         cost: of its optimum, inf where infeasible.
         reason: why it is infeasible, one sentence.
         conflict: consecutive actions that are infeasible in any sequence, () if only this one is known to be.
-        seconds: time it took [s].
         payload: input of the next level (a path, a warm start).
         known: whether it was solved before.
     """
@@ -97,15 +95,12 @@ class Node:
 
     Attributes:
         number, parent: position in the tree; the root is 0 and has parent -1.
-        action: last action, None at the root.
-        skeleton: all actions.
-        state: symbolic state after them.
-        goal: whether the goal holds.
+        action: last action of the skeleton, None at the root.
+        state: symbolic state after all actions.
         actions_left: estimated number of actions to the goal.
         costs: level -> cost.
         bound: lower bound of any path through this node.
-        verdict: "", "infeasible", "pruned" or "over budget".
-        reason: of the verdict, one sentence.
+        verdict: "", "infeasible", "pruned" or "over budget"; `reason` says why in one sentence.
         result: of the last level, the warm start of the next.
     """
 
@@ -141,16 +136,12 @@ class LevelStatistics:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Result of a search.
+    """Result of a search: skeleton, cost and payload of the best path, () and inf where there is none.
 
     Attributes:
-        status: how it ended.
-        skeleton, cost, payload: of the best path, () and inf where there is none.
         bound: lower bound on the cost of any path within the depth.
-        nodes: the searched tree.
         statistics: level -> problems solved.
         expanded, pruned: nodes extended, nodes cut off by bounds or known conflicts.
-        seconds: wall-clock time [s].
         reason: why there is no plan.
     """
 
@@ -178,13 +169,7 @@ def search(task: Task, bounds: Bounds, budget: Budget | None = None, first: Skel
     """Return the best sequence of actions for a task.
 
     The same task and bounds give the same result unless time runs out. An interrupt (Ctrl-C) ends the search with the
-    best plan so far.
-
-    Args:
-        task: initial state, goal and actions.
-        bounds: levels of a sequence.
-        budget: limits of the search.
-        first: a promising sequence; its path is solved first, so that its cost prunes others.
+    best plan so far. The path of a promising sequence `first` is solved first, so that its cost prunes others.
     """
     return _Search(task, bounds, budget or Budget(), first).run()
 

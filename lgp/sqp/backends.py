@@ -87,11 +87,7 @@ _STATUS = {
 
 
 class QpSolvers:
-    """A QP back end by its qpsolvers name.
-
-    Args:
-        solver: a name from `qpsolvers.available_solvers`, e.g. "clarabel".
-        options: passed to that solver.
+    """A QP back end by its qpsolvers name, e.g. "clarabel"; `options` are passed to that solver.
 
     Raises:
         ProblemError: the solver is not installed; the message lists those that are.

@@ -91,16 +91,12 @@ def line_search(
     max_length: float,
     correct: Callable[[Values], Array | None],
 ) -> AcceptedStep | None:
-    """Backtrack along a step until the merit function has sufficient decrease.
+    """Backtrack along a step until the merit function decreases sufficiently; None after `TRIALS` points.
 
     Args:
-        evaluate: the problem's values.
         merit, descent: merit function at x and the bound on its directional derivative (< 0).
         max_length: first step length, at most 1.
         correct: values of a failed full step -> second-order corrected step, or None; called once.
-
-    Returns:
-        The accepted point, None after `TRIALS` points.
     """
     slack = 1e-14 * max(1.0, abs(merit))  # rounding error of the merit function
 

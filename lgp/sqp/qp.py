@@ -200,11 +200,7 @@ class ColumnOrder:
 
 
 def check_model(model: Model, n: int, m_e: int, m_i: int) -> None:
-    """Refuse a model whose shapes do not fit the unknowns and rows of `evaluate`.
-
-    Raises:
-        ProblemError: naming the part, its shape and the shape expected.
-    """
+    """Refuse a model whose shapes do not fit the unknowns and rows of `evaluate` (ProblemError)."""
     expected = {
         "hessian": (n, n),
         "gradient": (n,),
@@ -224,11 +220,7 @@ def check_model(model: Model, n: int, m_e: int, m_i: int) -> None:
 
 
 def check_vector(name: str, vector: Array, size: int) -> None:
-    """Refuse a vector of the wrong length or with values that are not numbers.
-
-    Raises:
-        ProblemError: naming the vector, the shape given and expected.
-    """
+    """Refuse a vector of the wrong length or with values that are not numbers (ProblemError)."""
     if vector.shape != (size,):
         raise ProblemError(f"{name}: shape {vector.shape} given, expected ({size},)")
     if np.isnan(vector).any():

@@ -43,11 +43,7 @@ RETRIES = 8
 
 
 class Solver:
-    """Solves problems one after another; sparsity analyses and back ends persist between them.
-
-    Args:
-        options: tolerances and limits.
-        backend: QP back end; `ActiveSet` by default.
+    """Solves problems one after another; sparsity analyses and back ends (`ActiveSet` by default) persist between them.
 
     >>> import numpy as np
     >>> from lgp.sqp.problem import FunctionProblem
@@ -64,8 +60,6 @@ class Solver:
         """Return the minimiser from an initial point x0 (n,), clipped to the bounds.
 
         Args:
-            problem: bounds, values and models.
-            x0: (n,) initial point.
             warm: a result of a problem with the same rows, for initial multipliers and active set.
 
         Raises:
