@@ -25,7 +25,7 @@ from dreba.options import (
 )
 from dreba.sampling.poses import Poses, read_poses
 from reba._version import __version__
-from reba.command_line import GROUP, command_line, console, json_option, print_json, run, where_options
+from reba.command_line import GROUP, command_line, console, json_option, parallel_options, print_json, run
 from reba.posture.columns import COLUMNS
 
 if TYPE_CHECKING:
@@ -200,7 +200,7 @@ def _check_enough(poses: Poses, path: str) -> Poses:
 @click.option(
     "--tasks", default=10, type=click.IntRange(min=0), show_default=True, help="Number of reach tasks; 0 for none."
 )
-@where_options
+@parallel_options
 @json_option
 def compare(
     names: tuple[str, ...], poses_file: str | None, hold: str | None, tasks: int, jobs: int, scheduler: str | None,

@@ -13,7 +13,7 @@ from lgp.execution.commands import run_command
 from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
 from reba._version import __version__
-from reba.command_line import GROUP, command_line, console, json_option, print_json, run, where_options
+from reba.command_line import GROUP, command_line, console, json_option, parallel_options, print_json, run
 
 
 @click.group(context_settings=GROUP)
@@ -107,7 +107,7 @@ def plan(
 @click.option(
     "--collisions", is_flag=True, help="Plan collision-free motions, as `lgp plan` does; takes several times as long."
 )
-@where_options
+@parallel_options
 @click.option(
     "-o", "--output", required=True, metavar="DIR", help="Results; an interrupted experiment is resumed there."
 )

@@ -21,7 +21,7 @@ from reba.method.scoring import ScoreArrays, score_angles
 from reba.posture.columns import COLUMNS
 
 
-def _none() -> Array:
+def _no_values() -> Array:
     return np.zeros(0)
 
 
@@ -63,12 +63,12 @@ class Plan:
     start: Array
     search: dict[str, Any]
     actions: tuple[str, ...] = ()
-    time: Array = field(default_factory=_none)
+    time: Array = field(default_factory=_no_values)
     phase: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
     path: Array = field(default_factory=_no_rows)
     variables: dict[str, float] = field(default_factory=dict)
     posture: Array = field(default_factory=_no_rows)
-    carried: Array = field(default_factory=_none)
+    carried: Array = field(default_factory=_no_values)
     costs: dict[str, float] = field(default_factory=dict)
     residuals: dict[str, float] = field(default_factory=dict)
     solver: dict[str, Any] = field(default_factory=dict)

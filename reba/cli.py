@@ -11,7 +11,7 @@ import click
 
 from reba._version import __version__
 from reba.batch.run import ScoringOptions, check_report, find_inputs, plan_output, score_many
-from reba.command_line import GROUP, Stop, command_line, console, json_option, print_json, run, where_options
+from reba.command_line import GROUP, Stop, command_line, console, json_option, parallel_options, print_json, run
 from reba.errors import RebaError
 from reba.method.rules import rules_of
 from reba.method.tables import ACTION_LEVELS
@@ -81,7 +81,7 @@ def cli() -> None:
 )
 @click.option("--report", metavar="FILE.html", help="Write a self-contained HTML report.")
 @scoring_options
-@where_options
+@parallel_options
 @json_option
 def score(
     inputs: tuple[str, ...], output: str | None, report: str | None, jobs: int, scheduler: str | None, as_json: bool,
@@ -101,9 +101,9 @@ def score(
     check_report(report, paths, file)
     where: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "keep_scores": report is not None}
     if folder is not None:
-        failed = score_command.into_dataset(folder, paths, options, report, as_json, _progress(len(paths)), where)
+        failed = score_command.into_dataset(folder, paths, options, report, as_json, _Progress(len(paths)), where)
     else:
-        with _progress(len(paths)) as advance:
+        with _Progress(len(paths)) as advance:
             results = score_many(paths, file, options, on_done=advance, **where)
         failed = score_command.show(results, file, report, as_json)
     if failed:
@@ -186,7 +186,7 @@ def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
 def improve(path: str, time: float | None, to_level: str | None, as_json: bool, **values: Any) -> None:
     """Find the smallest changes that lower the action level of a frame, or of the worst frames and minute."""
     from reba.analysis.exposure import worst_intervals
-    from reba.analysis.improve import improve_frame, improve_frames, worst_interval
+    from reba.analysis.improve import improve_frame, improve_frames, worst_minute
 
     scores = options_of(values).read_and_score(path)
     stamps = scores.time
@@ -195,7 +195,7 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
         minute = None
     else:
         frames = [interval.frame for interval in worst_intervals(scores)]
-        minute = worst_interval(scores)
+        minute = worst_minute(scores)
     level = None if to_level is None else [risk for risk, _ in ACTION_LEVELS].index(to_level)
     improvements = [(float(stamps[frame]), improve_frame(scores, frame, level)) for frame in frames]
     of_minute = None if minute is None else improve_frames(scores, minute, level)
@@ -286,8 +286,8 @@ def live(source: str, **values: Any) -> None:
     """Score postures while they are recorded, one JSON line per frame.
 
     SOURCE is an MCAP file that is being written, or - for JSON lines on standard input: rows of the posture table or
-    joint states. The scores equal those of `reba score --activity none` on the same data. What that decides from the
-    complete recording (unit, vertical, unmeasured angles) is decided here from its first seconds (--settle). Activity
+    joint states. The scores equal those of `reba score --activity none` on the same data. `reba score` decides unit,
+    vertical and unmeasured angles from the complete recording, `reba live` from its first seconds (--settle). Activity
     cannot be derived from the movement, because it depends on later frames.
     """
     from reba.live.command import live_options, run_live
@@ -297,7 +297,7 @@ def live(source: str, **values: Any) -> None:
         raise Stop(code)
 
 
-class _progress:
+class _Progress:
     """A progress bar on standard error for several recordings, if that is a terminal."""
 
     def __init__(self, total: int) -> None:

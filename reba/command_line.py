@@ -25,7 +25,7 @@ GROUP: Final[dict[str, Any]] = {"help_option_names": ["-h", "--help"], "max_cont
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
 
 
-def where_options(command: Callable[..., Any]) -> Callable[..., Any]:
+def parallel_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options for parallel work, see `reba.batch.parallel`."""
     for option in (
         click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler to run on, such as tcp://HOST:8786."),

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from reba.analysis import activity as activity_
+from reba.analysis.activity import detect
 from reba.analysis.exposure import summarise
 from reba.analysis.improve import Improvement, improve_frame
 from reba.analysis.score_table import ScoreTable
@@ -125,7 +125,7 @@ def _activity(
     """Return each kind of activity, detected or named by the caller, and its causes in the movement."""
     if activity == "auto":
         walking = np.broadcast_to(used.support, len(data)) == SUPPORTS[2]
-        detected = activity_.detect(data["time"].to_numpy(np.float64), angles, rules, walking)
+        detected = detect(data["time"].to_numpy(np.float64), angles, rules, walking)
         return {kind: getattr(detected, kind) for kind in ACTIVITIES}, detected.causes
     return {**named_activity(activity)}, {}
 

@@ -249,11 +249,11 @@ def part_polynomials(domain: Domain, joints: tuple[str, ...], convex: bool = Tru
 _RIDGE = 1e-8
 """Ridge of the QP, whose features have root mean square 1; it makes the optimum unique."""
 _CORRECTIONS = 20
-"""Maximum number of active-set corrections after the interior point solver; there are 14 groups of columns."""
+"""Maximum number of active-set corrections after the interior point solver: more than the sign changes it leaves."""
 
 
 @dataclass(frozen=True)
-class LeastSquares:
+class BoundedQP:
     """Bounded least squares of features (n, k) and targets (n,) as a QP: min 1/2 w'Pw + q'w subject to w >= lower.
 
     Attributes:
@@ -269,7 +269,7 @@ class LeastSquares:
     scale: Array
 
 
-def build_qp(features: Array, targets: Array, sample_weight: Array, free: Flags) -> LeastSquares:
+def build_qp(features: Array, targets: Array, sample_weight: Array, free: Flags) -> BoundedQP:
     """Return the QP of features (n, k), targets (n,) and sample weights (n,); `free` (k,) weights have no bound."""
     share = sample_weight / sample_weight.sum()
     scale = np.sqrt(share @ features**2)
@@ -278,10 +278,10 @@ def build_qp(features: Array, targets: Array, sample_weight: Array, free: Flags)
     weighted = scaled * share[:, None]
     # With the ridge, features that are constant or equal get the smallest weights instead of arbitrary ones.
     program = weighted.T @ scaled + _RIDGE * np.eye(features.shape[1])
-    return LeastSquares(program, -weighted.T @ targets, np.where(free, -np.inf, 0.0), scale)
+    return BoundedQP(program, -weighted.T @ targets, np.where(free, -np.inf, 0.0), scale)
 
 
-def solve(program: LeastSquares) -> Array:
+def solve(program: BoundedQP) -> Array:
     """Return the optimal weights (k,); ModelError unless the solution satisfies the optimality conditions."""
     from qpsolvers import solve_qp
     from scipy.sparse import csc_matrix
@@ -296,7 +296,7 @@ def solve(program: LeastSquares) -> Array:
     return np.where(np.diag(program.P) > 2 * _RIDGE, weights / program.scale, 0.0)
 
 
-def _polished(program: LeastSquares, scaled: Array) -> Array:
+def _polished(program: BoundedQP, scaled: Array) -> Array:
     """Return the exact optimum near an interior point solution (k,), by a primal-dual active set method.
 
     An interior point solution is slightly off the bounds. It gives the first active set; the free weights then solve a
@@ -319,7 +319,7 @@ def _polished(program: LeastSquares, scaled: Array) -> Array:
     return best
 
 
-def residual(program: LeastSquares, scaled: Array) -> float:
+def residual(program: BoundedQP, scaled: Array) -> float:
     """Return the largest violation of the optimality conditions by scaled weights (k,): 0 at the optimum."""
     slope = program.P @ scaled + program.q
     bounded = np.isfinite(program.lower)

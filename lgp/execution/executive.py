@@ -26,7 +26,7 @@ from lgp.execution.predicates import (
     start_of,
 )
 from lgp.execution.replan import first_reasons
-from lgp.execution.retarget import Phase, Planner
+from lgp.execution.retarget import ActionMotion, Planner
 from lgp.execution.simulation import Robots
 from lgp.execution.tracked_scene import ObjectUnavailable, carrier
 from lgp.execution.tracking import TrackedPose, TrackedWorld
@@ -66,7 +66,7 @@ class RetargetedAction:
 
     motion: Motion
     number: int
-    phase: Phase
+    phase: ActionMotion
 
 
 class Executive:
@@ -93,7 +93,7 @@ class Executive:
         self.planner, self.view, self.robots, self.on_event = planner, view, robots, on_event
         self.settings = Settings() if settings is None else settings
         self.number, self.stage = number, "waiting"
-        self.phase: Phase | None = None
+        self.phase: ActionMotion | None = None
         self.replans = 0
         self.retargeted: list[RetargetedAction] = []
         self.predicate_states: dict[str, PredicateState] = {}
@@ -190,7 +190,7 @@ class Executive:
         if executable is not None:
             self._begin(executable)
 
-    def _within_limits(self, phase: Phase) -> Phase | None:
+    def _within_limits(self, phase: ActionMotion) -> ActionMotion | None:
         """Return the motion slowed down to the velocity limits of the robots; fail and return None if not allowed."""
         world = self.planner.motion.world
         columns = robot_columns(world)
@@ -206,7 +206,7 @@ class Executive:
             phase = replace(phase, trajectory=trajectory)
         return phase
 
-    def _begin(self, phase: Phase) -> None:
+    def _begin(self, phase: ActionMotion) -> None:
         action, scene = self.planner.actions[self.number], self.planner.plan.scene
         self.phase, self._restarts = phase, False
         self._expected = {
@@ -238,7 +238,7 @@ class Executive:
             self._last_reason = first_failing(ends)
             self.on_event("waiting", "late", self._instruction.text, {"why": self._last_reason})
 
-    def _disturbed(self, phase: Phase) -> bool:
+    def _disturbed(self, phase: ActionMotion) -> bool:
         """Stop the robots if an object was lost, moved or dropped; return whether they were stopped."""
         approaching = self._waited < phase.trajectory.duration
         robot = self._robot_acts()

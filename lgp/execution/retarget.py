@@ -51,7 +51,7 @@ class TablePose(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Phase:
+class ActionMotion:
     """The motion of one action.
 
     Attributes:
@@ -102,11 +102,11 @@ class Planner:
         """The actions of the plan."""
         return self.motion.phases.actions
 
-    def planned(self, number: int) -> Phase:
+    def planned(self, number: int) -> ActionMotion:
         """Return the planned motion of an action."""
         slices = self.motion.phases.slices
         knots = self.motion.path[number * slices : (number + 1) * slices + 1]
-        return Phase(JointTrajectory(knots, self.motion.phases.seconds))
+        return ActionMotion(JointTrajectory(knots, self.motion.phases.seconds))
 
     def deviations(self, number: int, view: TrackedWorld) -> list[str]:
         """Return, in words, joints and objects that are away from the start of the planned motion of an action."""
@@ -138,7 +138,7 @@ class Planner:
 
     def retarget(
         self, number: int, scene: Scene, start: Array, target: TablePose | None = None, pause: bool = False
-    ) -> Phase | str:
+    ) -> ActionMotion | str:
         """Return the motion of one action retargeted from `start` (nq,) [rad, m], or the reason why there is none.
 
         The object keeps its planned grip and placement if possible. Hands that hold a part stand still; robot arms
@@ -157,7 +157,7 @@ class Planner:
         hands = self.motion.phases.switches[number].hands
         planned = planned_course(world, first, self.planned(number).trajectory.knots, [*hands, *holding])
         initial_guess = self.planned(number).trajectory.knots, phase_variables(self.motion, number, number + 1)
-        best: Phase | None = None
+        best: ActionMotion | None = None
         for attempt_world, fixed_variables in self._attempts(number, world, first, target):
             for course in (planned, None) if self.collision_free and len(planned.columns) else (planned,):
                 bounds = self._bounds(
@@ -175,7 +175,7 @@ class Planner:
                 if result.feasible:
                     trajectory = JointTrajectory(np.concatenate([first[None], result.payload.path]), seconds)
                     if best is None or result.cost < (best.cost or 0.0):
-                        best = Phase(trajectory, result.cost, scene, result.payload)
+                        best = ActionMotion(trajectory, result.cost, scene, result.payload)
                     if time_scaled(world, trajectory, robot_columns(world))[1] < MAX_TIME_SCALE:
                         return best
                 if not sequence_feasible:
@@ -193,7 +193,7 @@ class Planner:
             yield world, other
         if self._by_human(number):
             # The person is not commanded and may place an object with any rotation of the hand.
-            yield world.with_free_hands("human"), fixed_variables
+            yield world.without_tilt_limits("human"), fixed_variables
 
     def _other_grip(self, number: int, world: World, first: Array) -> dict[str, float]:
         """Return a grip with which the object can still be placed at the part that it is joined with, {} if none.
@@ -292,7 +292,7 @@ class Planner:
         first = np.clip(start, world.lower, world.upper)
         in_hand = any(one.hand.startswith("human.") for one in scene.objects.values())
         # The grip of a part in the hand of the person is given: they may need any rotation of the hand to place it.
-        for attempt_world in (world, world.with_free_hands("human")) if in_hand else (world,):
+        for attempt_world in (world, world.without_tilt_limits("human")) if in_hand else (world,):
             holding = [hand for hand, _, _ in ModeSequence(attempt_world, ()).held_at_first]
             bounds = self._bounds(attempt_world, first, holding=holding)
             plan = replan_remaining(self.motion, task, number, bounds, seconds, thorough)

@@ -23,7 +23,7 @@ from lgp.execution.log import Recorder, RunLog
 from lgp.execution.log_reader import LoggedRun, checkpoint, continue_log, placements
 from lgp.execution.predicates import gripper_commands
 from lgp.execution.replay import Replay
-from lgp.execution.retarget import Phase, Planner, load_plan
+from lgp.execution.retarget import ActionMotion, Planner, load_plan
 from lgp.execution.simulation import SimulatedRobots, SimulatedTracker, SimulatedWorld
 from lgp.execution.tracking import Observation, ObservationSource, TrackedPose, TrackedWorld
 from lgp.execution.worker import Worker, WorkerBehaviour
@@ -312,7 +312,7 @@ def retarget_cost(planner: Planner, retargeted: RetargetedAction, seconds: float
     return comparison
 
 
-def _greedy(planner: Planner, number: int, phase: Phase) -> list[Phase] | None:
+def _greedy(planner: Planner, number: int, phase: ActionMotion) -> list[ActionMotion] | None:
     """Return the retargeted motion and all later ones, each retargeted in turn; None if one is infeasible."""
     phases = [phase]
     for later in range(number + 1, len(planner.actions)):
@@ -324,7 +324,7 @@ def _greedy(planner: Planner, number: int, phase: Phase) -> list[Phase] | None:
     return phases
 
 
-def _costs(planner: Planner, number: int, scene: Scene, phases: list[Phase]) -> tuple[float, float | None]:
+def _costs(planner: Planner, number: int, scene: Scene, phases: list[ActionMotion]) -> tuple[float, float | None]:
     """Return the cost of successive motions, and of their joint optimum (None: infeasible)."""
     solutions = [phase.solution for phase in phases if phase.solution is not None]
     keys = np.stack([phase.trajectory.knots[-1] for phase in phases])
@@ -348,7 +348,7 @@ def _costs(planner: Planner, number: int, scene: Scene, phases: list[Phase]) -> 
     return greedy, result.cost if result.feasible else None
 
 
-def _after(planner: Planner, number: int, phase: Phase) -> TrackedWorld:
+def _after(planner: Planner, number: int, phase: ActionMotion) -> TrackedWorld:
     """Return the world after a retargeted motion as if tracked at rest for a window."""
     scene, action = phase.scene, planner.actions[number]
     if scene is None or phase.solution is None:

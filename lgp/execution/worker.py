@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lgp.errors import LgpError
-from lgp.execution.retarget import Phase, Planner, TablePose
+from lgp.execution.retarget import ActionMotion, Planner, TablePose
 from lgp.execution.simulation import SimulatedWorld
 from lgp.execution.trajectory import JointTrajectory
 from lgp.kinematics.modes import ACTIONS
@@ -52,10 +52,10 @@ class Worker:
         self._planner: Planner | None = None
         self._number = -1
         self._trajectory: JointTrajectory | None = None
-        self._next: tuple[Planner, int, Phase] | None = None
+        self._next: tuple[Planner, int, ActionMotion] | None = None
         self._floor_since: dict[str, float] = {}
 
-    def on_action(self, planner: Planner, number: int, phase: Phase) -> None:
+    def on_action(self, planner: Planner, number: int, phase: ActionMotion) -> None:
         """React to the current action on the page, after an action of their own that is under way."""
         action = self._action()
         if self._trajectory is not None and action is not None and self._hand(action) and not self.stuck:
@@ -92,7 +92,7 @@ class Worker:
         self._offset = self.simulation.q[self.columns] - trajectory.knots[0][self.columns]
         self._sway = self.rng.normal(0.0, self.behaviour.sway / SWAY_WAVES, (SWAY_WAVES, len(self.columns)))
 
-    def _own(self, phase: Phase) -> Phase:
+    def _own(self, phase: ActionMotion) -> ActionMotion:
         """Return the motion to the true poses of the objects, with a placement that deviates from the plan."""
         planner, action = self._planner, self._action()
         if planner is None or action is None or not self._hand(action):
@@ -142,7 +142,7 @@ class Worker:
             if phase is not None:
                 self._begin(phase.trajectory, self.behaviour.delay)
 
-    def _retargeted(self, target: TablePose | None = None) -> Phase | None:
+    def _retargeted(self, target: TablePose | None = None) -> ActionMotion | None:
         """Return the motion to the true poses of the objects, None if there is none."""
         planner = self._planner
         if planner is None:
@@ -152,7 +152,7 @@ class Worker:
         except LgpError:
             return None
         phase = planner.retarget(self._number, scene, self.simulation.q, target)
-        return phase if isinstance(phase, Phase) else None
+        return phase if isinstance(phase, ActionMotion) else None
 
     def _help(self, time: float) -> None:
         """Put objects that have lain on the floor for a while back onto the table of the initial scene."""

@@ -10,7 +10,7 @@ import numpy as np
 from dreba.surrogates.task_factors import OMEGA_LOAD
 from lgp.logic.task import Action, Task
 from lgp.path.bounds import PathBounds
-from lgp.path.costs import quadratic
+from lgp.path.costs import acceleration_quadratic
 from lgp.plan_record import Plan
 from lgp.planner import parse_sequence, plan_within
 from lgp.search.tree_search import Skeleton
@@ -74,7 +74,7 @@ def cost_terms(plan: Plan, weight: float = 1.0) -> dict[str, float]:
     """
     tau = float(plan.time[0])
     deviation = plan.path - plan.start
-    by_joint = np.einsum("tj,ts,sj->j", deviation, quadratic(len(deviation), tau, stop=True), deviation)
+    by_joint = np.einsum("tj,ts,sj->j", deviation, acceleration_quadratic(len(deviation), tau, stop=True), deviation)
     agents = dict.fromkeys(name.partition(".")[0] for name in plan.joints)
     carried = tau * float(plan.carried.sum())
     load = weight * carried / OMEGA_LOAD

@@ -106,7 +106,7 @@ class World:
         self.model = pin.Model()
         values: dict[str, float] = dict.fromkeys((f"human.{name}" for name in human.joint_names()), 0.0)
         for agent in scene.agents:
-            model, frame, placement = _placed(agent)
+            model, frame, placement = _agent_model(agent)
             self.model = pin.appendModel(self.model, model, frame, placement)
             values |= _initial_values(agent, model)
         self.joints = tuple(self.model.names)[1:]
@@ -137,13 +137,13 @@ class World:
         other.__dict__ = {**self.__dict__, "scene": scene}
         return other
 
-    def with_free_hands(self, agent: str) -> World:
+    def without_tilt_limits(self, agent: str) -> World:
         """Return this world without the limits of tilt of an agent's hands at tables."""
         scene = self.scene
         if scene.human is not None and scene.human.name == agent:
-            scene = replace(scene, human=_free_hands(scene.human))
+            scene = replace(scene, human=_without_tilt_limits(scene.human))
         elif agent in scene.robots:
-            scene = replace(scene, robots={**scene.robots, agent: _free_hands(scene.robots[agent])})
+            scene = replace(scene, robots={**scene.robots, agent: _without_tilt_limits(scene.robots[agent])})
         other = object.__new__(World)
         other.__dict__ = {**self.__dict__, "scene": scene}
         return other
@@ -239,11 +239,11 @@ class World:
         return {name: (soles.rotation[0, at], soles.position[0, at]) for name, at in soles.index.items()}
 
 
-def _free_hands(agent: AnyAgent) -> AnyAgent:
+def _without_tilt_limits(agent: AnyAgent) -> AnyAgent:
     return replace(agent, hands=tuple(replace(hand, tilt=180.0) for hand in agent.hands))
 
 
-def _placed(agent: Agent) -> tuple[pin.Model, int, pin.SE3]:
+def _agent_model(agent: Agent) -> tuple[pin.Model, int, pin.SE3]:
     """Return an agent's model with names `agent.name`, its parent frame (0, the world) and its placement."""
     if isinstance(agent, Human):
         model = human.human_model(agent.stature, agent.sex)

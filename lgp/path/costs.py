@@ -28,7 +28,7 @@ class CondensedQuadratic:
     expand: Array
 
 
-def quadratic(slices: int, tau: float, stop: bool) -> Array:
+def acceleration_quadratic(slices: int, tau: float, stop: bool) -> Array:
     """Return A (T, T) with d'Ad = sum of tau * acceleration^2 [rad^2 / s^3] over a path d that starts from rest.
 
     Args:

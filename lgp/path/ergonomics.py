@@ -18,7 +18,7 @@ from reba.posture.columns import COLUMNS, INDEX
 Payload = Literal["linear", "model"]
 PAYLOADS: Final = ("linear", "model")
 MINIMISATIONS = 24
-"""Lowest of the random postures, from which the minimum of a surrogate is computed."""
+"""Number of random postures, those of the lowest scores, from which the minimum of a surrogate is sought."""
 PROBES = 64
 """Random postures in which an additive surrogate must have no mixed second derivative."""
 STEP = 1e-6

@@ -23,8 +23,8 @@ POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
 class ConstraintInfo:
     """What one row is about: its kind, its unit, the number of a switch or knot, and the name of a hand or object.
 
-    Kinds: "pose_continuity", "screw", "joint", "rest" (of switches), "sole"; "tilt" (of switches), "leg". A tilt is a
-    difference of cosines, which has no unit.
+    Kinds of switches: "pose_continuity", "screw", "joint", "tilt"; of knots: "rest", "sole", "leg", "collision". A tilt
+    is a difference of cosines, which has no unit.
     """
 
     kind: str

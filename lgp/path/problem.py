@@ -16,7 +16,7 @@ from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.constraints import Constraints, Values
-from lgp.path.costs import CondensedQuadratic, Costs, Weights, eliminate_slices, quadratic
+from lgp.path.costs import CondensedQuadratic, Costs, Weights, acceleration_quadratic, eliminate_slices
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.hessian import Convexity, UpperBlocks
 from lgp.path.phases import Phases
@@ -141,7 +141,7 @@ class PathProblem:
     def _eliminate(self, stop: bool) -> None:
         """Group the joints by the switches at which they rest, and eliminate the slices between knots."""
         horizon = int(self.knots[-1]) + 1
-        matrix = self.weights.acceleration * quadratic(horizon, self.phases.tau, stop)
+        matrix = self.weights.acceleration * acceleration_quadratic(horizon, self.phases.tau, stop)
         groups: dict[tuple[tuple[int, int], ...], list[int]] = {}
         for joint in range(self.world.nq):
             own = tuple(pair for pair, joints in self.constraints.equal_eliminated.items() if joint in joints)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -22,9 +22,6 @@ from reba.batch.run import ScoringOptions
 from reba.errors import RebaError
 from reba.posture.columns import SIDES
 from reba.scores import Scores
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 KEYS: Final = ("participant", "condition", "trial")
 """Columns that identify a recording."""
@@ -219,7 +216,7 @@ def missing_cells(sources: Sources, scored: Scored, conditions: Sequence[str]) -
     ]
 
 
-def warnings(scored: Scored, results: dict[str, Any], cells: pd.DataFrame) -> list[str]:
+def limitations(scored: Scored, results: dict[str, Any], cells: pd.DataFrame) -> list[str]:
     """Limitations of the scores and of the results of `lgp.study.analysis.analyse`, one sentence each."""
     table = scored.recordings
     notes = [*_mixed_simulated(table), *_unequal_angles(scored), *_undetermined(table), *_short(table)]

@@ -17,7 +17,7 @@ from lgp.study.analysis import analyse
 from lgp.study.conclusions import conclusion, disagreements, parts_conclusion
 from lgp.study.recordings import Failure, Sources, find_sources
 from lgp.study.report import render
-from lgp.study.scoring import Scored, cells, missing_cells, score_sources, warnings
+from lgp.study.scoring import Scored, cells, limitations, missing_cells, score_sources
 from reba.batch.run import ScoringOptions
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
@@ -174,7 +174,7 @@ def summarise(
         "incomplete": [name for name in participants if name in incomplete],
         "missing": missing,
         "failed": [_failure(one) for one in scored.failed],
-        "warnings": warnings(scored, results, table),
+        "warnings": limitations(scored, results, table),
         "notes": scored.notes,
         "assumed": list(scored.assumed),
         "unmeasured": sorted(set[str]().union(*map(set, scored.unmeasured.values()))),

@@ -64,7 +64,7 @@ def improve_frame(scores: ScoreTable, frame: int, to_level: int | None = None) -
     return improve_frames(scores, np.array([frame]), to_level)
 
 
-def worst_interval(scores: ScoreTable, seconds: float = WORST_SECONDS) -> NDArray[np.int64]:
+def worst_minute(scores: ScoreTable, seconds: float = WORST_SECONDS) -> NDArray[np.int64]:
     """Return the frames of the interval of `seconds` with the highest mean REBA (low end of the range)."""
     time = scores.time
     if not len(time):

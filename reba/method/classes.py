@@ -34,7 +34,7 @@ CLASS_TEXTS: Final[dict[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True)
-class Class:
+class AngleClass:
     """A class of one angle: `points` while it lies from `low` to `high` [deg] (and in no class before it)."""
 
     points: int
@@ -58,10 +58,10 @@ class AngleClasses:
     part: str
     name: str
     columns: tuple[str, ...]
-    classes: tuple[Class, ...]
+    classes: tuple[AngleClass, ...]
     adjusts: str = ""
 
-    def class_of(self, angle: float) -> Class:
+    def class_of(self, angle: float) -> AngleClass:
         """Return the class of an angle [deg]."""
         return next(c for c in self.classes if c.low <= angle <= c.high)
 
@@ -88,7 +88,7 @@ def _classes(part: str, side: str, steps: AngleSteps, shares_point: bool) -> Ang
     adds = bool(steps.adjustment) or part == "legs"
     intervals = [*map(_closed, steps.boundaries), (-INF, INF)]
     classes = tuple(
-        Class(points, *interval, text)
+        AngleClass(points, *interval, text)
         for points, (interval, text) in enumerate(zip(intervals, _texts(steps), strict=True), start=0 if adds else 1)
     )
     return AngleClasses(

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from reba.analysis.exposure import HELD_SECONDS
-from reba.analysis.improve import Improvement, improve_frame, improve_frames, worst_interval
+from reba.analysis.improve import Improvement, improve_frame, improve_frames, worst_minute
 from reba.errors import join_names
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, PART_MAXIMA
 from reba.posture.columns import SIDES
@@ -218,11 +218,11 @@ def worst_intervals(record: RecordingSummary) -> list[WorstInterval]:
     return [_worst_interval(record, number, interval) for number, interval in enumerate(record.summary["worst"], 1)]
 
 
-def worst_minute(record: RecordingSummary) -> tuple[float, float, tuple[tuple[str, str], ...]] | None:
+def worst_minute_row(record: RecordingSummary) -> tuple[float, float, tuple[tuple[str, str], ...]] | None:
     """Return start and end [s] of the worst minute and the changes that lower the action level of all its frames."""
     if not record.frames:
         return None
-    frames = worst_interval(record.scores)
+    frames = worst_minute(record.scores)
     first, last = int(frames[0]), int(frames[-1])
     time = record.scores.time
     changes = _changes(improve_frames(record.scores, frames))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from reba._version import __version__
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.report import labels
-from reba.report.findings import WHY_P90, headline, high_risk_share, worse_side, worst_intervals, worst_minute
+from reba.report.findings import WHY_P90, headline, high_risk_share, worse_side, worst_intervals, worst_minute_row
 from reba.report.labels import LEVEL_COLOURS, LIMITS, PART_COLOURS, SOURCES, TEXT_ON
 from reba.report.plots import angle_figure, time_figure, time_label, time_svg
 from reba.report.sections import (
@@ -95,7 +95,7 @@ def _section(number: int, record: RecordingSummary, span: float) -> dict[str, An
         "views": VIEWS,
         "level_rows": _level_rows(record),
         "intervals": [(one, Markup(one.svg)) for one in intervals],
-        "minute": worst_minute(record),
+        "minute": worst_minute_row(record),
         "parts": part_shares(record),
         "contributions": contributions,
         "angles": angle_rows(record),

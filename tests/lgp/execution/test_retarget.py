@@ -9,7 +9,7 @@ import numpy as np
 import lgp
 from lgp.collision.distances import Collisions
 from lgp.execution.fixed_path import holding_hands
-from lgp.execution.retarget import Phase, Planner
+from lgp.execution.retarget import ActionMotion, Planner
 from lgp.execution.tracking import Observation, TrackedPose, TrackedWorld
 from lgp.kinematics.modes import ModeSequence
 from lgp.scene.model import Scene
@@ -58,7 +58,7 @@ def test_a_hand_that_holds_stands_still_in_a_moved_motion_wherever_it_holds() ->
     # It holds a little elsewhere than planned: one joint is far from the plan, the others are near it.
     start[arm] += np.where(np.arange(len(arm)) == 3, 0.2, 0.015)
     phase = planner.retarget(GIVES, scene_before(GIVES), start)
-    assert isinstance(phase, Phase)
+    assert isinstance(phase, ActionMotion)
     at = world.at(phase.trajectory.knots, ["baxter.right"]).position[:, 0]
     np.testing.assert_allclose(at, np.broadcast_to(at[0], at.shape), atol=1e-4)
     np.testing.assert_allclose(phase.trajectory.knots[0], start)

@@ -113,7 +113,7 @@ def test_a_panda_works_by_name_and_any_urdf_by_path() -> None:
 
 def test_hands_without_a_limit_change_nothing_else() -> None:
     world = human_world()
-    free = world.with_free_hands("human")
+    free = world.without_tilt_limits("human")
     assert {hand.tilt for hand in free.scene.hands.values()} == {180.0}
     assert free.joints == world.joints
     assert free.scene.tables == world.scene.tables

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lgp.path.costs import eliminate_slices, quadratic
+from lgp.path.costs import acceleration_quadratic, eliminate_slices
 
 
 @settings(max_examples=30, deadline=None)
@@ -15,14 +15,16 @@ from lgp.path.costs import eliminate_slices, quadratic
 def test_acceleration_is_the_sum_of_squared_second_differences(slices: int, stop: bool, seed: int) -> None:
     path = np.random.default_rng(seed).normal(size=slices)
     extended = np.concatenate([[0.0, 0.0], path, [path[-1]] * stop])
-    assert path @ quadratic(slices, 0.2, stop) @ path == pytest.approx(0.2 * np.sum((np.diff(extended, 2) / 0.04) ** 2))
+    assert path @ acceleration_quadratic(slices, 0.2, stop) @ path == pytest.approx(
+        0.2 * np.sum((np.diff(extended, 2) / 0.04) ** 2)
+    )
 
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(6, 14), st.integers(0, 1000))
 def test_eliminated_slices_are_at_their_minimum(slices: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    matrix = quadratic(slices, 0.2, stop=True)
+    matrix = acceleration_quadratic(slices, 0.2, stop=True)
     knots = np.array([2, slices - 1])
     condensed = eliminate_slices(matrix, knots, [(2, 3)])
     values = rng.normal(size=2)

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lgp.path.costs import CondensedQuadratic, eliminate_slices, quadratic
+from lgp.path.costs import CondensedQuadratic, acceleration_quadratic, eliminate_slices
 from lgp.path.hessian import MIN_CURVATURE_SHARE, Convexity
 
 
 def convexity(joints: int = 3) -> tuple[Convexity, np.ndarray]:
     """One switch in the last of four slices whose rows hold the first joint."""
-    condensed = eliminate_slices(quadratic(4, 0.5, stop=True), np.array([3]))
+    condensed = eliminate_slices(acceleration_quadratic(4, 0.5, stop=True), np.array([3]))
     columns = np.arange(joints)
     stiff = 2.0 * float(condensed.cost[0, 0])
     return Convexity([(columns, condensed)], [columns], [columns], (joints, 0)), np.full(joints, stiff)
@@ -48,7 +48,7 @@ def test_variables_without_cost_have_no_negative_curvature() -> None:
 
 def two_switches(joints: int) -> tuple[Convexity, list[np.ndarray], np.ndarray]:
     """Switches in two of eight slices, their columns, and the least cost (2 joints, 2 joints) through both."""
-    condensed = eliminate_slices(quadratic(8, 0.5, stop=True), np.array([3, 7]))
+    condensed = eliminate_slices(acceleration_quadratic(8, 0.5, stop=True), np.array([3, 7]))
     columns = [np.arange(joints), joints + np.arange(joints)]
     test = Convexity([(np.arange(joints), condensed)], columns, columns, (joints, 0))
     return test, columns, np.kron(2.0 * condensed.cost, np.eye(joints))

@@ -9,7 +9,7 @@ import pytest
 from lgp.study.analysis import analyse
 from lgp.study.labels import Label
 from lgp.study.recordings import Sources
-from lgp.study.scoring import SIDED, TOTAL, Scored, cells, missing_cells, part_scores, row, warnings
+from lgp.study.scoring import SIDED, TOTAL, Scored, cells, limitations, missing_cells, part_scores, row
 from reba.scores import score
 from tests.support.studies import CONDITIONS, table
 
@@ -32,7 +32,7 @@ def test_warnings_name_short_unlike_and_mixed_recordings() -> None:
     unmeasured = {name: ("neck_flexion",) if name == recordings["input"][3] else () for name in recordings["input"]}
     truncated = {recordings["input"][2]: "at byte 12"}
     scored = Scored(recordings, {}, unmeasured, (), {}, (), truncated)
-    text = " | ".join(warnings(scored, analyse(cells(recordings), CONDITIONS), cells(recordings)))
+    text = " | ".join(limitations(scored, analyse(cells(recordings), CONDITIONS), cells(recordings)))
     assert "1 of 20 recordings are simulated" in text
     assert "1 of 20 recordings lack neck_flexion" in text
     assert "p00_ergonomic: 1.0 s, less than half" in text

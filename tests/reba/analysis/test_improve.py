@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import reba
 from reba.analysis.changes import choices
-from reba.analysis.improve import Improvement, improve_frame, improve_frames, worst_interval
+from reba.analysis.improve import Improvement, improve_frame, improve_frames, worst_minute
 from reba.method.classes import angle_classes
 from reba.method.tables import ACTION_LEVEL_FROM, LEVEL_OF
 from reba.posture.angles import against_gravity
@@ -234,11 +234,11 @@ def test_worst_stretch() -> None:
     angles[100:160, INDEX["trunk_flexion"]] = 70.0
     angles[100:160, INDEX["knee_flexion_left"]] = 70.0
     scores = reba.score(table(angles), activity="none")
-    frames = worst_interval(scores, 60.0)
+    frames = worst_minute(scores, 60.0)
     assert (frames[0], frames[-1], len(frames)) == (100, 159, 60)
-    for improvement in improve_frames(scores, worst_interval(scores)):
+    for improvement in improve_frames(scores, worst_minute(scores)):
         assert rescored(scores, frames, improvement)[0] == improvement.reba_after
-    assert worst_interval(scores, 10_000.0).tolist() == list(range(n))
+    assert worst_minute(scores, 10_000.0).tolist() == list(range(n))
 
 
 def test_improvements_are_plain_data() -> None:
