@@ -36,7 +36,7 @@ def acceleration_quadratic(slices: int, tau: float, stop: bool) -> Array:
         tau: time between slices [s].
         stop: whether the path ends at rest: then stopping after the last slice counts as well.
 
-    >>> quadratic(1, 1.0, stop=False).tolist()
+    >>> acceleration_quadratic(1, 1.0, stop=False).tolist()
     [[1.0]]
     """
     differences = np.eye(slices + stop, slices) - 2.0 * np.eye(slices + stop, slices, -1)
