@@ -74,3 +74,21 @@ def sha256_of(path: Path) -> str:
     """Return the SHA-256 of a file as hexadecimal text."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def lock_exclusively(file: int) -> bool:
+    """Lock a file by its descriptor, and return False if another process holds the lock.
+
+    The system releases the lock when the process ends. Some systems have no locks: they always give True.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass
+    return True

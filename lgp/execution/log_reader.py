@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, Final
 
 import numpy as np
 
@@ -16,8 +17,11 @@ from lgp.execution.events import Event
 from lgp.execution.log import RunLog
 from lgp.execution.simulation import Placement
 from reba.arrays import Array
+from reba.files import lock_exclusively
 from reba.readers.mcap.container import Container
 
+LOCK: Final = "_lock"
+"""File of the folder of a plan that is locked while a run writes there."""
 LIMIT = 1 << 28
 """[bytes] Largest chunk that is decompressed: a guard against damaged lengths."""
 
@@ -139,8 +143,8 @@ def placements(state: Mapping[str, Any]) -> dict[str, Placement]:
     }
 
 
-def continue_log(file: Path) -> LoggedRun:
-    """Rename the log of an interrupted run and return the run that it holds.
+def interrupted_run(file: Path) -> LoggedRun:
+    """Return the run that was interrupted while it wrote a log; no file changes.
 
     Raises:
         LgpError: there is no log, or its run has ended.
@@ -153,8 +157,33 @@ def continue_log(file: Path) -> LoggedRun:
     run = max(candidates, key=lambda one: one.last)
     if run.over:
         raise LgpError(f"{file}: the run has ended; run without --resume to start again")
-    os.replace(run.file, aside)
-    return replace(run, file=aside)
+    return run
+
+
+def claim(file: Path, past: LoggedRun | None) -> tuple[IO[bytes], LoggedRun | None]:
+    """Lock the folder of a log for one run and rename its former log; none is overwritten.
+
+    The log of the interrupted run `past` is put beside until its copy is complete; any other becomes run-1.mcap, or the
+    next free number. The lock ends with the returned file, or with the process.
+
+    Raises:
+        LgpError: another run writes there, or the folder cannot be written.
+    """
+    try:
+        lock = (file.parent / LOCK).open("a+b")
+    except OSError as error:
+        raise LgpError(f"{file.parent}: cannot be written ({error.strerror or error}); give another folder") from error
+    if not lock_exclusively(lock.fileno()):
+        lock.close()
+        raise LgpError(f"{file.parent}: a run of this plan is in progress; wait until it ends, or copy the folder")
+    if past is not None:
+        aside = file.with_name(file.name + INTERRUPTED)
+        os.replace(past.file, aside)
+        past = replace(past, file=aside)
+    if file.exists():
+        numbered = (file.with_stem(f"{file.stem}-{number}") for number in itertools.count(1))
+        os.replace(file, next(path for path in numbered if not path.exists()))
+    return lock, past
 
 
 def _logged(file: Path) -> LoggedRun | None:

@@ -241,12 +241,8 @@ def run_live(
     session = ExecutionRun(folder, run, on_event, on_plan)
     if address is None:
         return session.go()
-    try:
-        server = PageServer(_page(session.planner.plan, session.where), session.hub, address.host, address.port)
-    except BaseException:
-        session.close()
-        raise
-    with server:
+    with PageServer(_page(session.planner.plan, session.where), session.hub, address.host, address.port) as server:
+        session.start()
         servers.append(server)
         if on_served is not None:
             on_served(server.address)

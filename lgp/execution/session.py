@@ -20,10 +20,11 @@ from lgp.execution.executive import Executive, RetargetedAction, Settings
 from lgp.execution.faults import Fault, Faults
 from lgp.execution.fixed_path import FixedPathBounds, holding_hands
 from lgp.execution.log import Recorder, RunLog
-from lgp.execution.log_reader import LoggedRun, checkpoint, continue_log, placements
+from lgp.execution.log_reader import LoggedRun, checkpoint, claim, interrupted_run, placements
 from lgp.execution.predicates import gripper_commands
 from lgp.execution.replay import Replay
 from lgp.execution.retarget import ActionMotion, Planner, load_plan
+from lgp.execution.ros_messages import JOINT_STATE, encoder
 from lgp.execution.simulation import SimulatedRobots, SimulatedTracker, SimulatedWorld
 from lgp.execution.tracking import Observation, ObservationSource, TrackedPose, TrackedWorld
 from lgp.execution.worker import Worker, WorkerBehaviour
@@ -91,14 +92,27 @@ class ExecutionRun:
     ) -> None:
         self.folder, self.run = folder, RunOptions() if run is None else run
         self._on_event, self._on_plan = on_event, on_plan
-        past = continue_log(folder / LOG) if self.run.resume else None
+        past = interrupted_run(folder / LOG) if self.run.resume else None
         self.events = [] if past is None else list(past.events)
         self.hub = Hub([event for event in self.events if event.kind != "fault"])
         self._rng = np.random.default_rng([self.run.seed, len(self.events)])
         self.where = folder if past is None else folder / past.state["folder"]
         self.planner = Planner(load_plan(self.where), self.run.cost)
         self._build(past)
-        self._open(past)
+        self._past = past
+        self._started = False
+        self.log: RunLog
+
+    def start(self) -> None:
+        """Open the log, once nothing else can fail; until then no file of the folder changes.
+
+        Raises:
+            LgpError: a run of this plan is in progress, or the log cannot be written.
+        """
+        encoder(JOINT_STATE)  # a missing package is reported before a log is renamed
+        self._lock, self._past = claim(self.folder / LOG, self._past)
+        self._open(self._past)
+        self._started = True
 
     def go(self) -> dict[str, Any]:
         """Run to the end and return the summary.
@@ -106,6 +120,8 @@ class ExecutionRun:
         Raises:
             LgpError: the log cannot be written.
         """
+        if not self._started:
+            self.start()
         speed = self.run.speed
         due = clock.monotonic()
         try:
@@ -121,8 +137,11 @@ class ExecutionRun:
             self.close()
 
     def close(self) -> None:
-        """Close the log."""
+        """Close the log and unlock the folder."""
+        if not self._started:
+            return
         self.log.close()
+        self._lock.close()
         if self._old is not None:
             self._old.unlink(missing_ok=True)
 

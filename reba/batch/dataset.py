@@ -24,6 +24,7 @@ from reba._version import __version__
 from reba.batch.manifest import FAILED, SCORED, Content, Entry, Manifest, size_and_mtime
 from reba.batch.run import RecordingResult, ScoringOptions
 from reba.errors import RebaError
+from reba.files import lock_exclusively
 from reba.method.rules import rules_of
 
 SCORES_FILE: Final = "scores.parquet"
@@ -80,7 +81,10 @@ class Dataset:
             ) from error
         self.token = os.urandom(8).hex()
         try:
-            _lock_exclusively(self._lock.fileno(), folder)
+            if not lock_exclusively(self._lock.fileno()):
+                raise RebaError(
+                    f"{folder}: another command is writing to it; wait until that ends or choose another folder"
+                )
             self.manifest = Manifest(self.folder)
             self._names = {entry.recording: path for path, entry in self.manifest.entries.items()}
             self._recover()
@@ -247,19 +251,3 @@ def _remove_scores(file: Path) -> None:
     file.unlink(missing_ok=True)
     with contextlib.suppress(OSError):
         file.parent.rmdir()
-
-
-def _lock_exclusively(file: int, folder: str | Path) -> None:
-    """Lock the file; the system releases the lock when the process ends. Some systems have no locks: do without."""
-    try:
-        import fcntl
-    except ImportError:
-        return
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise RebaError(
-            f"{folder}: another command is writing to it; wait until that ends or choose another folder"
-        ) from error
-    except OSError:
-        return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ import pytest
 
 import lgp
 import reba
+from lgp.errors import LgpError
 from lgp.execution.faults import parse_fault
 from lgp.execution.log_reader import messages
 from lgp.execution.ros_messages import DEFINITIONS
+from lgp.execution.server import Address, run_live
 from lgp.execution.session import TICK, ExecutionRun, RunOptions, retarget_cost
 from lgp.execution.trajectory_export import export
 from lgp.execution.worker import EXACT, WorkerBehaviour
@@ -178,3 +181,28 @@ def test_exported_trajectories_are_the_planned_motion(tmp_path: Path) -> None:
     end = dict(zip(command.joint_names, command.points[-1].positions, strict=True))
     for name, value in end.items():
         assert value == pytest.approx(plan.path[3, plan.joints.index(f"baxter.{name}")])
+
+
+def test_no_run_loses_a_former_log(tmp_path: Path) -> None:
+    folder = saved(tmp_path)
+    options = RunOptions(speed=0.0, compare=False, behaviour=EXACT)
+    logs = []
+    for _ in range(3):
+        ExecutionRun(folder, options).go()
+        logs.append((folder / "run.mcap").read_bytes())
+    former = [(folder / name).read_bytes() for name in ("run-1.mcap", "run-2.mcap")]
+    assert former == logs[:2]
+    # A run that cannot start, for its port is taken or another is in progress, changes no file.
+    running = ExecutionRun(folder, options)
+    running.start()
+    before = {path.name: path.read_bytes() for path in folder.glob("*.mcap")}
+    with pytest.raises(LgpError) as error:
+        ExecutionRun(folder, options).go()
+    says(error, folder, "in progress", "wait")
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(LgpError) as error:
+        run_live(folder, options, None, Address("127.0.0.1", taken.getsockname()[1]))
+    says(error, "cannot listen", "--port")
+    running.close()
+    assert {path.name: path.read_bytes() for path in folder.glob("*.mcap") if path.name != "run.mcap"} == {
+        name: data for name, data in before.items() if name != "run.mcap"
+    }
