@@ -10,6 +10,12 @@ from lgp.kinematics.modes import KinematicSwitch, ModeSequence
 from tests.support.lgp_worlds import anywhere, human_world, needs_robots, screwdriver_world
 
 RIGHT = "human.right_hand"
+HANDED_OVER = [
+    KinematicSwitch("grasp", "baxter.right", "screwdriver"),
+    KinematicSwitch("place", "baxter.right", "screwdriver", "table.left"),
+    KinematicSwitch("grasp", RIGHT, "screwdriver"),
+]
+"""The robot puts the screwdriver on a table, the human takes it."""
 
 
 def _pair(collisions: Collisions, first: str, second: str) -> int:
@@ -49,14 +55,7 @@ def test_distance_goes_below_zero_by_the_depth() -> None:
 @needs_robots
 def test_derivatives_by_differences_objects_and_variables_included() -> None:
     world = screwdriver_world()
-    modes = ModeSequence(
-        world,
-        [
-            KinematicSwitch("grasp", "baxter.right", "screwdriver"),
-            KinematicSwitch("place", "baxter.right", "screwdriver", "table.left"),
-            KinematicSwitch("grasp", RIGHT, "screwdriver"),
-        ],
-    )
+    modes = ModeSequence(world, HANDED_OVER)
     collisions = Collisions(world, modes)
     rng = np.random.default_rng(0)
     q = np.clip(world.initial_configuration + 0.25 * rng.standard_normal((8, world.nq)), world.lower, world.upper)
@@ -115,14 +114,7 @@ def test_the_resting_postures_are_clear_of_tables_of_any_height() -> None:
 @needs_robots
 def test_an_object_may_touch_what_holds_it_around_a_switch() -> None:
     world = screwdriver_world()
-    modes = ModeSequence(
-        world,
-        [
-            KinematicSwitch("grasp", "baxter.right", "screwdriver"),
-            KinematicSwitch("place", "baxter.right", "screwdriver", "table.left"),
-            KinematicSwitch("grasp", RIGHT, "screwdriver"),
-        ],
-    )
+    modes = ModeSequence(world, HANDED_OVER)
     collisions = Collisions(world, modes)
     kinematics = world.at(np.tile(world.initial_configuration, (4, 1)), collisions.frames)
     z = modes.guess(np.tile(world.initial_configuration, (3, 1)))
