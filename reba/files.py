@@ -12,7 +12,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 
@@ -64,6 +64,19 @@ def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def write_atomic_stream(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Call `write` with a temporary file open for bytes, and rename it to `path` when it is complete.
+
+    For libraries that open no path that is not UTF-8.
+    """
+
+    def open_and_write(part: Path) -> None:
+        with part.open("wb") as stream:
+            write(stream)
+
+    write_atomic(path, open_and_write)
 
 
 def write_text(path: Path, text: str) -> None:
