@@ -1,7 +1,8 @@
 """Write score tables and posture tables: Parquet, CSV and MCAP.
 
 The rules with every threshold, the assumed factors and the unmeasured angles are written with the numbers: as Parquet
-metadata (key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`. Every file is written under a
+metadata (key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`. No text of a CSV is a formula
+(`reba.cells`); `reba.read` gives it back as it was. Every file is written under a
 temporary name in the target folder and renamed when it is complete.
 """
 
@@ -17,6 +18,7 @@ import pandas as pd
 
 from reba._version import __version__
 from reba.analysis.score_table import SCORES
+from reba.cells import cells_of
 from reba.checks import PATH, accepts, instance
 from reba.errors import RebaError
 from reba.files import as_json, write_atomic, write_atomic_stream, write_text
@@ -110,7 +112,7 @@ def _write(
     if suffix == ".parquet":
         write_atomic_stream(path, lambda part: _write_parquet(data, metadata, part))
     elif suffix == ".csv":
-        write_atomic(path, lambda part: data.to_csv(part, index=False, chunksize=BLOCK_ROWS))
+        write_atomic(path, lambda part: cells_of(data).to_csv(part, index=False, chunksize=BLOCK_ROWS))
         text = as_json(metadata, indent=1) + "\n"
         write_atomic(path.with_name(path.name + ".meta.json"), lambda part: write_text(part, text))
     elif suffix == ".mcap":
