@@ -19,6 +19,9 @@ from pathlib import Path
 
 import pytest
 
+import dreba.cli
+import lgp.cli
+import reba.cli
 from reba.readers.recording.profile import profile_text
 from tests.support import hostile_names as hostile
 from tests.support.hostile_names import FILE, FORGED, NAME
@@ -113,7 +116,7 @@ def hostile_commands(here: Path) -> list[list[str]]:
         ["dreba", "export", f"{out}.json", "--to", "c", "-o", f"{out}.c"],
         ["dreba", "export", f"{out}.json", "--to", FORGED],
         ["dreba", "export", "quadratic", "--to", "c", "--name", FORGED],
-        ["lgp", FORGED], ["lgp", "plan", FORGED], ["lgp", "plan", "screwdriver", "--height", FORGED],
+        ["lgp", FORGED], ["lgp", "scenes"], ["lgp", "plan", FORGED], ["lgp", "plan", "screwdriver", "--height", FORGED],
         ["lgp", "plan", "screwdriver", "--sequence", FORGED], ["lgp", "plan", str(profile)],
         ["lgp", "plan", str(scene), "--no-ergonomics", "--tree", f"{out} tree.svg", "-o", f"{out} plan"],
         ["lgp", "plan", str(scene), "--no-ergonomics", "--height", f"{NAME} table=9"],
@@ -147,6 +150,12 @@ def check(output: str, commands: list[list[str]]) -> None:
         assert "== fell" not in part, part
         assert not re.search("(?m)^reba: forged", part), part
         assert "\U0001f4a5" not in part, part
+
+
+def test_every_command_is_called(commands: list[list[str]]) -> None:
+    groups = {"reba": reba.cli.cli, "dreba": dreba.cli.cli, "lgp": lgp.cli.cli}
+    known = {(program, name) for program, group in groups.items() for name in group.commands}
+    assert known <= {(words[0], words[1]) for words in commands}
 
 
 def test_in_a_pipe(call: list[str], commands: list[list[str]]) -> None:
@@ -192,22 +201,21 @@ def cli():
     raise LookupError("\x1b[2J\u202e\x9b" + chr(0xdcff))
 run(cli, "reba")
 """
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            code,
-        ],
-        capture_output=True,
-        timeout=60,
-        cwd=ROOT,
-        check=False,
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60, cwd=ROOT, check=False)
     text = done.stderr.decode("utf-8")
     assert done.returncode == 1
     assert text.startswith("Traceback")
     assert text.endswith("LookupError: \\x1b[2J\\u202e\\x9b\\udcff\n")
     check(text, [])
+
+
+def test_a_terminal_of_another_encoding_shows_the_letters_it_lacks_as_codes(tmp_path: Path) -> None:
+    paths = [hostile.posture_table(tmp_path / name) for name in ("left→Ж.csv", "b.csv")]
+    call = [sys.executable, "-c", "from reba.cli import main; main()", "score", *map(str, paths)]
+    env = {**os.environ, "PYTHONIOENCODING": "latin-1"}
+    done = subprocess.run(call, capture_output=True, timeout=60, cwd=ROOT, env=env, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert "left\\u2192\\u0416.csv" in done.stdout.decode("latin-1")
 
 
 PRINTING = {("click", "echo"), ("click", "secho"), ("sys.stdout", "write"), ("sys.stderr", "write")}

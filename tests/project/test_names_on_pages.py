@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from tests.support import hostile_names as hostile
 from tests.support.browser import chromium, complaints, needs_browser, until
 from tests.support.hostile_names import MARKUP
 from tests.support.page_packages import needs_page
+from tests.support.paths import ROOT
 from tests.support.screwdriver_runs import made
 
 pytestmark = [pytest.mark.slow, needs_browser]
@@ -168,6 +170,12 @@ WRITERS: dict[str, tuple[Callable[[Path], Path], int]] = {
     "posture": (stick_figures, 0),
 }
 """Writers of pages and drawings, and how often the name stands in the text at least."""
+PAGES = {
+    "reba/report/page.py", "dreba/report.py", "lgp/page/page.py", "lgp/study/report.py", "lgp/experiments/report.py",
+    "lgp/experiments/toolbox_report.py",
+}  # fmt: skip
+DRAWINGS = {"reba/report/plots.py", "reba/posture/skeleton.py", "lgp/svg.py", "lgp/search/tree_figure.py",
+            "lgp/experiments/figures.py"}  # fmt: skip
 ADDED = """return [...document.querySelectorAll("*")].filter((element) => element.matches('img[src="x"], .hostile')
     || [...element.attributes].some((one) => /^on/i.test(one.name) || /^\\s*javascript:/i.test(one.value)))
     .map((element) => element.outerHTML.slice(0, 200))"""
@@ -210,6 +218,17 @@ def test_events_of_a_run_are_text(browser: Any, tmp_path: Path) -> None:
         check_nothing_ran(browser)
         browser.get("about:blank")
     assert complaints(browser) == []
+
+
+def test_every_writer_is_tested() -> None:
+    texts = {
+        str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
+        for package in ("reba", "dreba", "lgp")
+        for path in (ROOT / package).rglob("*.py")
+    }
+    assert {name for name, text in texts.items() if re.search(r"\btemplate\(", text)} == PAGES
+    assert {name for name, text in texts.items() if "<svg" in text} == DRAWINGS
+    assert not [name for name, text in texts.items() if re.search(r"import .*\bescape\b", text)]
 
 
 def check_nothing_ran(browser: Any) -> None:
