@@ -25,7 +25,7 @@ from dreba.options import (
 )
 from dreba.sampling.poses import Poses, read_poses
 from reba._version import __version__
-from reba.command_line import GROUP, command_line, console, json_option, parallel_options, print_json, run
+from reba.command_line import GROUP, command_line, echo, json_option, parallel_options, print_json, run
 from reba.posture.columns import COLUMNS
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def sample(output: str, as_json: bool, **drawing: Any) -> None:
         counts = {str(score): count for score, count in poses.counts.items()}
         print_json({"output": output, "n": len(poses), "classes": counts, "provenance": poses.provenance})
     else:
-        click.echo(f"{output}: {len(poses):,} poses, {len(poses.counts)} classes, seed {drawing['seed']}")
+        echo(f"{output}: {len(poses):,} poses, {len(poses.counts)} classes, seed {drawing['seed']}")
 
 
 @cli.command(epilog="Example: dreba fit --kind quadratic -n 20000 --seed 1 -o model.json --report model.html")
@@ -118,7 +118,7 @@ def fit(
     fit_to(model, train, held_out, weights, command=command_line("dreba"))
     model.save(output)
     _show_evaluation(model, output, held_out, report, as_json, None)
-    click.echo(f"written: {', '.join(filter(None, (output, report)))}", err=True)
+    echo(f"written: {', '.join(filter(None, (output, report)))}", err=True)
 
 
 @cli.command(epilog="Example: dreba evaluate model.json --poses poses.parquet")
@@ -159,6 +159,7 @@ def _show_evaluation(
         print_json(result.to_dict())
         return
     from dreba.console import show_evaluation
+    from reba.terminal import console
 
     show_evaluation(console(), name, result)
 
@@ -221,7 +222,7 @@ def compare(
     rows = compare_models(loaded, poses, jobs=jobs, scheduler=scheduler)
     other_domains = [f"{row['model']} ({row['domain']})" for row in rows if row["domain"] not in ("", domain)]
     if other_domains:
-        click.echo(
+        echo(
             f"dreba: note: all models are evaluated in domain {domain}; fitted in another: {', '.join(other_domains)}; "
             "for errors there use --domain, or dreba evaluate for each model",
             err=True,
@@ -232,6 +233,7 @@ def compare(
         print_json({"published": published, "domain": domain, "models": rows, "enabler": enabler})
         return
     from dreba.console import show_comparison, show_enabler
+    from reba.terminal import console
 
     show_comparison(console(), rows, domain)
     if enabler:
@@ -260,7 +262,7 @@ def export(
     if as_json:
         print_json({"model": model, "to": target, "output": str(written)})
     else:
-        click.echo(f"written: {written}")
+        echo(f"written: {written}")
 
 
 def main() -> None:

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation
+from reba.terminal import Console, Text
 
 
 def show_evaluation(console: Console, name: str, evaluation: Evaluation) -> None:
@@ -60,7 +59,7 @@ def show_enabler(console: Console, rows: Sequence[Mapping[str, Any]]) -> None:
     table.add_column("model", overflow="fold")
     table.add_column("start", no_wrap=True)
     for heading in ("mean\nREBA", "= best\nknown", "best of\nstarts", "infea-\nsible", "evalu-\nations", "ms"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(Text(heading, keep="\n"), justify="right", no_wrap=True)
     for row in rows:
         shares = (f"{row[key]:.0%}" for key in ("share_best", "share_best_of_starts", "infeasible"))
         figures = (f"{row['evaluations']:.0f}", f"{1e3 * row['seconds']:.0f}")

@@ -22,8 +22,9 @@ from reba.checks import PATH, accepts
 from reba.files import write_atomic
 from reba.posture.columns import ANGLES, COLUMNS, INDEX
 from reba.posture.skeleton import stick_figure
+from reba.printable import as_script_data
 from reba.report.labels import angle_name
-from reba.report.page import template
+from reba.report.page import read, template
 
 WORST_POSES: Final = 6
 """Number of poses shown, those with the largest absolute errors."""
@@ -89,7 +90,7 @@ def render(
         plots["weights"] = [weight_figure(model, domain)]
         if not model.free:
             plots["polynomials"] = polynomial_figures(model, domain)
-    return template("dreba", "report.html", scripted=True).render(
+    return template("dreba", "report.html", scripts=(get_plotlyjs(), read("dreba", "report.js"))).render(
         name=name or model.kind,
         model=model,
         evaluation=evaluation,
@@ -101,12 +102,11 @@ def render(
         provenance=[(key, v if isinstance(v, str) else json.dumps(v)) for key, v in model.about_.provenance.items()],
         worst=_worst(values, poses),
         plots={
-            key: [Markup(_script_safe(figure.to_json(validate=False))) for figure in figures]
+            key: [Markup(as_script_data(figure.to_json(validate=False))) for figure in figures]
             for key, figures in plots.items()
         },
         command=command,
         temperature=temperature,
-        plotly=Markup(get_plotlyjs()),
     )
 
 
@@ -134,11 +134,6 @@ def _worst(values: np.ndarray, poses: Poses) -> list[dict[str, Any]]:
             }
         )
     return worst
-
-
-def _script_safe(text: str) -> str:
-    """Return JSON escaped for a script element."""
-    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
 MODEL_COLOUR: Final = "#403a82"

@@ -13,7 +13,7 @@ from lgp.execution.commands import run_command
 from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
 from reba._version import __version__
-from reba.command_line import GROUP, command_line, console, json_option, parallel_options, print_json, run
+from reba.command_line import GROUP, command_line, echo, json_option, parallel_options, print_json, run
 
 
 @click.group(context_settings=GROUP)
@@ -83,6 +83,7 @@ def plan(
         print_json(summary)
     elif result.feasible:
         from lgp.console import show_plan
+        from reba.terminal import console
 
         show_plan(console(), summary)
     if not result.feasible:
@@ -137,7 +138,7 @@ def experiment(
     from lgp.experiments.screwdriver_experiment import experiment_screwdriver
 
     def progress(done: int, wanted: int) -> None:
-        click.echo(f"{name}: {done} of {wanted} runs", err=True)
+        echo(f"{name}: {done} of {wanted} runs", err=True)
 
     summary = experiment_screwdriver(
         output,
@@ -150,13 +151,13 @@ def experiment(
         collisions=collisions,
         sensitivity=sensitivity,
         progress=progress,
-        on_event=lambda event: click.echo(f"{name}: {event}", err=True),
+        on_event=lambda event: echo(f"{name}: {event}", err=True),
         command=command_line("lgp"),
     )
     if as_json:
         print_json(summary)
     else:
-        click.echo(f"results are in {output}: report.html, summary.json, runs.parquet, paths.parquet")
+        echo(f"results are in {output}: report.html, summary.json, runs.parquet, paths.parquet")
 
 
 def _toolbox(output: str, cost: str, as_json: bool) -> None:
@@ -165,16 +166,17 @@ def _toolbox(output: str, cost: str, as_json: bool) -> None:
     summary = experiment_toolbox(
         output,
         cost=cost,
-        on_event=lambda event: click.echo(f"toolbox: {event}", err=True),
+        on_event=lambda event: echo(f"toolbox: {event}", err=True),
         command=command_line("lgp"),
     )
     if as_json:
         print_json(summary)
     else:
         from lgp.console import show_toolbox
+        from reba.terminal import console
 
         show_toolbox(console(), summary)
-        click.echo(f"results are in {output}: report.html, summary.json, runs.parquet, ergonomic/, non-ergonomic/")
+        echo(f"results are in {output}: report.html, summary.json, runs.parquet, ergonomic/, non-ergonomic/")
 
 
 @cli.command(epilog="Example: lgp plan screwdriver -o plan/ && lgp page plan/")
@@ -193,7 +195,7 @@ def page(folder: str, output: str | None, pictures: bool, as_json: bool) -> None
     if as_json:
         print_json({"output": str(index), "actions": list(plan.actions), "bytes": size})
     else:
-        click.echo(f"{index}: {len(plan.actions)} actions, {size / 1e6:.1f} MB; open it in any browser")
+        echo(f"{index}: {len(plan.actions)} actions, {size / 1e6:.1f} MB; open it in any browser")
 
 
 @cli.command()
@@ -205,7 +207,7 @@ def scenes(as_json: bool) -> None:
         print_json(titles)
         return
     for name, title in titles.items():
-        click.echo(f"{name}: {title}")
+        echo(f"{name}: {title}")
 
 
 cli.add_command(study)

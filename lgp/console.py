@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
-from rich.text import Text
+
+from reba.terminal import Console, Text
 
 
 def show_plan(console: Console, summary: dict[str, Any]) -> None:

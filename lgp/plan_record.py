@@ -158,11 +158,12 @@ def save(plan: Plan, folder: Path) -> None:
         (folder / "plan.json").write_text(as_json(data, indent=1) + "\n", encoding="utf-8")
         if plan.feasible:
             columns = dict(zip(plan.joints, plan.path.T, strict=True))
-            pd.DataFrame(times | columns).to_parquet(folder / "path.parquet", index=False)
+            # As bytes: pyarrow opens no path that is not UTF-8.
+            (folder / "path.parquet").write_bytes(pd.DataFrame(times | columns).to_parquet(index=False))
         if len(plan.posture):
             angles = dict(zip(COLUMNS, plan.posture.T, strict=True))
             postures = pd.DataFrame({"time": plan.time, **angles, "load": plan.carried})
-            postures.to_parquet(folder / "postures.parquet", index=False)
+            (folder / "postures.parquet").write_bytes(postures.to_parquet(index=False))
     except OSError as error:
         raise LgpError(f"{folder}: cannot be written ({error.strerror or error}); give another folder") from error
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from reba.arrays import Array
+from reba.printable import as_markup
 
 INK, SOFT, LINE = "#1b2430", "#4d5866", "#d5dae1"
 """Colours of lines and text, notes, and grids, as in the reports."""
@@ -30,10 +31,8 @@ def text(x: float, y: float, content: str, *, size: int = 14, colour: str = INK,
     >>> text(1, 2, "a < b", anchor="start")
     '<text x="1.0" y="2.0" font-size="14" fill="#1b2430" text-anchor="start">a &lt; b</text>'
     """
-    from markupsafe import escape
-
     look = f'font-size="{size}" fill="{colour}" text-anchor="{anchor}"'
-    return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{escape(content)}</text>'
+    return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{as_markup(content)}</text>'
 
 
 def points(x: Array, y: Array) -> str:
@@ -82,9 +81,7 @@ def legend_line(x: float, y: float, name: str, colour: str = INK, width: float =
 
 def svg(parts: Sequence[str], label: str, height: float) -> str:
     """Return the SVG document; `label` is its text for screen readers."""
-    from markupsafe import escape
-
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {WIDTH:g} {height:g}" role="img" '
-        f'aria-label="{escape(label)}" font-family="system-ui, sans-serif">' + "".join(parts) + "</svg>"
+        f'aria-label="{as_markup(label)}" font-family="system-ui, sans-serif">' + "".join(parts) + "</svg>"
     )

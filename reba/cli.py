@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import click
 
 from reba._version import __version__
 from reba.batch.run import ScoringOptions, check_report, find_inputs, plan_output, score_many
-from reba.command_line import GROUP, Stop, command_line, console, json_option, parallel_options, print_json, run
+from reba.command_line import GROUP, Stop, command_line, echo, json_option, parallel_options, print_json, run
 from reba.errors import RebaError
 from reba.method.rules import rules_of
 from reba.method.tables import ACTION_LEVELS
@@ -101,9 +102,9 @@ def score(
     check_report(report, paths, file)
     where: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "keep_scores": report is not None}
     if folder is not None:
-        failed = score_command.into_dataset(folder, paths, options, report, as_json, _Progress(len(paths)), where)
+        failed = score_command.into_dataset(folder, paths, options, report, as_json, _progress(len(paths)), where)
     else:
-        with _Progress(len(paths)) as advance:
+        with _progress(len(paths)) as advance:
             results = score_many(paths, file, options, on_done=advance, **where)
         failed = score_command.show(results, file, report, as_json)
     if failed:
@@ -123,6 +124,7 @@ def info(path: str, as_json: bool, **values: Any) -> None:
         print_json(contents.to_dict())
     else:
         from reba.console import show_info
+        from reba.terminal import console
 
         show_info(console(), contents)
 
@@ -151,6 +153,7 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) ->
         print_json(result)
     else:
         from reba.console import show_comparison
+        from reba.terminal import console
 
         show_comparison(console(), result)
 
@@ -167,6 +170,7 @@ def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
         print_json(sheet.to_dict())
     else:
         from reba.console import show_worksheet
+        from reba.terminal import console
 
         show_worksheet(console(), sheet)
 
@@ -209,6 +213,7 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
         print_json(result)
         return
     from reba.console import show_improvements
+    from reba.terminal import console
 
     out = console()
     for at, some in improvements:
@@ -217,7 +222,7 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
         title = f"worst minute, every frame from {stamps[minute[0]]:.1f} to {stamps[minute[-1]]:.1f} s"
         show_improvements(out, title, of_minute)
     if scores.unmeasured:
-        click.echo("unmeasured angles count as neutral here: only measured angles can be changed")
+        echo("unmeasured angles count as neutral here: only measured angles can be changed")
 
 
 @cli.command(epilog="Example: reba convert walk.bvh -o walk.parquet")
@@ -238,7 +243,7 @@ def convert(path: str, output: str, as_json: bool, **values: Any) -> None:
     if as_json:
         print_json({**result, "unmeasured": list(postures.unmeasured), "assumed": list(postures.assumed)})
     else:
-        click.echo(f"{output}: {result['frames']} frames, profile {postures.profile}")
+        echo(f"{output}: {result['frames']} frames, profile {postures.profile}")
 
 
 @cli.command(epilog="Example: reba profiles; reba profiles human_description > mylab.toml")
@@ -249,9 +254,10 @@ def profiles(name: str | None, as_json: bool) -> None:
     from reba.console import describe_profile, show_profiles
     from reba.readers.recording.profile import profile_text
     from reba.readers.recording.profile import profiles as known
+    from reba.terminal import console
 
     if name is not None and not as_json:
-        click.echo(profile_text(name), nl=False)
+        echo(profile_text(name), nl=False, keep="\n\t")
         return
     described = [describe_profile(profile) for profile in known() if name in (None, profile.name)]
     if as_json:
@@ -297,30 +303,16 @@ def live(source: str, **values: Any) -> None:
         raise Stop(code)
 
 
-class _Progress:
-    """A progress bar on standard error for several recordings, if that is a terminal."""
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[str], None]]:
+    """Give a function that notes each recording done: in a progress bar if there are several and a terminal."""
+    if total < 2 or not sys.stderr.isatty():
+        yield lambda name: None
+        return
+    from reba.terminal import ProgressBar
 
-    def __init__(self, total: int) -> None:
-        self.total = total
-        self.bar: Any = None
-
-    def __enter__(self) -> Callable[[str], None]:
-        if self.total < 2 or not sys.stderr.isatty():
-            return lambda name: None
-        from rich.progress import Progress
-
-        self.bar = Progress(console=console(stderr=True), transient=True)
-        self.bar.start()
-        task = self.bar.add_task("scoring", total=self.total)
-
-        def advance(name: str) -> None:
-            self.bar.update(task, advance=1, description=Path(name).name)
-
-        return advance
-
-    def __exit__(self, *_: object) -> None:
-        if self.bar is not None:
-            self.bar.stop()
+    with ProgressBar("scoring", total) as bar:
+        yield lambda name: bar.advance(Path(name).name)
 
 
 def main() -> None:

@@ -5,20 +5,21 @@ Exit codes: 0 done, 1 some inputs of a batch failed, 2 bad input or usage (one l
 
 from __future__ import annotations
 
-import json
+import io
 import os
+import shlex
 import sys
+import traceback
 import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import click
 
 from reba.errors import RebaError
 from reba.extras import EXTRAS, missing
-
-if TYPE_CHECKING:
-    from rich.console import Console
+from reba.files import as_json
+from reba.printable import printable
 
 GROUP: Final[dict[str, Any]] = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 """Settings of a command group."""
@@ -44,24 +45,25 @@ class Stop(Exception):
         self.code = code
 
 
-def console(stderr: bool = False) -> Console:
-    """Return the console for tables: as wide as the terminal, 160 columns if the output is piped."""
-    from rich.console import Console
+def echo(text: str, err: bool = False, nl: bool = True, keep: str = "") -> None:
+    r"""Print a text with its hidden characters as escape codes, except those to `keep`; every line passes here.
 
-    stream = sys.stderr if stderr else sys.stdout
-    on_terminal = stream is not None and stream.isatty()  # None: the caller closed the stream
-    width = None if on_terminal or "COLUMNS" in os.environ else 160
-    return Console(stderr=stderr, highlight=False, markup=False, width=width)
+    Args:
+        err: on standard error.
+        nl: end the line.
+        keep: such as "\n" for a text of several lines.
+    """
+    click.echo(printable(text, keep), err=err, nl=nl)
 
 
 def print_json(result: Any) -> None:
     """Print one JSON object on standard output."""
-    click.echo(json.dumps(result, allow_nan=False))
+    echo(as_json(result, non_finite="refuse"))
 
 
 def command_line(name: str) -> str:
-    """Return the command as it was typed, so that a result can be reproduced."""
-    return " ".join([name, *sys.argv[1:]])
+    """Return the command as a shell reads it, so that a result can be reproduced by pasting it."""
+    return shlex.join([name, *sys.argv[1:]])
 
 
 def _discard_output() -> None:
@@ -72,26 +74,31 @@ def _discard_output() -> None:
 
 def run(group: click.Group, name: str, fit: str = "fit") -> None:
     """Run a command group and exit; errors and warnings are one line each on standard error."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # A terminal of another encoding lacks some letters.
+            stream.reconfigure(errors="backslashreplace")
+    sys.excepthook = lambda *error: echo("".join(traceback.format_exception(*error)), err=True, nl=False, keep="\n")
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_, **__: click.echo(f"{name}: warning: {message}", err=True)
+            warnings.showwarning = lambda message, *_, **__: echo(f"{name}: warning: {message}", err=True)
             group.main(standalone_mode=False)
         code = 0
     except Stop as stop:
         code = stop.code
     except (RebaError, click.ClickException) as error:
         text = error.format_message() if isinstance(error, click.ClickException) else str(error)
-        click.echo(f"{name}: {' '.join(text.split())}", err=True)
+        echo(f"{name}: {' '.join(text.split())}", err=True)
         code = 2
     except ModuleNotFoundError as error:
         extra = EXTRAS.get((error.name or "").split(".")[0])
         if extra is None:
             raise
         # The extra for planning holds that for fitting: a planner's user installs once.
-        click.echo(f"{name}: {missing(error.name or '', 'this command', fit if extra == 'fit' else extra)}", err=True)
+        echo(f"{name}: {missing(error.name or '', 'this command', fit if extra == 'fit' else extra)}", err=True)
         code = 2
     except (KeyboardInterrupt, click.Abort):
-        click.echo(f"{name}: interrupted", err=True)
+        echo(f"{name}: interrupted", err=True)
         code = 130
     except (BrokenPipeError, SystemExit):
         # The reader of the output closed the pipe (`reba score ... | head`); rich raises SystemExit for that.
@@ -100,6 +107,6 @@ def run(group: click.Group, name: str, fit: str = "fit") -> None:
     except OSError as error:
         _discard_output()
         path = f"{error.filename}: " if error.filename else ""
-        click.echo(f"{name}: {path}{error.strerror or error}; the output is incomplete", err=True)
+        echo(f"{name}: {path}{error.strerror or error}; the output is incomplete", err=True)
         code = 2
     raise SystemExit(code)

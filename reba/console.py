@@ -6,9 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from reba.analysis.improve import Improvement
 from reba.analysis.worksheet import Worksheet
@@ -18,6 +16,7 @@ from reba.posture.columns import COLUMNS
 from reba.readers.info import Info
 from reba.readers.mapping import measurable_columns
 from reba.readers.recording.profile import Profile
+from reba.terminal import Console, Text
 
 WIDE = 120
 """Columns of a terminal from which a table has room for the names of recordings."""
@@ -84,10 +83,10 @@ def _result_table(title: str, scored: Sequence[dict[str, Any]], labels: Sequence
     if labels:
         table.add_column("recording" if len(labels[0]) > 3 else "", overflow="fold")
     for name in ("time\n[s]", "mean", "med-\nian", "p90", "sus-\ntained\n1 s", "max"):
-        table.add_column(name, justify="right", no_wrap=True)
+        table.add_column(Text(name, keep="\n"), justify="right", no_wrap=True)
     for level, (risk, _) in enumerate(ACTION_LEVELS):
         heading = risk.replace(" ", "\n").replace("negligible", "negli-\ngible").replace("medium", "me-\ndium")
-        table.add_column(heading, justify="right", style=LEVEL_STYLES[level], no_wrap=True)
+        table.add_column(Text(heading, keep="\n"), justify="right", style=LEVEL_STYLES[level], no_wrap=True)
     open_share = any(summary["action_level_undetermined"] > 0 for summary in scored)
     if open_share:
         table.add_column("open", justify="right", no_wrap=True)

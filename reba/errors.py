@@ -12,6 +12,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
+from reba.printable import printable
+
 LONGEST: Final = 2000
 """Characters of a message; what is longer came from the input and loses its middle."""
 
@@ -71,10 +73,7 @@ def _one_line(text: str) -> str:
     # Names and values of damaged files end up in messages, control characters included.
     if len(text) > LONGEST:
         text = f"{text[: LONGEST - 600]} ... {text[-500:]}"
-    if text.isprintable():
-        return text
-    text = re.sub(r"\s*[\r\n]+\s*", " ", text)
-    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
+    return printable(re.sub(r"\s*[\r\n]+\s*", " ", text))
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 
@@ -22,7 +22,7 @@ NonFinite = Literal["null", "refuse"]
 
 
 def as_json(value: Any, *, indent: int | None = None, non_finite: NonFinite = "null") -> str:
-    """Return data as strict JSON text.
+    """Return data as strict JSON text of printable ASCII characters.
 
     Args:
         value: mappings, lists, tuples, NumPy scalars and arrays, numbers, texts, None.
@@ -35,7 +35,8 @@ def as_json(value: Any, *, indent: int | None = None, non_finite: NonFinite = "n
     >>> as_json({"rate": float("nan"), "frames": np.int64(1), "up": np.array([0.0, 1.0])})
     '{"rate": null, "frames": 1, "up": [0.0, 1.0]}'
     """
-    return json.dumps(plain_data(value, non_finite), indent=indent, allow_nan=False)
+    # The other control characters and all that is not ASCII are escaped by json itself.
+    return json.dumps(plain_data(value, non_finite), indent=indent, allow_nan=False).replace("\x7f", "\\u007f")
 
 
 def plain_data(value: Any, non_finite: NonFinite = "null") -> Any:
@@ -63,6 +64,19 @@ def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def write_atomic_stream(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Call `write` with a temporary file open for bytes, and rename it to `path` when it is complete.
+
+    For libraries that open no path that is not UTF-8.
+    """
+
+    def open_and_write(part: Path) -> None:
+        with part.open("wb") as stream:
+            write(stream)
+
+    write_atomic(path, open_and_write)
 
 
 def write_text(path: Path, text: str) -> None:

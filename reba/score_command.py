@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Final
 
-import click
-
 from reba.batch.dataset import NEW, Dataset
 from reba.batch.dataset_run import DatasetRun, score_into
 from reba.batch.manifest import MANIFEST
 from reba.batch.run import RecordingResult, ScoringOptions
-from reba.command_line import command_line, console
+from reba.command_line import command_line, echo
 from reba.console import show_results, show_totals
 from reba.errors import RebaError
+from reba.files import as_json
 from reba.report import write_report
+from reba.terminal import console
 
 MAX_LISTED: Final = 40
 """Recordings up to which each has a line in the terminal; of more, only the totals are printed."""
@@ -37,7 +36,7 @@ def show(results: Sequence[RecordingResult], file: Path | None, report: str | No
     else:
         show_results(console(), results)
         for path in [*([file] if file is not None and file.exists() else []), *written]:
-            click.echo(f"written: {path}", err=True)
+            echo(f"written: {path}", err=True)
     return failed
 
 
@@ -69,7 +68,7 @@ def into_dataset(
         else:
             show_totals(console(), dataset.results(inputs))
     for line in [f"{folder}: {_counts(run)}; the results of each recording are in {MANIFEST}", *written]:
-        click.echo(f"written: {line}", err=True)
+        echo(f"written: {line}", err=True)
     return run.failed
 
 
@@ -79,16 +78,16 @@ def print_results(results: Iterable[RecordingResult], **more: Any) -> None:
     `more` are further members of the object, after the lists of recordings and failures.
     """
     failed = []
-    click.echo('{"recordings": [', nl=False)
+    echo('{"recordings": [', nl=False)
     separator = ""
     for result in results:
         if result.error is not None:
             failed.append({"input": result.input, "error": result.error})
         else:
-            click.echo(separator + json.dumps(result.summary, allow_nan=False), nl=False)
+            echo(separator + as_json(result.summary, non_finite="refuse"), nl=False)
             separator = ", "
-    rest = json.dumps({"failed": failed, **more}, allow_nan=False)
-    click.echo(f"], {rest[1:]}")
+    rest = as_json({"failed": failed, **more}, non_finite="refuse")
+    echo(f"], {rest[1:]}")
 
 
 def _counts(run: DatasetRun) -> str:

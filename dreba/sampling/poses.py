@@ -20,7 +20,7 @@ from dreba.surrogates.task_factors import TaskFactors, task_factors_of
 from reba.arrays import Array
 from reba.checks import PATH, TEXT, Allowed, accepts
 from reba.errors import RebaError, did_you_mean
-from reba.files import write_atomic
+from reba.files import write_atomic_stream
 from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, INDEX
 from reba.posture.factors import FACTORS, Factors
 from reba.posture.named_angles import LARGEST, read_angles
@@ -104,7 +104,7 @@ class Poses:
         note = json.dumps(self.provenance).encode()
         table = table.replace_schema_metadata({**(table.schema.metadata or {}), METADATA: note})
         try:
-            write_atomic(Path(path), lambda part: pq.write_table(table, part, compression="zstd"))
+            write_atomic_stream(Path(path), lambda part: pq.write_table(table, part, compression="zstd"))
         except RebaError as error:
             raise SampleError(str(error)) from error
 

@@ -9,7 +9,7 @@ import click
 
 from lgp.defaults import COST
 from lgp.errors import LgpError
-from reba.command_line import Stop, console, json_option, print_json
+from reba.command_line import Stop, echo, json_option, print_json
 
 
 @click.command("run", epilog="Example: lgp plan screwdriver -o plan/ && lgp run plan/ --fault moved@1")
@@ -56,10 +56,10 @@ def run_command(folder: str, export: str | None, as_json: bool, **options: Any) 
 
     def on_event(event: Any) -> None:
         why = f" ({event.details['why']})" if event.details.get("why") and event.state != "failed" else ""
-        click.echo(f"{event.time:7.2f} s  {event.text}{why}", err=True)
+        echo(f"{event.time:7.2f} s  {event.text}{why}", err=True)
 
     def on_served(address: str) -> None:
-        click.echo(f"page: {address}", err=True)
+        echo(f"page: {address}", err=True)
 
     address = None if options["no_page"] else Address(options["host"], options["port"])
     summary = run_live(Path(folder), _run(options), on_event, address, on_served)
@@ -102,17 +102,19 @@ def _export(folder: str, file: str, strict: bool, as_json: bool) -> None:
 
     exported = export(load_plan(folder), Path(file), slow_down=not strict)
     for text in exported["limits"]:
-        click.echo(f"slowed down: {text}", err=True)
+        echo(f"slowed down: {text}", err=True)
     if as_json:
         print_json(exported)
     else:
         for row in exported["actions"]:
-            click.echo(f"{row['label']}: {row['seconds']:.2f} s")
-        click.echo(f"trajectories are in {exported['output']}")
+            echo(f"{row['label']}: {row['seconds']:.2f} s")
+        echo(f"trajectories are in {exported['output']}")
 
 
 def _show(summary: dict[str, Any]) -> None:
     """Print the summary of a run."""
+    from reba.terminal import console
+
     out = console()
     out.print(
         f"{summary['state']} after {summary['seconds']:.1f} s: {len(summary['actions'])} actions, "

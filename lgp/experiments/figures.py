@@ -238,7 +238,7 @@ def reach_map(scene: Scene, spots: pd.DataFrame) -> str:
         parts.append(f'<polygon points="{border}" fill="#ffffff" stroke="{SOFT}"/>')
         x, y = to_view(edge).mean(axis=0)
         top = to_view(edge)[:, 1].min()
-        parts.append(_text(x, top - 6, name.removeprefix("table."), INK))
+        parts.append(text(x, top - 6, name.removeprefix("table."), size=15))
     shares = _reached_shares(spots)
     for (x, y), share in zip(to_view(shares[["x", "y"]].to_numpy()), shares["share"], strict=True):
         parts.append(
@@ -253,7 +253,7 @@ def reach_map(scene: Scene, spots: pd.DataFrame) -> str:
             f'<line x1="{x:.0f}" y1="{y:.0f}" x2="{nose[0]:.0f}" y2="{nose[1]:.0f}" stroke="{INK}" stroke-width="5"/>'
         )
         # Behind the back, where the name does not cover the reached area.
-        parts.append(_text(x, y + 28 if nose[1] <= y else y - 18, agent.name, INK))
+        parts.append(text(x, y + 28 if nose[1] <= y else y - 18, agent.name, size=15))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
         f'aria-label="The scene from above with the share of heights that are reached" font-family="sans-serif">'
@@ -279,7 +279,3 @@ def _corners(position: tuple[float, float], size: tuple[float, float], yaw: floa
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(size) / 2.0
     rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     return np.asarray(corners @ rotation + position)
-
-
-def _text(x: float, y: float, words: str, colour: str) -> str:
-    return f'<text x="{x:.0f}" y="{y:.0f}" text-anchor="middle" font-size="15" fill="{colour}">{words}</text>'

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from lgp.errors import LgpError
-from reba.files import write_atomic, write_text
+from reba.files import write_atomic, write_atomic_stream, write_text
 from reba.posture.columns import COLUMNS
 
 if TYPE_CHECKING:
@@ -241,8 +241,8 @@ class RunStore:
         """
         runs, paths = self.tables()
         # Order: paths, runs, journal. A run is finished once it is in runs.parquet or in the journal.
-        write_atomic(self.folder / "paths.parquet", lambda part: paths.to_parquet(part, index=False))
-        write_atomic(self.folder / "runs.parquet", lambda part: runs.to_parquet(part, index=False))
+        write_atomic_stream(self.folder / "paths.parquet", lambda part: paths.to_parquet(part, index=False))
+        write_atomic_stream(self.folder / "runs.parquet", lambda part: runs.to_parquet(part, index=False))
         (self.folder / JOURNAL).unlink(missing_ok=True)
         return runs, paths
 

@@ -41,7 +41,7 @@ from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import Budget
 from reba.checks import PATH, YES_NO, accepts
-from reba.files import plain_data, write_atomic
+from reba.files import plain_data, write_atomic_stream
 
 SCENE: Final = "toolbox"
 CONDITIONS: Final = ("non-ergonomic", "ergonomic")
@@ -276,4 +276,4 @@ def _write(folder: Path, summary: dict[str, Any], conditions: dict[str, Conditio
             "seconds": one.plan.search["seconds"], "actions": "; ".join(one.plan.actions),
         })  # fmt: skip
     frame = pd.DataFrame(rows)
-    write_atomic(folder / "runs.parquet", lambda part: frame.to_parquet(part, index=False))
+    write_atomic_stream(folder / "runs.parquet", lambda part: frame.to_parquet(part, index=False))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from html import escape
 from typing import Final
 
 from lgp.search.tree_search import Node
+from reba.printable import as_markup
 
 BOX: Final = (300, 78)
 """Width and height of a box [px]."""
@@ -59,7 +59,7 @@ def _legend(entries: Sequence[tuple[str, str]], y: float) -> tuple[list[str], fl
     for verdict, words in entries:
         fill, line = STYLES[verdict]
         parts.append(f'<path d="M {x:g} {y:g} h 18 v 12 h -18 z" fill="{fill}" stroke="{line}"/>')
-        parts.append(f'<text x="{x + 25:g}" y="{y + 10.5:g}" font-size="11.5" fill="#333">{escape(words)}</text>')
+        parts.append(f'<text x="{x + 25:g}" y="{y + 10.5:g}" font-size="11.5" fill="#333">{as_markup(words)}</text>')
         x += 45 + 6.3 * len(words)
     return parts, x
 
@@ -111,13 +111,13 @@ def _box(node: Node, at: tuple[float, float], thick: bool) -> str:
     if len(small) > ROWS:
         small = [*small[: ROWS - 1], small[ROWS - 1][: LINE - 3] + "..."]
     texts = [
-        f'<text x="{at[0] + 8:g}" y="{at[1] + 20:g}" font-size="12.5" font-weight="bold">{escape(title)}</text>',
+        f'<text x="{at[0] + 8:g}" y="{at[1] + 20:g}" font-size="12.5" font-weight="bold">{as_markup(title)}</text>',
         *(
-            f'<text x="{at[0] + 8:g}" y="{at[1] + 37 + 14 * row:g}" font-size="10.5" fill="#333">{escape(text)}</text>'
-            for row, text in enumerate(small)
+            f'<text x="{at[0] + 8:g}" y="{at[1] + 37 + 14 * row:g}" font-size="10.5" fill="#333">{words}</text>'
+            for row, words in enumerate(map(as_markup, small))
         ),
     ]
-    tooltip = escape(" - ".join(part for part in (title, node.verdict, node.reason, costs) if part))
+    tooltip = as_markup(" - ".join(part for part in (title, node.verdict, node.reason, costs) if part))
     return (
         f'<g><title>{tooltip}</title><rect x="{at[0]:g}" y="{at[1]:g}" width="{BOX[0]}" height="{BOX[1]}" rx="6" '
         f'fill="{fill}" stroke="{line}" stroke-width="{2.5 if thick else 1.2}"/>{"".join(texts)}</g>'

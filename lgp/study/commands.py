@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from lgp.errors import LgpError
 from lgp.statistics.formatting import number, p_value
 from lgp.study.scoring import PARTS, TOTAL
 from reba.cli import options_of, scoring_options
-from reba.command_line import Stop, command_line, console, json_option, print_json
+from reba.command_line import Stop, command_line, echo, json_option, print_json
+from reba.terminal import Console, Text, console
 
 
 @click.command(
@@ -65,7 +64,7 @@ def study(
     else:
         show_study(console(), scored.summary)
     for failure in scored.summary["failed"]:
-        click.echo(f"lgp: {failure['error']}", err=True)
+        echo(f"lgp: {failure['error']}", err=True)
     if scored.summary["failed"]:
         raise Stop(1)
 
@@ -97,7 +96,7 @@ def simulate_study(
     if as_json:
         print_json({"simulated": True, "seed": seed, "output": output, "logs": rows})
     else:
-        click.echo(f"{output}: {len(rows)} simulated logs of {participants} persons; next: lgp study {output}")
+        echo(f"{output}: {len(rows)} simulated logs of {participants} persons; next: lgp study {output}")
 
 
 def show_study(console: Console, summary: Mapping[str, Any]) -> None:

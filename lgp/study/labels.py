@@ -59,13 +59,22 @@ def label_of(values: dict[str, str | None], where: str) -> Label:
     >>> str(label_of({"participant": " p01", "condition": "ergonomic"}, "log.mcap"))
     'p01 / ergonomic'
     """
-    text = {name: (values.get(name) or "").strip() for name in (*FIELDS, "simulated")}
+    text = {name: encodable(values.get(name) or "").strip() for name in (*FIELDS, "simulated")}
     for name in FIELDS[:2]:
         if not text[name]:
             present = ", ".join(values) or "no field"
             problem = "empty" if name in values else f"missing (present: {present})"
             raise LgpError(f"{where}: {name} is {problem}; add it")
     return Label(text["participant"], text["condition"], text["trial"], text["simulated"].lower() == "true")
+
+
+def encodable(name: str) -> str:
+    r"""Return a name with bytes that are not UTF-8 as escape codes: tables hold no others, file names do.
+
+    >>> print(encodable("p\udcff1"))
+    p\udcff1
+    """
+    return name.encode(errors="backslashreplace").decode()
 
 
 def recorded_label(path: Path) -> Label | None:

@@ -14,6 +14,7 @@ from lgp.statistics.paired_tests import stars
 from lgp.study.scoring import EXTRA, LEVELS, PARTS, SIDED, TOTAL
 from lgp.svg import INK, SOFT, error_bar, horizontal_grid, line, svg, text, ticks, vertical_title
 from reba.method.tables import ACTION_LEVELS
+from reba.printable import as_markup
 from reba.report.page import template
 
 SOURCE: Final = (
@@ -165,15 +166,13 @@ def paired(summary: Mapping[str, Any], conditions: Sequence[str]) -> str:
 
 
 def _person(name: str, values: Sequence[float | None], columns: Sequence[float], y: Any) -> str:
-    from markupsafe import escape
-
     dots = [(x, y(value)) for x, value in zip(columns, values, strict=True) if value is not None]
     complete = len(dots) == len(values)
     parts = [line(*a, *b, SOFT, 1.4, "" if complete else "3 4") for a, b in pairwise(dots)]
     fill = SOFT if complete else "#fff"
     parts += [f'<circle cx="{x:.1f}" cy="{height:.1f}" r="3.4" fill="{fill}" stroke="{SOFT}"/>' for x, height in dots]
     scores = ", ".join("no recording" if value is None else f"{value:.2f}" for value in values)
-    return f"<g><title>{escape(name)}: {escape(scores)}</title>{''.join(parts)}</g>"
+    return f"<g><title>{as_markup(name)}: {as_markup(scores)}</title>{''.join(parts)}</g>"
 
 
 def _names(people: Mapping[str, Mapping[str, Any]], conditions: Sequence[str], x: float, y: Any) -> list[str]:

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from lgp.study.labels import Label
+from lgp.study.labels import Label, encodable
 from lgp.study.recordings import Failure, Sources
 from reba.analysis.exposure import column, distribution, durations, level_shares
 from reba.arrays import Array
@@ -100,7 +100,7 @@ def row(file: str, label: Label, scores: Scores) -> dict[str, Any]:
     determined = column(scores, "reba_low") == column(scores, "reba_high")
     total = column(scores, TOTAL)
     measures: dict[str, Any] = {name: getattr(label, name) for name in (*KEYS, "simulated")}
-    measures |= {"input": file, "frames": len(weights), "seconds": float(weights.sum())}
+    measures |= {"input": encodable(file), "frames": len(weights), "seconds": float(weights.sum())}
     measures |= {TOTAL: mean(total, weights) if not np.isnan(total).any() else np.nan}
     measures |= {"reba_low": low, "reba_high": high, "determined": mean(determined.astype(float), weights)}
     measures |= {name: shares[str(level)] for level, name in enumerate(LEVELS)}

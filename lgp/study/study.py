@@ -21,7 +21,7 @@ from lgp.study.scoring import Scored, cells, limitations, missing_cells, score_s
 from reba.batch.run import ScoringOptions
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
-from reba.files import as_json, write_atomic, write_text
+from reba.files import as_json, write_atomic, write_atomic_stream, write_text
 from reba.method.rules import rules_of
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Study:
         output = Path(folder)
         text = as_json(self.summary, indent=1) + "\n"
         write_atomic(output / "summary.json", lambda part: write_text(part, text))
-        write_atomic(output / "scores.parquet", lambda part: self.recordings.to_parquet(part, index=False))
+        write_atomic_stream(output / "scores.parquet", lambda part: self.recordings.to_parquet(part, index=False))
         self.write_report(output / "report.html", command=command)
 
     def write_report(self, path: str | Path, *, command: str = "") -> None:

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import click
-
+from reba.command_line import echo
 from reba.errors import RebaError
 from reba.live.follow import Follower
 from reba.live.frames import ReadingOptions, neutral_until
@@ -170,7 +169,7 @@ def _foxglove_server(port: int | None) -> Any:
 
 
 def _report(text: str) -> None:
-    click.echo(f"reba: {' '.join(text.split())}", err=True)
+    echo(f"reba: {' '.join(text.split())}", err=True)
 
 
 ALERT_SCORE = 8

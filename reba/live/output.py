@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import signal
 import threading
@@ -21,7 +22,16 @@ def encoder() -> Callable[[Any], bytes]:
         import orjson
     except ImportError:
         return lambda record: as_json(record).encode()
-    return orjson.dumps
+
+    def encode(record: Any) -> bytes:
+        # orjson refuses surrogates, and escapes no other control characters than those that JSON forbids.
+        with contextlib.suppress(TypeError):
+            line = orjson.dumps(record)
+            if line.isascii() and b"\x7f" not in line:
+                return line
+        return as_json(record).encode()
+
+    return encode
 
 
 def write_lines(stream: IO[bytes], records: Iterable[Mapping[str, Any]]) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.posture.columns import INDEX, SIDES
+from reba.printable import as_markup
 
 LENGTHS: Final[dict[str, float]] = {
     "shank": 0.246, "thigh": 0.245, "trunk": 0.288, "neck": 0.06, "head": 0.13, "upper_arm": 0.186, "forearm": 0.146,
@@ -146,14 +147,12 @@ def stick_figure(angles: Array, marks: dict[str, Mark], label: str, sitting: boo
         marks: part score column -> what to show at its joints.
         label: text for people who cannot see it.
     """
-    from markupsafe import escape
-
     place = joints(angles, sitting)
     width = _WIDTH * len(VIEWS)
     drawn = [f'<g transform="translate({i * _WIDTH:g} 0)">{_view(place, angles, marks, title, turn, sitting)}</g>'
              for i, (title, turn) in enumerate(VIEWS)]  # fmt: skip
     return (
-        f'<svg class="figure" viewBox="0 0 {width:g} {_HEIGHT + 20:g}" role="img" aria-label="{escape(label)}">'
+        f'<svg class="figure" viewBox="0 0 {width:g} {_HEIGHT + 20:g}" role="img" aria-label="{as_markup(label)}">'
         + "".join(drawn)
         + "</svg>"
     )

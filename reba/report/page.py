@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Final
 
 from reba._version import __version__
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
+from reba.printable import as_markup, printable
 from reba.report import labels
 from reba.report.findings import WHY_P90, headline, high_risk_share, worse_side, worst_intervals, worst_minute_row
 from reba.report.labels import LEVEL_COLOURS, LIMITS, PART_COLOURS, SOURCES, TEXT_ON
@@ -50,8 +53,10 @@ def page(scores: Sequence[Scores], command: str) -> str:
     filters: dict[str, Callable[..., str]] = {
         "seconds": labels.seconds,
         "percent": labels.percent,
+        "breakable": lambda name: Markup(as_markup(name).replace("_", "_<wbr>")),
     }
-    return template("reba.report", "template.html", filters, scripted=True).render(
+    scripts = (get_plotlyjs(), read("reba.report", "page.js"))
+    return template("reba.report", "template.html", filters, scripts).render(
         levels=[
             {"number": number, "name": name, "action": labels.action(number), "scores": LEVEL_SCORES[number]}
             for number, (name, _) in enumerate(ACTION_LEVELS)
@@ -65,8 +70,6 @@ def page(scores: Sequence[Scores], command: str) -> str:
         why_p90=WHY_P90,
         limits=LIMITS,
         sources=SOURCES,
-        script=Markup(read("reba.report", "page.js")),
-        plotly=Markup(get_plotlyjs()),
     )
 
 
@@ -146,13 +149,15 @@ BASE = "base.html"
 
 
 def template(
-    package: str, name: str, filters: Mapping[str, Callable[..., Any]] | None = None, scripted: bool = False
+    package: str, name: str, filters: Mapping[str, Callable[..., Any]] | None = None, scripts: Sequence[str] = ()
 ) -> Template:
     """Return a template of a package; `render` must get every variable that the template uses.
 
+    Every value is escaped, and its hidden characters are shown as in the terminal (`reba.printable`).
+
     Args:
         package: such as `lgp.study`; its first part is named as the generator of the page.
-        scripted: the page runs its own scripts; the content security policy of other pages forbids all scripts.
+        scripts: of a page that extends `BASE`, run in this order; its content security policy forbids all others.
 
     Example:
         >>> print(template("reba.report", "base.html").render()[:15])
@@ -165,6 +170,7 @@ def template(
         loader=FunctionLoader(lambda file: read("reba.report" if file == BASE else package, file)),
         autoescape=True,
         undefined=StrictUndefined,
+        finalize=lambda value: value if hasattr(value, "__html__") else printable(str(value), "\n\t"),
         trim_blocks=True,
         lstrip_blocks=True,
     )
@@ -173,9 +179,14 @@ def template(
         "program": package.partition(".")[0],
         "version": __version__,
         "style": Markup(_colours() + read("reba.report", "style.css")),
-        "scripted": scripted,
+        "scripts": [(_hash(script), Markup(script)) for script in scripts],
     }
     return environment.get_template(name)
+
+
+def _hash(script: str) -> str:
+    """Return the hash by which a content security policy names a script: https://www.w3.org/TR/CSP3/#grammardef-hash-source."""
+    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
 def read(package: str, name: str) -> str:

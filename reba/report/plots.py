@@ -11,6 +11,7 @@ from reba.method.classes import angle_classes
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import ACTIVITIES, flag
+from reba.printable import as_script_data
 from reba.report.findings import WorstInterval
 from reba.report.labels import LEVEL_COLOURS, angle_name, span
 from reba.report.series import VIEWS, Curve, StepCurve, band, flag_intervals, line, steps
@@ -215,9 +216,8 @@ def _short(seconds: Array) -> Array:
 
 
 def _json(figure: Any) -> str:
-    """Return a figure as JSON without characters that could end a script element."""
-    text: str = figure.to_json(validate=False)
-    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+    """Return a figure as JSON for a script element."""
+    return as_script_data(figure.to_json(validate=False))
 
 
 _LEFT, _RIGHT, _UP, _DOWN = 30.0, 832.0, 22.0, 272.0

@@ -1,7 +1,8 @@
 """Write score tables and posture tables: Parquet, CSV and MCAP.
 
 The rules with every threshold, the assumed factors and the unmeasured angles are written with the numbers: as Parquet
-metadata (key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`. Every file is written under a
+metadata (key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`. No text of a CSV is a formula
+(`reba.cells`); `reba.read` gives it back as it was. Every file is written under a
 temporary name in the target folder and renamed when it is complete.
 """
 
@@ -10,16 +11,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 import pandas as pd
 
 from reba._version import __version__
 from reba.analysis.score_table import SCORES
+from reba.cells import cells_of
 from reba.checks import PATH, accepts, instance
 from reba.errors import RebaError
-from reba.files import as_json, write_atomic, write_text
+from reba.files import as_json, write_atomic, write_atomic_stream, write_text
 from reba.posture.factors import FACTORS
 from reba.posture.table import PostureTable
 from reba.scores import Scores
@@ -108,9 +110,9 @@ def _write(
 ) -> None:
     suffix = path.suffix.lower()
     if suffix == ".parquet":
-        write_atomic(path, lambda part: _write_parquet(data, metadata, part))
+        write_atomic_stream(path, lambda part: _write_parquet(data, metadata, part))
     elif suffix == ".csv":
-        write_atomic(path, lambda part: data.to_csv(part, index=False, chunksize=BLOCK_ROWS))
+        write_atomic(path, lambda part: cells_of(data).to_csv(part, index=False, chunksize=BLOCK_ROWS))
         text = as_json(metadata, indent=1) + "\n"
         write_atomic(path.with_name(path.name + ".meta.json"), lambda part: write_text(part, text))
     elif suffix == ".mcap":
@@ -119,13 +121,13 @@ def _write(
         raise RebaError(f"{path}: ending {suffix!r} is unknown; choose one of {', '.join(SUFFIXES)}")
 
 
-def _write_parquet(data: pd.DataFrame, metadata: dict[str, Any], path: Path) -> None:
+def _write_parquet(data: pd.DataFrame, metadata: dict[str, Any], stream: BinaryIO) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     schema = pa.Schema.from_pandas(data.iloc[:0], preserve_index=False)
     schema = schema.with_metadata({**(schema.metadata or {}), b"reba": as_json(metadata).encode()})
-    with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+    with pq.ParquetWriter(stream, schema, compression="zstd") as writer:
         for start in range(0, max(len(data), 1), BLOCK_ROWS):
             rows = pa.Table.from_pandas(data.iloc[start : start + BLOCK_ROWS], schema=schema, preserve_index=False)
             writer.write_table(rows)

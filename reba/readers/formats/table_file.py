@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from reba.cells import text_of, texts_of
 from reba.errors import ReadError
 from reba.readers.formats.text import decode, read_bytes
 from reba.readers.recording.stream import ReadLog, Topic, clip, unique_names
@@ -76,7 +77,7 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
     if notes:
         log.warn("rows have more fields than the header has names; these fields were left out")
     frame = _without_truncated_row(data, frame, separator, log)
-    frame = frame.dropna(how="all").infer_objects()
+    frame = texts_of(frame.dropna(how="all").infer_objects())
     lines = frame.index.to_numpy() + line + 1
     return TableFile(frame.reset_index(drop=True), lambda row: f"line {lines[row]}")
 
@@ -128,7 +129,7 @@ def _names(path: Path, header: str, separator: str, line: int, log: ReadLog) -> 
         fields = next(csv.reader([header], delimiter=separator))
     except csv.Error as error:
         raise ReadError(path, f"line {line}: {error}", hint="write the column names in the first line") from error
-    names = [field.strip() or f"column_{index + 1}" for index, field in enumerate(fields)]
+    names = [text_of(field.strip()) or f"column_{index + 1}" for index, field in enumerate(fields)]
     if len(names) < 2 or len(names) > MAX_COLUMNS:
         what = f"line {line} has {len(names)} column names ({clip(header)}), expected 2 to {MAX_COLUMNS}"
         raise ReadError(path, what, hint="separate columns by comma, semicolon or tab")
