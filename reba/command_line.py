@@ -16,6 +16,7 @@ import click
 
 from reba.errors import RebaError
 from reba.extras import EXTRAS, missing
+from reba.provenance import with_provenance
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -55,8 +56,8 @@ def console(stderr: bool = False) -> Console:
 
 
 def print_json(result: Any) -> None:
-    """Print one JSON object on standard output."""
-    click.echo(json.dumps(result, allow_nan=False))
+    """Print one JSON object on standard output, with its provenance."""
+    click.echo(json.dumps(with_provenance(result), allow_nan=False))
 
 
 def command_line(name: str) -> str:

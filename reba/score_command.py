@@ -17,6 +17,7 @@ from reba.batch.run import RecordingResult, ScoringOptions
 from reba.command_line import command_line, console
 from reba.console import show_results, show_totals
 from reba.errors import RebaError
+from reba.provenance import with_provenance
 from reba.report import write_report
 
 MAX_LISTED: Final = 40
@@ -87,7 +88,7 @@ def print_results(results: Iterable[RecordingResult], **more: Any) -> None:
         else:
             click.echo(separator + json.dumps(result.summary, allow_nan=False), nl=False)
             separator = ", "
-    rest = json.dumps({"failed": failed, **more}, allow_nan=False)
+    rest = json.dumps(with_provenance({"failed": failed, **more}), allow_nan=False)
     click.echo(f"], {rest[1:]}")
 
 

@@ -18,6 +18,7 @@ from reba.arrays import Array
 from reba.errors import ReadError, did_you_mean
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
+from reba.provenance import COLUMN
 from reba.readers.formats.table_file import PARQUET, SEPARATORS, TableFile, read_csv, read_parquet
 from reba.readers.formats.text import LARGEST
 from reba.readers.formats.vicon import is_vicon, open_vicon
@@ -162,8 +163,12 @@ def _unit(names: tuple[str, ...]) -> Literal["rad", "deg", ""]:
 def _table(
     frame: pd.DataFrame, timed: np.ndarray, time: np.ndarray, numbers: dict[str, np.ndarray], used: list[str]
 ) -> pd.DataFrame:
-    """Return the rows that have a time: `time` [s] first, the angles as floats, other columns unchanged."""
-    table = frame[timed].drop(columns=[*used, *({"time"} & set(frame.columns))]).reset_index(drop=True)
+    """Return the rows that have a time: `time` [s] first, the angles as floats, other columns unchanged.
+
+    Without the version that wrote a CSV file: the origin of the file is no property of the postures.
+    """
+    dropped = [*used, *({"time", COLUMN} & set(frame.columns))]
+    table = frame[timed].drop(columns=dropped).reset_index(drop=True)
     for column in COLUMNS:
         if column in table.columns:
             table[column] = numbers[column]

@@ -94,6 +94,13 @@ def test_posture_table_round_trip(tmp_path: Path) -> None:
         np.testing.assert_allclose(again["time"], expected["time"], atol=1e-6)
 
 
+def test_the_version_of_a_csv_is_no_angle_of_the_postures(tmp_path: Path) -> None:
+    postures = reba.read(DATASETS / "simulated_assembly.csv")
+    reba.write_postures(postures, tmp_path / "postures.csv")
+    assert pd.read_csv(tmp_path / "postures.csv")["dreba_version"].unique().tolist() == [reba.__version__]
+    assert list(reba.read(tmp_path / "postures.csv").data.columns) == list(postures.data.columns)
+
+
 def test_nothing_is_left_or_lost_on_failure(scores: Scores, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "scores.parquet"
     path.write_bytes(b"earlier result")
