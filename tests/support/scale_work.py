@@ -115,7 +115,7 @@ def cluster(folder: Path, workers: int = 2, prelude: str = "") -> Iterator[str]:
     try:
         processes += [_worker(folder, prelude, *words) for _ in range(workers)]
         deadline = time.monotonic() + 30.0
-        while not file.exists() and time.monotonic() < deadline:
+        while not (file.exists() and file.stat().st_size) and time.monotonic() < deadline:
             time.sleep(0.05)
         address = str(pd.read_json(file, typ="series")["address"])
         with Client(address, set_as_default=False) as client:
