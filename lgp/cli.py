@@ -232,10 +232,11 @@ def _read(file: str) -> list[str]:
 
 def _draw(file: str, plan: Any) -> None:
     from lgp.search.tree_figure import draw
+    from lgp.svg import with_generator
 
     best = next((node.skeleton for node in plan.tree if _labels(node) == plan.actions), ())
     try:
-        Path(file).write_text(draw(plan.tree, best), encoding="utf-8")
+        Path(file).write_text(with_generator(draw(plan.tree, best)), encoding="utf-8")
     except OSError as error:
         raise LgpError(f"{file}: cannot be written ({error.strerror or error}); give another file") from error
 

@@ -15,10 +15,11 @@ from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
 from reba.checks import PATH, accepts
-from reba.files import as_json, plain_data
+from reba.files import as_json, plain_data, write_atomic_stream
 from reba.method.rules import Rules
 from reba.method.scoring import ScoreArrays, score_angles
 from reba.posture.columns import COLUMNS
+from reba.provenance import provenance, write_parquet
 
 
 def _no_values() -> Array:
@@ -53,6 +54,7 @@ class Plan:
         solver: status, KKT residual, iterations and seconds of the path problem.
         search: expanded, pruned, poses, sequences, paths, seconds, bound, gap, and statistics of each level.
         tree: nodes of the searched tree; not saved.
+        provenance: the version that computed the plan; {} if it is unknown.
     """
 
     scene: Scene
@@ -73,6 +75,7 @@ class Plan:
     residuals: dict[str, float] = field(default_factory=dict)
     solver: dict[str, Any] = field(default_factory=dict)
     tree: tuple[Any, ...] = field(default=(), repr=False)
+    provenance: dict[str, Any] = field(default_factory=provenance)
 
     def reba(self, rules: Rules | str = "measured") -> ScoreArrays | None:
         """Return the true REBA scores of every slice, None without a plan or a human.
@@ -151,19 +154,21 @@ def save(plan: Plan, folder: Path) -> None:
     data["scene"] = {"name": plan.scene.name, "values": plan.scene.values}
     data |= {name: getattr(plan, name) for name in PLAIN}
     data |= {"actions": list(plan.actions), "joints": list(plan.joints), "start": plan.start.tolist()}
-    data["reba"] = plan.summary()["reba"]
+    data |= {"reba": plan.summary()["reba"], "provenance": plan.provenance}
     times = {"time": plan.time, "phase": plan.phase}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "plan.json").write_text(as_json(data, indent=1) + "\n", encoding="utf-8")
         if plan.feasible:
             columns = dict(zip(plan.joints, plan.path.T, strict=True))
-            # As bytes: pyarrow opens no path that is not UTF-8.
-            (folder / "path.parquet").write_bytes(pd.DataFrame(times | columns).to_parquet(index=False))
+            path = pd.DataFrame(times | columns)
+            write_atomic_stream(folder / "path.parquet", lambda part: write_parquet(path, part, plan.provenance))
         if len(plan.posture):
             angles = dict(zip(COLUMNS, plan.posture.T, strict=True))
             postures = pd.DataFrame({"time": plan.time, **angles, "load": plan.carried})
-            (folder / "postures.parquet").write_bytes(postures.to_parquet(index=False))
+            write_atomic_stream(
+                folder / "postures.parquet", lambda part: write_parquet(postures, part, plan.provenance)
+            )
     except OSError as error:
         raise LgpError(f"{folder}: cannot be written ({error.strerror or error}); give another folder") from error
 
@@ -178,6 +183,7 @@ def load(folder: Path) -> Plan:
         for name, value in data["search"].items()
     }
     fields["scene"] = _scene(file, data["scene"])
+    fields["provenance"] = data.get("provenance", {})
     fields |= {"actions": tuple(data["actions"]), "joints": tuple(data["joints"])}
     try:
         fields["start"] = np.array(data["start"], dtype=float)
@@ -206,7 +212,8 @@ def _read(file: Path) -> dict[str, Any]:
 
 def _check(file: Path, data: dict[str, Any]) -> None:
     """Refuse fields of a wrong type."""
-    wrong = [name for name, kind in PLAIN.items() if not isinstance(data[name], kind)]
+    kinds = {**PLAIN, "provenance": dict}
+    wrong = [name for name, kind in kinds.items() if not isinstance(data.get(name, kind()), kind)]
     wrong += [name for name in NUMBERS if name not in wrong and not all(map(_is_number, data[name].values()))]
     for name in ("actions", "joints"):
         if not isinstance(data[name], list) or not all(isinstance(part, str) for part in data[name]):

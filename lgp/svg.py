@@ -11,6 +11,7 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.printable import as_markup
+from reba.provenance import generator
 
 INK, SOFT, LINE = "#1b2430", "#4d5866", "#d5dae1"
 """Colours of lines and text, notes, and grids, as in the reports."""
@@ -85,3 +86,13 @@ def svg(parts: Sequence[str], label: str, height: float) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {WIDTH:g} {height:g}" role="img" '
         f'aria-label="{as_markup(label)}" font-family="system-ui, sans-serif">' + "".join(parts) + "</svg>"
     )
+
+
+def with_generator(drawing: str) -> str:
+    """Return an SVG document as a file holds it: with the program that drew it, and a line end.
+
+    >>> with_generator("<svg viewBox='0 0 1 1'></svg>").startswith("<svg viewBox='0 0 1 1'><metadata>dreba ")
+    True
+    """
+    start, end, rest = drawing.partition(">")
+    return f"{start}{end}<metadata>{generator()}</metadata>{rest.rstrip()}\n"

@@ -20,6 +20,7 @@ from reba.errors import RebaError
 from reba.extras import EXTRAS, missing
 from reba.files import as_json
 from reba.printable import printable
+from reba.provenance import with_provenance
 
 GROUP: Final[dict[str, Any]] = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 """Settings of a command group."""
@@ -57,8 +58,8 @@ def echo(text: str, err: bool = False, nl: bool = True, keep: str = "") -> None:
 
 
 def print_json(result: Any) -> None:
-    """Print one JSON object on standard output."""
-    echo(as_json(result, non_finite="refuse"))
+    """Print one JSON object on standard output, with its provenance."""
+    echo(as_json(with_provenance(result), non_finite="refuse"))
 
 
 def command_line(name: str) -> str:

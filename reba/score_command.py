@@ -15,6 +15,7 @@ from reba.command_line import command_line, echo
 from reba.console import show_results, show_totals
 from reba.errors import RebaError
 from reba.files import as_json
+from reba.provenance import with_provenance
 from reba.report import write_report
 from reba.terminal import console
 
@@ -86,7 +87,7 @@ def print_results(results: Iterable[RecordingResult], **more: Any) -> None:
         else:
             echo(separator + as_json(result.summary, non_finite="refuse"), nl=False)
             separator = ", "
-    rest = as_json({"failed": failed, **more}, non_finite="refuse")
+    rest = as_json(with_provenance({"failed": failed, **more}), non_finite="refuse")
     echo(f"], {rest[1:]}")
 
 

@@ -19,6 +19,7 @@ from dreba.surrogates.soft_steps import ROWS
 from dreba.surrogates.task_factors import PAYLOADS
 from reba.method.rules import LOAD_EDGES
 from reba.posture.columns import COLUMNS, INDEX
+from reba.provenance import generator
 
 
 def c_source(model: Surrogate, *, temperature: float | None = None, name: str = "dreba") -> str:
@@ -39,7 +40,7 @@ def c_source(model: Surrogate, *, temperature: float | None = None, name: str = 
     d = len(model.joints_)
     joints = ",\n *   ".join(f"{index} {joint}" for index, joint in enumerate(model.joints_))
     edges = {"edge_1": repr(LOAD_EDGES[0]), "edge_2": repr(LOAD_EDGES[1])}
-    return Template(_HEAD + body).substitute(fields, name=name, d=d, joints=joints, **edges)
+    return Template(_HEAD + body).substitute(fields, name=name, d=d, joints=joints, generator=generator(), **edges)
 
 
 def _quadratic(model: QuadraticModel) -> dict[str, Any]:
@@ -77,6 +78,7 @@ def _convex(model: ConvexModel) -> dict[str, Any]:
 
 _HEAD: Final = """\
 /* $what. C99, no dependencies.
+ * Written by $generator.
  *
  * double $name(const double angles[$d], double load, const double coupling[2], double activity, double *gradient)
  *   angles    degrees:

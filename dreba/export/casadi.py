@@ -17,6 +17,7 @@ from dreba.surrogates.soft_steps import GROUPS, PAIRED, ROWS, SINGLE
 from reba.extras import missing
 from reba.method.rules import load_points
 from reba.posture.columns import COLUMNS, INDEX
+from reba.provenance import generator
 
 
 def casadi_function(model: Surrogate, *, temperature: float | None = None, name: str = "dreba") -> Any:
@@ -52,8 +53,11 @@ def casadi_function(model: Surrogate, *, temperature: float | None = None, name:
 
 
 def casadi_json(model: Surrogate, *, temperature: float | None = None, name: str = "dreba") -> str:
-    """Return the text of the function for `casadi.Function.deserialize`."""
-    return str(casadi_function(model, temperature=temperature, name=name).serialize())
+    """Return the text of the function for `casadi.Function.deserialize`, which reads to the end of the function.
+
+    The line after it says which version wrote the text.
+    """
+    return f"{casadi_function(model, temperature=temperature, name=name).serialize()}\n{generator()}\n"
 
 
 def _convex(casadi: Any, model: ConvexModel, angles: Any) -> Any:

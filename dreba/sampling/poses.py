@@ -24,6 +24,7 @@ from reba.files import write_atomic_stream
 from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, INDEX
 from reba.posture.factors import FACTORS, Factors
 from reba.posture.named_angles import LARGEST, read_angles
+from reba.provenance import parquet_metadata, provenance
 
 METADATA: Final = b"dreba"
 """Metadata key of the provenance in a Parquet file."""
@@ -101,8 +102,8 @@ class Poses:
             data[name] = getattr(self.factors, name)
         data["reba"] = self.reba
         table = pa.Table.from_pandas(data, preserve_index=False)
-        note = json.dumps(self.provenance).encode()
-        table = table.replace_schema_metadata({**(table.schema.metadata or {}), METADATA: note})
+        metadata = parquet_metadata(table.schema.metadata, {**provenance(), **self.provenance})
+        table = table.replace_schema_metadata({**metadata, METADATA: json.dumps(self.provenance).encode()})
         try:
             write_atomic_stream(Path(path), lambda part: pq.write_table(table, part, compression="zstd"))
         except RebaError as error:

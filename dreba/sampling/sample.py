@@ -29,10 +29,10 @@ from dreba.errors import SampleError
 from dreba.sampling.classes import WEIGHTS, Weights, true_scores
 from dreba.sampling.distribution import SamplingPlan
 from dreba.sampling.poses import Poses
-from reba._version import __version__
 from reba.checks import shown
 from reba.posture.columns import ANGLES, SIDES
 from reba.posture.factors import Factors
+from reba.provenance import provenance
 
 Rng = np.random.Generator | int | tuple[int, ...] | None
 FACTOR_NAMES: Final = ("load", "coupling", "activity")
@@ -100,12 +100,12 @@ def sample(
     counts = np.full(len(scores), n // len(scores)) + (np.arange(len(scores)) < n % len(scores))
     angles, drawn_factors = plan.draw(scores, counts, generator, stratified)
     used = drawn_factors if drawn else (fixed if factors is not None else None)
-    provenance = {
+    origin = {
         "domain": space.to_dict(), "n": int(n), "classes": list(scores), "weights": weights, "stratified": stratified,
         "factors": list(drawn), **_shared(factors), "adjustments": adjustments, "arms": arms, **seed,
-        "version": __version__,
+        **provenance(),
     }  # fmt: skip
-    return Poses(angles, true_scores(space, angles, used), used, provenance)
+    return Poses(angles, true_scores(space, angles, used), used, origin)
 
 
 def _held(domain: Domain, adjustments: bool, arms: str) -> Domain:

@@ -23,11 +23,11 @@ from dreba.surrogates.registry import ModelInfo
 from dreba.surrogates.serialization import save
 from dreba.surrogates.task_factors import DEFAULT_FACTORS, TaskFactorArguments, TaskFactors, task_factors_of
 from dreba.surrogates.validation import check_parameters, checked_joints, checked_weights
-from reba._version import __version__
 from reba.arrays import Array
 from reba.checks import PATH, Allowed, accepts
 from reba.posture.columns import COLUMNS
 from reba.posture.named_angles import check_angles, named_columns, read_angles, warn_if_radians
+from reba.provenance import provenance
 
 
 class Surrogate(RegressorMixin, BaseEstimator):
@@ -97,7 +97,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
         check_angles(poses, self.joints_, complete=True, error=ModelError)
         warn_if_radians(poses, self.joints_)
         self._fit(poses, scores, weights, task_factors_of(factors, len(scores)))
-        self.about_ = ModelInfo(provenance={"poses": len(scores), "version": __version__})
+        self.about_ = ModelInfo(provenance={"poses": len(scores), **provenance()})
         self._note_error(poses, scores, factors)
         return self
 

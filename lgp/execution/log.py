@@ -49,6 +49,7 @@ from lgp.motion import human_joints
 from lgp.plan_record import Plan
 from reba.files import as_json
 from reba.posture.columns import COLUMNS
+from reba.provenance import MEMBER, generator, provenance
 
 CHUNK: Final = 16_384
 """[bytes] Size at which a chunk is written: about 0.25 s of a run."""
@@ -86,8 +87,8 @@ class RunLog:
         except OSError as error:
             raise LgpError(f"{file}: cannot be written ({error.strerror or error}); give another folder") from error
         self._writer = Writer(self._stream, chunk_size=CHUNK, compression=CompressionType.ZSTD)
-        self._writer.start(profile=profile, library="dreba")
-        self._writer.add_metadata("run", dict(about))
+        self._writer.start(profile=profile, library=generator())
+        self._writer.add_metadata("run", {**about, MEMBER: as_json(provenance())})
         self._channels: dict[tuple[str, str], int] = {}
 
     def __enter__(self) -> RunLog:

@@ -18,6 +18,7 @@ from lgp.execution.log import RunLog
 from lgp.execution.simulation import Placement
 from reba.arrays import Array
 from reba.files import lock_exclusively
+from reba.provenance import generator
 from reba.readers.mcap.container import Container
 
 LOCK: Final = "_lock"
@@ -45,6 +46,7 @@ class LoggedRun:
         epoch: wall-clock time at which the run began [s].
         state: the last checkpoint.
         last: time of the last message [s since the run began].
+        writer: program and version that wrote the log.
     """
 
     epoch: float
@@ -52,6 +54,7 @@ class LoggedRun:
     state: dict[str, Any]
     last: float
     file: Path
+    writer: str
 
     def copy_into(self, log: RunLog) -> None:
         """Write all messages into a new log."""
@@ -104,7 +107,17 @@ def read_logged_run(file: Path) -> LoggedRun | None:
             state = json.loads(message.data)
     if state is None:
         return None
-    return LoggedRun(state["epoch"], tuple(events), state, last / 1e9 - state["epoch"], file)
+    return LoggedRun(state["epoch"], tuple(events), state, last / 1e9 - state["epoch"], file, _writer(file))
+
+
+def _writer(file: Path) -> str:
+    """Return the program that wrote a log, from its header."""
+    from mcap.records import Header
+    from mcap.stream_reader import StreamReader
+
+    with file.open("rb") as stream:
+        header = next(StreamReader(stream).records)
+    return header.library if isinstance(header, Header) else ""
 
 
 INTERRUPTED = ".interrupted"
@@ -147,7 +160,7 @@ def interrupted_run(file: Path) -> LoggedRun:
     """Return the run that was interrupted while it wrote a log; no file changes.
 
     Raises:
-        LgpError: there is no log, or its run has ended.
+        LgpError: there is no log, its run has ended, or another version wrote it.
         ReadError: it is no MCAP log.
     """
     aside = file.with_name(file.name + INTERRUPTED)
@@ -157,6 +170,8 @@ def interrupted_run(file: Path) -> LoggedRun:
     run = max(candidates, key=lambda one: one.last)
     if run.over:
         raise LgpError(f"{file}: the run has ended; run without --resume to start again")
+    if run.writer != generator():
+        raise LgpError(f"{file}: written by {run.writer}, this is {generator()}; run without --resume to start again")
     return run
 
 

@@ -14,6 +14,7 @@ from lgp.kinematics.reachability import Reachability
 from lgp.scene.model import Scene
 from lgp.statistics.formatting import number, p_value
 from lgp.statistics.paired_tests import stars
+from lgp.svg import with_generator
 from reba.files import write_atomic, write_text
 from reba.report.page import template
 
@@ -54,7 +55,7 @@ def write_results(
     write_summary(output / "summary.json", summary)
     plots = plots_of(summary, check_paths(paths))
     for name, svg in plots.items():
-        _write(output / f"{name}.svg", svg + "\n")
+        _write(output / f"{name}.svg", with_generator(svg))
     html = render(summary, runs, paths, scene, plots, command=command, reach=reach)
     _write(output / "report.html", html)
     return summary

@@ -18,6 +18,7 @@ import numpy as np
 from lgp.errors import LgpError
 from reba.files import write_atomic, write_atomic_stream, write_text
 from reba.posture.columns import COLUMNS
+from reba.provenance import MEMBER, other_version, parquet_provenance, with_provenance, write_parquet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -167,7 +168,7 @@ class RunStore:
         settings: plain data that must be equal for all runs of a folder (scene, cost model, seed).
 
     Raises:
-        LgpError: the folder holds runs of other settings, is damaged or cannot be written.
+        LgpError: the folder holds runs of other settings or another version, is damaged or cannot be written.
     """
 
     def __init__(self, folder: str | Path, settings: Mapping[str, Any]) -> None:
@@ -223,7 +224,7 @@ class RunStore:
             raise LgpError(
                 f"run {min(stored)[1]}: is in {self.folder} already; append only runs that are not in `done`"
             )
-        line = json.dumps({"runs": _plain(runs), "paths": _plain(paths)}).encode() + b"\n"
+        line = json.dumps(with_provenance({"runs": _plain(runs), "paths": _plain(paths)})).encode() + b"\n"
         try:
             with (self.folder / JOURNAL).open("ab") as file:
                 file.write(line)
@@ -241,8 +242,8 @@ class RunStore:
         """
         runs, paths = self.tables()
         # Order: paths, runs, journal. A run is finished once it is in runs.parquet or in the journal.
-        write_atomic_stream(self.folder / "paths.parquet", lambda part: paths.to_parquet(part, index=False))
-        write_atomic_stream(self.folder / "runs.parquet", lambda part: runs.to_parquet(part, index=False))
+        write_atomic_stream(self.folder / "paths.parquet", lambda part: write_parquet(paths, part))
+        write_atomic_stream(self.folder / "runs.parquet", lambda part: write_parquet(runs, part))
         (self.folder / JOURNAL).unlink(missing_ok=True)
         return runs, paths
 
@@ -289,6 +290,7 @@ class RunStore:
                 raise LgpError(
                     f"{file}: line {number} is damaged ({error}); delete the line to plan its run again"
                 ) from error
+            _check_version(self.folder, data.get(MEMBER))
             # A process stopped between writing the tables and removing the journal leaves a run in both.
             if not self._keys(self._runs) & self._keys(runs):
                 self._add(check_runs(runs), check_paths(paths))
@@ -309,11 +311,19 @@ def _parquet(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
         return empty(RUN_COLUMNS), empty(PATH_COLUMNS)
     try:
         runs, paths = (pd.read_parquet(file) for file in files)
+        origin = parquet_provenance(files[0])
     except (OSError, ValueError) as error:
         raise LgpError(f"{folder}: its runs cannot be read ({error}); give another folder") from error
+    _check_version(folder, origin)
     # A process stopped between writing the two tables leaves paths without a run.
     finished = paths.set_index(list(KEY)).index.isin(runs.set_index(list(KEY)).index)
     return check_runs(runs), check_paths(paths[finished])
+
+
+def _check_version(folder: Path, origin: Any) -> None:
+    """Refuse runs of another version, by their provenance: one table must not mix the results of two."""
+    if version := other_version(origin):
+        raise LgpError(f"{folder}: its runs were {version}; give another folder, or use that version")
 
 
 def _joined(first: pd.DataFrame, second: pd.DataFrame) -> pd.DataFrame:

@@ -20,6 +20,7 @@ from lgp.experiments import published
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs, pivot
 from lgp.statistics.paired_tests import anova, compare, compare_choices, mean_of, require_statsmodels
 from reba.files import plain_data, write_atomic, write_text
+from reba.provenance import with_provenance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,7 +60,7 @@ def summarise(
         "between_starts": _between(runs) if len(starts) == len(STARTS) else None,
         "sensitivity": None if sensitivity is None else sensitivity.to_dict("records"),
     }
-    plain: dict[str, Any] = plain_data(summary)
+    plain: dict[str, Any] = plain_data(with_provenance(summary))
     return plain
 
 

@@ -42,6 +42,7 @@ from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import Budget
 from reba.checks import PATH, YES_NO, accepts
 from reba.files import plain_data, write_atomic_stream
+from reba.provenance import with_provenance, write_parquet
 
 SCENE: Final = "toolbox"
 CONDITIONS: Final = ("non-ergonomic", "ergonomic")
@@ -133,7 +134,7 @@ def experiment_toolbox(
         "collisions": collisions,
     }
     summary = summarise_toolbox(conditions, scene, settings, rows)
-    _write(Path(folder), summary, conditions, scene)
+    write_tables(Path(folder), summary, conditions, scene)
     write_page(folder, summary, {name: one.plan for name, one in conditions.items()}, scene, command)
     return summary
 
@@ -215,7 +216,7 @@ def summarise_toolbox(
         name: None if summary["conditions"][name]["orders_lost"] else summary["conditions"][name]["order"] == expected
         for name, expected in zip(CONDITIONS, (GRASP_FIRST, PLACE_FIRST), strict=True)
     }
-    return summary
+    return with_provenance(summary)
 
 
 def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[str, Any]:
@@ -256,7 +257,7 @@ def scores_of(plan: Plan) -> dict[str, Any]:
     return {"reba": reba, "parts": parts, "load_points": float(np.mean(plan.carried)) / 5.0}
 
 
-def _write(folder: Path, summary: dict[str, Any], conditions: dict[str, Condition], scene: Scene) -> None:
+def write_tables(folder: Path, summary: dict[str, Any], conditions: dict[str, Condition], scene: Scene) -> None:
     """Write `summary.json`, and `runs.parquet` with one row per condition and the columns of the other experiment."""
     import pandas as pd
 
@@ -276,4 +277,4 @@ def _write(folder: Path, summary: dict[str, Any], conditions: dict[str, Conditio
             "seconds": one.plan.search["seconds"], "actions": "; ".join(one.plan.actions),
         })  # fmt: skip
     frame = pd.DataFrame(rows)
-    write_atomic_stream(folder / "runs.parquet", lambda part: frame.to_parquet(part, index=False))
+    write_atomic_stream(folder / "runs.parquet", lambda part: write_parquet(frame, part))

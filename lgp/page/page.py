@@ -122,7 +122,7 @@ def _html(plan: Plan, lines: tuple[Instruction, ...], pictures: bool, data: str)
         seconds=total,
         scripts=SCRIPTS,
         # A new address of the data, so that browsers do not reuse cached data of another plan.
-        version=hashlib.sha256(data.encode()).hexdigest()[:12],
+        digest=hashlib.sha256(data.encode()).hexdigest()[:12],
         assets=ASSETS,
         pictures=PICTURES if pictures else "",
     )

@@ -18,7 +18,6 @@ from lgp.plan_record import Plan
 from lgp.study.labels import RECORD, Label
 from lgp.study.movement import VARIATION, MotionVariability, Movement, perform, person
 from lgp.study.retarget import Retarget, RetargetedMotion
-from reba._version import __version__
 from reba.arrays import Array
 from reba.files import as_json
 from reba.posture.columns import INDEX
@@ -166,7 +165,6 @@ def _parameters(
         "seed": str(seed),
         "variation": as_json(asdict(vary)),
         "offsets": as_json((offsets or {}).get(log.label.condition, {})),
-        "version": __version__,
     }
 
 

@@ -23,6 +23,7 @@ from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
 from reba.files import as_json, write_atomic, write_atomic_stream, write_text
 from reba.method.rules import rules_of
+from reba.provenance import with_provenance, write_parquet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,7 +62,7 @@ class Study:
         output = Path(folder)
         text = as_json(self.summary, indent=1) + "\n"
         write_atomic(output / "summary.json", lambda part: write_text(part, text))
-        write_atomic_stream(output / "scores.parquet", lambda part: self.recordings.to_parquet(part, index=False))
+        write_atomic_stream(output / "scores.parquet", lambda part: write_parquet(self.recordings, part))
         self.write_report(output / "report.html", command=command)
 
     def write_report(self, path: str | Path, *, command: str = "") -> None:
@@ -184,7 +185,7 @@ def summarise(
     }))  # fmt: skip
     conclusions = {"verdict": conclusion(plain, list(conditions)), "parts_verdict": parts_conclusion(plain)}
     plain["warnings"] = [*disagreements(plain), *plain["warnings"]]
-    return {**{name: plain.pop(name) for name in ("format", "version")}, **conclusions, **plain}
+    return with_provenance({**{name: plain.pop(name) for name in ("format", "version")}, **conclusions, **plain})
 
 
 def _failure(failure: Failure) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from itertools import islice
 from typing import Any, Final, TypeVar
 
 from reba.batch.dask_cluster import Cluster
-from reba.batch.worker_pool import Pool, Processes, WorkerDied
+from reba.batch.worker_pool import NotRun, Pool, Processes, WorkerDied
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -41,10 +41,13 @@ def run_parallel(
         tasks: consumed lazily.
         jobs: local processes; 1 runs everything in this process.
         scheduler: address of a Dask scheduler, such as tcp://10.0.0.5:8786; `jobs` is ignored then.
-        probe: run on every worker of a cluster before the first task; returns what the worker lacks, "" if ready.
+        probe: run on every worker of a cluster before its first task; returns what the worker lacks, "" if ready.
 
     Raises:
         RebaError: the cluster cannot be used or was lost. Exceptions of `work` are re-raised.
+
+    Warns:
+        UserWarning: a worker that joined a cluster later cannot be used, and other workers do its tasks.
 
     Example:
         >>> sorted(run_parallel(abs, [-3, 2]))
@@ -75,15 +78,20 @@ def _stream(
         for future in _wait_for_any(pool, submitted):
             task = submitted.pop(future)
             result = pool.result(future)
-            if isinstance(result, WorkerDied):
+            if isinstance(result, NotRun):
+                submitted[pool.submit(work, task)] = task
+            elif isinstance(result, WorkerDied):
                 unfinished.append(task)
             else:
                 yield task, result
     # A process that dies ends the tasks submitted with it; which of them kills its process shows when each runs alone.
     for task in unfinished:
-        retry = pool.submit(work, task)
-        _wait_for_any(pool, [retry])
-        yield task, pool.result(retry)
+        alone: Result | WorkerDied | NotRun = NotRun()
+        while isinstance(alone, NotRun):
+            retry = pool.submit(work, task)
+            _wait_for_any(pool, [retry])
+            alone = pool.result(retry)
+        yield task, alone
 
 
 def _wait_for_any(pool: Pool, futures: Iterable[Future[Any]]) -> set[Future[Any]]:

@@ -26,6 +26,11 @@ class WorkerDied:
     reason: str
 
 
+@dataclass(frozen=True)
+class NotRun:
+    """Result of a task that no worker ran; it has to be submitted again."""
+
+
 class Pool(Protocol):
     """Workers that run tasks."""
 
@@ -40,7 +45,9 @@ class Pool(Protocol):
         """Submit a task."""
 
     def result(self, future: Future[Any]) -> Any:
-        """Return the result of a finished task, `WorkerDied` if its process died; exceptions of the task are re-raised.
+        """Return the result of a finished task; exceptions of the task are re-raised.
+
+        `WorkerDied` if its process died, `NotRun` if it has to be submitted again.
 
         Raises:
             RebaError: the pool can run no further task.

@@ -23,6 +23,7 @@ from reba.method.tables import PART_MAXIMA
 from reba.posture.columns import INDEX
 from reba.posture.factors import SUPPORTS
 from reba.posture.skeleton import LENGTHS, LIMBS, joints
+from reba.provenance import MEMBER
 
 PORT: Final = 8765
 TOPICS: Final = {"scores": "/ergonomics/reba", "figure": "/ergonomics/figure"}
@@ -139,6 +140,7 @@ def record_schema() -> dict[str, Any]:
     means = {"mean": number, "mean_low": number, "mean_high": number}
     window = {"seconds": number, **means, "share_above": number}
     exposure = {"seconds": number, **means, "action_levels": {"type": "object", "additionalProperties": number}}
+    origin = {"version": {"type": "string"}}
     alert = {"active": {"type": "boolean"}, "since": number, "event": {"type": ["string", "null"]}}
     return {
         "title": "reba.Live",
@@ -148,7 +150,7 @@ def record_schema() -> dict[str, Any]:
             **dict.fromkeys(SCORE_COLUMNS, score),
             **{
                 name: {"type": "object", "properties": fields}
-                for name, fields in {"window": window, "exposure": exposure, "alert": alert}.items()
+                for name, fields in {"window": window, "exposure": exposure, "alert": alert, MEMBER: origin}.items()
             },
         },
     }

@@ -14,6 +14,7 @@ from reba.live.frames import Frames
 from reba.method.rules import Rules, rules_of
 from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays, score_angles
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
+from reba.provenance import with_provenance
 
 
 class LiveScorer:
@@ -59,13 +60,15 @@ class LiveScorer:
         event = self.alert.update(time, low, gap)
         head = {"time": time, **{name: scores[name] for name in HEAD}}
         parts = {name: value for name, value in scores.items() if name not in HEAD}
-        return {
-            **head,
-            **parts,
-            "window": self._window.to_dict(),
-            "exposure": self.exposure(),
-            "alert": self.alert.to_dict(event),
-        }
+        return with_provenance(
+            {
+                **head,
+                **parts,
+                "window": self._window.to_dict(),
+                "exposure": self.exposure(),
+                "alert": self.alert.to_dict(event),
+            }
+        )
 
     def _count(self, time: float) -> bool:
         """Count the previous frame, whose end is now known; return whether a gap follows it."""
@@ -94,16 +97,18 @@ class LiveScorer:
         """Return the exposure of all frames, the last one counted for the median period, and end the scoring."""
         self._close(self._durations.period(), self.last)
         self._current = None
-        return {
-            "frames": self.frames,
-            "start": self.first if self.frames else None,
-            "end": self.last if self.frames else None,
-            "rules": self.rules.name,
-            "max_low": self.max_low or None,
-            "max_high": self.max_high or None,
-            "exposure": self.exposure(),
-            "alerts": {"score": self.alert.score, "hold": self.alert.hold, "raised": self.alert.raised},
-        }
+        return with_provenance(
+            {
+                "frames": self.frames,
+                "start": self.first if self.frames else None,
+                "end": self.last if self.frames else None,
+                "rules": self.rules.name,
+                "max_low": self.max_low or None,
+                "max_high": self.max_high or None,
+                "exposure": self.exposure(),
+                "alerts": {"score": self.alert.score, "hold": self.alert.hold, "raised": self.alert.raised},
+            }
+        )
 
 
 HEAD = ("reba", "reba_low", "reba_high", "action_level")

@@ -1,9 +1,9 @@
 """Write score tables and posture tables: Parquet, CSV and MCAP.
 
 The rules with every threshold, the assumed factors and the unmeasured angles are written with the numbers: as Parquet
-metadata (key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`. No text of a CSV is a formula
-(`reba.cells`); `reba.read` gives it back as it was. Every file is written under a
-temporary name in the target folder and renamed when it is complete.
+metadata (key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`, with the version that computed
+them (`reba.provenance`). No text of a CSV is a formula (`reba.cells`); `reba.read` gives it back as it was. Every file
+is written under a temporary name in the target folder and renamed when it is complete.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 import pandas as pd
 
-from reba._version import __version__
 from reba.analysis.score_table import SCORES
 from reba.cells import cells_of
 from reba.checks import PATH, accepts, instance
@@ -24,6 +23,7 @@ from reba.errors import RebaError
 from reba.files import as_json, write_atomic, write_atomic_stream, write_text
 from reba.posture.factors import FACTORS
 from reba.posture.table import PostureTable
+from reba.provenance import parquet_metadata, with_provenance
 from reba.scores import Scores
 from reba.writers.mcap import write_mcap
 
@@ -70,7 +70,6 @@ def write_postures(
 def posture_metadata(postures: PostureTable) -> dict[str, Any]:
     """Return the metadata of a posture table as plain data: source, profile, assumptions, quality."""
     return {
-        "reba_version": __version__,
         "source": Path(postures.source).name,
         "topic": postures.topic,
         "profile": postures.profile,
@@ -113,10 +112,10 @@ def _write(
         write_atomic_stream(path, lambda part: _write_parquet(data, metadata, part))
     elif suffix == ".csv":
         write_atomic(path, lambda part: cells_of(data).to_csv(part, index=False, chunksize=BLOCK_ROWS))
-        text = as_json(metadata, indent=1) + "\n"
+        text = as_json(with_provenance(metadata), indent=1) + "\n"
         write_atomic(path.with_name(path.name + ".meta.json"), lambda part: write_text(part, text))
     elif suffix == ".mcap":
-        write_atomic(path, lambda part: write_mcap(data, metadata, part, postures, kind, records))
+        write_atomic(path, lambda part: write_mcap(data, with_provenance(metadata), part, postures, kind, records))
     else:
         raise RebaError(f"{path}: ending {suffix!r} is unknown; choose one of {', '.join(SUFFIXES)}")
 
@@ -126,7 +125,7 @@ def _write_parquet(data: pd.DataFrame, metadata: dict[str, Any], stream: BinaryI
     import pyarrow.parquet as pq
 
     schema = pa.Schema.from_pandas(data.iloc[:0], preserve_index=False)
-    schema = schema.with_metadata({**(schema.metadata or {}), b"reba": as_json(metadata).encode()})
+    schema = schema.with_metadata({**parquet_metadata(schema.metadata), b"reba": as_json(metadata).encode()})
     with pq.ParquetWriter(stream, schema, compression="zstd") as writer:
         for start in range(0, max(len(data), 1), BLOCK_ROWS):
             rows = pa.Table.from_pandas(data.iloc[start : start + BLOCK_ROWS], schema=schema, preserve_index=False)

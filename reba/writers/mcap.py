@@ -1,8 +1,8 @@
 """Scores and postures as MCAP channels that Foxglove, Lichtblick and Rerun plot.
 
 One JSON message per frame on `/ergonomics/reba` (or `/ergonomics/posture`) with a JSON schema, at the time stamps of
-the recording; the rules as a metadata record named `reba`. A file of scores also contains the topics of the original
-recording if that was MCAP.
+the recording; the rules as a metadata record named `reba`, the version in the header. A file of scores also contains
+the topics of the original recording if that was MCAP.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import pandas as pd
 from reba.files import as_json
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
+from reba.provenance import generator
 from reba.readers.mcap.container import Container
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def write_mcap(
 
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.ZSTD)
-        writer.start(profile="", library="dreba")
+        writer.start(profile="", library=generator())
         texts = {key: value if isinstance(value, str) else as_json(value) for key, value in metadata.items()}
         writer.add_metadata("reba", texts)
         for name, record in (records or {}).items():

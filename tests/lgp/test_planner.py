@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from lgp.cli import cli
 from lgp.planner import parse_sequence, task_of
 from lgp.scene.scene_file import read_scene
 from lgp.search.tree_figure import draw
+from reba.provenance import parquet_provenance
 from tests.support.lgp_worlds import HUMAN_ONLY, needs_robots, screwdriver_world
 from tests.support.says import says
 
@@ -67,6 +69,12 @@ def test_a_plan_survives_its_files(planned: lgp.Plan, tmp_path: Path) -> None:
     assert np.array_equal(again.path, planned.path)
     assert np.array_equal(again.posture, planned.posture)
     assert again.variables == planned.variables
+    assert again.provenance == {"version": reba.__version__}
+    former = replace(planned, provenance={"version": "0.0.9"})
+    former.save(tmp_path / "former")
+    lgp.Plan.load(tmp_path / "former").save(tmp_path / "former")  # who saves a plan did not compute it
+    assert json.loads((tmp_path / "former" / "plan.json").read_text())["provenance"] == former.provenance
+    assert parquet_provenance(tmp_path / "former" / "path.parquet") == former.provenance
     table = reba.read(tmp_path / "plan" / "postures.parquet")
     assert table.data["trunk_flexion"].to_numpy() == pytest.approx(planned.posture[:, 0])
     text = (tmp_path / "plan" / "plan.json").read_text()

@@ -25,7 +25,8 @@ def _has_robots() -> bool:
     return True
 
 
-needs_robots = pytest.mark.skipif(not _has_robots(), reason="example-robot-data is not installed: no Baxter")
+HAS_ROBOTS = _has_robots()
+needs_robots = pytest.mark.skipif(not HAS_ROBOTS, reason="example-robot-data is not installed: no Baxter")
 
 HUMAN_ONLY = {
     "domain": "screwdriver",

@@ -87,6 +87,15 @@ def test_a_log_cut_in_the_middle_can_be_gone_on_from(folder: Path) -> None:
     assert summary["state"] == "finished"
 
 
+def test_a_log_of_another_version_is_not_continued(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = (folder / "run.mcap").read_bytes()
+    monkeypatch.setattr("reba.provenance.__version__", "9.9.9")
+    with pytest.raises(lgp.LgpError) as error:
+        went(folder, resume=True)
+    says(error, folder / "run.mcap", f"dreba {reba.__version__}", "dreba 9.9.9", "without --resume")
+    assert (folder / "run.mcap").read_bytes() == before
+
+
 def test_there_must_be_something_to_go_on_from(tmp_path: Path) -> None:
     folder = saved(tmp_path)
     with pytest.raises(lgp.LgpError) as error:

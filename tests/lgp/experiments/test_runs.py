@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import reba
 from lgp.errors import LgpError
 from lgp.experiments.runs import (
     CONDITIONS,
@@ -25,11 +26,11 @@ from tests.support.says import says
 SETTINGS = {"scene": "screwdriver", "cost": "quadratic", "seed": 0}
 
 
-def made(run, initial="rest", failed=(), tables=("left", "center", "left"), reba=(5.0, 3.0, 4.0)):
+def made(run, initial="rest", failed=(), tables=("left", "center", "left"), scores=(5.0, 3.0, 4.0)):
     """Return the tables of one run, with the given table and score at the grasp per condition."""
     heights = np.random.default_rng(run).uniform(0.6, 1.6, 3)
     rows, paths = [], []
-    for condition, table, score in zip(CONDITIONS, tables, reba, strict=True):
+    for condition, table, score in zip(CONDITIONS, tables, scores, strict=True):
         ok = condition not in failed
         key = {"run": run, "condition": condition, "initial": initial}
         row = {**key, "seed": 0, "feasible": ok, "seconds": 0.5, "reason": "" if ok else "0.1 m too far"}
@@ -209,6 +210,29 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     with pytest.raises(LgpError) as error:
         RunStore(tmp_path / "file" / "out", SETTINGS)
     says(error, tmp_path / "file" / "out", "another folder")
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_runs_of_another_version_are_refused(tmp_path, monkeypatch, finished):
+    store = RunStore(tmp_path, SETTINGS)
+    store.append(*made(0))
+    if finished:
+        store.finish()
+    assert RunStore(tmp_path, SETTINGS).done("rest") == {0}
+    monkeypatch.setattr("reba.provenance.__version__", "9.9.9")
+    with pytest.raises(LgpError) as error:
+        RunStore(tmp_path, SETTINGS)
+    says(error, tmp_path, f"dreba {reba.__version__}", "this is 9.9.9", "another folder")
+
+
+def test_runs_of_an_unknown_version_are_refused(tmp_path):
+    store = RunStore(tmp_path, SETTINGS)
+    store.append(*made(0))
+    store.finish()
+    pd.read_parquet(tmp_path / "runs.parquet").to_parquet(tmp_path / "runs.parquet")
+    with pytest.raises(LgpError) as error:
+        RunStore(tmp_path, SETTINGS)
+    says(error, "an unknown version", "another folder")
 
 
 def test_settings_are_kept_as_json(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 import lgp
 from lgp.collision.distances import Collisions
 from lgp.experiments import published
-from lgp.experiments.toolbox import CONDITIONS, Condition, scores_of, summarise_toolbox
+from lgp.experiments.toolbox import CONDITIONS, Condition, scores_of, summarise_toolbox, write_tables
 from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST, break_even_mass, cost_terms, order_of
 from lgp.experiments.toolbox_report import write_page
 from lgp.kinematics.modes import ModeSequence
@@ -22,6 +23,7 @@ from lgp.path.bounds import PathBounds
 from lgp.path.cache import WarmStartCache
 from lgp.path.phases import Phases
 from lgp.planner import parse_sequence, task_of
+from reba.provenance import parquet_provenance, provenance
 from tests.support.lgp_worlds import needs_robots
 
 pytestmark = pytest.mark.slow
@@ -145,6 +147,9 @@ def test_the_page_shows_both_sequences(tmp_path: Path) -> None:
     assert "lgp experiment toolbox -o DIR" in words
     assert "://" not in html.replace("http://www.w3.org/2000/svg", "")
     assert summary["conditions"]["ergonomic"]["order"] == PLACE_FIRST
+    write_tables(tmp_path, summary, conditions, plan.scene)
+    assert parquet_provenance(tmp_path / "runs.parquet") == provenance()
+    assert json.loads((tmp_path / "summary.json").read_text())["provenance"] == provenance()
 
 
 @needs_robots

@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,10 @@ from typing import Any
 import pandas as pd
 import pytest
 
+import reba
 from lgp.experiments import screwdriver
 from lgp.experiments.runs import check_paths, check_runs
+from reba.batch import dask_cluster
 from reba.batch.dataset import Dataset
 from reba.batch.dataset_run import score_into
 from reba.batch.manifest import MANIFEST
@@ -27,7 +30,7 @@ from reba.batch.worker_pool import WorkerDied
 from reba.errors import RebaError
 from tests.support.lgp_worlds import needs_robots
 from tests.support.says import says
-from tests.support.scale_work import cluster, die_at, write_recordings
+from tests.support.scale_work import OTHER_VERSION, cluster, die_at, joined, square_slowly, write_recordings
 
 pytestmark = pytest.mark.slow
 
@@ -204,3 +207,88 @@ def test_a_worker_without_the_package_is_one_line(tmp_path: Path) -> None:
     ):
         list(run_parallel(abs, [1], scheduler=address))
     says(error, "worker tcp://", "cannot load dreba", "install")
+
+
+def squares(address: str, number: int, events: dict[int, Callable[[], object]]) -> dict[int, int]:
+    """Run tasks and return their results; an event is called when this many results have arrived."""
+    results: dict[int, int] = {}
+    for task, result in run_parallel(square_slowly, range(number), scheduler=address):
+        results[task] = result
+        events.get(len(results), lambda: None)()
+    return results
+
+
+def expected(number: int) -> dict[int, int]:
+    return {task: task * task for task in range(number)}
+
+
+def test_a_worker_of_another_version_that_joins_later_gets_no_work(address: str, tmp_path: Path) -> None:
+    late: list[str] = []
+    with ExitStack() as stack, pytest.warns(UserWarning, match="has dreba") as warned:
+        results = squares(
+            address, 40, {1: lambda: late.append(stack.enter_context(joined(address, tmp_path, OTHER_VERSION)))}
+        )
+    assert results == expected(40)
+    (warning,) = warned
+    says(str(warning.message), f"worker {late[0]}", "0.0.9", f"this is {reba.__version__}", "other workers")
+
+
+def test_a_worker_without_the_package_that_joins_later_gets_no_work(address: str, tmp_path: Path) -> None:
+    empty = "sys.modules['reba'] = None;"
+    with ExitStack() as stack, pytest.warns(UserWarning, match="cannot load dreba"):
+        results = squares(address, 40, {1: lambda: stack.enter_context(joined(address, tmp_path, empty))})
+    assert results == expected(40)
+
+
+def test_a_worker_without_the_shared_files_that_joins_later_gets_no_work(address: str, tmp_path: Path) -> None:
+    inputs = write_recordings(tmp_path / "in", 24)
+    done: list[str] = []
+    with ExitStack() as stack:
+        dataset = stack.enter_context(Dataset(tmp_path / "scores"))
+
+        def join_once(name: str) -> None:
+            done.append(name)
+            if len(done) == 1:
+                stack.enter_context(joined(address, tmp_path, "import os; os.access = lambda *_: False;"))
+
+        with pytest.warns(UserWarning, match="cannot read"):
+            result = score_into(dataset, inputs, ScoringOptions(), scheduler=address, on_done=join_once)
+    assert (dict(result.scored), result.failed) == ({"new": 24}, 0)
+
+
+def test_a_run_whose_only_worker_left_has_another_version_ends_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dask_cluster, "MAX_SECONDS_WITHOUT_WORKERS", 3.0)
+    late: list[str] = []
+    with cluster(tmp_path, workers=1) as address, ExitStack() as stack:
+
+        def replace_worker() -> None:
+            late.append(stack.enter_context(joined(address, tmp_path, OTHER_VERSION)))
+            retire(address, late[0])
+
+        stack.enter_context(pytest.warns(UserWarning, match="has dreba"))
+        with pytest.raises(RebaError) as error:
+            squares(address, 100, {1: replace_worker})
+    says(error, f"worker {late[0]}", "0.0.9", f"this is {reba.__version__}", "install the same version")
+
+
+def test_tasks_of_workers_that_are_gone_go_to_a_new_one(tmp_path: Path) -> None:
+    late: list[str] = []
+    with cluster(tmp_path, workers=1) as address, ExitStack() as stack:
+        warned = stack.enter_context(pytest.warns(UserWarning, match="has dreba"))
+
+        def replace_worker() -> None:
+            assert len(warned) == 1  # so that unfinished tasks may run on the first worker alone
+            retire(address, late[0])
+            stack.enter_context(joined(address, tmp_path, ""))
+
+        join = {1: lambda: late.append(stack.enter_context(joined(address, tmp_path, OTHER_VERSION)))}
+        results = squares(address, 60, {**join, 20: replace_worker})
+    assert results == expected(60)
+
+
+def retire(address: str, remaining: str) -> None:
+    """Retire every worker but one, as an administrator does."""
+    with distributed.Client(address, set_as_default=False) as client:
+        client.retire_workers([worker for worker in client.nthreads() if worker != remaining], close_workers=True)
