@@ -64,6 +64,7 @@ def plan(
         raise LgpError("--tree and --sequence exclude each other: a sequence is not searched; leave one of them out")
     loaded = load_scene(scene).with_heights(dict(_height(text) for text in heights))
     lines = None if sequence is None else _read(sequence)
+    from lgp.planner import INTERRUPTED
     from lgp.planner import plan as make_plan
 
     result = make_plan(
@@ -85,6 +86,8 @@ def plan(
         from lgp.console import show_plan
 
         show_plan(console(), summary)
+    if result.status == INTERRUPTED:
+        raise KeyboardInterrupt
     if not result.feasible:
         raise LgpError(f"{loaded.name}: no plan: {result.reason}")
 
