@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from reba.interrupts import enter
+
+if __name__ == "__main__":
+    enter("lgp.cli")  # under its own name, and before the other imports
+
 from pathlib import Path
 from typing import Any
 

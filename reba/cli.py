@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from reba.interrupts import enter
+
+if __name__ == "__main__":
+    enter("reba.cli")  # under its own name, and before the other imports
+
 import sys
 from collections.abc import Callable
 from pathlib import Path
