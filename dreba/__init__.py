@@ -16,11 +16,9 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from dreba.domain import Bins, Domain, domain_of
-from dreba.errors import DomainError, ModelError, RadiansWarning, SampleError
-from reba.extras import missing
-
 if TYPE_CHECKING:
+    from dreba.domain import Bins, Domain, domain_of
+    from dreba.errors import DomainError, ModelError, RadiansWarning, SampleError
     from dreba.evaluation.evaluate import compare, evaluate, fit_to
     from dreba.export import export_model
     from dreba.report import write_report
@@ -68,6 +66,8 @@ __all__ = [
     "write_report",
 ]
 _LAZY = {
+    "dreba.domain": ("Bins", "Domain", "domain_of"),
+    "dreba.errors": ("DomainError", "ModelError", "RadiansWarning", "SampleError"),
     "dreba.evaluation.evaluate": ("compare", "evaluate", "fit_to"),
     "dreba.export": ("export_model",),
     "dreba.report": ("write_report",),
@@ -88,7 +88,8 @@ _LAZY = {
     "dreba.sampling.poses": ("Poses", "read_poses"),
     "dreba.sampling.sample": ("sample",),
 }
-"""Imported on first use: the base classes of models load scikit-learn and SciPy, which takes over a second."""
+"""Imported on first use: the base classes of models load scikit-learn and SciPy, which takes over a second, and the
+commands handle interrupts before anything large is imported."""
 
 
 def __getattr__(name: str) -> Any:
@@ -97,6 +98,8 @@ def __getattr__(name: str) -> Any:
             try:
                 return getattr(importlib.import_module(module), name)
             except ModuleNotFoundError as error:
+                from reba.extras import missing
+
                 raise missing(error.name or "", f"dreba.{name}") from error
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

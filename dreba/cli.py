@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from reba.interrupts import enter
+
+if __name__ == "__main__":
+    enter("dreba.cli")  # under its own name, and before the other imports
+
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final

@@ -13,12 +13,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from lgp.errors import LgpError, LogicError, SceneError, WorldError
-from lgp.scene.model import Scene
-from lgp.scene.scene_file import load_scene, shipped_scenes
-from reba.extras import missing
-
 if TYPE_CHECKING:
+    from lgp.errors import LgpError, LogicError, SceneError, WorldError
     from lgp.execution.run_plan import run_plan
     from lgp.experiments.screwdriver_experiment import experiment_screwdriver
     from lgp.experiments.toolbox import experiment_toolbox
@@ -29,6 +25,8 @@ if TYPE_CHECKING:
     from lgp.path.ergonomics import Ergonomics
     from lgp.plan_record import Plan
     from lgp.planner import plan
+    from lgp.scene.model import Scene
+    from lgp.scene.scene_file import load_scene, shipped_scenes
     from lgp.sqp.problem import SolverOptions
     from lgp.study.study import run_study
 
@@ -53,14 +51,21 @@ __all__ = [
     "shipped_scenes",
     "write_page",
 ]
-# Scenes are read without the numerical packages that planning needs.
+# Scenes are read without the numerical packages that planning needs; the commands handle interrupts before any import.
 _LAZY = {
     "Ergonomics": "lgp.path.ergonomics",
+    "LgpError": "lgp.errors",
+    "LogicError": "lgp.errors",
     "Motion": "lgp.motion",
     "Plan": "lgp.plan_record",
+    "Scene": "lgp.scene.model",
+    "SceneError": "lgp.errors",
     "SolverOptions": "lgp.sqp.problem",
     "Weights": "lgp.path.costs",
     "World": "lgp.kinematics.world",
+    "WorldError": "lgp.errors",
+    "load_scene": "lgp.scene.scene_file",
+    "shipped_scenes": "lgp.scene.scene_file",
     "plan": "lgp.planner",
     "experiment_screwdriver": "lgp.experiments.screwdriver_experiment",
     "experiment_toolbox": "lgp.experiments.toolbox",
@@ -75,6 +80,8 @@ def __getattr__(name: str) -> Any:
         try:
             return getattr(importlib.import_module(_LAZY[name]), name)
         except ModuleNotFoundError as error:
+            from reba.extras import missing
+
             raise missing(error.name or "", f"lgp.{name}") from error
     raise AttributeError(f"module 'lgp' has no attribute {name!r}")
 

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from reba.interrupts import enter
+
+if __name__ == "__main__":
+    enter("lgp.cli")  # under its own name, and before the other imports
+
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +69,7 @@ def plan(
         raise LgpError("--tree and --sequence exclude each other: a sequence is not searched; leave one of them out")
     loaded = load_scene(scene).with_heights(dict(_height(text) for text in heights))
     lines = None if sequence is None else _read(sequence)
+    from lgp.planner import INTERRUPTED
     from lgp.planner import plan as make_plan
 
     result = make_plan(
@@ -86,6 +92,8 @@ def plan(
         from reba.terminal import console
 
         show_plan(console(), summary)
+    if result.status == INTERRUPTED:
+        raise KeyboardInterrupt
     if not result.feasible:
         raise LgpError(f"{loaded.name}: no plan: {result.reason}")
 

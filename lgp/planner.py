@@ -39,6 +39,8 @@ COST_MODEL: Final = Allowed(
     "a surrogate, its name or path, or None",
     lambda value: value is None or isinstance(value, Surrogate | Ergonomics) or PATH.fits(value),
 )
+INTERRUPTED: Final = SearchStatus.INTERRUPTED.name.lower()
+"""`Plan.status` after an interrupt."""
 SECONDS: Final = Allowed("seconds above 0", lambda value: is_number(value) and value > 0)
 
 
@@ -81,7 +83,8 @@ def plan(
         collisions: constrain the path to be collision-free; `residuals["penetration"]` is computed either way.
 
     Returns:
-        The plan. Where `feasible` is false, `reason` names the constraint or precondition that fails.
+        The plan, the best so far after an interrupt (Ctrl-C) of the search. Where `feasible` is false, `reason` names
+        the constraint or precondition that fails.
 
     Raises:
         LgpError: the scene, model, sequence or initial configuration is invalid.
@@ -100,7 +103,8 @@ def plan(
     world = World(scene) if world is None else world.with_scene(scene)
     initial = _initial_configuration(world, start)
     bounds = PathBounds(world, _ergonomics(world, cost), weights, initial, slices, collisions=collisions)
-    return plan_within(bounds, task, skeleton, Budget(depth=scene.depth if depth is None else depth, seconds=seconds))
+    budget = Budget(scene.depth if depth is None else depth, seconds=seconds, keep_interrupted=True)
+    return plan_within(bounds, task, skeleton, budget)
 
 
 def plan_within(

@@ -12,24 +12,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from reba._version import __version__
-from reba.analysis.exposure import compare
-from reba.analysis.improve import Improvement
-from reba.analysis.worksheet import Worksheet
-from reba.errors import PostureError, ProfileError, RadiansWarning, ReadError, RebaError, RulesError
-from reba.method.rules import PRESETS, Rules
-from reba.method.scoring import SCORE_COLUMNS, PartScores, ScoreArrays, score_array, score_parts
-from reba.method.tables import ACTION_LEVELS, TABLE_A, TABLE_B, TABLE_C
-from reba.posture.columns import COLUMNS
-from reba.posture.factors import FACTORS, Factors
-from reba.posture.named_angles import angle_table
-from reba.posture.table import PostureTable, Quality
-from reba.scores import Scores, score
-
 if TYPE_CHECKING:
+    from reba._version import __version__
+    from reba.analysis.exposure import compare
+    from reba.analysis.improve import Improvement
+    from reba.analysis.worksheet import Worksheet
+    from reba.errors import PostureError, ProfileError, RadiansWarning, ReadError, RebaError, RulesError
+    from reba.method.rules import PRESETS, Rules
+    from reba.method.scoring import SCORE_COLUMNS, PartScores, ScoreArrays, score_array, score_parts
+    from reba.method.tables import ACTION_LEVELS, TABLE_A, TABLE_B, TABLE_C
+    from reba.posture.columns import COLUMNS
+    from reba.posture.factors import FACTORS, Factors
+    from reba.posture.named_angles import angle_table
+    from reba.posture.table import PostureTable, Quality
     from reba.readers import read
     from reba.readers.info import info
     from reba.report import write_report
+    from reba.scores import Scores, score
     from reba.writers import write_postures, write_scores
 
 __all__ = [
@@ -68,21 +67,35 @@ __all__ = [
     "write_report",
     "write_scores",
 ]
-# Readers and writers import the libraries of their formats; programs that only score load none of them.
 _LAZY = {
-    "info": "reba.readers.info",
-    "read": "reba.readers",
-    "write_postures": "reba.writers",
-    "write_report": "reba.report",
-    "write_scores": "reba.writers",
+    "reba._version": ("__version__",),
+    "reba.analysis.exposure": ("compare",),
+    "reba.analysis.improve": ("Improvement",),
+    "reba.analysis.worksheet": ("Worksheet",),
+    "reba.errors": ("PostureError", "ProfileError", "RadiansWarning", "ReadError", "RebaError", "RulesError"),
+    "reba.method.rules": ("PRESETS", "Rules"),
+    "reba.method.scoring": ("SCORE_COLUMNS", "PartScores", "ScoreArrays", "score_array", "score_parts"),
+    "reba.method.tables": ("ACTION_LEVELS", "TABLE_A", "TABLE_B", "TABLE_C"),
+    "reba.posture.columns": ("COLUMNS",),
+    "reba.posture.factors": ("FACTORS", "Factors"),
+    "reba.posture.named_angles": ("angle_table",),
+    "reba.posture.table": ("PostureTable", "Quality"),
+    "reba.readers": ("read",),
+    "reba.readers.info": ("info",),
+    "reba.report": ("write_report",),
+    "reba.scores": ("Scores", "score"),
+    "reba.writers": ("write_postures", "write_scores"),
 }
+"""Imported on first use: the commands handle interrupts before NumPy and pandas are imported."""
 
 
 def __getattr__(name: str) -> Any:
-    if name in _LAZY:
-        from importlib import import_module
+    from importlib import import_module
 
-        return getattr(import_module(_LAZY[name]), name)
+    for module, names in _LAZY.items():
+        if name in names:
+            value = globals()[name] = getattr(import_module(module), name)
+            return value
     raise AttributeError(f"module 'reba' has no attribute {name!r}")
 
 

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from reba.interrupts import enter
+
+if __name__ == "__main__":
+    enter("reba.cli")  # under its own name, and before the other imports
+
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -271,7 +276,8 @@ def profiles(name: str | None, as_json: bool) -> None:
 @click.option("--until-idle", type=click.FloatRange(min=0), metavar="SECONDS", help="End after this long without data.")
 @click.option(
     "--foxglove", type=click.IntRange(0, 65535), is_flag=False, flag_value=8765, metavar="[PORT]",
-    help="Serve scores and a coloured figure to Foxglove or Lichtblick.",
+    help="Serve scores and a coloured figure to Foxglove or Lichtblick; any web page open in a browser on this machine "
+    "can read them meanwhile.",
 )  # fmt: skip
 @click.option("--window", default="60s", show_default=True, metavar="SECONDS", help="Length of the rolling window.")
 @click.option("--hold", default="1s", show_default=True, metavar="SECONDS", help="Time for which a score must persist.")

@@ -15,10 +15,12 @@ from collections.abc import Callable
 from typing import Any, Final
 
 import click
+from click.shell_completion import shell_complete
 
 from reba.errors import RebaError
 from reba.extras import EXTRAS, missing
 from reba.files import as_json
+from reba.interrupts import discard_output, interrupted
 from reba.printable import printable
 from reba.provenance import with_provenance
 
@@ -67,12 +69,6 @@ def command_line(name: str) -> str:
     return shlex.join([name, *sys.argv[1:]])
 
 
-def _discard_output() -> None:
-    """Redirect standard output to the null device: Python would write buffered text again at exit and fail again."""
-    if sys.stdout is not None:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 def run(group: click.Group, name: str, fit: str = "fit") -> None:
     """Run a command group and exit; errors and warnings are one line each on standard error."""
     for stream in (sys.stdout, sys.stderr):
@@ -83,7 +79,7 @@ def run(group: click.Group, name: str, fit: str = "fit") -> None:
     try:
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, *_, **__: echo(f"{name}: warning: {message}", err=True)
-            group.main(standalone_mode=False)
+            _call(group, name)
         code = 0
     except Stop as stop:
         code = stop.code
@@ -99,15 +95,26 @@ def run(group: click.Group, name: str, fit: str = "fit") -> None:
         echo(f"{name}: {missing(error.name or '', 'this command', fit if extra == 'fit' else extra)}", err=True)
         code = 2
     except (KeyboardInterrupt, click.Abort):
-        echo(f"{name}: interrupted", err=True)
-        code = 130
+        code = interrupted(name)
     except (BrokenPipeError, SystemExit):
         # The reader of the output closed the pipe (`reba score ... | head`); rich raises SystemExit for that.
-        _discard_output()
+        discard_output()
         code = 0
     except OSError as error:
-        _discard_output()
+        discard_output()
         path = f"{error.filename}: " if error.filename else ""
         echo(f"{name}: {path}{error.strerror or error}; the output is incomplete", err=True)
         code = 2
     raise SystemExit(code)
+
+
+def _call(group: click.Group, name: str) -> None:
+    """Call a command group as its `main` does, which however answers an interrupt with a blank line of its own."""
+    variable = f"_{name.upper()}_COMPLETE"
+    if variable in os.environ:
+        raise SystemExit(shell_complete(group, {}, name, variable, os.environ[variable]))
+    try:
+        with group.make_context(name, sys.argv[1:]) as context:
+            group.invoke(context)
+    except click.exceptions.Exit:  # --help and --version have printed
+        pass

@@ -43,7 +43,12 @@ from reba.command_line import Stop, echo, json_option, print_json
 @click.option("--strict", is_flag=True, help="Fail if a motion is too fast for the robot; do not slow it down.")
 @click.option("--resume", is_flag=True, help="Continue the interrupted run.")
 @click.option("--no-page", is_flag=True, help="Do not serve the page.")
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address that the page is served at.")
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address that the page is served at, to everyone who can reach it.",
+)
 @click.option("--port", default=8642, type=click.IntRange(0, 65535), show_default=True, help="0: any free one.")
 @click.option("--export", metavar="FILE.mcap", help="Write the planned robot motion as JointTrajectory and exit.")
 @json_option

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from lgp.errors import LgpError
 from lgp.execution.events import Event, Hub
+from lgp.execution.guard import WAIT_SECONDS, Guard, bounded_connection
 from lgp.execution.session import ExecutionRun, RunOptions
 from lgp.page.page import write_page
 from lgp.plan_record import Plan
@@ -31,6 +32,8 @@ POLL = 0.05
 """[s] Time between checks for new events."""
 KEEP_ALIVE = 10.0
 """[s] Silence after which a comment is sent, so that proxies and browsers keep the connection."""
+MAX_READERS = 32
+"""Pages that follow the events at a time; the other connections remain for files."""
 LINGER = 1.5
 """[s] Largest wait for browsers to receive the last event before the server stops."""
 
@@ -42,12 +45,21 @@ class PageServer:
         page: folder with `index.html`; `show` changes it.
         port: 0 for any free one.
         keep_alive: silence after which a comment is sent [s].
+        wait_seconds: for a client that neither completes its request nor reads the answer [s].
 
     Raises:
         LgpError: uvicorn is not installed, or the address is in use.
     """
 
-    def __init__(self, page: Path, hub: Hub, host: str = HOST, port: int = 0, keep_alive: float = KEEP_ALIVE) -> None:
+    def __init__(
+        self,
+        page: Path,
+        hub: Hub,
+        host: str = HOST,
+        port: int = 0,
+        keep_alive: float = KEEP_ALIVE,
+        wait_seconds: float = WAIT_SECONDS,
+    ) -> None:
         try:
             import uvicorn
         except ImportError as error:
@@ -58,8 +70,18 @@ class PageServer:
         bound, number = self._socket.getsockname()[:2]
         self.address = f"http://{f'[{bound}]' if ':' in bound else bound}:{number}/"
         self._files = Files(page)
-        app = application(self._files, hub, self._readers, keep_alive)
-        config = uvicorn.Config(app, log_level="error", lifespan="off", timeout_graceful_shutdown=1)
+        app = Guard(application(self._files, hub, self._readers, keep_alive), host, number)
+        config = uvicorn.Config(
+            app,
+            http=bounded_connection(wait_seconds),
+            ws="none",
+            lifespan="off",
+            log_level="critical",  # requests that cannot be answered are the client's problem, not the run's
+            headers=[("connection", "close")],
+            server_header=False,
+            proxy_headers=False,
+            timeout_graceful_shutdown=1,
+        )
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(target=self._server.run, args=([self._socket],), daemon=True)
 
@@ -119,6 +141,12 @@ class Readers:
                 self._served[reader] = number
             self._changed.notify_all()
 
+    @property
+    def count(self) -> int:
+        """Number of connected readers."""
+        with self._changed:
+            return len(self._served)
+
     def wait(self, number: int, seconds: float) -> None:
         """Wait until all readers have received an event, at most some seconds."""
         with self._changed:
@@ -129,10 +157,12 @@ def application(files: Files, hub: Hub, readers: Readers, keep_alive: float = KE
     """Return the ASGI application: `/events`, and the files of the page."""
     from starlette.applications import Starlette as App
     from starlette.requests import Request
-    from starlette.responses import StreamingResponse
+    from starlette.responses import PlainTextResponse, Response, StreamingResponse
     from starlette.routing import Mount, Route
 
-    async def events(request: Request) -> StreamingResponse:
+    async def events(request: Request) -> Response:
+        if readers.count >= MAX_READERS:
+            return PlainTextResponse("too many readers; close other pages of this run\n", status_code=503)
         stream = follow(hub, readers, _number(request.headers.get("last-event-id")), keep_alive)
         headers = {"Cache-Control": "no-cache", "X-Accel-Buffering": "no"}
         return StreamingResponse(stream, media_type="text/event-stream", headers=headers)

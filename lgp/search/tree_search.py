@@ -82,11 +82,13 @@ class Budget:
         depth: longest sequence.
         calls: level -> maximum number of problems solved; other levels are not limited.
         seconds: wall-clock time [s]; a search that ends by it is not repeatable.
+        keep_interrupted: an interrupt (Ctrl-C) ends the search with the best plan so far; otherwise it is raised.
     """
 
     depth: int = 6
     calls: Mapping[str, int] = field(default_factory=dict)
     seconds: float = math.inf
+    keep_interrupted: bool = False
 
 
 @dataclass
@@ -168,8 +170,8 @@ class SearchResult:
 def search(task: Task, bounds: Bounds, budget: Budget | None = None, first: Skeleton = ()) -> SearchResult:
     """Return the best sequence of actions for a task.
 
-    The same task and bounds give the same result unless time runs out. An interrupt (Ctrl-C) ends the search with the
-    best plan so far. The path of a promising sequence `first` is solved first, so that its cost prunes others.
+    The same task and bounds give the same result unless time runs out. The path of a promising sequence `first` is
+    solved first, so that its cost prunes others.
     """
     return _Search(task, bounds, budget or Budget(), first).run()
 
@@ -205,6 +207,8 @@ class _Search:
                 else:
                     self._advance(node, level)
         except KeyboardInterrupt:
+            if not self.budget.keep_interrupted:
+                raise
             return self._result(SearchStatus.INTERRUPTED, self._open_bound(), "interrupted")
         return self._finish()
 

@@ -186,7 +186,7 @@ def _connect(address: str, seconds: float) -> Any:
     except ImportError as error:
         raise missing("distributed", "--scheduler") from error
     for name in logging.root.manager.loggerDict:
-        if name.startswith("distributed"):  # errors are reported once, as the one line of a RebaError
+        if name.startswith(("asyncio", "distributed", "tornado")):  # reported once, as the one line of the command
             logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         # A Client without a scheduler keeps retrying in the background, so the address is tried with a bare connection.

@@ -95,9 +95,12 @@ class Dataset:
     def __enter__(self) -> Dataset:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, *_: object) -> None:
         self.manifest.close()
-        self._lock.truncate(0)
+        if kind is None:
+            self._lock.truncate(0)
+        else:  # workers were stopped while they wrote; the token stays, for what one on another machine may still write
+            self._remove_unfinished()
         self._lock.close()
 
     def pending(
@@ -205,19 +208,23 @@ class Dataset:
         return name
 
     def _recover(self) -> None:
-        """Remove what a killed process left, and write a token to the lock file that only a regular end removes."""
+        """Remove what a stopped process left, and write a token to the lock file that only a regular end removes."""
         self._lock.seek(0)
         if self._lock.read():
-            scored = {entry.recording for entry in self.manifest.entries.values() if entry.outcome == SCORED}
-            folders = {self.output(recording).parent.name for recording in scored}
-            for folder in self.folder.glob(f"{PARTITION}*"):
-                for file in folder.glob(f".{SCORES_FILE}.*.part"):
-                    file.unlink(missing_ok=True)
-                if folder.name not in folders:
-                    _remove_scores(folder / SCORES_FILE)
+            self._remove_unfinished()
         self._lock.truncate(0)
         self._lock.write(self.token.encode())
         self._lock.flush()
+
+    def _remove_unfinished(self) -> None:
+        """Remove scores that are in no line of the manifest."""
+        scored = {entry.recording for entry in self.manifest.entries.values() if entry.outcome == SCORED}
+        folders = {self.output(recording).parent.name for recording in scored}
+        for folder in self.folder.glob(f"{PARTITION}*"):
+            for file in folder.glob(f".{SCORES_FILE}.*.part"):
+                file.unlink(missing_ok=True)
+            if folder.name not in folders:
+                _remove_scores(folder / SCORES_FILE)
 
 
 def scoring_settings(options: ScoringOptions) -> dict[str, Any]:

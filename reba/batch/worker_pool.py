@@ -11,6 +11,8 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
+from reba.interrupts import held_back
+
 TASKS_PER_WORKER: Final = 2
 """Submitted tasks per worker: one that runs and one in the queue, so that a worker never idles between two tasks."""
 PARENT_POLL_SECONDS: Final = 0.5
@@ -62,7 +64,10 @@ class Pool(Protocol):
 
 
 class Processes:
-    """Local worker processes; they end with the process that started them, even if that is killed."""
+    """Local worker processes; they end with the process that started them, even if that is killed.
+
+    Ctrl-C reaches every process of a terminal; workers take no notice, as this process ends them.
+    """
 
     def __init__(self, jobs: int) -> None:
         # Workers, and the process that cleans up after them, would import a numpy.py of the current folder.
@@ -84,7 +89,7 @@ class Processes:
         """Submit a task."""
         from concurrent.futures.process import BrokenProcessPool
 
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), held_back():  # the first task, and a task after a process died, start processes
             # loky replaces a worker whose memory has grown much; that is no reason to warn the user.
             warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
             try:
@@ -108,8 +113,13 @@ class Processes:
 
     @staticmethod
     def _start(jobs: int) -> Any:
-        from joblib.externals.loky import ProcessPoolExecutor
+        from multiprocessing import resource_tracker
 
+        from joblib.externals.loky import ProcessPoolExecutor
+        from joblib.externals.loky.backend import resource_tracker as loky_tracker
+
+        for tracker in (resource_tracker, loky_tracker):  # started on demand, they let signals through again
+            tracker.ensure_running()
         env = {name: "1" for name in THREAD_VARIABLES if name not in os.environ}
         return ProcessPoolExecutor(jobs, initializer=_exit_with_parent, initargs=(os.getpid(),), env=env)
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from reba.command_line import echo
 from reba.errors import RebaError
+from reba.interrupts import exit_code
 from reba.live.follow import Follower
 from reba.live.frames import ReadingOptions, neutral_until
 from reba.live.json_lines import LineStore
@@ -20,9 +21,6 @@ from reba.live.session import Alert, LiveScorer, score_of_level
 from reba.live.sources import GrowingStore, open_growing
 from reba.posture.factors import Factors, checked
 from reba.scores import named_activity
-
-INTERRUPTED = 130
-"""Exit code of a command that was interrupted."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ def run_live(source_name: str, options: LiveOptions) -> int:
         follower = Follower(source, options.reading, options.factors, activity, _report)
         _follow(follower, scorer, latency, server, options)
     except KeyboardInterrupt:
-        code = INTERRUPTED
+        code = exit_code()
     except BrokenPipeError:
         follower = None
         raise
@@ -146,7 +144,7 @@ def _write_summary(follower: Follower, scorer: LiveScorer, latency: Latency, cod
         "skipped": skipped,
         "out_of_order": late,
         "warnings": converter.log.warnings if converter is not None else [],
-        "interrupted": code == INTERRUPTED,
+        "interrupted": code != 0,
         "latency": latency.to_dict(),
     }
     write_lines(sys.stdout.buffer, [{"summary": summary}])

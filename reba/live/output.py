@@ -13,6 +13,7 @@ from types import FrameType
 from typing import IO, Any, Final
 
 from reba.files import as_json
+from reba.interrupts import WORDS
 
 
 @cache
@@ -38,34 +39,41 @@ def write_lines(stream: IO[bytes], records: Iterable[Mapping[str, Any]]) -> None
     """Write one line per record and flush."""
     encode = encoder()
     lines = memoryview(b"".join(encode(record) + b"\n" for record in records))
-    with _DeferredInterrupt():
+    with _DeferredSignals():
         # A signal can interrupt an unbuffered write after a part of the bytes.
         while lines:
             lines = lines[stream.write(lines) :]
         stream.flush()
 
 
-class _DeferredInterrupt:
-    """Defers an interrupt until complete lines are written; a second interrupt is raised at once."""
+class _DeferredSignals:
+    """Defers Ctrl-C and SIGTERM until complete lines are written; a second one is acted on at once."""
 
     def __init__(self) -> None:
-        self._interrupted = False
-        self._previous_handler: Any = None
+        self._received: int | None = None
+        self._previous: dict[int, Any] = {}
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self._interrupted:
-            raise KeyboardInterrupt
-        self._interrupted = True
+        if self._received is not None:
+            self._restore()
+            signal.raise_signal(number)
+        self._received = number
+
+    def _restore(self) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
 
     def __enter__(self) -> None:
         if threading.current_thread() is threading.main_thread():
-            self._previous_handler = signal.signal(signal.SIGINT, self._note)
+            self._previous = {number: signal.getsignal(number) for number in WORDS}
+            for number, handler in self._previous.items():
+                if handler is not signal.SIG_IGN:
+                    signal.signal(number, self._note)
 
     def __exit__(self, *_: object) -> None:
-        if self._previous_handler is not None:
-            signal.signal(signal.SIGINT, self._previous_handler)
-        if self._interrupted:
-            raise KeyboardInterrupt
+        self._restore()
+        if self._received is not None:
+            signal.raise_signal(self._received)
 
 
 BUCKET_RATIO: Final = 1.02

@@ -1,9 +1,9 @@
 """Write score tables and posture tables: Parquet, CSV and MCAP.
 
 The rules with every threshold, the assumed factors and the unmeasured angles are written with the numbers: as Parquet
-metadata (key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`, with the version that computed
-them (`reba.provenance`). No text of a CSV is a formula (`reba.cells`); `reba.read` gives it back as it was. Every file
-is written under a temporary name in the target folder and renamed when it is complete.
+metadata (key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`, with the version that
+computed them (`reba.provenance`). No text of a CSV is a formula (`reba.cells`); `reba.read` gives it back as it was.
+Every file is written under a temporary name in the target folder and renamed when it is complete.
 """
 
 from __future__ import annotations

@@ -184,14 +184,16 @@ def test_budgets_end_the_search_with_a_gap() -> None:
     assert late.status is SearchStatus.EXHAUSTED
 
 
-def test_interrupt_keeps_the_best_plan() -> None:
+def test_an_interrupt_is_raised_unless_the_best_plan_is_asked_for() -> None:
     class Interrupted(RandomBounds):
         def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
             if sum(1 for name, _ in self.calls if name == "path"):
                 raise KeyboardInterrupt
             return super().solve(level, skeleton, warm)
 
-    result = search(task(), Interrupted(2, 0.0), Budget(depth=5))
+    with pytest.raises(KeyboardInterrupt):
+        search(task(), Interrupted(2, 0.0), Budget(depth=5))
+    result = search(task(), Interrupted(2, 0.0), Budget(depth=5, keep_interrupted=True))
     assert result.status is SearchStatus.INTERRUPTED
     assert result.skeleton
     assert result.bound <= result.cost

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import builtins
 import json
+import resource
 import struct
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -61,6 +63,25 @@ def test_a_client_gets_scores_and_a_skeleton(server: FoxgloveServer) -> None:
         assert set(record) >= {"time", "window", "exposure", "alert"}
         assert b"person" in got[1]
         assert b"REBA " in got[1]
+    finally:
+        client.close()
+
+
+def test_a_client_that_never_reads_delays_nothing_and_costs_bounded_memory(server: FoxgloveServer) -> None:
+    client = websocket.create_connection(server.address, subprotocols=PROTOCOLS, timeout=20)
+    try:
+        channels = _channels(client).values()
+        subscriptions = [{"id": number, "channelId": channel["id"]} for number, channel in enumerate(channels)]
+        client.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+        block = frames([1] * 50)
+        records, scores = LiveScorer("measured", 1.0, Alert(8, 1.0)).add(block)
+        server.publish(block, records, scores, epoch=0.0)
+        time.sleep(0.5)
+        before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.monotonic()
+        for _ in range(2000):  # 100,000 records of some 700 bytes
+            server.publish(block, records, scores, epoch=0.0)
+        assert time.monotonic() - start < 30.0
+        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 30_000  # [KiB]
     finally:
         client.close()
 
