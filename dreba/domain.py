@@ -21,6 +21,7 @@ from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
+from reba.open_file import read_settings
 from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF
 from reba.toml_table import TomlTable
 
@@ -192,7 +193,7 @@ class Domain:
             DomainError: the file cannot be read, a key is unknown or a value wrong.
         """
         try:
-            text = Path(path).read_text(encoding="utf-8")
+            text = read_settings(path)
         except (OSError, UnicodeDecodeError) as error:
             raise DomainError(f"{path}: cannot be read as a domain ({error}); give a TOML file or a name") from error
         return _parse(text, str(path))

@@ -14,6 +14,7 @@ from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
 from reba._version import __version__
 from reba.command_line import GROUP, command_line, console, json_option, parallel_options, print_json, run
+from reba.open_file import read_settings
 
 
 @click.group(context_settings=GROUP)
@@ -184,12 +185,13 @@ def _toolbox(output: str, cost: str, as_json: bool) -> None:
 @json_option
 def page(folder: str, output: str | None, pictures: bool, as_json: bool) -> None:
     """Write the presentation of the plan in DIR for the worker: each action as text, image and animation."""
-    from lgp.page.page import write_page
+    from lgp.page.page import ASSETS, PICTURES, write_page
     from lgp.plan_record import Plan
 
     plan = Plan.load(folder)
     index = write_page(plan, Path(folder) / "page" if output is None else output, pictures=pictures)
-    size = sum(file.stat().st_size for file in index.parent.rglob("*") if file.is_file())
+    parts = [index, *(file for name in (ASSETS, PICTURES) for file in (index.parent / name).glob("*"))]
+    size = sum(file.stat().st_size for file in parts if file.is_file())
     if as_json:
         print_json({"output": str(index), "actions": list(plan.actions), "bytes": size})
     else:
@@ -223,7 +225,7 @@ def _height(text: str) -> tuple[str, float]:
 
 def _read(file: str) -> list[str]:
     try:
-        return Path(file).read_text(encoding="utf-8").splitlines()
+        return read_settings(file).splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise LgpError(f"{file}: cannot be read ({error}); give a text file with one action per line") from error
 

@@ -21,6 +21,7 @@ from reba.arrays import Array
 from reba.checks import PATH, TEXT, Allowed, accepts
 from reba.errors import RebaError, did_you_mean
 from reba.files import write_atomic
+from reba.open_file import open_regular
 from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, INDEX
 from reba.posture.factors import FACTORS, Factors
 from reba.posture.named_angles import LARGEST, read_angles
@@ -120,7 +121,8 @@ class Poses:
         import pyarrow.parquet as pq
 
         try:
-            table = pq.read_table(path)
+            with open_regular(path) as file:
+                table = pq.read_table(file)
             note = (table.schema.metadata or {}).get(METADATA)
             if note is None:
                 raise SampleError(
@@ -280,6 +282,7 @@ def _is_sample(path: str | Path) -> bool:
     import pyarrow.parquet as pq
 
     try:
-        return METADATA in (pq.read_schema(path).metadata or {})
+        with open_regular(path) as file:
+            return METADATA in (pq.read_schema(file).metadata or {})
     except (OSError, pa.ArrowException):
         return False

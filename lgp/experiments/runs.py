@@ -17,6 +17,7 @@ import numpy as np
 
 from lgp.errors import LgpError
 from reba.files import write_atomic, write_text
+from reba.open_file import open_regular, read_regular, read_settings
 from reba.posture.columns import COLUMNS
 
 if TYPE_CHECKING:
@@ -225,7 +226,7 @@ class RunStore:
             )
         line = json.dumps({"runs": _plain(runs), "paths": _plain(paths)}).encode() + b"\n"
         try:
-            with (self.folder / JOURNAL).open("ab") as file:
+            with open_regular(self.folder / JOURNAL, append=True) as file:
                 file.write(line)
                 file.flush()
                 os.fsync(file.fileno())
@@ -257,7 +258,7 @@ class RunStore:
             write_atomic(file, lambda part: write_text(part, text))
             return
         try:
-            stored = json.loads(file.read_text(encoding="utf-8"))
+            stored = json.loads(read_settings(file))
         except (OSError, ValueError, RecursionError) as error:
             raise LgpError(f"{file}: cannot be read ({error}); give another folder") from error
         if not isinstance(stored, dict):
@@ -273,7 +274,7 @@ class RunStore:
         file = self.folder / JOURNAL
         if not file.is_file():
             return
-        lines = file.read_bytes().splitlines(keepends=True)
+        lines = read_regular(file).splitlines(keepends=True)
         complete = [line for line in lines if line.endswith(b"\n")]
         if len(complete) < len(lines):
             # The process was stopped within a line: drop it, so that its run is planned again.
@@ -308,7 +309,8 @@ def _parquet(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     if not files[0].is_file():
         return empty(RUN_COLUMNS), empty(PATH_COLUMNS)
     try:
-        runs, paths = (pd.read_parquet(file) for file in files)
+        with open_regular(files[0]) as runs_file, open_regular(files[1]) as paths_file:
+            runs, paths = pd.read_parquet(runs_file), pd.read_parquet(paths_file)
     except (OSError, ValueError) as error:
         raise LgpError(f"{folder}: its runs cannot be read ({error}); give another folder") from error
     # A process stopped between writing the two tables leaves paths without a run.

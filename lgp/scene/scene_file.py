@@ -14,6 +14,7 @@ from lgp.scene.body_measures import STATURE, table
 from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
+from reba.open_file import read_settings
 from reba.toml_table import TomlTable
 
 SHIPPED = Path(__file__).parents[1] / "scenes"
@@ -55,7 +56,7 @@ def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> S
         hint = did_you_mean(str(which), names)
         raise SceneError(f"scene is {str(which)!r}, expected {', '.join(names)} or the path of a TOML file{hint}")
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        values = tomllib.loads(read_settings(path))
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(f"{path}: cannot be read ({error}); give a TOML text file") from error
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and deep nesting

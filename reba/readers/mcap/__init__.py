@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from reba.errors import ReadError
+from reba.open_file import open_regular
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
 from reba.readers.mcap.container import Container, Store
@@ -27,7 +28,7 @@ def sniff(path: Path) -> bool:
     if path.is_dir():
         return any(file.name.endswith((".mcap", ".mcap.zstd")) for file in path.iterdir())
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(len(MAGIC))
     except OSError:
         return False

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from reba.errors import ReadError
+from reba.open_file import open_regular
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 """First and last bytes of an MCAP file, https://mcap.dev/spec#magic."""
@@ -35,7 +36,7 @@ class ByteSource:
     def __init__(self, path: Path, limit_bytes: int) -> None:
         self.path = path
         try:
-            self._file: IO[bytes] = path.open("rb", buffering=0)
+            self._file: IO[bytes] = open_regular(path, buffering=0)
         except OSError as error:
             raise ReadError(
                 path, f"cannot be opened ({error.strerror})", hint="check the path and its permissions"
