@@ -16,7 +16,7 @@ from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
 from reba.readers.mcap.container import Container, Store
 from reba.readers.mcap.streams import StreamReader, first_header
-from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic
+from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording, Stream, Topic
 
 __all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
 MAX_CHUNK = 1 << 30
@@ -56,6 +56,8 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
         channels += channels_of_file
     if strict and log.ended_abnormally:
         raise ReadError(path, log.ended_abnormally, hint="read it without strict to use the messages before")
+    if strict and log.lost:
+        raise ReadError(path, log.lost, hint=LOST_HINT)
     return gathered(path, channels, log, strict=strict)
 
 
@@ -110,6 +112,8 @@ def _note(container: Container, log: ReadLog, named: bool) -> None:
     if container.ended_abnormally:
         before = f"{log.ended_abnormally}; " if log.ended_abnormally else ""
         log.ended_abnormally = f"{before}{prefix}{container.ended_abnormally}"
+    if container.lost:
+        log.lose(prefix + container.lost)
     for warning in container.warnings:
         log.warn(prefix + warning)
     for number in container.counts.keys() - container.channels.keys():

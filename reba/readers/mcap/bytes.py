@@ -27,7 +27,7 @@ _HEAD: Final = 18
 
 
 class ByteSource:
-    """Random access to the bytes of one recording; `size` is that of the unpacked file.
+    """Random access to the bytes of one recording; `size` is that of the unpacked file, `packed_size` of the given one.
 
     Raises:
         ReadError: the file is absent, empty, not MCAP, or unpacks to more than `limit_bytes`.
@@ -43,7 +43,7 @@ class ByteSource:
             ) from error
         # The file closes when the last stream of the recording is garbage-collected.
         weakref.finalize(self, self._file.close)
-        self.size = self._end()
+        self.size = self.packed_size = self._end()
         if self.size == 0:
             raise ReadError(path, "the file is empty", hint="record it again; the recorder wrote no data")
         if self.read_at(0, 4) == ZSTD_MAGIC:
@@ -58,7 +58,8 @@ class ByteSource:
 
     def refresh(self) -> bool:
         """Update the size of a file that is appended to; return whether it changed."""
-        before, self.size = self.size, self._end()
+        before = self.size
+        self.size = self.packed_size = self._end()
         return self.size != before
 
     def read_at(self, offset: int, count: int) -> bytes:
