@@ -64,7 +64,8 @@ def _reads(tree: ast.AST) -> Iterator[tuple[str, int]]:
         if name in READS:
             yield name, node.lineno
         module = owner in ("pq", "pd", "ET", "trimesh", "pin", "c3d", "pa")
-        if name in PARSERS and module and getattr(node.args[0], "id", "") not in opened:
+        in_memory = "BytesIO" in ast.dump(node.args[0]) if node.args else False
+        if name in PARSERS and module and not in_memory and getattr(node.args[0], "id", "") not in opened:
             yield f"{owner}.{name}", node.lineno
 
 

@@ -1,4 +1,4 @@
-"""MCAP files that state more than they have, or unpack to more than they can honestly hold: told or refused, in time."""
+"""MCAP files that state more than they have, or unpack to more than they can hold: told or refused, in time."""
 
 from __future__ import annotations
 
@@ -156,8 +156,7 @@ def test_work_is_bounded_by_what_a_file_of_that_size_can_hold(tmp_path: Path, na
     path.write_bytes(BOMBS[name]())
     began = time.perf_counter()
     with pytest.raises(ReadError) as caught:
-        for stream in open_mcap(path).streams:
-            list(stream.blocks())
+        _read(path, strict=False)
     assert time.perf_counter() - began < SECONDS
     says(caught, path, "more than", "file of this size")
 
