@@ -18,6 +18,7 @@ import numpy as np
 
 from dreba.errors import DomainError
 from reba.arrays import Array
+from reba.checks import shown
 from reba.errors import RebaError, did_you_mean
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
@@ -208,7 +209,7 @@ def domain_of(which: str | Path | Domain) -> Domain:
     if isinstance(which, Domain):
         return which
     if not isinstance(which, str | Path):
-        raise DomainError(f"domain is {which!r}; expected a name ({', '.join(DOMAINS)}), a .toml file or a Domain")
+        raise DomainError(f"domain is {shown(which)}; expected a name ({', '.join(DOMAINS)}), a .toml file or a Domain")
     if str(which) in DOMAINS:
         place = resources.files("dreba").joinpath("domains", f"{which}.toml")
         return _parse(place.read_text(encoding="utf-8"), str(which))

@@ -13,7 +13,18 @@ from lgp.execution.commands import run_command
 from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
 from reba._version import __version__
-from reba.command_line import GROUP, command_line, console, json_option, parallel_options, print_json, run
+from reba.command_line import (
+    GROUP,
+    MOST,
+    SEED,
+    Number,
+    command_line,
+    console,
+    json_option,
+    parallel_options,
+    print_json,
+    run,
+)
 from reba.open_file import read_settings
 
 
@@ -38,7 +49,7 @@ def cli() -> None:
 @click.option("--depth", type=click.IntRange(1, 40), help="Longest sequence of actions; the scene's by default.")
 @click.option(
     "--seconds",
-    type=click.FloatRange(0, min_open=True),
+    type=Number(0, MOST, min_open=True),
     help="Time limit of the search [s]; the best plan so far is returned.",
 )
 @click.option("--height", "heights", multiple=True, metavar="TABLE=M", help="Height of a table [m]; may be repeated.")
@@ -93,15 +104,15 @@ def plan(
 @cli.command(epilog="Example: lgp experiment screwdriver --runs 100 --jobs 2 -o results/")
 @click.argument("name", type=click.Choice(["screwdriver", "toolbox"]))
 @click.option(
-    "--runs", default=100, type=click.IntRange(min=1), show_default=True, help="Random draws of the table heights."
+    "--runs", default=100, type=click.IntRange(1, MOST), show_default=True, help="Random draws of the table heights."
 )
-@click.option("--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of all draws.")
+@click.option("--seed", default=0, type=SEED, show_default=True, help="Seed of all draws.")
 @click.option("--initial", default="rest", type=click.Choice(["rest", "random"]), help="Initial posture of the human.")
 @click.option("--cost", default=COST, metavar="MODEL.json|NAME", show_default=True, help="dREBA model.")
 @click.option(
     "--sensitivity",
     default=0,
-    type=click.IntRange(min=0),
+    type=click.IntRange(0, MOST),
     metavar="RUNS",
     help="Also vary each free parameter of the scene by 20 %, with this number of runs each.",
 )
@@ -219,7 +230,7 @@ def _height(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
     try:
         return name, float(value)
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise LgpError(f"--height is {text!r}, expected TABLE=METRES; write left=0.9 for example") from error
 
 

@@ -1,4 +1,4 @@
-"""Mesh files of robots: found inside the package of the robot only, checked, and read within bounds.
+"""Mesh files of robots: real inside the package of the robot only, checked, and read within bounds.
 
 A URDF may come from anywhere, and what it names must not reach other files. A mesh is below the folder of the package
 that it names (`package://NAME/...`: the nearest folder NAME around the URDF that has a package.xml, or NAME beside the
@@ -52,18 +52,18 @@ def mesh_path(name: str, urdf: Path) -> Path:
     else:
         allowed, path = own, around[0] / name.removeprefix("file://")
     try:
-        found = path.resolve()
-        if not found.is_relative_to(allowed.resolve()) or not allowed.resolve().is_relative_to(own):
+        real = path.resolve()
+        if not real.is_relative_to(allowed.resolve()) or not allowed.resolve().is_relative_to(own):
             raise WorldError(
                 f"{urdf}: mesh {name[:120]!r} is outside of {allowed}; keep the meshes of a robot in its folder"
             )
     except (OSError, RuntimeError, ValueError) as error:
         if isinstance(error, WorldError):
             raise
-        raise WorldError(f"{urdf}: mesh {name[:120]!r} cannot be found ({error}); correct its path") from error
-    if not found.exists():
+        raise WorldError(f"{urdf}: mesh {name[:120]!r} cannot be real ({error}); correct its path") from error
+    if not real.exists():
         raise WorldError(f"{urdf}: mesh {name[:120]!r} does not exist; install the whole package of the robot")
-    return found
+    return real
 
 
 def read_mesh(file: Path) -> list[Body]:

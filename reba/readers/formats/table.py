@@ -148,7 +148,9 @@ def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog
 
 
 def _plain(cell: object) -> object:
-    """Return a cell in a type that `to_numeric` accepts; others as text."""
+    """Return a cell in a type that `to_numeric` accepts; others as text, also whole numbers beyond floats."""
+    if isinstance(cell, int) and abs(cell) > 1 << 1000:
+        return "beyond floats"
     return cell if isinstance(cell, (int, float, str)) or cell is None else str(cell)
 
 
@@ -254,7 +256,7 @@ def _as_numbers(
 
     series = frame[column]
     if not (pd.api.types.is_numeric_dtype(series) or pd.api.types.is_datetime64_any_dtype(series)):
-        numbers = pd.to_numeric(series.astype(object), errors="coerce")
+        numbers = pd.to_numeric(series.astype(object).map(_plain), errors="coerce")
         if numbers.isna().equals(series.isna()):
             series = numbers
         else:
