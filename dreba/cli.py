@@ -30,7 +30,7 @@ from dreba.options import (
 )
 from dreba.sampling.poses import Poses, read_poses
 from reba._version import __version__
-from reba.command_line import GROUP, command_line, echo, json_option, parallel_options, print_json, run
+from reba.command_line import GROUP, MOST, Number, command_line, echo, json_option, parallel_options, print_json, run
 from reba.posture.columns import COLUMNS
 
 if TYPE_CHECKING:
@@ -131,7 +131,11 @@ def fit(
 @poses_options
 @drawing_options
 @click.option(
-    "--temperature", type=float, default=None, metavar="DEG", help="Smoothing temperature of soft and graduated models."
+    "--temperature",
+    type=Number(0, 360, min_open=True),
+    default=None,
+    metavar="DEG",
+    help="Smoothing temperature of soft and graduated models.",
 )
 @click.option("--report", metavar="FILE.html", help="Write a self-contained HTML report.")
 @json_option
@@ -204,7 +208,7 @@ def _check_enough(poses: Poses, path: str) -> Poses:
 @poses_options
 @drawing_options
 @click.option(
-    "--tasks", default=10, type=click.IntRange(min=0), show_default=True, help="Number of reach tasks; 0 for none."
+    "--tasks", default=10, type=click.IntRange(0, MOST), show_default=True, help="Number of reach tasks; 0 for none."
 )
 @parallel_options
 @json_option
@@ -249,7 +253,11 @@ def compare(
 @click.argument("model", metavar="MODEL")
 @click.option("--to", "target", required=True, metavar="TARGET", help="Target: c or casadi.")
 @click.option(
-    "--temperature", type=float, default=None, metavar="DEG", help="Smoothing temperature of soft and graduated models."
+    "--temperature",
+    type=Number(0, 360, min_open=True),
+    default=None,
+    metavar="DEG",
+    help="Smoothing temperature of soft and graduated models.",
 )
 @click.option("--first", is_flag=True, help="First stage of a graduated model instead of its soft tables.")
 @click.option("--name", default="dreba", show_default=True, help="Name of the exported function.")

@@ -18,9 +18,11 @@ import numpy as np
 
 from dreba.errors import DomainError
 from reba.arrays import Array
+from reba.checks import shown
 from reba.errors import RebaError, did_you_mean
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
+from reba.open_file import read_settings
 from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF
 from reba.toml_table import TomlTable
 
@@ -192,7 +194,7 @@ class Domain:
             DomainError: the file cannot be read, a key is unknown or a value wrong.
         """
         try:
-            text = Path(path).read_text(encoding="utf-8")
+            text = read_settings(path)
         except (OSError, UnicodeDecodeError) as error:
             raise DomainError(f"{path}: cannot be read as a domain ({error}); give a TOML file or a name") from error
         return _parse(text, str(path))
@@ -207,7 +209,7 @@ def domain_of(which: str | Path | Domain) -> Domain:
     if isinstance(which, Domain):
         return which
     if not isinstance(which, str | Path):
-        raise DomainError(f"domain is {which!r}; expected a name ({', '.join(DOMAINS)}), a .toml file or a Domain")
+        raise DomainError(f"domain is {shown(which)}; expected a name ({', '.join(DOMAINS)}), a .toml file or a Domain")
     if str(which) in DOMAINS:
         place = resources.files("dreba").joinpath("domains", f"{which}.toml")
         return _parse(place.read_text(encoding="utf-8"), str(which))

@@ -14,8 +14,9 @@ from dreba.domain import DOMAINS, Domain, domain_of
 from dreba.errors import ModelError, SampleError
 from dreba.sampling.classes import WEIGHTS
 from dreba.sampling.poses import MEASURED, NEUTRAL, Poses, columns_named
-from dreba.sampling.sample import FACTOR_NAMES
+from dreba.sampling.sample import FACTOR_NAMES, MAX_POSES
 from dreba.sampling.sample import sample as draw
+from reba.command_line import SEED
 from reba.errors import did_you_mean
 
 if TYPE_CHECKING:
@@ -46,11 +47,17 @@ def drawing_options(command: Command) -> Command:
             "--weights", default="bins", type=click.Choice(WEIGHTS), help="Probability of poses inside a class."
         ),
         click.option("--domain", default=None, metavar="NAME|FILE.toml", help=f"Joint limits: {', '.join(DOMAINS)}."),
-        click.option(
-            "--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of the random poses."
-        ),
+        click.option("--seed", default=0, type=SEED, show_default=True, help="Seed of the random poses."),
         click.option("--classes", default=None, metavar="A:B|LIST", help=f"REBA scores to draw, default {CLASSES}."),
-        click.option("-n", "--number", "n", default=10_000, type=int, show_default=True, help="Number of poses."),
+        click.option(
+            "-n",
+            "--number",
+            "n",
+            default=10_000,
+            type=click.IntRange(1, MAX_POSES),
+            show_default=True,
+            help="Number of poses.",
+        ),
     ):
         command = option(command)
     return command

@@ -290,3 +290,28 @@ def runs() -> list[bytes]:
         path |= {"condition": [CONDITIONS[0]], "initial": ["rest"], "reba": [3.0], "slice": [0], "phase": [0]}
         lines.append(json.dumps({"runs": row, "paths": path}) + "\n")
     return ["".join(lines).encode()]
+
+
+GREY = np.array([120, 120, 120], np.uint8)
+"""Colour of meshes without one."""
+
+
+def robots() -> list[bytes]:
+    """A base with a sliding and a turning joint and every simple shape, and an arm without shapes."""
+    from tests.support.robot_files import URDF, arm
+
+    return [URDF.encode(), arm(3).encode()]
+
+
+def dae() -> list[bytes]:
+    """A tetrahedron, used once and by nodes that use each other."""
+    from tests.support.robot_files import DAE, DAE_NODES
+
+    return [DAE.encode(), DAE_NODES.encode()]
+
+
+def stl() -> list[bytes]:
+    """A tetrahedron in binary and as text."""
+    from tests.support.robot_files import STL, STL_TEXT
+
+    return [STL, STL_TEXT.encode()]

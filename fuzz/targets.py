@@ -125,6 +125,22 @@ def load_dataset(path: Path) -> object:
         return [dataset.manifest.line(entry) for entry in dataset.manifest.entries.values()]
 
 
+def load_robot(path: Path) -> object:
+    from lgp.kinematics.robot import robot_model
+    from lgp.page.objects import robot_meshes
+    from lgp.scene.model import Robot
+
+    robot = Robot("r", (0.0, 0.0, 0.0), 0.0, (), (), {}, str(path))
+    return robot_model(robot).njoints, len(robot_meshes(robot))
+
+
+def load_mesh(path: Path) -> object:
+    from lgp.page.mesh_file import read_mesh
+    from lgp.page.objects import reduced
+
+    return reduced([(vertices, faces, seeds.GREY) for vertices, faces, _ in read_mesh(path)])
+
+
 def load_runs(path: Path) -> object:
     from lgp.experiments.runs import RunStore
 
@@ -153,6 +169,9 @@ TARGETS: dict[str, Target] = {
         Target("plan", "plan.json", seeds.plans, mutate.mutate_json, load_plan),
         Target("motion", "path.parquet", seeds.motions, mutate.mutate_bytes, load_plan),
         Target("study", "study.csv", seeds.study, mutate.mutate_text, load_study),
+        Target("robot", "fuzz.urdf", seeds.robots, mutate.mutate_text, load_robot),
+        Target("dae", "fuzz.dae", seeds.dae, mutate.mutate_text, load_mesh),
+        Target("stl", "fuzz.stl", seeds.stl, mutate.mutate_bytes, load_mesh),
         Target("runs", "unfinished.jsonl", seeds.runs, mutate.mutate_json_lines, load_runs),
     )
 }

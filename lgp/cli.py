@@ -18,7 +18,19 @@ from lgp.execution.commands import run_command
 from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
 from reba._version import __version__
-from reba.command_line import GROUP, command_line, echo, json_option, parallel_options, print_json, run
+from reba.command_line import (
+    GROUP,
+    MOST,
+    SEED,
+    Number,
+    command_line,
+    echo,
+    json_option,
+    parallel_options,
+    print_json,
+    run,
+)
+from reba.open_file import read_settings
 
 
 @click.group(context_settings=GROUP)
@@ -42,7 +54,7 @@ def cli() -> None:
 @click.option("--depth", type=click.IntRange(1, 40), help="Longest sequence of actions; the scene's by default.")
 @click.option(
     "--seconds",
-    type=click.FloatRange(0, min_open=True),
+    type=Number(0, MOST, min_open=True),
     help="Time limit of the search [s]; the best plan so far is returned.",
 )
 @click.option("--height", "heights", multiple=True, metavar="TABLE=M", help="Height of a table [m]; may be repeated.")
@@ -101,15 +113,15 @@ def plan(
 @cli.command(epilog="Example: lgp experiment screwdriver --runs 100 --jobs 2 -o results/")
 @click.argument("name", type=click.Choice(["screwdriver", "toolbox"]))
 @click.option(
-    "--runs", default=100, type=click.IntRange(min=1), show_default=True, help="Random draws of the table heights."
+    "--runs", default=100, type=click.IntRange(1, MOST), show_default=True, help="Random draws of the table heights."
 )
-@click.option("--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of all draws.")
+@click.option("--seed", default=0, type=SEED, show_default=True, help="Seed of all draws.")
 @click.option("--initial", default="rest", type=click.Choice(["rest", "random"]), help="Initial posture of the human.")
 @click.option("--cost", default=COST, metavar="MODEL.json|NAME", show_default=True, help="dREBA model.")
 @click.option(
     "--sensitivity",
     default=0,
-    type=click.IntRange(min=0),
+    type=click.IntRange(0, MOST),
     metavar="RUNS",
     help="Also vary each free parameter of the scene by 20 %, with this number of runs each.",
 )
@@ -194,12 +206,13 @@ def _toolbox(output: str, cost: str, as_json: bool) -> None:
 @json_option
 def page(folder: str, output: str | None, pictures: bool, as_json: bool) -> None:
     """Write the presentation of the plan in DIR for the worker: each action as text, image and animation."""
-    from lgp.page.page import write_page
+    from lgp.page.page import ASSETS, PICTURES, write_page
     from lgp.plan_record import Plan
 
     plan = Plan.load(folder)
     index = write_page(plan, Path(folder) / "page" if output is None else output, pictures=pictures)
-    size = sum(file.stat().st_size for file in index.parent.rglob("*") if file.is_file())
+    parts = [index, *(file for name in (ASSETS, PICTURES) for file in (index.parent / name).glob("*"))]
+    size = sum(file.stat().st_size for file in parts if file.is_file())
     if as_json:
         print_json({"output": str(index), "actions": list(plan.actions), "bytes": size})
     else:
@@ -227,13 +240,13 @@ def _height(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
     try:
         return name, float(value)
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise LgpError(f"--height is {text!r}, expected TABLE=METRES; write left=0.9 for example") from error
 
 
 def _read(file: str) -> list[str]:
     try:
-        return Path(file).read_text(encoding="utf-8").splitlines()
+        return read_settings(file).splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise LgpError(f"{file}: cannot be read ({error}); give a text file with one action per line") from error
 

@@ -18,6 +18,7 @@ from reba.checks import PATH, accepts
 from reba.files import as_json, plain_data, write_atomic_stream
 from reba.method.rules import Rules
 from reba.method.scoring import ScoreArrays, score_angles
+from reba.open_file import open_regular, read_settings
 from reba.posture.columns import COLUMNS
 from reba.provenance import provenance, write_parquet
 
@@ -196,7 +197,7 @@ def load(folder: Path) -> Plan:
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
+        data = json.loads(read_settings(file))
     except (OSError, ValueError, RecursionError) as error:
         raise LgpError(f"{file}: cannot be read as a plan ({error}); give a folder that `lgp plan -o` wrote") from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
@@ -239,8 +240,12 @@ def _tables(folder: Path, joints: tuple[str, ...]) -> dict[str, Any]:
 
     postures = folder / "postures.parquet"
     try:
-        path = pd.read_parquet(folder / "path.parquet")
-        posture = pd.read_parquet(postures) if postures.is_file() else None
+        with open_regular(folder / "path.parquet") as file:
+            path = pd.read_parquet(file)
+        posture = None
+        if postures.exists():
+            with open_regular(postures) as file:
+                posture = pd.read_parquet(file)
         if list(path.columns) != ["time", "phase", *joints]:
             raise LgpError(f"{folder}: columns of path.parquet differ from the joints of plan.json; plan again")
         fields: dict[str, Any] = {

@@ -22,6 +22,7 @@ _NUMBER: Final = (*_WHOLE, float, np.floating)
 _YES_NO: Final = (bool, np.bool_)
 LONGEST: Final = 60
 """Characters of a value that a message repeats."""
+_LONG_BITS: Final = 200
 FEW: Final = 8
 """Numbers of a list that a message repeats."""
 
@@ -82,6 +83,8 @@ def shown(value: Any) -> str:
     >>> shown(2.5)
     '2.5'
     """
+    if isinstance(value, int) and value.bit_length() > _LONG_BITS:  # Python refuses to write thousands of digits
+        return f"a whole number of {value.bit_length()} bits"
     few = isinstance(value, tuple | list) and len(value) <= FEW and all(map(is_number, value))
     text = repr(value) if few or isinstance(value, str | int | float | bool | np.number | os.PathLike | None) else ""
     return text if 0 < len(text) <= LONGEST else f"a {type(value).__name__}"

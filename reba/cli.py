@@ -17,7 +17,20 @@ import click
 
 from reba._version import __version__
 from reba.batch.run import ScoringOptions, check_report, find_inputs, plan_output, score_many
-from reba.command_line import GROUP, Stop, command_line, echo, json_option, parallel_options, print_json, run
+from reba.command_line import (
+    GROUP,
+    LOAD,
+    MOST,
+    SECONDS,
+    Number,
+    Stop,
+    command_line,
+    echo,
+    json_option,
+    parallel_options,
+    print_json,
+    run,
+)
 from reba.errors import RebaError
 from reba.method.rules import rules_of
 from reba.method.tables import ACTION_LEVELS
@@ -55,7 +68,7 @@ def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--support", type=click.Choice(SUPPORTS), default=None, help="Support of the body by the legs."),
         click.option("--coupling", type=click.Choice([*COUPLINGS, "0", "1", "2", "3"]), default=None, help="Grip."),
         click.option("--shock", is_flag=True, default=None, help="Shock or rapid build-up of force."),
-        click.option("--load", type=float, default=None, metavar="KG", help="Load in kilograms."),
+        click.option("--load", type=LOAD, default=None, metavar="KG", help="Load in kilograms."),
         click.option("--rules", default="measured", metavar="paper|measured|FILE.toml", help="Rules to score by."),
     ):
         command = option(command)
@@ -165,7 +178,7 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) ->
 
 @cli.command(epilog="Example: reba explain shift.mcap --at 12.5")
 @click.argument("path", metavar="INPUT")
-@click.option("--at", "time", type=float, required=True, metavar="SECONDS", help="Time of the frame.")
+@click.option("--at", "time", type=SECONDS, required=True, metavar="SECONDS", help="Time of the frame.")
 @scoring_options
 @json_option
 def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
@@ -189,7 +202,9 @@ def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
     default=None,
     help="Action level to reach; by default the next lower one.",
 )
-@click.option("--at", "time", type=float, default=None, metavar="SECONDS", help="One frame instead of the worst ones.")
+@click.option(
+    "--at", "time", type=SECONDS, default=None, metavar="SECONDS", help="One frame instead of the worst ones."
+)
 @scoring_options
 @json_option
 def improve(path: str, time: float | None, to_level: str | None, as_json: bool, **values: Any) -> None:
@@ -273,7 +288,7 @@ def profiles(name: str | None, as_json: bool) -> None:
 
 @cli.command(epilog="Example: reba live shift.mcap --load 8 --alert 8 --hold 2   or: sensors | reba live -")
 @click.argument("source", metavar="SOURCE")
-@click.option("--until-idle", type=click.FloatRange(min=0), metavar="SECONDS", help="End after this long without data.")
+@click.option("--until-idle", type=Number(0, MOST), metavar="SECONDS", help="End after this long without data.")
 @click.option(
     "--foxglove", type=click.IntRange(0, 65535), is_flag=False, flag_value=8765, metavar="[PORT]",
     help="Serve scores and a coloured figure to Foxglove or Lichtblick; any web page open in a browser on this machine "
@@ -290,7 +305,7 @@ def profiles(name: str | None, as_json: bool) -> None:
 )
 @click.option("--support", type=click.Choice(SUPPORTS), default=None, help="Support of the body by the legs.")
 @click.option("--coupling", type=click.Choice([*COUPLINGS, "0", "1", "2", "3"]), default=None, help="Grip.")
-@click.option("--load", type=float, default=None, metavar="KG", help="Load in kilograms.")
+@click.option("--load", type=LOAD, default=None, metavar="KG", help="Load in kilograms.")
 @click.option("--rules", default="measured", metavar="paper|measured|FILE.toml", help="Rules to score by.")
 @click.option("--topic", default=None, help="Topic to use, if there are several.")
 @click.option("--profile", default="auto", metavar="NAME|FILE.toml", help="Meaning of the names: `reba profiles`.")

@@ -6,6 +6,7 @@ Exit codes: 0 done, 1 some inputs of a batch failed, 2 bad input or usage (one l
 from __future__ import annotations
 
 import io
+import math
 import os
 import shlex
 import sys
@@ -29,12 +30,34 @@ GROUP: Final[dict[str, Any]] = {"help_option_names": ["-h", "--help"], "max_cont
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
 
 
+class Number(click.FloatRange):
+    """A finite number of an option, from `min` to `max`: click lets "nan" pass any range."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number, or refuse it as click does."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{number} is not a number in the range {self._describe_range()}.", param, ctx)
+        return number
+
+
+SEED: Final = click.IntRange(0, 2**32 - 1)
+"""Seeds of random numbers."""
+SECONDS: Final = Number(-1e9, 1e9)
+"""A time of a recording [s]."""
+LOAD: Final = Number(0, 1e4)
+"""[kg] Far above what a person moves."""
+MOST_JOBS: Final = 1024
+MOST: Final = 1_000_000
+"""Largest count or duration [s] of an option."""
+
+
 def parallel_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options for parallel work, see `reba.batch.parallel`."""
     for option in (
         click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler to run on, such as tcp://HOST:8786."),
         click.option(
-            "--jobs", default=1, type=click.IntRange(min=1), show_default=True, help="Processes on this machine."
+            "--jobs", default=1, type=click.IntRange(1, MOST_JOBS), show_default=True, help="Processes on this machine."
         ),
     ):
         command = option(command)

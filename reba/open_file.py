@@ -13,14 +13,18 @@ from typing import BinaryIO, Final
 
 SETTINGS_BYTES: Final = 1 << 26
 """[bytes] Most that is read of a file that describes something (profile, rules, scene, model, plan); a choice."""
-_FLAGS: Final = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+_FLAGS: Final = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
 
-def open_regular(path: str | os.PathLike[str], *, limit_bytes: int | None = None) -> BinaryIO:
+def open_regular(
+    path: str | os.PathLike[str], *, limit_bytes: int | None = None, append: bool = False, buffering: int = -1
+) -> BinaryIO:
     """Open a regular file for reading bytes.
 
     Args:
         limit_bytes: largest size that is accepted; None for any.
+        append: also for appending to it, such as a journal; it is created if missing.
+        buffering: as of `open`; 0 for none.
 
     Raises:
         OSError: there is no such file, it cannot be read, is a folder, pipe, socket or device, or is larger; `strerror`
@@ -30,11 +34,12 @@ def open_regular(path: str | os.PathLike[str], *, limit_bytes: int | None = None
     Traceback (most recent call last):
     OSError: [Errno 22] not a regular file: '/dev/null'
     """
-    _check(path, os.stat(path), limit_bytes)
-    descriptor = os.open(path, _FLAGS)
+    if not append or os.path.exists(path):
+        _check(path, os.stat(path), limit_bytes)
+    descriptor = os.open(path, _FLAGS | (os.O_RDWR | os.O_APPEND | os.O_CREAT if append else os.O_RDONLY), 0o666)
     try:
         _check(path, os.fstat(descriptor), limit_bytes)
-        return os.fdopen(descriptor, "rb")
+        return os.fdopen(descriptor, "a+b" if append else "rb", buffering)
     except BaseException:
         os.close(descriptor)
         raise

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from reba._version import __version__
@@ -89,7 +88,7 @@ def write_parquet(frame: pd.DataFrame, stream: BinaryIO, origin: Mapping[str, An
     pq.write_table(table.replace_schema_metadata(metadata), stream, compression="zstd")
 
 
-def parquet_provenance(path: Path) -> Any:
+def parquet_provenance(file: BinaryIO) -> Any:
     """Return the provenance of a Parquet file, None without one.
 
     Raises:
@@ -97,5 +96,5 @@ def parquet_provenance(path: Path) -> Any:
     """
     import pyarrow.parquet as pq
 
-    text = (pq.read_schema(path).metadata or {}).get(MEMBER.encode())
+    text = (pq.read_schema(file).metadata or {}).get(MEMBER.encode())
     return None if text is None else json.loads(text)

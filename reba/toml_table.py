@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Final
 
+from reba.checks import shown
 from reba.errors import RebaError, did_you_mean
+
+LARGEST: Final = 1e6
+"""Largest number that is read [m, kg, deg, s, ...]; no real one is near, and its powers stay finite."""
+_SHOWN: Final = 200
+"""Characters of a value that a message repeats."""
 
 
 class TomlTable:
@@ -23,7 +29,7 @@ class TomlTable:
 
     def __init__(self, where: str, values: Any, error: type[ValueError] = RebaError) -> None:
         if not isinstance(values, Mapping):
-            raise error(f"{where} is {values!r}, expected a table of keys")
+            raise error(f"{where} is {_text(values)}, expected a table of keys")
         self.where, self.values, self.error = where, values, error
         self.queried: set[str] = set()
 
@@ -45,22 +51,29 @@ class TomlTable:
         self.queried.update(self.values)
         return tuple(self.values)
 
-    def number(self, key: str, default: float | None = None, low: float = -math.inf, high: float = math.inf) -> float:
-        """Return a finite number from low to high."""
+    def number(self, key: str, default: float | None = None, low: float = -LARGEST, high: float = LARGEST) -> float:
+        """Return a number from low to high."""
         return self._number(key, self._value(key, default), low, high)
 
-    def vector(self, key: str, n: int, default: tuple[float, ...] | None = None, low: float = -math.inf) -> Any:
-        """Return n numbers as a tuple."""
+    def vector(
+        self,
+        key: str,
+        n: int,
+        default: tuple[float, ...] | None = None,
+        low: float = -LARGEST,
+        high: float = LARGEST,
+    ) -> Any:
+        """Return n numbers from low to high as a tuple."""
         value = self._value(key, default)
         if not isinstance(value, (list, tuple)) or len(value) != n:
-            raise self.error(f"{self.where}: {key} is {value!r}, expected {n} numbers")
-        return tuple(self._number(key, part, low, math.inf) for part in value)
+            raise self.error(f"{self.where}: {key} is {_text(value)}, expected {n} numbers")
+        return tuple(self._number(key, part, low, high) for part in value)
 
     def series(self, key: str) -> tuple[float, ...]:
         """Return a list of numbers, of any length, as a tuple."""
         value = self._value(key, None)
         if not isinstance(value, (list, tuple)):
-            raise self.error(f"{self.where}: {key} is {value!r}, expected a list of numbers")
+            raise self.error(f"{self.where}: {key} is {_text(value)}, expected a list of numbers")
         numbers: tuple[float, ...] = self.vector(key, len(value))
         return numbers
 
@@ -81,14 +94,14 @@ class TomlTable:
             expected = f"one of {', '.join(each or repr(each) for each in known) or 'those defined (there is none)'}"
             if choices is None:
                 expected = "text in quotes"
-            raise self.error(f"{self.where}: {key} is {value!r}, expected {expected}{hint}")
+            raise self.error(f"{self.where}: {key} is {_text(value)}, expected {expected}{hint}")
         return value
 
     def texts(self, key: str, default: tuple[str, ...] | None = None) -> tuple[str, ...]:
         """Return a list of strings as a tuple."""
         value = self._value(key, default)
         if not isinstance(value, (list, tuple)) or not all(isinstance(part, str) for part in value):
-            raise self.error(f"{self.where}: {key} is {value!r}, expected a list of texts in quotes")
+            raise self.error(f"{self.where}: {key} is {_text(value)}, expected a list of texts in quotes")
         return tuple(value)
 
     def names(self, key: str) -> tuple[str, ...]:
@@ -96,14 +109,14 @@ class TomlTable:
         value = self._value(key, None)
         items = value if isinstance(value, list) else [value]
         if not all(isinstance(item, str) and item for item in items):
-            raise self.error(f"{self.where}: {key} is {value!r}, expected names in quotes")
+            raise self.error(f"{self.where}: {key} is {_text(value)}, expected names in quotes")
         return tuple(items)
 
     def flag(self, key: str) -> bool:
         """Return true or false."""
         value = self._value(key, None)
         if not isinstance(value, bool):
-            raise self.error(f"{self.where}: {key} is {value!r}, expected true or false")
+            raise self.error(f"{self.where}: {key} is {_text(value)}, expected true or false")
         return value
 
     def table(self, key: str) -> TomlTable:
@@ -136,8 +149,16 @@ class TomlTable:
         # TOML and JSON have integers of any size; some are too large for a float.
         whole = isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1 << 1000
         if not whole and not (isinstance(value, float) and math.isfinite(value)):
-            raise self.error(f"{self.where}: {key} is {value!r}, expected a finite number")
+            raise self.error(f"{self.where}: {key} is {_text(value)}, expected a finite number")
         if not low <= value <= high:
-            bounds = f"at least {low:g}" if math.isinf(high) else f"{low:g} to {high:g}"
-            raise self.error(f"{self.where}: {key} is {value:g}, expected {bounds}")
+            raise self.error(f"{self.where}: {key} is {value:g}, expected {low:g} to {high:g}")
         return float(value)
+
+
+def _text(value: Any) -> str:
+    """Return a value as a message repeats it; whole numbers of TOML may have more digits than Python writes."""
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):
+        return shown(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

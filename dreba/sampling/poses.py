@@ -18,9 +18,10 @@ from dreba.errors import SampleError
 from dreba.sampling.classes import true_scores
 from dreba.surrogates.task_factors import TaskFactors, task_factors_of
 from reba.arrays import Array
-from reba.checks import PATH, TEXT, Allowed, accepts
+from reba.checks import PATH, TEXT, Allowed, accepts, shown
 from reba.errors import RebaError, did_you_mean
 from reba.files import write_atomic_stream
+from reba.open_file import open_regular
 from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, INDEX
 from reba.posture.factors import FACTORS, Factors
 from reba.posture.named_angles import LARGEST, read_angles
@@ -121,7 +122,8 @@ class Poses:
         import pyarrow.parquet as pq
 
         try:
-            table = pq.read_table(path)
+            with open_regular(path) as file:
+                table = pq.read_table(file)
             note = (table.schema.metadata or {}).get(METADATA)
             if note is None:
                 raise SampleError(
@@ -244,9 +246,9 @@ def columns_named(names: Iterable[str]) -> tuple[str, ...]:
 def _held(joints: Joints, hold: Hold, measured: tuple[str, ...], path: str) -> dict[str, float]:
     """Return the angle [deg] of each held column."""
     if isinstance(joints, str) and joints != MEASURED:
-        raise SampleError(f"joints are {joints!r}; expected 'measured' or a list of columns")
+        raise SampleError(f"joints are {shown(joints)}; expected 'measured' or a list of columns")
     if isinstance(hold, str) and hold != NEUTRAL:
-        raise SampleError(f"hold is {hold!r}; expected 'neutral', or columns with their degrees")
+        raise SampleError(f"hold is {shown(hold)}; expected 'neutral', or columns with their degrees")
     if not measured:
         raise SampleError(f"{path}: no angle is measured; `reba info` says why")
     held: dict[str, float] = {}
@@ -281,6 +283,7 @@ def _is_sample(path: str | Path) -> bool:
     import pyarrow.parquet as pq
 
     try:
-        return METADATA in (pq.read_schema(path).metadata or {})
+        with open_regular(path) as file:
+            return METADATA in (pq.read_schema(file).metadata or {})
     except (OSError, pa.ArrowException):
         return False

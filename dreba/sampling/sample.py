@@ -88,11 +88,11 @@ def sample(
     scores = _classes(classes)
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or not len(scores) <= n <= MAX_POSES:
         raise SampleError(
-            f"n is {n!r}; expected a whole number, at least one pose for each of {len(scores)} classes, "
+            f"n is {shown(n)}; expected a whole number, at least one pose for each of {len(scores)} classes, "
             f"at most {MAX_POSES:,} (draw more in parts with different seeds)"
         )
     if weights not in WEIGHTS:
-        raise SampleError(f"weights are {weights!r}; expected one of {', '.join(WEIGHTS)}")
+        raise SampleError(f"weights are {shown(weights)}; expected one of {', '.join(WEIGHTS)}")
     fixed, drawn = _factors(factors)
     space = _held(domain_of(domain), adjustments, arms)
     generator, seed = _generator(rng)
@@ -111,7 +111,7 @@ def sample(
 def _held(domain: Domain, adjustments: bool, arms: str) -> Domain:
     """Return the domain with adjustments at 0, or one arm at rest, if these are not drawn."""
     if arms not in ("both", *SIDES):
-        raise SampleError(f"arms is {arms!r}; expected both, left or right")
+        raise SampleError(f"arms is {shown(arms)}; expected both, left or right")
     held = {}
     for angle in ANGLES:
         for column in angle.columns:
@@ -132,7 +132,7 @@ def _classes(classes: Iterable[int]) -> tuple[int, ...]:
         raise SampleError(f"classes are {scores}; expected each REBA score once, at least one")
     for score in scores:
         if isinstance(score, bool) or not isinstance(score, int | np.integer) or not 1 <= score <= 15:
-            raise SampleError(f"class {score!r} is not a REBA score; expected whole numbers from 1 to 15")
+            raise SampleError(f"class {shown(score)} is not a REBA score; expected whole numbers from 1 to 15")
     return tuple(int(score) for score in scores)
 
 
@@ -145,10 +145,10 @@ def _factors(factors: Sequence[str] | Factors | None) -> tuple[Factors, tuple[st
             raise SampleError("factors hold an array; expected one value each, or the names of factors to draw")
         return factors, ()
     if isinstance(factors, str) or not isinstance(factors, Iterable):
-        raise SampleError(f"factors are {factors!r}; expected a list of names out of {', '.join(FACTOR_NAMES)}")
+        raise SampleError(f"factors are {shown(factors)}; expected a list of names out of {', '.join(FACTOR_NAMES)}")
     for name in factors:
         if name not in FACTOR_NAMES:
-            raise SampleError(f"factor {name!r} cannot be drawn; expected names out of {', '.join(FACTOR_NAMES)}")
+            raise SampleError(f"factor {shown(name)} cannot be drawn; expected names out of {', '.join(FACTOR_NAMES)}")
     return Factors(), tuple(name for name in FACTOR_NAMES if name in factors)
 
 
@@ -166,7 +166,7 @@ def _generator(rng: Rng) -> tuple[np.random.Generator, dict[str, Any]]:
     if rng is None:
         seeds = [int(np.random.SeedSequence().generate_state(1)[0])]
     if not seeds or any(isinstance(s, bool) or not isinstance(s, int | np.integer) or s < 0 for s in seeds):
-        raise SampleError(f"rng is {rng!r}; expected a numpy Generator or a seed, whole numbers from 0")
+        raise SampleError(f"rng is {shown(rng)}; expected a numpy Generator or a seed, whole numbers from 0")
     whole = [int(seed) for seed in seeds if seed is not None]
     return np.random.default_rng(whole), {"seed": whole if len(whole) > 1 else whole[0]}
 

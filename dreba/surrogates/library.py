@@ -16,6 +16,7 @@ from dreba.surrogates.relu_network import NetModel
 from dreba.surrogates.serialization import from_dict
 from dreba.surrogates.soft import SoftModel
 from reba.checks import PATH, accepts
+from reba.open_file import read_settings
 
 __all__ = [
     "KINDS",
@@ -50,10 +51,7 @@ def load(path: str | Path) -> Surrogate:
     """
     shipped = models()
     try:
-        if str(path) in shipped:
-            text = SHIPPED.joinpath(f"{path}.json").read_text(encoding="utf-8")
-        else:
-            text = Path(path).read_text(encoding="utf-8")
+        text = read_settings(SHIPPED / f"{path}.json" if str(path) in shipped else path)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ModelError(

@@ -155,7 +155,7 @@ def delta_payload(load: ArrayLike, form: Payload = "tree", omega: float = OMEGA_
     """
     try:
         kilograms = np.asarray(load, np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ModelError(f"load is {shown(load)}; expected kilograms, 0 or more") from error
     if not (np.isfinite(kilograms).all() and (kilograms >= 0).all()):
         raise ModelError(f"load is {shown(load)}; expected kilograms, 0 or more")

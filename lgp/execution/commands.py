@@ -9,13 +9,13 @@ import click
 
 from lgp.defaults import COST
 from lgp.errors import LgpError
-from reba.command_line import Stop, echo, json_option, print_json
+from reba.command_line import MOST, SEED, Number, Stop, echo, json_option, print_json
 
 
 @click.command("run", epilog="Example: lgp plan screwdriver -o plan/ && lgp run plan/ --fault moved@1")
 @click.argument("folder", metavar="DIR")
-@click.option("--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of the random numbers.")
-@click.option("--speed", default=1.0, type=click.FloatRange(0), show_default=True, help="0: as fast as possible.")
+@click.option("--seed", default=0, type=SEED, show_default=True, help="Seed of the random numbers.")
+@click.option("--speed", default=1.0, type=Number(0, MOST), show_default=True, help="0: as fast as possible.")
 @click.option("--fault", "faults", multiple=True, metavar="KIND@ACTION[:AMOUNT]", help="Fault to inject: moved, "
               "away, dropped, lost, stuck, killed. Actions count from 1. May be repeated.")  # fmt: skip
 @click.option("--human", default="natural", type=click.Choice(["natural", "exact"]), show_default=True,
@@ -23,21 +23,19 @@ from reba.command_line import Stop, echo, json_option, print_json
 @click.option(
     "--noise",
     default=0.001,
-    type=click.FloatRange(0, 0.05),
+    type=Number(0, 0.05),
     show_default=True,
     help="Standard deviation of tracked positions [m].",
 )
 @click.option(
     "--scatter",
     default=0.0,
-    type=click.FloatRange(0, 1),
+    type=Number(0, 1),
     show_default=True,
     help="Standard deviation of initial object positions [m].",
 )
 @click.option("--replay", metavar="FILE.mcap", help="Follow this recording instead of a simulation.")
-@click.option(
-    "--patience", default=15.0, type=click.FloatRange(1), show_default=True, help="Time limit beyond plan [s]."
-)
+@click.option("--patience", default=15.0, type=Number(1, MOST), show_default=True, help="Time limit beyond plan [s].")
 @click.option("--cost", default=COST, metavar="MODEL.json|NAME", show_default=True, help="dREBA model of new motions.")
 @click.option("--no-compare", is_flag=True, help="Do not compare retargeted motions with new plans.")
 @click.option("--strict", is_flag=True, help="Fail if a motion is too fast for the robot; do not slow it down.")

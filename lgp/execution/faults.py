@@ -15,6 +15,7 @@ from lgp.execution.simulation import SimulatedTracker, SimulatedWorld
 from lgp.execution.tracked_scene import on_table
 from lgp.execution.worker import Worker
 from lgp.logic.task import Action
+from reba.checks import shown
 from reba.errors import did_you_mean
 
 KINDS: Final[dict[str, tuple[float, str]]] = {
@@ -30,7 +31,9 @@ WHEN = 0.5
 """Share of the motion of an action after which its fault happens; `lost` and `stuck` begin with it."""
 EDGE = 0.03
 """[m] Smallest distance from the edge of its table of an object that is pushed aside."""
-_TEXT = re.compile(r"(?P<kind>[a-z]+)@(?P<action>\d+)(?::(?P<amount>[\d.]+))?")
+LARGEST = 1000.0
+"""Largest amount of a fault [m, s]."""
+_TEXT = re.compile(r"(?P<kind>[a-z]+)@(?P<action>\d{1,6})(?::(?P<amount>[\d.]+))?")
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,8 @@ def parse_fault(text: str) -> Fault:
         amount = float(match["amount"]) if match["amount"] else KINDS[match["kind"]][0]
     except ValueError as error:
         raise LgpError(f"fault {text!r}: {match['amount']!r} is not a number") from error
+    if amount > LARGEST:
+        raise LgpError(f"fault {shown(text)}: its amount is {amount:g}, expected up to {LARGEST:g}")
     return Fault(match["kind"], int(match["action"]) - 1, amount)
 
 

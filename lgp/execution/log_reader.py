@@ -18,6 +18,7 @@ from lgp.execution.log import RunLog
 from lgp.execution.simulation import Placement
 from reba.arrays import Array
 from reba.files import lock_exclusively
+from reba.open_file import open_regular
 from reba.provenance import generator
 from reba.readers.mcap.container import Container
 
@@ -185,7 +186,7 @@ def claim(file: Path, past: LoggedRun | None) -> tuple[IO[bytes], LoggedRun | No
         LgpError: another run writes there, or the folder cannot be written.
     """
     try:
-        lock = (file.parent / LOCK).open("a+b")
+        lock = open_regular(file.parent / LOCK, append=True)
     except OSError as error:
         raise LgpError(f"{file.parent}: cannot be written ({error.strerror or error}); give another folder") from error
     if not lock_exclusively(lock.fileno()):

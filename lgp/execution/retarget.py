@@ -78,7 +78,8 @@ class Planner:
     """
 
     def __init__(self, plan: Plan, cost: str | Path | None = COST) -> None:
-        self._cost = cost if plan.costs.get("ergonomics", 0.0) > 0.0 else None
+        model = None if cost is None else dreba.load(cost)  # a wrong file is reported before a run starts
+        self._cost = model if plan.costs.get("ergonomics", 0.0) > 0.0 else None
         self._ergonomics: Ergonomics | None = None
         # A plan with penetrations was made without collision constraints; new motions are then made without them too.
         self.collision_free = plan.residuals.get("penetration", 0.0) <= MAX_PENETRATION
@@ -311,7 +312,7 @@ class Planner:
     def ergonomics(self) -> Ergonomics | None:
         """Return the ergonomic cost term, built once; None without ergonomics."""
         if self._ergonomics is None and self._cost is not None and self.plan.scene.human is not None:
-            self._ergonomics = Ergonomics(self.motion.world, dreba.load(self._cost))
+            self._ergonomics = Ergonomics(self.motion.world, self._cost)
         return self._ergonomics
 
     def _by_human(self, number: int) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 
 from lgp.errors import LgpError
 from reba.files import write_atomic, write_atomic_stream, write_text
+from reba.open_file import open_regular, read_regular, read_settings
 from reba.posture.columns import COLUMNS
 from reba.provenance import MEMBER, other_version, parquet_provenance, with_provenance, write_parquet
 
@@ -226,7 +227,7 @@ class RunStore:
             )
         line = json.dumps(with_provenance({"runs": _plain(runs), "paths": _plain(paths)})).encode() + b"\n"
         try:
-            with (self.folder / JOURNAL).open("ab") as file:
+            with open_regular(self.folder / JOURNAL, append=True) as file:
                 file.write(line)
                 file.flush()
                 os.fsync(file.fileno())
@@ -258,7 +259,7 @@ class RunStore:
             write_atomic(file, lambda part: write_text(part, text))
             return
         try:
-            stored = json.loads(file.read_text(encoding="utf-8"))
+            stored = json.loads(read_settings(file))
         except (OSError, ValueError, RecursionError) as error:
             raise LgpError(f"{file}: cannot be read ({error}); give another folder") from error
         if not isinstance(stored, dict):
@@ -274,7 +275,7 @@ class RunStore:
         file = self.folder / JOURNAL
         if not file.is_file():
             return
-        lines = file.read_bytes().splitlines(keepends=True)
+        lines = read_regular(file).splitlines(keepends=True)
         complete = [line for line in lines if line.endswith(b"\n")]
         if len(complete) < len(lines):
             # The process was stopped within a line: drop it, so that its run is planned again.
@@ -310,8 +311,9 @@ def _parquet(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     if not files[0].is_file():
         return empty(RUN_COLUMNS), empty(PATH_COLUMNS)
     try:
-        runs, paths = (pd.read_parquet(file) for file in files)
-        origin = parquet_provenance(files[0])
+        with open_regular(files[0]) as runs_file, open_regular(files[1]) as paths_file:
+            runs, paths = pd.read_parquet(runs_file), pd.read_parquet(paths_file)
+            origin = parquet_provenance(runs_file)
     except (OSError, ValueError) as error:
         raise LgpError(f"{folder}: its runs cannot be read ({error}); give another folder") from error
     _check_version(folder, origin)

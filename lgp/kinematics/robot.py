@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lgp.errors import WorldError
+from lgp.kinematics.urdf import read_urdf
 from lgp.scene.model import Agent, Robot
 from lgp.scene.scene_file import known_robots
 from reba.errors import did_you_mean
@@ -50,13 +51,14 @@ def robot_model(robot: Robot) -> pin.Model:
     """Return the Pinocchio model of a robot, its locked joints fixed at their initial value, 0 by default.
 
     Raises:
-        WorldError: the URDF cannot be read, or a joint that is not locked is continuous.
+        WorldError: the URDF cannot be read or is damaged, or a joint that is not locked is continuous.
     """
     import pinocchio as pin
 
     path = urdf_of(robot.model)
+    _, text = read_urdf(path)
     try:
-        model = pin.buildModelFromUrdf(str(path))
+        model = pin.buildModelFromXML(text)
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         raise WorldError(f"{path}: cannot be read as URDF ({reason}); give a valid .urdf file") from error

@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 
 from lgp.errors import LogicError
 from reba.errors import did_you_mean
+from reba.open_file import read_settings
 
 SUPPORTED: Final = frozenset({":strips", ":typing", ":negative-preconditions"})
 SHIPPED: Final = Path(__file__).resolve().parents[1] / "domains"
@@ -85,7 +86,7 @@ def load_domain(which: str | Path) -> PddlDomain:
             f"{did_you_mean(str(which), names)}"
         )
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_settings(path)
     except (OSError, UnicodeDecodeError) as error:
         raise LogicError(f"{path}: cannot be read ({error}); give a PDDL text file") from error
     return parse_domain(text, where=str(path))

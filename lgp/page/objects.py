@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from lgp.errors import WorldError
 from lgp.kinematics.robot import urdf_of
+from lgp.kinematics.urdf import read_urdf
 from lgp.page.mesh import Mesh, colour, joined
+from lgp.page.mesh_file import mesh_path, read_mesh
 from lgp.scene.model import Robot, SceneObject, Table
 from reba.arrays import Array
 
@@ -47,10 +49,7 @@ def robot_meshes(robot: Robot) -> list[LinkMesh]:
         WorldError: its URDF or a mesh cannot be read.
     """
     urdf = urdf_of(robot.model)
-    try:
-        root = ET.parse(urdf).getroot()
-    except (OSError, ET.ParseError) as error:
-        raise WorldError(f"{urdf}: cannot be read as URDF ({error})") from error
+    root, _ = read_urdf(urdf)
     paints = {entry.get("name"): _rgba(entry) for entry in root.findall("material")}
     visuals = []
     for link in root.findall("link"):
@@ -73,9 +72,9 @@ def _shape(visual: ET.Element, urdf: Path, rgb: NDArray[np.uint8]) -> tuple[str,
     if shape is None:
         return "", None
     if shape.tag == "mesh":
-        file = _file(str(shape.get("filename")), urdf)
+        file = mesh_path(str(shape.get("filename")), urdf)
         scale = tuple(_numbers(shape.get("scale", "1 1 1")))
-        return f"{file.name} {scale}", _load(file, scale, tuple(rgb.tolist()))
+        return f"{file} {scale}", _load(file, scale, tuple(rgb.tolist()))
     size = {key: _numbers(value) for key, value in shape.attrib.items()}
     if shape.tag == "box":
         body = trimesh.creation.box(size["size"])
@@ -91,25 +90,23 @@ def _shape(visual: ET.Element, urdf: Path, rgb: NDArray[np.uint8]) -> tuple[str,
 @cache
 def _load(file: Path, scale: tuple[float, ...], paint: tuple[int, ...]) -> Mesh:
     """Return a mesh file, decimated; parts without a colour get `paint`."""
-    import trimesh
-
+    bodies = [
+        (points * scale, faces, np.array(paint, np.uint8) if rgb is None else rgb)
+        for points, faces, rgb in read_mesh(file)
+    ]
     try:
-        scene = trimesh.load_scene(file)
-    except (OSError, ValueError) as error:
-        raise WorldError(f"{file}: cannot be read as a mesh ({error})") from error
-    bodies = [body for body in scene.dump() if isinstance(body, trimesh.Trimesh)]
-    return reduced([(body.vertices * scale, body.faces, _colour(body, paint)) for body in bodies])
-
-
-def _colour(body: Any, paint: tuple[int, ...]) -> NDArray[np.uint8]:
-    colour = getattr(getattr(body.visual, "material", None), "main_color", None)
-    return np.array(paint if colour is None else colour[:3], np.uint8)
+        return reduced(bodies)
+    except WorldError as error:
+        raise WorldError(f"{file}: {error}") from error
 
 
 def reduced(bodies: list[tuple[Array, NDArray[np.int64], NDArray[np.uint8]]]) -> Mesh:
     """Return vertices (n, 3), faces (m, 3) and colours (3,) as one mesh of at most about `FACES` triangles.
 
     Vertices at sharp edges are split, so that they are shaded as edges. Black becomes dark grey, to show the shape.
+
+    Raises:
+        WorldError: no triangle has an area.
     """
     import pyvista
     import trimesh
@@ -120,6 +117,8 @@ def reduced(bodies: list[tuple[Array, NDArray[np.int64], NDArray[np.uint8]]]) ->
         whole = trimesh.Trimesh(vertices, faces, process=False)
         whole.merge_vertices(merge_tex=True, merge_norm=True)
         whole.update_faces(whole.nondegenerate_faces())
+        if not len(whole.faces):
+            continue
         body = pyvista.PolyData.from_regular_faces(np.asarray(whole.vertices, float), np.asarray(whole.faces))
         if total > FACES and body.n_cells > KEPT:
             body = body.decimate(1.0 - FACES / total)
@@ -131,21 +130,9 @@ def reduced(bodies: list[tuple[Array, NDArray[np.int64], NDArray[np.uint8]]]) ->
             tint = (52 + 0.78 * rgb.astype(float)).astype(np.uint8)
             colours = np.broadcast_to(tint, points.shape)
             meshes.append(Mesh(points, np.asarray(body.regular_faces, np.int64), colours, gloss=0.5))
+    if not meshes:
+        raise WorldError("no triangle has an area; export the mesh again")
     return joined(meshes)
-
-
-def _file(name: str, urdf: Path) -> Path:
-    """Return the path of a mesh: `package://NAME/...` below a folder around the URDF, or beside it."""
-    _, package, inside = name.partition("package://")
-    if not package:
-        return urdf.parent / name.removeprefix("file://")
-    owner, _, rest = inside.partition("/")
-    for folder in urdf.parents:
-        if folder.name == owner and (folder / rest).is_file():
-            return folder / rest
-        if (folder / inside).is_file():
-            return folder / inside
-    raise WorldError(f"{urdf}: its mesh {name} does not exist; install the whole package of the robot")
 
 
 def _paint(visual: ET.Element, paints: dict[str | None, list[float] | None]) -> list[float] | None:

@@ -14,10 +14,13 @@ from lgp.scene.body_measures import STATURE, table
 from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
+from reba.open_file import read_settings
 from reba.toml_table import TomlTable
 
 SHIPPED = Path(__file__).parents[1] / "scenes"
 ROBOTS = Path(__file__).parent / "data" / "robots.toml"
+FARTHEST = 1000.0
+"""[m] Largest coordinate of a position."""
 FREEDOMS = ("free", "axis", "jaw", "fixed")
 LEGS = ("planted", "solved", "locked")
 
@@ -55,7 +58,7 @@ def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> S
         hint = did_you_mean(str(which), names)
         raise SceneError(f"scene is {str(which)!r}, expected {', '.join(names)} or the path of a TOML file{hint}")
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        values = tomllib.loads(read_settings(path))
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(f"{path}: cannot be read ({error}); give a TOML text file") from error
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and deep nesting
@@ -75,7 +78,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         domain=entries.text("domain"),
         initial=entries.texts("initial"),
         goal=entries.texts("goal"),
-        phase_seconds=entries.number("phase_seconds", 2.0, low=0.05),
+        phase_seconds=entries.number("phase_seconds", 2.0, low=0.05, high=600.0),
         slices=int(entries.number("slices", 10, low=2, high=1000)),
         human=_human(entries.table("human")) if entries.has("human") else None,
         robots={key: _robot(key, entry) for key, entry in entries.tables("robots").items()},
@@ -125,7 +128,7 @@ def _choice(number: int, value: Any, name: str) -> FreeParameter:
 
 
 def _human(entries: TomlTable) -> Human:
-    x, y = entries.vector("position", 2, (0.0, 0.0))
+    x, y = entries.vector("position", 2, (0.0, 0.0), -FARTHEST, FARTHEST)
     hands = [f"{side}_hand" for side in ("left", "right")]
     chosen = entries.texts("hands", ("right_hand",))
     for hand in chosen:
@@ -155,9 +158,9 @@ def _robot(name: str, entries: TomlTable) -> Robot:
     known = known_robots().get(model, {})
     position = entries.values.get("position")
     if isinstance(position, list) and len(position) == 2 and "height" in known:
-        placement = (*entries.vector("position", 2), float(known["height"]))
+        placement = (*entries.vector("position", 2, None, -FARTHEST, FARTHEST), float(known["height"]))
     else:
-        placement = entries.vector("position", 3)
+        placement = entries.vector("position", 3, None, -FARTHEST, FARTHEST)
     hands = entries.tables("hands")
     if not hands:
         defaults = known.get("hands", {})
@@ -191,19 +194,19 @@ def _hand(agent: str, name: str, entries: TomlTable, known: Mapping[str, Any]) -
 
 def _table(name: str, entries: TomlTable) -> Table:
     if isinstance(entries.values.get("height"), list):
-        low, high = entries.vector("height", 2, low=0.01)
+        low, high = entries.vector("height", 2, low=0.01, high=3.0)
         if high < low:
             raise SceneError(f"{entries.where}: height is [{low:g}, {high:g}], expected [lowest, highest]")
     else:
         low = high = entries.number("height", low=0.01, high=3.0)
     table = Table(
         name=name,
-        position=entries.vector("position", 2),
+        position=entries.vector("position", 2, None, -FARTHEST, FARTHEST),
         yaw=entries.number("yaw", 0.0),
-        size=entries.vector("size", 2, low=0.01),
+        size=entries.vector("size", 2, low=0.01, high=100.0),
         height=(low + high) / 2.0,
         heights=(low, high),
-        thickness=entries.number("thickness", 0.03, low=0.001),
+        thickness=entries.number("thickness", 0.03, low=0.001, high=3.0),
     )
     entries.done()
     return table
@@ -212,11 +215,11 @@ def _table(name: str, entries: TomlTable) -> Table:
 def _object(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> SceneObject:
     scene_object = SceneObject(
         name=name,
-        size=entries.vector("size", 3, low=0.001),
-        mass=entries.number("mass", low=0.0),
+        size=entries.vector("size", 3, low=0.001, high=100.0),
+        mass=entries.number("mass", low=0.0, high=1000.0),
         on=entries.text("on", choices=tables),
         at=entries.vector("at", 3, (0.0, 0.0, 0.0)),
-        slide=entries.number("slide", 0.0, low=0.0),
+        slide=entries.number("slide", 0.0, low=0.0, high=100.0),
         hand=entries.text("hand", ""),
         in_hand=entries.vector("in_hand", 6, (0.0,) * 6),
         up=entries.text("up", "z", ("x", "y", "z")),
@@ -235,7 +238,7 @@ def _grip(entries: TomlTable) -> Grip:
     grip = Grip(
         entries.vector("at", 3, (0.0, 0.0, 0.0)),
         entries.unit("along", (0.0, 0.0, -1.0)),
-        entries.number("slide", 0.0, 0.0),
+        entries.number("slide", 0.0, 0.0, 100.0),
     )
     entries.done()
     return grip
@@ -251,11 +254,11 @@ def _assembly(number: int, value: Any, name: str, objects: Mapping[str, SceneObj
             raise SceneError(f"{entries.where}: no object {part!r}{did_you_mean(part, objects)}")
     assembly = Assembly(
         parts=(parts[0], parts[1]),
-        position=entries.vector("position", 3),
+        position=entries.vector("position", 3, None, -FARTHEST, FARTHEST),
         yaw=entries.number("yaw", 0.0),
         screw=entries.vector("screw", 3),
         along=entries.unit("along"),
-        tool=entries.number("tool", 0.0, low=0.0),
+        tool=entries.number("tool", 0.0, low=0.0, high=100.0),
     )
     entries.done()
     return assembly

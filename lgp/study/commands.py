@@ -13,7 +13,7 @@ from lgp.errors import LgpError
 from lgp.statistics.formatting import number, p_value
 from lgp.study.scoring import PARTS, TOTAL
 from reba.cli import options_of, scoring_options
-from reba.command_line import Stop, command_line, echo, json_option, print_json
+from reba.command_line import SEED, Number, Stop, command_line, echo, json_option, print_json
 from reba.terminal import Console, Text, console
 
 
@@ -72,8 +72,8 @@ def study(
 @click.command(epilog="Example: lgp simulate-study ergonomic=plan_a non-ergonomic=plan_b -o logs/; lgp study logs/")
 @click.argument("plans", nargs=-1, required=True, metavar="CONDITION=PLAN_DIR...")
 @click.option("-n", "--participants", default=10, type=click.IntRange(1, 500), show_default=True, help="Persons.")
-@click.option("--seed", default=0, type=click.IntRange(min=0), show_default=True, help="Seed of all random draws.")
-@click.option("--rate", default=30.0, type=click.FloatRange(1, 1000), show_default=True, help="Frames per second.")
+@click.option("--seed", default=0, type=SEED, show_default=True, help="Seed of all random draws.")
+@click.option("--rate", default=30.0, type=Number(1, 1000), show_default=True, help="Frames per second.")
 @click.option("-o", "--output", required=True, metavar="DIR", help="One MCAP log per participant and condition.")
 @json_option
 def simulate_study(

@@ -17,6 +17,7 @@ from typing import Final
 
 from lgp.errors import LgpError
 from reba.errors import did_you_mean
+from reba.open_file import read_settings
 from reba.readers.mcap import sniff
 from reba.readers.mcap.bytes import MAGIC, ByteSource
 from reba.readers.mcap.channels import recording_files
@@ -181,7 +182,7 @@ def read_manifest(path: str | Path) -> list[ManifestRow]:
     """
     file = Path(path)
     try:
-        text = file.read_text(encoding="utf-8-sig")
+        text = read_settings(file, "utf-8-sig")
         rows = list(_rows(text))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise LgpError(f"{path}: cannot be read ({error}); give a CSV file with {', '.join(_REQUIRED)}") from error

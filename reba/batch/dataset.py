@@ -26,6 +26,7 @@ from reba.batch.run import RecordingResult, ScoringOptions
 from reba.errors import RebaError
 from reba.files import lock_exclusively
 from reba.method.rules import rules_of
+from reba.open_file import open_regular, read_settings
 
 SCORES_FILE: Final = "scores.parquet"
 """Name of the one file of a recording."""
@@ -74,7 +75,7 @@ class Dataset:
         self.folder = Path(folder).resolve()
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = (self.folder / LOCK).open("a+b")
+            self._lock = open_regular(self.folder / LOCK, append=True)
         except OSError as error:
             raise RebaError(
                 f"{folder}: cannot be written to ({error.strerror or error}); choose another folder"
@@ -233,7 +234,7 @@ def scoring_settings(options: ScoringOptions) -> dict[str, Any]:
     values = asdict(replace(options, rules=rules.name))
     del values["rules"]
     if Path(options.profile).is_file():
-        values["profile"] = f"{Path(options.profile).name} {_digest(Path(options.profile).read_bytes())}"
+        values["profile"] = f"{Path(options.profile).name} {_digest(read_settings(options.profile).encode())}"
     return {
         "version": __version__,
         "rules": rules.name,

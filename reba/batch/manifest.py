@@ -17,6 +17,7 @@ from typing import Any, Final
 
 from reba.errors import RebaError
 from reba.files import as_json, sha256_of
+from reba.open_file import open_regular
 
 MANIFEST: Final = "_manifest.jsonl"
 """File name; readers of Parquet datasets ignore names that begin with an underscore."""
@@ -69,7 +70,7 @@ class Manifest:
         self.entries: dict[str, Entry] = {}
         self._synced = time.monotonic()
         try:
-            self._file = self.path.open("a+b")
+            self._file = open_regular(self.path, append=True)
         except OSError as error:
             raise RebaError(
                 f"{self.path}: cannot be used ({error.strerror or error}); choose another folder"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -14,6 +15,7 @@ from reba.batch.parallel import run_parallel
 from reba.batch.worker_pool import WorkerDied
 from reba.errors import RebaError
 from reba.method.scoring import Missing
+from reba.open_file import read_settings
 from reba.readers import is_recording, is_recording_folder, read
 from reba.scores import Scores, score
 from reba.writers import SUFFIXES, write_scores
@@ -81,7 +83,7 @@ def find_inputs(names: Sequence[str]) -> list[str]:
             if not path.is_dir() or is_recording_folder(path):
                 inputs[name] = None
                 continue
-            recordings = _recordings_in(path, frozenset())
+            recordings = _recordings_in(path)
         except OSError as error:
             raise RebaError(f"{error.filename or name}: {error.strerror or error}; give readable files") from error
         if not recordings:
@@ -90,21 +92,28 @@ def find_inputs(names: Sequence[str]) -> list[str]:
     return list(inputs)
 
 
-def _recordings_in(folder: Path, parents: frozenset[Path]) -> list[Path]:
+def _recordings_in(top: Path) -> list[Path]:
+    """Return the recordings below a folder, sorted; each real folder is entered once, however many links name it."""
     recordings: list[Path] = []
-    if (folder / MANIFEST).is_file():  # a dataset of scores
-        return recordings
-    parents |= {folder.resolve()}
-    for path in sorted(folder.iterdir()):
-        if path.name.startswith(".") or path.name.endswith(SCORED_SUFFIX):
+    entered: set[tuple[int, int]] = set()
+    folders, links = [top], deque[Path]()
+    while folders or links:
+        folder = folders.pop() if folders else links.popleft()  # links last: a path without links is preferred
+        status = folder.stat()
+        if (status.st_dev, status.st_ino) in entered:
             continue
-        if path.is_dir():
-            if path.resolve() in parents:  # a symbolic link to a parent folder would never end
-                continue
-            recordings += [path] if is_recording_folder(path) else _recordings_in(path, parents)
-        elif is_recording(path):
-            recordings.append(path)
-    return recordings
+        entered.add((status.st_dev, status.st_ino))
+        if folder != top and is_recording_folder(folder):
+            recordings.append(folder)
+        elif not (folder / MANIFEST).is_file():  # else a dataset of scores
+            for path in folder.iterdir():
+                if path.name.startswith(".") or path.name.endswith(SCORED_SUFFIX):
+                    continue
+                if path.is_dir():
+                    (links if path.is_symlink() else folders).append(path)
+                elif is_recording(path):
+                    recordings.append(path)
+    return sorted(recordings)
 
 
 def plan_output(inputs: Sequence[str], output: str | None) -> tuple[Path | None, Path | None]:
@@ -212,7 +221,7 @@ def access_problem(recording: str, folder: str = "", mark: str = "", text: str =
     if folder and not os.access(folder, os.W_OK):
         return f"cannot write to {folder}; give a folder that every worker shares"
     try:
-        same = not mark or Path(mark).read_text(encoding="utf-8") == text
+        same = not mark or read_settings(mark) == text
     except OSError:
         same = False
     return "" if same else f"has another folder at {folder}; give a folder that every worker shares"

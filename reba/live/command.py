@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 import time
@@ -10,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from reba.command_line import echo
+from reba.checks import shown
+from reba.command_line import MOST, echo
 from reba.errors import RebaError
 from reba.interrupts import exit_code
 from reba.live.follow import Follower
@@ -184,9 +186,10 @@ def parse_seconds(name: str, text: str) -> float:
     (90.0, 2.0)
     """
     form = _FORM.fullmatch(text.strip())
-    if form is None:
-        raise RebaError(f"--{name} is {text!r}; expected seconds, like 2s, 0.5 or 1min")
-    return float(form[1]) * _UNITS[form[2]]
+    seconds = float(form[1]) * _UNITS[form[2]] if form is not None else math.inf
+    if seconds > MOST:
+        raise RebaError(f"--{name} is {shown(text)}; expected seconds up to {MOST}, like 2s, 0.5 or 1min")
+    return seconds
 
 
 def live_options(values: dict[str, Any]) -> LiveOptions:

@@ -11,10 +11,12 @@ from typing import Protocol
 from mcap.opcode import Opcode
 
 from reba.errors import ReadError
+from reba.open_file import open_regular
 from reba.readers.mcap import MAX_CHUNK
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
-from reba.readers.mcap.container import ChunkRef, Container, Store, Summary
+from reba.readers.mcap.container import ChunkRef, Container, Store
 from reba.readers.mcap.records import HEAD, BadRecord
+from reba.readers.mcap.summary import Summary
 from reba.readers.recording.stream import BlockDecoder, ReadLog, Stream
 
 
@@ -157,7 +159,7 @@ def open_growing(path: Path, until_idle: float | None) -> GrowingMcap:
 
 def _first_bytes(path: Path) -> bytes:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return file.read(len(MAGIC))
     except OSError as error:
         raise ReadError(path, error.strerror or str(error), hint="give a readable file") from error

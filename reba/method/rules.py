@@ -18,6 +18,7 @@ from typing import Any, Final, Literal
 from reba.checks import PATH, accepts
 from reba.errors import RulesError, did_you_mean
 from reba.files import write_atomic, write_text
+from reba.open_file import read_settings
 
 LOAD_EDGES: Final = (5.0, 10.0)
 """[kg] Load 0 below 5, 1 from 5 to 10 (both inside), 2 above [HM2000]."""
@@ -129,7 +130,7 @@ class Rules:
             RulesError: the file cannot be read, a field is unknown or a value out of range.
         """
         try:
-            fields = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            fields = tomllib.loads(read_settings(path))
         except (OSError, UnicodeDecodeError) as error:
             why = getattr(error, "strerror", None) or error
             raise RulesError(f"{path}: cannot be read as rules ({why}); give a TOML file or a preset") from error

@@ -28,7 +28,7 @@ from reba.readers.quality_control import (
 )
 from reba.readers.recognise import Match
 from reba.readers.recording.profile import Profile
-from reba.readers.recording.stream import ReadLog, Recording, Stream
+from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording, Stream
 
 
 def build_table(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:
@@ -132,6 +132,8 @@ def _check_samples(recording: Recording, log: ReadLog, frames: int, strict: bool
     ended = log.ended_abnormally or recording.log.ended_abnormally
     if strict and ended:
         raise ReadError(recording.path, ended, hint="read it without strict to use the samples before")
+    if strict and recording.log.lost:
+        raise ReadError(recording.path, recording.log.lost, hint=LOST_HINT)
     if not frames:
         first = f": {log.first_skipped}" if log.first_skipped else ""
         raise ReadError(recording.path, f"no sample can be used{first}", hint="see `reba info`")

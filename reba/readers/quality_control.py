@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from reba.arrays import Array, Flags
+from reba.checks import shown
 from reba.errors import RebaError, join_names
 from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
 from reba.readers.mapping import Mapper, Samples
@@ -241,6 +242,8 @@ OWN_ZERO = ("knee_flexion", "lower_arm_flexion")
 """Angles whose zero is anatomical (a straight limb), so that no neutral posture is subtracted."""
 AROUND = 0.5
 """[s] Half width of the interval around T of which `at:T` takes the median."""
+LATEST = 1e9
+"""[s] Largest time of a neutral posture, above that of any recording."""
 _FORM = re.compile(r"(first|at):\s*(\d+(?:\.\d*)?|\.\d+)\s*s?")
 Window = Callable[[Array], Flags]
 
@@ -255,8 +258,8 @@ def parse_neutral(spec: str) -> Window | None:
         return None
     form = _FORM.fullmatch(spec.strip()) if isinstance(spec, str) else None
     seconds = float(form[2]) if form else 0.0
-    if form is None or (form[1] == "first" and seconds <= 0):
-        raise RebaError(f"neutral is {spec!r}, expected none, first:3s (seconds from the start) or at:12.5")
+    if form is None or seconds > LATEST or (form[1] == "first" and seconds <= 0):
+        raise RebaError(f"neutral is {shown(spec)}, expected none, first:3s (seconds from the start) or at:12.5")
     if form[1] == "first":
         return lambda time: time <= time[0] + seconds
     return lambda time: np.abs(time - seconds) <= AROUND

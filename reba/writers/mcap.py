@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from reba.files import as_json
+from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
 from reba.provenance import generator
@@ -91,7 +92,7 @@ def _json_messages(data: pd.DataFrame, epoch: float) -> Iterator[tuple[int, byte
 
 
 def _is_mcap(path: Path) -> bool:
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         return stream.read(5) == b"\x89MCAP"
 
 

@@ -31,6 +31,18 @@ WRONG = (
     np.zeros((2, 5)),
     np.array(["a", "b"]),
     Path("nowhere"),
+    float("nan"),
+    float("inf"),
+    1e300,
+    10**400,
+    -(16**5000),
+    True,
+    np.full((2, 22), np.nan),
+    np.empty((0, 22)),
+    [10**400],
+    [None],
+    "x" * 5000,
+    "a\nb",
 )
 """Of these most do not fit any one argument; those that do must simply work."""
 MODEL = dreba.load("quadratic")
@@ -102,7 +114,7 @@ def test_wrong_types_end_in_one_line(name: str, tmp_path: Path, monkeypatch: pyt
     monkeypatch.chdir(tmp_path)
     function, good = functions()[name], GOOD[name]
     for argument in good:
-        for wrong in WRONG:
+        for wrong in (*WRONG, MODEL, POSES, SCORES, [SCORES]):
             try:
                 function(**{**good, argument: wrong})
             except reba.RebaError as error:

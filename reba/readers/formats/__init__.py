@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from reba.errors import ReadError
+from reba.files import sha256_of
+from reba.open_file import open_regular
 from reba.readers.mcap import open_mcap
 from reba.readers.mcap import sniff as is_mcap
 from reba.readers.recording.stream import Recording
@@ -76,7 +77,7 @@ def open_recording(path: str | Path, *, strict: bool = False) -> Recording:
     if place.is_dir() or is_mcap(place):
         return open_mcap(place, strict=strict)
     try:
-        with place.open("rb") as file:
+        with open_regular(place) as file:
             head = file.read(HEAD)
     except OSError as error:
         raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
@@ -102,7 +103,7 @@ def is_recording(path: Path) -> bool:
         if is_mcap(path):
             return True
         named = [known for known in FORMATS if path.suffix.lower() in known.extensions]
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(HEAD)
     except OSError:
         return False
@@ -120,7 +121,4 @@ def is_recording_folder(path: Path) -> bool:
 
 def file_hash(path: str | Path) -> str:
     """Return the SHA-256 of a file, read in pieces; "" for a folder."""
-    if Path(path).is_dir():
-        return ""
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return "" if Path(path).is_dir() else sha256_of(Path(path))

@@ -16,7 +16,7 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.errors import ReadError
-from reba.readers.formats.text import LARGEST, read_bytes
+from reba.readers.formats.text import LARGEST, file_bytes
 from reba.readers.recording.stream import (
     ReadLog,
     Recording,
@@ -72,7 +72,7 @@ def open_mvnx(path: Path) -> Recording:
 
 def _parse(path: Path, log: ReadLog) -> Parser:
     """Parse the file up to its end or its first XML error."""
-    data = read_bytes(path)
+    data = file_bytes(path)
     parser = Parser(path)
     try:
         for start in range(0, len(data), CHUNK):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError, did_you_mean
+from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.table_file import PARQUET, SEPARATORS, TableFile, read_csv, read_parquet
@@ -56,7 +57,7 @@ def open_table(path: Path) -> Recording:
     """Open a CSV or Parquet file: `angles` with the complete table, `joints`, or, of Vicon, `points`."""
     log = ReadLog()
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(4096)
     except OSError as error:
         raise ReadError(path, error.strerror or str(error), hint="give an existing, readable file") from error
@@ -147,7 +148,9 @@ def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog
 
 
 def _plain(cell: object) -> object:
-    """Return a cell in a type that `to_numeric` accepts; others as text."""
+    """Return a cell in a type that `to_numeric` accepts; others as text, also whole numbers beyond floats."""
+    if isinstance(cell, int) and abs(cell) > 1 << 1000:
+        return "beyond floats"
     return cell if isinstance(cell, (int, float, str)) or cell is None else str(cell)
 
 
@@ -253,7 +256,7 @@ def _as_numbers(
 
     series = frame[column]
     if not (pd.api.types.is_numeric_dtype(series) or pd.api.types.is_datetime64_any_dtype(series)):
-        numbers = pd.to_numeric(series.astype(object), errors="coerce")
+        numbers = pd.to_numeric(series.astype(object).map(_plain), errors="coerce")
         if numbers.isna().equals(series.isna()):
             series = numbers
         else:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from reba.cells import text_of, texts_of
 from reba.errors import ReadError
-from reba.readers.formats.text import decode, read_bytes
+from reba.open_file import open_regular
+from reba.readers.formats.text import decode, file_bytes
 from reba.readers.recording.stream import ReadLog, Topic, clip, unique_names
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
     """Read separated values: comma, semicolon or tab, decimal point or comma, `#` lines before the header."""
     import pandas as pd
 
-    data = read_bytes(path)
+    data = file_bytes(path)
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")
     text = decode(path, data, log)
@@ -94,11 +95,12 @@ def read_parquet(path: Path) -> TableFile:
             what = f"not a readable Parquet file ({' '.join(str(error).split())[:120]})"
             raise ReadError(path, what, hint="the file is truncated or damaged: write or copy it again") from error
 
-    file = attempt(lambda: pq.ParquetFile(path))
-    schema = attempt(lambda: file.schema_arrow)
-    nested = [field.name for field in schema if pa.types.is_nested(field.type)]
-    columns = [field.name for field in schema if field.name not in nested]
-    table = attempt(lambda: file.read(columns=columns))
+    with attempt(lambda: open_regular(path)) as source:
+        file = attempt(lambda: pq.ParquetFile(source))
+        schema = attempt(lambda: file.schema_arrow)
+        nested = [field.name for field in schema if pa.types.is_nested(field.type)]
+        columns = [field.name for field in schema if field.name not in nested]
+        table = attempt(lambda: file.read(columns=columns))
     # Text that is not UTF-8 passes the reading and fails much later.
     attempt(lambda: table.validate(full=True))
     frame = attempt(lambda: table.to_pandas(ignore_metadata=True))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError
+from reba.open_file import read_regular
 from reba.readers.recording.stream import ReadLog, clip
 
 CHUNK = 20_000
@@ -23,10 +24,10 @@ BLANKS = frozenset({"", "nan", "na", "n/a", "-nan", "nan(ind)", "-nan(ind)", "nu
 """Words for "no value", in lower case."""
 
 
-def read_bytes(path: Path) -> bytes:
+def file_bytes(path: Path) -> bytes:
     """Return the content of a file; a missing, empty or unreadable file and a folder are refused."""
     try:
-        data = path.read_bytes()
+        data = read_regular(path)
     except OSError as error:
         raise ReadError(path, error.strerror or str(error), hint="give an existing, readable file") from error
     if not data:
@@ -50,7 +51,7 @@ def decode(path: Path, data: bytes, log: ReadLog) -> str:
 
 def read_lines(path: Path, log: ReadLog) -> list[str]:
     """Return the lines of a text file without their ends (LF, CRLF or CR)."""
-    text = decode(path, read_bytes(path), log)
+    text = decode(path, file_bytes(path), log)
     # splitlines() also splits at form feeds and Unicode separators, and lines would be miscounted.
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 

@@ -11,11 +11,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from reba.errors import ReadError
+from reba.open_file import open_regular
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
 from reba.readers.mcap.container import Container, Store
 from reba.readers.mcap.streams import StreamReader, first_header
-from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic
+from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording, Stream, Topic
 
 __all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
 MAX_CHUNK = 1 << 30
@@ -27,7 +28,7 @@ def sniff(path: Path) -> bool:
     if path.is_dir():
         return any(file.name.endswith((".mcap", ".mcap.zstd")) for file in path.iterdir())
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(len(MAGIC))
     except OSError:
         return False
@@ -55,6 +56,8 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
         channels += channels_of_file
     if strict and log.ended_abnormally:
         raise ReadError(path, log.ended_abnormally, hint="read it without strict to use the messages before")
+    if strict and log.lost:
+        raise ReadError(path, log.lost, hint=LOST_HINT)
     return gathered(path, channels, log, strict=strict)
 
 
@@ -109,6 +112,8 @@ def _note(container: Container, log: ReadLog, named: bool) -> None:
     if container.ended_abnormally:
         before = f"{log.ended_abnormally}; " if log.ended_abnormally else ""
         log.ended_abnormally = f"{before}{prefix}{container.ended_abnormally}"
+    if container.lost:
+        log.lose(prefix + container.lost)
     for warning in container.warnings:
         log.warn(prefix + warning)
     for number in container.counts.keys() - container.channels.keys():

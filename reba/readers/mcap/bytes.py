@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from reba.errors import ReadError
+from reba.open_file import open_regular
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 """First and last bytes of an MCAP file, https://mcap.dev/spec#magic."""
@@ -26,7 +27,7 @@ _HEAD: Final = 18
 
 
 class ByteSource:
-    """Random access to the bytes of one recording; `size` is that of the unpacked file.
+    """Random access to the bytes of one recording; `size` is that of the unpacked file, `packed_size` of the given one.
 
     Raises:
         ReadError: the file is absent, empty, not MCAP, or unpacks to more than `limit_bytes`.
@@ -35,14 +36,14 @@ class ByteSource:
     def __init__(self, path: Path, limit_bytes: int) -> None:
         self.path = path
         try:
-            self._file: IO[bytes] = path.open("rb", buffering=0)
+            self._file: IO[bytes] = open_regular(path, buffering=0)
         except OSError as error:
             raise ReadError(
                 path, f"cannot be opened ({error.strerror})", hint="check the path and its permissions"
             ) from error
         # The file closes when the last stream of the recording is garbage-collected.
         weakref.finalize(self, self._file.close)
-        self.size = self._end()
+        self.size = self.packed_size = self._end()
         if self.size == 0:
             raise ReadError(path, "the file is empty", hint="record it again; the recorder wrote no data")
         if self.read_at(0, 4) == ZSTD_MAGIC:
@@ -57,7 +58,8 @@ class ByteSource:
 
     def refresh(self) -> bool:
         """Update the size of a file that is appended to; return whether it changed."""
-        before, self.size = self.size, self._end()
+        before = self.size
+        self.size = self.packed_size = self._end()
         return self.size != before
 
     def read_at(self, offset: int, count: int) -> bytes:

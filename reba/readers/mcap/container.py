@@ -10,7 +10,7 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -20,14 +20,21 @@ from reba.errors import ReadError
 from reba.readers.mcap import records
 from reba.readers.mcap.bytes import MAGIC, BadChunk, ByteSource, unpack
 from reba.readers.mcap.records import BadRecord, Channel, ChunkHead, Scan, Schema
+from reba.readers.mcap.summary import FOOTER, Summary
+from reba.readers.recording.stream import MOST_WARNINGS
 
 _READ_AHEAD: Final = 1 << 14
 """[bytes] Read at once for heads of records."""
 _WINDOW: Final = 1 << 20
 """[bytes] Read at once for messages outside chunks."""
 _RECORD_AGAIN: Final = "copy the file again from its source, or record it again"
-_FOOTER: Final = 20
-"""[bytes] Content of a Footer record."""
+FREE_RECORDS: Final = 1000
+"""Records that a file may hold beyond one for each of its (packed) bytes, which bounds the time that a file can take; a
+choice. A message has a time of its own, so even well packed it takes several bytes."""
+MOST_RATIO: Final = 1000
+"""Bytes that chunks may unpack to for each (packed) byte of the file, beyond `limit_bytes`; a choice."""
+_PRIVATE: Final = 0x80
+"""First opcode for records of applications, https://mcap.dev/spec#records."""
 
 
 @dataclass
@@ -40,6 +47,7 @@ class ChunkRef:
         chunk: the head of the chunk, None for records outside chunks.
         start: earliest log time [ns].
         channels: messages of each channel by the message indexes after it, a hint that may be wrong; None: unknown.
+        scanned: whether its records are counted already.
     """
 
     offset: int
@@ -47,6 +55,7 @@ class ChunkRef:
     chunk: ChunkHead | None
     start: int
     channels: dict[int, int] | None = None
+    scanned: bool = False
 
 
 @dataclass
@@ -81,19 +90,6 @@ class Store(Protocol):
         """Free the memory of the loaded segment."""
 
 
-@dataclass
-class Summary:
-    """Summary section and footer of a file."""
-
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-    counts: dict[int, int] | None = None
-    channel_count: int = -1
-    start: int = 0
-    footer: tuple[int, int, int] | None = None
-    footer_at: int = 0
-
-
 class Container:
     """One MCAP file, opened.
 
@@ -102,6 +98,7 @@ class Container:
         schemas, channels: definitions by id.
         counts: messages of each channel.
         ended_abnormally: None, or where the file is truncated.
+        lost: None, or what the file states to have and does not.
 
     Raises:
         ReadError: the file is not an MCAP recording, or damaged so that its data would be wrong.
@@ -117,11 +114,13 @@ class Container:
         self.channels: dict[int, Channel] = {}
         self.counts: Counter[int] = Counter()
         self.ended_abnormally: str | None = None
+        self.lost: str | None = None
         self.warnings: list[str] = []
         self.span: tuple[int, int] | None = None
         self._last: Loaded | None = None
         self._ahead = (0, b"")
         self._at = len(MAGIC)
+        self._records = self._chunks = self._unpacked = 0
         self._index()
 
     def load(self, segment: ChunkRef) -> Loaded:
@@ -134,7 +133,10 @@ class Container:
             self._last = None
             data = self._bytes(segment)
             try:
-                loaded = Loaded(segment, data, records.scan(data))
+                most = 1 << 62 if segment.scanned else self._most_records - self._records
+                loaded = Loaded(segment, data, records.scan(data, most=most))
+                self._records += 0 if segment.scanned else loaded.scan.records
+                segment.scanned = True
                 self._define(data, loaded.scan)
             except BadRecord as error:
                 place = segment.offset + (0 if segment.chunk else error.offset)
@@ -148,6 +150,10 @@ class Container:
     def release(self) -> None:
         """Free the memory of the loaded segment."""
         self._last = None
+
+    @property
+    def _most_records(self) -> int:
+        return FREE_RECORDS + self.source.packed_size
 
     def _bytes(self, segment: ChunkRef) -> bytes:
         packed = self.source.read_at(segment.offset, segment.size)
@@ -204,12 +210,16 @@ class Container:
         if summary.footer is not None and not closed:
             self.warnings.append("the magic bytes at the end of the file are wrong; all records before them were read")
         complete = self.ended_abnormally is None
-        if complete and self._summary_holds(summary):
+        indexed = {number for segment in self.segments for number in segment.channels or ()}
+        stated = summary.counts if complete and summary.undamaged(self.source, self.limit_bytes) else None
+        if stated is not None and summary.holds(self.channels, indexed):
             self.schemas |= summary.schemas
             self.channels |= summary.channels
-            self.counts = Counter(summary.counts)
+            self.counts = Counter(stated)
         else:
             self._count()
+        if stated is not None:
+            self.lost = summary.missing(self._chunks, self.counts)
         if self.ended_abnormally is None and summary.footer is None:
             self.ended_abnormally = f"no footer at byte {self.source.size}, the recorder did not close the file"
         if self.ended_abnormally is not None:
@@ -241,6 +251,9 @@ class Container:
                     raise BadRecord(at, f"{what}, although the file was closed properly")
                 self.ended_abnormally = what
                 return
+            self._records += 1
+            if self._records > self._most_records:
+                raise BadRecord(at, f"more than {self._most_records} records, more than a file of this size can hold")
             self._at = self._bare(at) if opcode == Opcode.MESSAGE else stop
             yield at + records.HEAD, opcode, length
 
@@ -272,7 +285,8 @@ class Container:
         except BadRecord as error:
             raise BadRecord(at + error.offset, error.what) from error
         self._tally(scan)
-        self.segments.append(ChunkRef(at, scan.end, None, int(scan.times.min())))
+        self._records += scan.records
+        self.segments.append(ChunkRef(at, scan.end, None, int(scan.times.min()), scanned=True))
         return at + scan.end
 
     def _tally(self, scan: Scan) -> None:
@@ -292,6 +306,10 @@ class Container:
             hints[number] = hints.get(number, 0) + count
         elif opcode == Opcode.DATA_END:
             summary.start = at + length
+        elif opcode == Opcode.CHUNK_INDEX:
+            summary.indexes += 1
+        elif Opcode.DATA_END < opcode < _PRIVATE:
+            self._warn(f"the record at byte {at - records.HEAD} has the unknown type {opcode:#x} and was not read")
         elif opcode == Opcode.FOOTER:
             self._note_footer(summary, at, length)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS):
@@ -306,6 +324,10 @@ class Container:
         size = max(head.size, head.records_size)
         if size > self.limit_bytes:
             raise BadRecord(at, f"a chunk declares {size} bytes, the limit is {self.limit_bytes} (limit_bytes)")
+        self._chunks += 1
+        self._unpacked += head.size
+        if self._unpacked > self.limit_bytes + MOST_RATIO * self.source.packed_size:
+            raise BadRecord(at, f"the chunks declare {self._unpacked} bytes, more than a file of this size can hold")
         if head.size:
             self.segments.append(ChunkRef(at + head.records_at, head.records_size, head, head.start))
 
@@ -314,7 +336,7 @@ class Container:
             raise BadRecord(at, f"a record of {length} bytes exceeds the limit of {self.limit_bytes} (limit_bytes)")
 
     def _note_footer(self, summary: Summary, at: int, length: int) -> None:
-        if length == _FOOTER:
+        if length == FOOTER:
             fields = records.Fields(self._window(at, length))
             summary.footer = (fields.u64(), fields.u64(), fields.u32())
             summary.footer_at = at - records.HEAD
@@ -325,38 +347,16 @@ class Container:
             if summary is None:
                 if opcode != Opcode.STATISTICS:
                     self._add(opcode, content)
-            elif opcode == Opcode.SCHEMA:
-                schema = records.schema(content)
-                summary.schemas[schema.id] = schema
-            elif opcode == Opcode.CHANNEL:
-                channel = records.channel(content)
-                summary.channels[channel.id] = channel
             else:
-                summary.channel_count, summary.counts = records.statistics(content)
+                summary.add(opcode, content)
         except BadRecord as error:
             if summary is None:
                 raise BadRecord(at, error.what) from error
             summary.counts = None
 
-    def _summary_holds(self, summary: Summary) -> bool:
-        """Return whether the summary can replace the data section: complete, with a CRC, and the CRC is correct."""
-        if summary.footer is None or summary.counts is None:
-            return False
-        start, _, crc = summary.footer
-        size = summary.footer_at - start
-        if crc == 0 or start != summary.start or size > self.limit_bytes:
-            return False
-        # The CRC covers the footer up to the CRC itself.
-        data = self.source.read_at(start, size + records.HEAD + _FOOTER - 4)
-        listed = summary.channels.keys() | self.channels.keys()
-        hinted = {number for segment in self.segments for number in segment.channels or ()}
-        agree = all(summary.channels.get(number, known) == known for number, known in self.channels.items())
-        return (
-            zlib.crc32(data) == crc
-            and summary.channel_count == len(summary.channels)
-            and hinted | summary.counts.keys() <= listed
-            and agree
-        )
+    def _warn(self, text: str) -> None:
+        if len(self.warnings) < MOST_WARNINGS:
+            self.warnings.append(text)
 
     def _count(self) -> None:
         """Unpack every chunk once for channels and counts, where no valid summary states them."""

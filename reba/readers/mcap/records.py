@@ -159,20 +159,22 @@ def chunk_head(content: bytes, length: int) -> ChunkHead:
     return ChunkHead(start, end, size, crc, compression, fields.at, records_size)
 
 
-def statistics(content: bytes) -> tuple[int, dict[int, int]]:
-    """Return the number of channels and the messages of each from a Statistics record."""
+def statistics(content: bytes) -> tuple[int, int, dict[int, int]]:
+    """Return the numbers of channels and of chunks, and the messages of each channel, from a Statistics record."""
     fields = Fields(content)
     fields.u64()
     fields.u16()
     channels = fields.u32()
-    for _ in ("attachments", "metadata", "chunks"):
+    for _ in ("attachments", "metadata"):
         fields.u32()
+    chunks = fields.u32()
     fields.u64()
     fields.u64()
     counts = np.frombuffer(fields.data32(), np.uint8)
     pairs = counts[: len(counts) // 10 * 10].reshape(-1, 10)
     numbers = pairs[:, 2:].copy().view("<u8")[:, 0]
-    return channels, dict(zip(pairs[:, :2].copy().view("<u2")[:, 0].tolist(), numbers.tolist(), strict=True))
+    counted = dict(zip(pairs[:, :2].copy().view("<u2")[:, 0].tolist(), numbers.tolist(), strict=True))
+    return channels, chunks, counted
 
 
 def message_index(content: bytes) -> tuple[int, int]:
@@ -191,6 +193,7 @@ class Scan:
         times: (n,) log time [ns].
         definitions: (opcode, start, stop) of schemas and channels among them.
         end: where the scan ended.
+        records: how many records there are, of any kind.
     """
 
     payloads: NDArray[np.int64]
@@ -199,20 +202,25 @@ class Scan:
     times: NDArray[np.int64]
     definitions: tuple[tuple[int, int, int], ...]
     end: int
+    records: int = 0
 
 
-def scan(data: bytes, *, complete: bool = True) -> Scan:
+def scan(data: bytes, *, complete: bool = True, most: int = 1 << 62) -> Scan:
     """Return the messages of a `complete` chunk, or the complete messages at the head of a window of the data section.
 
     In recordings of one topic most records have one size, so a run of equal heads is detected by one comparison.
 
     Raises:
-        BadRecord: a record exceeds the end of the chunk, or a message is shorter than its head.
+        BadRecord: a record exceeds the end of the chunk, a message is shorter than its head, or there are more than
+            `most` records.
     """
     starts: list[int] = []
     definitions: list[tuple[int, int, int]] = []
-    at, end, last = 0, len(data), -1
+    at, end, last, left = 0, len(data), -1, most
     while at < end:
+        if left <= 0:
+            break
+        left -= 1
         if end - at < HEAD:
             if complete:
                 raise BadRecord(at, f"{end - at} bytes are left, fewer than the head of a record")
@@ -231,11 +239,14 @@ def scan(data: bytes, *, complete: bool = True) -> Scan:
                 run = _run(data, at, HEAD + length)
                 starts.extend(range(stop, stop + run * (HEAD + length), HEAD + length))
                 stop += run * (HEAD + length)
+                left -= run
             last = length
         elif opcode in _DEFINITIONS:
             definitions.append((opcode, at + HEAD, stop))
         at = stop
-    return _fields_of(data, np.array(starts, np.int64), tuple(definitions), at)
+    if left < 0 or (complete and at < end):
+        raise BadRecord(at, f"more than {most} records, more than a file of this size can hold")
+    return _fields_of(data, np.array(starts, np.int64), tuple(definitions), at, most - left)
 
 
 def _run(data: bytes, at: int, step: int) -> int:
@@ -252,17 +263,19 @@ def _run(data: bytes, at: int, step: int) -> int:
     return possible
 
 
-def _fields_of(data: bytes, starts: NDArray[np.int64], definitions: tuple[tuple[int, int, int], ...], end: int) -> Scan:
+def _fields_of(
+    data: bytes, starts: NDArray[np.int64], definitions: tuple[tuple[int, int, int], ...], end: int, count: int
+) -> Scan:
     """Gather the fixed fields of the messages that start at `starts`."""
     if not len(starts):
         none = np.zeros(0, np.int64)
-        return Scan(none, none, np.zeros(0, np.uint16), none, definitions, end)
+        return Scan(none, none, np.zeros(0, np.uint16), none, definitions, end, count)
     heads = gather(np.frombuffer(data, np.uint8), starts, HEAD + MESSAGE_HEAD)
     lengths = heads[:, 1:HEAD].copy().view("<u8")[:, 0].astype(np.int64) - MESSAGE_HEAD
     channels = heads[:, HEAD : HEAD + 2].copy().view("<u2")[:, 0].astype(np.uint16)
     # A log time beyond the year 2262 exceeds int64 and is set to its maximum.
     times = np.minimum(heads[:, HEAD + 6 : HEAD + 14].copy().view("<u8")[:, 0], np.uint64(2**63 - 1))
-    return Scan(starts + HEAD + MESSAGE_HEAD, lengths, channels, times.astype(np.int64), definitions, end)
+    return Scan(starts + HEAD + MESSAGE_HEAD, lengths, channels, times.astype(np.int64), definitions, end, count)
 
 
 def gather(data: NDArray[np.uint8], starts: NDArray[np.int64], width: int) -> NDArray[np.uint8]:

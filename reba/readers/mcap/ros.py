@@ -37,6 +37,8 @@ _BUILTIN: Final[Mapping[str, str]] = {
 }
 """Types whose definitions may be left out of a schema."""
 _MOST_DEPTH: Final = 32
+_MOST_DIGITS: Final = 12
+"""Of the length of an array."""
 _SECTION = re.compile(r"^=+[ \t]*$", re.MULTILINE)
 _FIELD = re.compile(
     r"^(?P<type>[A-Za-z][\w/]*)(?:<=\d+)?(?P<array>\[(?:<=)?\d*\])?[ \t]+(?P<name>[A-Za-z]\w*)[ \t]*(?P<rest>.*)$"
@@ -102,14 +104,17 @@ def parse(text: str, name: str, *, ros1: bool = False) -> Struct:
             texts[_short(head[4:].strip())] = body
         elif head.strip():
             raise BadSchema(f"the definition has a section {head[:40]!r} instead of 'MSG: ...'")
-    return _struct(root, texts, ros1, 0)
+    return _struct(root, texts, ros1, 0, {})
 
 
 def _short(name: str) -> str:
     return name.replace("/msg/", "/")
 
 
-def _struct(name: str, texts: Mapping[str, str], ros1: bool, depth: int) -> Struct:
+def _struct(name: str, texts: Mapping[str, str], ros1: bool, depth: int, known: dict[str, Struct]) -> Struct:
+    """Return a type; each is parsed once, however often others contain it (`known`)."""
+    if name in known:
+        return known[name]
     if depth > _MOST_DEPTH:
         raise BadSchema(f"type {name} contains itself")
     fields = []
@@ -122,22 +127,25 @@ def _struct(name: str, texts: Mapping[str, str], ros1: bool, depth: int) -> Stru
             raise BadSchema(f"{stripped[:60]!r} in {name} is not a field")
         if match["rest"].startswith("="):
             continue
-        element = _type(match["type"], name, texts, ros1, depth)
+        element = _type(match["type"], name, texts, ros1, depth, known)
         fields.append((match["name"], _array(element, match["array"])))
     if not fields and not ros1:
         # ROS 2 fills an empty message with one byte.
         fields.append(("structure_needs_at_least_one_member", Number("u1")))
-    return Struct(name, tuple(fields))
+    known[name] = Struct(name, tuple(fields))
+    return known[name]
 
 
 def _array(element: Type, brackets: str | None) -> Type:
     if brackets is None:
         return element
     length = brackets[1:-1]
-    return RosArray(element, int(length) if length.isdigit() else None)
+    if len(length) > _MOST_DIGITS:
+        raise BadSchema(f"an array of {length[:20]}... elements")
+    return RosArray(element, int(length) if length.isdecimal() else None)
 
 
-def _type(name: str, inside: str, texts: Mapping[str, str], ros1: bool, depth: int) -> Type:
+def _type(name: str, inside: str, texts: Mapping[str, str], ros1: bool, depth: int, known: dict[str, Struct]) -> Type:
     if name in PRIMITIVES:
         return Number(PRIMITIVES[name])
     if name == "string":
@@ -149,13 +157,16 @@ def _type(name: str, inside: str, texts: Mapping[str, str], ros1: bool, depth: i
     candidates += [known for known in texts if "/" not in name and known.endswith(f"/{name}")]
     for candidate in candidates:
         if candidate in texts:
-            return _struct(candidate, texts, ros1, depth + 1)
+            return _struct(candidate, texts, ros1, depth + 1, known)
     raise BadSchema(f"type {name} of {inside} is not defined in the schema")
 
 
 _ENCAPSULATIONS: Final = {0: (">", 8), 1: ("<", 8), 6: (">", 4), 7: ("<", 4)}
 """Byte order and largest alignment of plain CDR by encapsulation kind (XTypes 1.3, table 60): XCDR1 and XCDR2."""
 _HEADER: Final = 4
+_FREE_STRUCTS: Final = 1000
+_DEEP: Final = 8
+"""Elements that a message may hold for each of its bytes, beyond `_FREE_STRUCTS`: nested ones share their bytes."""
 _SLACK: Final = 7
 """[bytes] Writers may pad a message; more than this after the last field mean that the schema does not fit."""
 
@@ -181,7 +192,10 @@ def walk(root: Struct, message: bytes, names: Collection[str], *, ros1: bool) ->
         walker.order, walker.align_most = _ENCAPSULATIONS[message[1]]
         walker.at = _HEADER
         walker.walked.fixed.append((0, 2))
-    walker.walked.tree = walker.struct(root)
+    try:
+        walker.walked.tree = walker.struct(root)
+    except RecursionError as error:
+        raise Undecodable(f"byte {walker.at}: its types nest too deep") from error
     left = len(message) - walker.at
     if left > _SLACK:
         raise Undecodable(f"byte {walker.at}: {left} bytes are left after the last field")
@@ -197,8 +211,13 @@ class _Walker:
         self.align_most = 8
         self.base = _HEADER
         self.at = 0
+        self.left = _FREE_STRUCTS + _DEEP * len(message)
 
     def struct(self, struct: Struct) -> Tree:
+        # Types without bytes could nest and repeat without end.
+        self.left -= 1
+        if self.left < 0:
+            raise Undecodable(f"byte {self.at}: more elements than the message of {len(self.message)} bytes can hold")
         return {name: self.value(kind, name) for name, kind in struct.fields}
 
     def value(self, kind: Type, name: str) -> Tree:
@@ -211,10 +230,10 @@ class _Walker:
         return self.array(kind, name)
 
     def array(self, kind: RosArray, name: str) -> Tree:
+        """Return the elements; those that are no numbers have at least one byte, or are counted by `left`."""
         count = self.count() if kind.length is None else kind.length
         if isinstance(kind.element, Number):
             return self.numbers(kind.element.code, count, scalar=False)
-        # Every element has at least one byte, so a false count is detected before memory is allocated.
         if count > len(self.message) - self.at:
             raise Undecodable(f"byte {self.at}: array of {count} elements exceeds the message")
         return [self.value(kind.element, name) for _ in range(count)]

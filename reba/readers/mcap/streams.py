@@ -241,13 +241,23 @@ class StreamReader:
         """Yield the segments of all files; of several files a damaged one is read up to its damage."""
         containers = list(dict.fromkeys(part.container for part in self._parts))
         for container in containers:
+            mine = [part for part in self._parts if part.container is container]
+            read = dict.fromkeys((part.channel for part in mine), 0)
             for segment in container.segments:
                 try:
-                    container.load(segment)
+                    channels = container.load(segment).scan.channels
+                    for number in read:
+                        read[number] += int(np.count_nonzero(channels == number))
                 except ReadError as error:
                     if self._strict or len(containers) == 1:
                         raise
                     log.warn(f"{error}; the rest of this file is left out")
                     break
                 yield container, segment
+            else:
+                for part in mine:
+                    count = container.counts[part.channel]
+                    if read[part.channel] < count:
+                        missing = f"{count - read[part.channel]} of the {count} messages of {part.topic}"
+                        self._opened.lose(f"{missing} that {container.path.name} states are missing")
             container.release()

@@ -31,6 +31,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from reba.errors import ProfileError, did_you_mean
+from reba.open_file import read_settings
 from reba.posture.columns import ANGLES, COLUMNS, SIDES
 from reba.toml_table import TomlTable
 
@@ -137,7 +138,7 @@ def profile_text(name: str) -> str:
     path = SHIPPED / f"{find_profile(name).name}.toml"
     if not path.is_file():
         raise ProfileError(f"{name} is a profile file, expected the name of a shipped profile; see `reba profiles`")
-    return path.read_text(encoding="utf-8")
+    return read_settings(path)
 
 
 def find_profile(name: str | Path) -> Profile:
@@ -177,8 +178,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
 def load_profile(path: Path) -> Profile:
     """Read and check a profile file."""
     try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
+        content = tomllib.loads(read_settings(path))
     except OSError as error:
         raise ProfileError(f"profile {path}: {error.strerror or error}; give the path of a TOML file") from error
     except (ValueError, RecursionError) as error:

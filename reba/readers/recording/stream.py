@@ -70,6 +70,9 @@ class Block:
     parents: tuple[str, ...] = ()
 
 
+LOST_HINT = "copy the recording again, or read it without strict to use the rest"
+
+
 @dataclass
 class ReadLog:
     """Counts and notes of a reading; filled by readers, shown by `reba info` and in every report.
@@ -78,6 +81,7 @@ class ReadLog:
         messages: samples or messages of the stream, usable or not.
         skipped: of these, those that could not be decoded or had no usable value.
         first_skipped: place and reason of the first one ("byte 676: string length 12 exceeds the message").
+        lost: None, or what the recording states to have and does not; also a warning.
         ended_abnormally: None, or where the recording is truncated ("inside a chunk at byte 81920 of 81920").
         time_source: "header.stamp", "log_time", "file", "frame rate" ...
     """
@@ -85,6 +89,7 @@ class ReadLog:
     messages: int = 0
     skipped: int = 0
     first_skipped: str | None = None
+    lost: str | None = None
     ended_abnormally: str | None = None
     time_source: str = ""
     warnings: list[str] = field(default_factory=list)
@@ -94,6 +99,11 @@ class ReadLog:
         if count > 0 and self.first_skipped is None:
             self.first_skipped = where
         self.skipped += count
+
+    def lose(self, text: str) -> None:
+        """Note data that the recording states to have and does not; a strict reading refuses it."""
+        self.lost = self.lost or text
+        self.warn(text)
 
     def warn(self, text: str) -> None:
         """Note a warning once; of more than `MOST_WARNINGS` the rest is left out."""

@@ -81,7 +81,7 @@ def test_heights_are_drawn_from_their_ranges_alone() -> None:
             "table.nar",
             ("on is 'table.nar'", "expected one of table.near", "did you mean 'table.near'"),
         ),
-        ("objects.box.mass", -1, ("mass is -1", "expected at least 0")),
+        ("objects.box.mass", -1, ("mass is -1", "expected 0 to 1000")),
         ("objects.box.at", [0.5, 0.0, 0.0], ("off table.near",)),
         ("initial", ["on_table(bx)"], ("unknown 'bx'",)),
         ("goal", "grasped", ("goal is 'grasped'", "expected a list of texts")),

@@ -1,0 +1,144 @@
+"""Meshes of robots: inside the package only, and damaged ones end in one error."""
+
+from __future__ import annotations
+
+import io
+import os
+import struct
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from lgp.errors import WorldError
+from lgp.page.mesh_file import mesh_path, read_mesh
+from tests.support.page_packages import needs_page
+from tests.support.robot_files import DAE, DAE_NODES, STL, STL_TEXT, dae, with_mesh
+from tests.support.says import says
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Return the URDF of a package with a mesh, beside a file that does not belong to it."""
+    folder = tmp_path / "arm"
+    (folder / "urdf").mkdir(parents=True)
+    (folder / "meshes").mkdir()
+    (folder / "package.xml").write_text("<package/>")
+    (folder / "meshes" / "a.stl").write_bytes(STL)
+    (tmp_path / "outside.stl").write_bytes(STL)
+    (folder / "meshes" / "link.stl").symlink_to(tmp_path / "outside.stl")
+    (folder / "meshes" / "inner.stl").symlink_to(folder / "meshes" / "a.stl")
+    (folder / "meshes" / "circle.stl").symlink_to(folder / "meshes" / "circle.stl")
+    urdf = folder / "urdf" / "arm.urdf"
+    urdf.write_text(with_mesh("package://arm/meshes/a.stl"))
+    return urdf
+
+
+def test_meshes_of_the_package_are_found(package: Path) -> None:
+    mesh = package.parents[1] / "meshes" / "a.stl"
+    names = ("package://arm/meshes/a.stl", "../meshes/a.stl", f"file://{mesh}", str(mesh), "../meshes/inner.stl")
+    assert {mesh_path(name, package) for name in names} == {mesh.resolve()}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../outside.stl",
+        "../meshes/link.stl",
+        "package://arm/../outside.stl",
+        "package://arm/meshes/link.stl",
+        "package://../outside.stl",
+        "package://../../outside.stl",
+        "package://tmp/outside.stl",
+        "package:///etc/passwd",
+        "package://etc/passwd",
+        "file:///etc/passwd",
+        "/etc/passwd",
+        "http://example.org/a.stl",
+        "../meshes/circle.stl",
+        "",
+        "a\0.stl",
+    ],
+)
+def test_no_other_file_is_followed(package: Path, name: str) -> None:
+    with pytest.raises(WorldError) as error:
+        read_mesh(mesh_path(name, package))
+    says(error, package.parents[1])
+
+
+def test_without_a_package_the_folder_of_the_urdf_is_the_bound(tmp_path: Path) -> None:
+    (tmp_path / "scene").mkdir()
+    (tmp_path / "a.stl").write_bytes(STL)
+    (tmp_path / "scene" / "a.stl").write_bytes(STL)
+    urdf = tmp_path / "scene" / "r.urdf"
+    assert mesh_path("a.stl", urdf) == (tmp_path / "scene" / "a.stl").resolve()
+    with pytest.raises(WorldError) as error:
+        mesh_path("../a.stl", urdf)
+    says(error, urdf, "outside", "keep the meshes")
+
+
+@needs_page
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [("a.stl", STL), ("b.stl", STL_TEXT.encode()), ("a.dae", DAE.encode()), ("b.dae", DAE_NODES.encode())],
+)
+def test_valid_meshes_are_read(tmp_path: Path, name: str, data: bytes) -> None:
+    (tmp_path / name).write_bytes(data)
+    ((vertices, faces, _),) = read_mesh(tmp_path / name)
+    assert faces.shape == (4, 3)
+    assert abs(float(vertices.max() - vertices.min())) < 1.2
+
+
+def _zip() -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.dae", DAE + " " * 10_000_000)
+    return buffer.getvalue()
+
+
+MANY = "".join(f'<node id="n{at}">' + f'<instance_node url="#n{at + 1}"/>' * 10 + "</node>" for at in range(12))
+CIRCLE = '<node id="a"><instance_node url="#b"/></node><node id="b"><instance_node url="#a"/></node>'
+DAMAGED = {
+    "empty.stl": b"",
+    "empty.dae": b"",
+    "short.dae": b"<COLLADA",
+    "cut.dae": DAE[:900].encode(),
+    "count.stl": bytes(80) + struct.pack("<I", 0xFFFF_FFFF) + STL[84:],
+    "cut.stl": STL[:-7],
+    "head.stl": STL[:84],
+    "nan.stl": STL[:96] + struct.pack("<f", float("nan")) + STL[100:],
+    "large.stl": STL[:96] + struct.pack("<f", 1e30) + STL[100:],
+    "text.stl": STL_TEXT.replace("0.1", "1e400").encode(),
+    "word.stl": STL_TEXT.replace("vertex 0.1", "vertex abc").encode(),
+    "nan.dae": DAE.replace("0.1", "nan").encode(),
+    "large.dae": DAE.replace("0.1", "1e400").encode(),
+    "index.dae": DAE.replace("<p>0", "<p>999999").encode(),
+    "scene.dae": DAE.replace('url="#s"', 'url="#t"').encode(),
+    "entities.dae": DAE.replace("<COLLADA", '<!DOCTYPE c [<!ENTITY a "aa">]><COLLADA').encode(),
+    "external.dae": DAE.replace("<COLLADA", '<!DOCTYPE c SYSTEM "/etc/passwd"><COLLADA').encode(),
+    "circle.dae": dae(CIRCLE, '<node><instance_node url="#a"/></node>').encode(),
+    "many.dae": dae(f'{MANY}<node id="n12"/>', '<node><instance_node url="#n0"/></node>').encode(),
+    "archive.dae": _zip(),
+    "a.zae": _zip(),
+    "a.gltf": b"{}",
+    "binary.obj": bytes(range(256)),
+    "far.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 99\n",
+}
+
+
+@needs_page
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_damaged_mesh_names_the_file(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(DAMAGED[name])
+    with pytest.raises(WorldError) as error:
+        read_mesh(tmp_path / name)
+    says(error, tmp_path / name)
+
+
+@needs_page
+def test_a_pipe_and_a_missing_file_are_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.stl")
+    for name in ("a.stl", "b.stl"):
+        with pytest.raises(WorldError) as error:
+            read_mesh(tmp_path / name)
+        says(error, tmp_path / name, "cannot be read")
