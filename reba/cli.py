@@ -13,7 +13,6 @@ from reba._version import __version__
 from reba.batch.run import ScoringOptions, check_report, find_inputs, plan_output, score_many
 from reba.command_line import GROUP, Stop, command_line, console, json_option, parallel_options, print_json, run
 from reba.errors import RebaError
-from reba.method.rules import rules_of
 from reba.method.tables import ACTION_LEVELS
 from reba.posture.factors import COUPLINGS, SUPPORTS
 
@@ -94,8 +93,7 @@ def score(
     """
     from reba import score_command
 
-    options = options_of(values)
-    rules_of(options.rules)
+    options = options_of(values).with_files_read()
     paths = find_inputs(inputs)
     file, folder = plan_output(paths, output)
     check_report(report, paths, file)
@@ -137,7 +135,7 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) ->
     """Compare two recordings, such as before and after a change."""
     from reba.analysis.exposure import compare as compare_scores
 
-    options = options_of(values)
+    options = options_of(values).with_files_read()
     check_report(report, (a, b))
     first, second = options.read_and_score(a), options.read_and_score(b)
     result = compare_scores(first, second)

@@ -9,6 +9,7 @@ from typing import Any
 
 from lgp.defaults import COST
 from lgp.errors import LgpError
+from lgp.experiments.cost_model import cost_model
 from lgp.experiments.report import write_results
 from lgp.experiments.runs import STARTS, RunStore
 from lgp.experiments.screwdriver import DEPTH, SCENE, plan_runs
@@ -68,16 +69,17 @@ def experiment_screwdriver(
     if initial not in STARTS:
         raise LgpError(f"initial is {initial!r}; expected one of {', '.join(STARTS)}")
     require_statsmodels()
+    model = cost_model(cost)
     settings = {
         "experiment": SCENE,
         "scene": SCENE,
         "seed": seed,
-        "cost": cost,
+        **model.settings(),
         "depth": DEPTH,
         "collisions": collisions,
     }
     store = RunStore(folder, settings)
-    plan = partial(plan_runs, seed=seed, cost=cost, jobs=jobs, scheduler=scheduler, collisions=collisions)
+    plan = partial(plan_runs, seed=seed, cost=model, jobs=jobs, scheduler=scheduler, collisions=collisions)
     tables = store.complete(runs, initial, partial(plan, initial=initial), progress)
     varied = sensitivity_table(folder, sensitivity, settings, plan, on_event=on_event) if sensitivity else None
     world = World(load_scene(SCENE))

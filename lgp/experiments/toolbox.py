@@ -14,10 +14,10 @@ from typing import Any, Final
 
 import numpy as np
 
-import dreba
 from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.experiments import published
+from lgp.experiments.cost_model import cost_model
 from lgp.experiments.summary import write_summary
 from lgp.experiments.toolbox_orders import (
     GRASP_FIRST,
@@ -113,7 +113,8 @@ def experiment_toolbox(
     report = on_event or (lambda message: None)
     scene = load_scene(SCENE) if scene is None else scene
     task, world = task_of(scene), World(scene)
-    ergonomics = Ergonomics(world, dreba.load(Path(cost) if Path(cost).is_file() else cost))
+    model = cost_model(cost)
+    ergonomics = Ergonomics(world, model.model())
     conditions: dict[str, Condition] = {}
     for name in CONDITIONS:
         bounds = PathBounds(world, ergonomics if name == "ergonomic" else None, slices=slices)
@@ -127,7 +128,7 @@ def experiment_toolbox(
     rows = _vary_weight(weighted, task, conditions["ergonomic"].orders, ergonomic_weights, report)
     settings = {
         "scene": scene.name,
-        "cost": cost,
+        **model.settings(),
         "depth": scene.depth,
         "slices": slices or scene.slices,
         "collisions": collisions,

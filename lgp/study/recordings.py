@@ -14,6 +14,7 @@ from lgp.errors import LgpError
 from lgp.study.labels import RECORD, Label, Pattern, read_manifest, recorded_label
 from reba.batch.run import find_inputs
 from reba.errors import RebaError
+from reba.file_stamp import Stamp, stamp_before
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class Sources:
         unnamed: recordings without a label.
         absent: labels of recordings in the manifest that were not made or not given.
         by_manifest: whether labels, and the order of the conditions, are those of a manifest.
+        stamps: file -> stamp of a recording from before its label was read in it.
         conditions: in their order.
     """
 
@@ -41,6 +43,7 @@ class Sources:
     unnamed: tuple[Failure, ...] = ()
     absent: tuple[Label, ...] = ()
     by_manifest: bool = False
+    stamps: dict[str, Stamp] = field(default_factory=dict)
     conditions: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -105,8 +108,11 @@ def _by_name(inputs: Sequence[str], pattern: str | None) -> Sources:
     names = None if pattern is None else Pattern(pattern)
     named: list[tuple[str, Label]] = []
     unnamed: list[Failure] = []
+    stamps: dict[str, Stamp] = {}
     for one in inputs:
         try:
+            if names is None:
+                stamps[one] = stamp_before(one)
             label = recorded_label(Path(one)) if names is None else names.label(one)
         except RebaError as error:
             unnamed.append(Failure(one, str(error)))
@@ -118,7 +124,7 @@ def _by_name(inputs: Sequence[str], pattern: str | None) -> Sources:
             unnamed.append(Failure(one, f"{one}: no metadata record {RECORD!r}; {hint}"))
         else:
             unnamed.append(Failure(one, f"{one}: its name does not match {names.text}; rename it or give a manifest"))
-    return Sources(tuple(named), tuple(unnamed))
+    return Sources(tuple(named), tuple(unnamed), stamps=stamps)
 
 
 def _check(named: Iterable[tuple[str, Label]]) -> None:

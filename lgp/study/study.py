@@ -22,7 +22,6 @@ from reba.batch.run import ScoringOptions
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
 from reba.files import as_json, write_atomic, write_text
-from reba.method.rules import rules_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -117,7 +116,7 @@ def run_study(
     if isinstance(conditions, str) or not isinstance(conditions, Sequence):
         raise LgpError(f"conditions is {conditions!r}; expected a list of names such as ['ergonomic', 'non-ergonomic']")
     require_statsmodels()
-    rules_of(options.rules)
+    options = options.with_files_read()
     sources, order, ignored = choose(
         find_sources([str(path) for path in paths], manifest, pattern, exclude), conditions
     )

@@ -13,8 +13,10 @@ from reba.batch.manifest import MANIFEST
 from reba.batch.parallel import run_parallel
 from reba.batch.worker_pool import WorkerDied
 from reba.errors import RebaError
+from reba.method.rules import Rules, rules_of
 from reba.method.scoring import Missing
 from reba.readers import is_recording, is_recording_folder, read
+from reba.readers.recording.profile import Profile, find_profile
 from reba.scores import Scores, score
 from reba.writers import SUFFIXES, write_scores
 
@@ -26,11 +28,11 @@ SCORED_SUFFIX: Final = ".scores.parquet"
 class ScoringOptions:
     """How recordings are read and scored; the same for every input of a command."""
 
-    profile: str = "auto"
+    profile: str | Path | Profile = "auto"
     topic: str | None = None
     neutral: str = "none"
     strict: bool = False
-    rules: str = "measured"
+    rules: str | Path | Rules = "measured"
     activity: str = "auto"
     missing: Missing = "range"
     factors: dict[str, Any] = field(default_factory=dict)
@@ -44,9 +46,14 @@ class ScoringOptions:
         postures = read(path, profile=self.profile, topic=self.topic, neutral=self.neutral, strict=self.strict)
         return score(postures, rules=self.rules, activity=self.activity, missing=self.missing, **self.factors)
 
-    def with_absolute_paths(self) -> ScoringOptions:
-        """Return equal options for a process with another working folder."""
-        return replace(self, rules=_absolute_if_file(self.rules), profile=_absolute_if_file(self.profile))
+    def with_files_read(self) -> ScoringOptions:
+        """Return equal options with the content of files of rules and profiles, so that all recordings get the same.
+
+        Raises:
+            RebaError: a file cannot be used.
+        """
+        profile = self.profile if str(self.profile) == "auto" else find_profile(self.profile)
+        return replace(self, rules=rules_of(self.rules), profile=profile)
 
 
 @dataclass(frozen=True)
@@ -182,7 +189,7 @@ def score_many(
     """
     remote = scheduler is not None
     target = output.resolve() if remote and output is not None else output
-    options = options.with_absolute_paths() if remote else options
+    options = options.with_files_read()
     work = partial(_score_numbered, output=target, options=options, keep_scores=keep_scores)
     tasks = [(number, str(Path(name).resolve()) if remote else name) for number, name in enumerate(inputs)]
     results: dict[int, RecordingResult] = {}
@@ -222,7 +229,3 @@ def _score_numbered(
     task: tuple[int, str], *, output: Path | None, options: ScoringOptions, keep_scores: bool
 ) -> RecordingResult:
     return score_one(task[1], output, options, keep_scores)
-
-
-def _absolute_if_file(name: str) -> str:
-    return str(Path(name).resolve()) if Path(name).is_file() else name
