@@ -19,7 +19,7 @@ from dreba.sampling.classes import true_scores
 from dreba.surrogates.task_factors import TaskFactors, task_factors_of
 from reba.arrays import Array
 from reba.checks import PATH, TEXT, Allowed, accepts
-from reba.errors import RebaError, did_you_mean
+from reba.errors import did_you_mean
 from reba.files import write_atomic
 from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, INDEX
 from reba.posture.factors import FACTORS, Factors
@@ -103,10 +103,7 @@ class Poses:
         table = pa.Table.from_pandas(data, preserve_index=False)
         note = json.dumps(self.provenance).encode()
         table = table.replace_schema_metadata({**(table.schema.metadata or {}), METADATA: note})
-        try:
-            write_atomic(Path(path), lambda part: pq.write_table(table, part, compression="zstd"))
-        except RebaError as error:
-            raise SampleError(str(error)) from error
+        write_atomic(path, lambda part: pq.write_table(table, part, compression="zstd"), error=SampleError)
 
     @staticmethod
     @accepts(SampleError, path=PATH)

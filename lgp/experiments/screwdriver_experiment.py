@@ -14,11 +14,13 @@ from lgp.experiments.report import write_results
 from lgp.experiments.runs import STARTS, RunStore
 from lgp.experiments.screwdriver import DEPTH, SCENE, plan_runs
 from lgp.experiments.sensitivity import sensitivity_table
+from lgp.files import EXPERIMENT_FILES
 from lgp.kinematics.reachability import reachability
 from lgp.kinematics.world import World
 from lgp.scene.scene_file import load_scene
 from lgp.statistics.paired_tests import require_statsmodels
 from reba.checks import PATH, YES_NO, accepts
+from reba.outputs import FolderOutput, check_outputs
 
 
 @accepts(LgpError, folder=PATH, cost=PATH, collisions=YES_NO)
@@ -69,6 +71,7 @@ def experiment_screwdriver(
     if initial not in STARTS:
         raise LgpError(f"initial is {initial!r}; expected one of {', '.join(STARTS)}")
     require_statsmodels()
+    check_outputs(FolderOutput(folder, EXPERIMENT_FILES), inputs=[cost], error=LgpError)
     model = cost_model(cost)
     settings = {
         "experiment": SCENE,

@@ -30,6 +30,7 @@ from lgp.experiments.toolbox_orders import (
     skeleton_of,
 )
 from lgp.experiments.toolbox_report import write_page
+from lgp.files import EXPERIMENT_FILES, SETTINGS, SUMMARY
 from lgp.kinematics.world import World
 from lgp.logic.task import Task
 from lgp.path.bounds import PathBounds
@@ -41,7 +42,8 @@ from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import Budget
 from reba.checks import PATH, YES_NO, accepts
-from reba.files import plain_data, write_atomic
+from reba.files import plain_data, write_atomic, write_folder
+from reba.outputs import FolderOutput, check_outputs
 
 SCENE: Final = "toolbox"
 CONDITIONS: Final = ("non-ergonomic", "ergonomic")
@@ -105,11 +107,15 @@ def experiment_toolbox(
         The content of `summary.json`.
 
     Raises:
-        LgpError: an option is wrong, or a condition has no feasible plan.
+        LgpError: an option is wrong, the folder cannot be written or holds other runs, or a condition has no feasible
+            plan.
         RebaError: a file cannot be written.
     """
     if not isinstance(folder, str | Path):
         raise LgpError(f"folder is {folder!r}; expected the path of a folder for the results")
+    check_outputs(FolderOutput(folder, EXPERIMENT_FILES), inputs=[cost], error=LgpError)
+    if (Path(folder) / SETTINGS).exists():
+        raise LgpError(f"{folder}: holds the runs of another experiment; give another folder")
     report = on_event or (lambda message: None)
     scene = load_scene(SCENE) if scene is None else scene
     task, world = task_of(scene), World(scene)
@@ -120,7 +126,6 @@ def experiment_toolbox(
         bounds = PathBounds(world, ergonomics if name == "ergonomic" else None, slices=slices)
         report(f"{name}: searching")
         conditions[name] = _plan_condition(bounds, task, scene.depth, collisions, report)
-        conditions[name].plan.save(Path(folder) / name)
 
     def weighted(weights: Weights) -> PathBounds:
         return PathBounds(world, ergonomics, weights, slices=slices, collisions=collisions)
@@ -134,8 +139,15 @@ def experiment_toolbox(
         "collisions": collisions,
     }
     summary = summarise_toolbox(conditions, scene, settings, rows)
-    _write(Path(folder), summary, conditions, scene)
-    write_page(folder, summary, {name: one.plan for name, one in conditions.items()}, scene, command)
+    plans = {name: one.plan for name, one in conditions.items()}
+
+    def write(part: Path) -> None:
+        for name, plan in plans.items():
+            plan.save(part / name)
+        _write(part, summary, conditions, scene)
+        write_page(part, summary, plans, scene, command)
+
+    write_folder(folder, write, last=SUMMARY)
     return summary
 
 
@@ -261,7 +273,7 @@ def _write(folder: Path, summary: dict[str, Any], conditions: dict[str, Conditio
     """Write `summary.json`, and `runs.parquet` with one row per condition and the columns of the other experiment."""
     import pandas as pd
 
-    write_summary(folder / "summary.json", plain_data(summary))
+    write_summary(folder / SUMMARY, plain_data(summary))
     height = scene.tables["table.center"].height
     rows = []
     for name, one in conditions.items():

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lgp.errors import LgpError
+from lgp.files import STUDY_FILES
 from lgp.study.labels import RECORD, Label, Pattern, read_manifest, recorded_label
 from reba.batch.run import find_inputs
 from reba.errors import RebaError
@@ -64,7 +65,8 @@ def find_sources(
         logs: files and folders of recordings; may be empty with a manifest, which then names them all.
         manifest: CSV file with the labels, instead of those in the recordings.
         pattern: of file names with the labels, instead of those in the recordings.
-        exclude: folder of results, which is not searched for recordings.
+        exclude: folder of results, which is not searched for recordings; of a folder that holds the logs too, only the
+            files of a study are left out.
 
     Raises:
         LgpError: there is no input, the manifest or pattern is wrong, no recording has a label, or two have the same.
@@ -76,14 +78,20 @@ def find_sources(
         raise LgpError("no recording was given; name files or folders, or a --manifest")
     inputs = find_inputs(logs) if logs else []
     if exclude is not None:
-        results = Path(exclude).resolve()
-        inputs = [one for one in inputs if results not in Path(one).resolve().parents]
+        inputs = [one for one in inputs if not _is_result(Path(one).resolve(), Path(exclude).resolve(), logs)]
     sources = _by_manifest(inputs, manifest) if manifest is not None else _by_name(inputs, pattern)
     if not sources.named:
         first = f"; the first: {sources.unnamed[0].error}" if sources.unnamed else ""
         raise LgpError(f"none of the {len(sources.unnamed)} recordings is labelled{first}")
     _check([*sources.named, *(("", label) for label in sources.absent)])
     return sources
+
+
+def _is_result(file: Path, results: Path, logs: Sequence[str]) -> bool:
+    """Return whether a file lies in the folder of results; where the logs are in it too, whether a study writes it."""
+    if any(results in (log, *log.parents) for log in (Path(name).resolve() for name in logs)):
+        return file in [results / name for name in STUDY_FILES]
+    return results in file.parents
 
 
 def _by_manifest(inputs: Sequence[str], manifest: str | Path) -> Sources:

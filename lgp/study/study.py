@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from lgp.errors import LgpError
+from lgp.files import REPORT, SUMMARY
 from lgp.statistics.paired_tests import require_statsmodels
 from lgp.study.analysis import analyse
 from lgp.study.conclusions import conclusion, disagreements, parts_conclusion
@@ -21,7 +22,8 @@ from lgp.study.scoring import Scored, cells, limitations, missing_cells, score_s
 from reba.batch.run import ScoringOptions
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
-from reba.files import as_json, write_atomic, write_text
+from reba.files import as_json, write_atomic, write_folder, write_text
+from reba.outputs import FileOutput, Output, check_outputs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,11 +59,13 @@ class Study:
         Raises:
             RebaError: a file cannot be written.
         """
-        output = Path(folder)
-        text = as_json(self.summary, indent=1) + "\n"
-        write_atomic(output / "summary.json", lambda part: write_text(part, text))
-        write_atomic(output / "scores.parquet", lambda part: self.recordings.to_parquet(part, index=False))
-        self.write_report(output / "report.html", command=command)
+
+        def write(part: Path) -> None:
+            self.recordings.to_parquet(part / "scores.parquet", index=False)
+            self.write_report(part / REPORT, command=command)
+            write_text(part / SUMMARY, as_json(self.summary, indent=1) + "\n")
+
+        write_folder(folder, write, last=SUMMARY)
 
     def write_report(self, path: str | Path, *, command: str = "") -> None:
         """Write the report as one HTML file.
@@ -72,6 +76,7 @@ class Study:
         Raises:
             RebaError: the file cannot be written.
         """
+        check_outputs(FileOutput(path))
         html = render(self.summary, command=command)
         write_atomic(Path(path), lambda part: write_text(part, html))
 
@@ -84,6 +89,7 @@ def run_study(
     conditions: Sequence[str] = (),
     options: ScoringOptions = OPTIONS,
     exclude: str | Path | None = None,
+    outputs: Sequence[Output] = (),
     on_scored: Callable[[str], None] | None = None,
 ) -> Study:
     """Score the recordings of participants in several conditions, and compare the conditions with paired tests.
@@ -101,6 +107,8 @@ def run_study(
             names. Differences are earlier minus later.
         options: for reading and scoring; by default unmeasured angles count as neutral.
         exclude: folder of results, which is not searched for recordings.
+        outputs: what will be written of the study, `reba.outputs`: refused before the scoring where it cannot be
+            written or would replace a recording.
         on_scored: called with the path of each recording after it was scored.
 
     Returns:
@@ -117,9 +125,9 @@ def run_study(
         raise LgpError(f"conditions is {conditions!r}; expected a list of names such as ['ergonomic', 'non-ergonomic']")
     require_statsmodels()
     options = options.with_files_read()
-    sources, order, ignored = choose(
-        find_sources([str(path) for path in paths], manifest, pattern, exclude), conditions
-    )
+    found = find_sources([str(path) for path in paths], manifest, pattern, exclude)
+    check_outputs(*outputs, inputs=[*(file for file, _ in found.named), *(one.input for one in found.unnamed)])
+    sources, order, ignored = choose(found, conditions)
     scored, failure = score_sources(sources, options, on_scored)
     if failure is not None:
         raise LgpError(f"none of the recordings can be scored; the first: {failure.error}")

@@ -21,7 +21,7 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from reba._version import __version__
-from reba.batch.manifest import FAILED, SCORED, Content, Entry, Manifest
+from reba.batch.manifest import FAILED, LOCK, PARTITION, SCORED, Content, Entry, Manifest
 from reba.batch.run import RecordingResult, ScoringOptions
 from reba.errors import RebaError
 from reba.file_stamp import stamp_of
@@ -31,10 +31,6 @@ from reba.readers.recording.profile import Profile, profiles
 
 SCORES_FILE: Final = "scores.parquet"
 """Name of the one file of a recording."""
-PARTITION: Final = "recording="
-"""Prefix of a recording's folder: the partition column of the hive layout."""
-LOCK: Final = "_lock"
-"""File that is locked while a command writes to the dataset; not empty after a command that was killed."""
 MAX_NAME: Final = 200
 """Characters of a recording's name, percent-encoded; file systems accept 255, the prefix and a hash are added."""
 NEW: Final = "new"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -12,8 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from reba.batch.dataset import LOCK, Dataset, PendingRecording, scoring_settings
-from reba.batch.manifest import Content, content_hash
+from reba.batch.dataset import Dataset, PendingRecording, scoring_settings
+from reba.batch.manifest import LOCK, Content, content_hash
 from reba.batch.parallel import run_parallel
 from reba.batch.run import RecordingResult, ScoringOptions, access_problem, score_one
 from reba.batch.worker_pool import WorkerDied
@@ -124,8 +122,6 @@ def score_pending(
         digest = result.hash or content_hash(path)
     if before.place != pending.path or stamp_of(path) != before:
         result = RecordingResult(path, error=str(ReadError(path, CHANGED_WHILE_READ, hint=TRY_AGAIN)))
-    elif result is not None and result.error is None:
-        _sync_to_disk(pending.output)
     return ScoredRecording(result, Content.of(before, digest), time.perf_counter() - start)
 
 
@@ -151,14 +147,3 @@ def _record(
     run.frames += 0 if result.summary is None else result.summary["frames"]
     if result.scores is not None:
         run.scores[pending.input] = result.scores
-
-
-def _sync_to_disk(file: Path) -> None:
-    """Write a file and its directory entry to disk (fsync), so that a power cut does not lose them."""
-    for path in (file, file.parent):
-        with contextlib.suppress(OSError):  # some systems refuse fsync of a folder
-            handle = os.open(path, os.O_RDONLY)
-            try:
-                os.fsync(handle)
-            finally:
-                os.close(handle)

@@ -21,6 +21,10 @@ from reba.files import as_json, sha256_of
 
 MANIFEST: Final = "_manifest.jsonl"
 """File name; readers of Parquet datasets ignore names that begin with an underscore."""
+LOCK: Final = "_lock"
+"""File that is locked while a command writes to the dataset; not empty after a command that was killed."""
+PARTITION: Final = "recording="
+"""Prefix of a recording's folder: the partition column of the hive layout."""
 SYNC_SECONDS: Final = 0.5
 """[s] Between two fsync calls: a power cut loses lines of this time at most, the end of this process loses none."""
 SCORED: Final = "scored"

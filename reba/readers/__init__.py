@@ -17,6 +17,7 @@ from reba.readers.formats import open_recording
 from reba.readers.quality_control import parse_neutral
 from reba.readers.recognise import choose
 from reba.readers.recording.profile import PROFILE, Profile, find_profile, profiles
+from reba.recording_folder import is_recording_folder
 
 __all__ = ["is_recording", "is_recording_folder", "read"]
 
@@ -24,11 +25,6 @@ __all__ = ["is_recording", "is_recording_folder", "read"]
 def is_recording(path: Path) -> bool:
     """Return whether a file is a recording of a known format, by its name and its first bytes."""
     return formats.is_recording(path)
-
-
-def is_recording_folder(path: Path) -> bool:
-    """Return whether a folder is one recording in splits, and not a folder of recordings."""
-    return formats.is_recording_folder(path)
 
 
 @accepts(RebaError, path=PATH, profile=PROFILE, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO)
