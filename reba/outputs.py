@@ -53,7 +53,7 @@ class FolderOutput(NamedTuple):
     path: Place
     owns: tuple[str, ...] = ()
 
-    def keeps(self, path: Place) -> bool:
+    def writes(self, path: Place) -> bool:
         """Return whether a file is one of those that are written there."""
         inside = os.path.relpath(os.path.realpath(path), os.path.realpath(self.path))
         return any(fnmatch(Path(inside).as_posix(), pattern) for pattern in self.owns)
@@ -90,7 +90,7 @@ def check_outputs(
         for number, output in enumerate(given):
             _spare_inputs(output, read)
             for other in given[:number]:
-                _keep_apart(other, output)
+                _refuse_clash(other, output)
     except RebaError as refused:
         raise error(str(refused)) from refused
 
@@ -106,10 +106,10 @@ def check_regular(path: Place, error: type[RebaError] = RebaError) -> None:
         raise error("an empty name: expected the name of a file")
     if text.endswith(("/", os.sep)):
         raise error(f"{text}: this is the name of a folder, expected a file; leave out the last {text[-1]}")
-    found = _status(text, error)
-    if found is not None and stat.S_ISDIR(found.st_mode):
+    status = _status(text, error)
+    if status is not None and stat.S_ISDIR(status.st_mode):
         raise error(f"{text}: this is a folder, expected one file; give a name in it")
-    if found is not None and not stat.S_ISREG(found.st_mode):
+    if status is not None and not stat.S_ISREG(status.st_mode):
         raise error(f"{text}: this is not a regular file and cannot be replaced; choose another name")
 
 
@@ -129,8 +129,8 @@ def _check_folder(output: FolderOutput) -> None:
     text = os.fspath(output.path)
     if not text:
         raise RebaError("an empty name: expected the name of a folder")
-    found = _status(text, kind="folder")
-    if found is not None and not stat.S_ISDIR(found.st_mode):
+    status = _status(text, kind="folder")
+    if status is not None and not stat.S_ISDIR(status.st_mode):
         raise RebaError(f"{text}: this is not a folder; give a folder to write to")
     _check_writable(text, Path(os.path.realpath(text)), "folder")
     for name in output.owns:
@@ -174,13 +174,13 @@ def _spare_inputs(output: Output, inputs: Iterable[Place]) -> None:
                 raise RebaError(
                     f"{output.path}: lies in the recording {read}, which would change; choose another place"
                 )
-        elif isinstance(output, FolderOutput) and output.keeps(read):
+        elif isinstance(output, FolderOutput) and output.writes(read):
             raise RebaError(f"{read}: is an input of this command and would be lost in {output.path}; rename it")
         elif isinstance(output, FileOutput) and any(_same(written, read) for written in output.written):
             raise RebaError(f"{output.path}: is also an input of this command and would be lost; choose another name")
 
 
-def _keep_apart(first: Output, second: Output) -> None:
+def _refuse_clash(first: Output, second: Output) -> None:
     for one, other in ((first, second), (second, first)):
         for written in other.written if isinstance(other, FileOutput) else (other.path,):
             if _claims(one, written):
@@ -190,7 +190,7 @@ def _keep_apart(first: Output, second: Output) -> None:
 def _claims(output: Output, path: Place) -> bool:
     """Return whether an output is a place itself or needs it for something else."""
     if isinstance(output, FolderOutput):
-        return output.keeps(path)
+        return output.writes(path)
     place = Path(os.path.realpath(path))
     return any(_same(written, path) or Path(os.path.realpath(written)) in place.parents for written in output.written)
 

@@ -125,9 +125,9 @@ def run_study(
         raise LgpError(f"conditions is {conditions!r}; expected a list of names such as ['ergonomic', 'non-ergonomic']")
     require_statsmodels()
     options = options.with_files_read()
-    found = find_sources([str(path) for path in paths], manifest, pattern, exclude)
-    check_outputs(*outputs, inputs=[*(file for file, _ in found.named), *(one.input for one in found.unnamed)])
-    sources, order, ignored = choose(found, conditions)
+    labelled = find_sources([str(path) for path in paths], manifest, pattern, exclude)
+    check_outputs(*outputs, inputs=[*(file for file, _ in labelled.named), *(one.input for one in labelled.unnamed)])
+    sources, order, ignored = choose(labelled, conditions)
     scored, failure = score_sources(sources, options, on_scored)
     if failure is not None:
         raise LgpError(f"none of the recordings can be scored; the first: {failure.error}")
