@@ -133,6 +133,10 @@ def write_folder(
         _put_on_disk(place)
     except OSError as failure:
         raise error(f"{folder}: cannot be written ({failure.strerror or failure}); choose another folder") from failure
+    except RebaError as failure:
+        if part is None or str(part) not in str(failure):
+            raise
+        raise error(str(failure).replace(str(part), str(folder))) from failure  # the user knows no temporary folder
     finally:
         if part is not None:
             shutil.rmtree(part, ignore_errors=True)

@@ -121,6 +121,14 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
         write_folder(folder, fails, last="plan.json", stale=["pictures/?"], error=reba.PostureError)
     says(caught, folder, "cannot be written", "No space left", "another folder")
     assert content(folder) == before
+
+    def fails_inside(part: Path) -> None:
+        write_atomic(part / "pictures", lambda _: fails(part))
+
+    with pytest.raises(reba.RebaError) as caught:
+        write_folder(folder, fails_inside)
+    says(caught, f"{folder}/pictures: cannot be written", "No space left")
+    assert content(folder) == before
     write_folder(folder, plan_of("new", "plan.json", "pictures/1"), last="plan.json", stale=["pictures/?"])
     assert content(folder) == {"plan.json": "new", "path": "old", "pictures/1": "new", "pictures/mine": "mine"}
     (folder / "path").unlink()
