@@ -7,6 +7,7 @@ from reba.interrupts import enter
 if __name__ == "__main__":
     enter("dreba.cli")  # under its own name, and before the other imports
 
+import os
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -25,12 +26,25 @@ from dreba.options import (
     joints_option,
     poses_options,
     refuse_drawing,
-    refuse_same_files,
     unfitted,
 )
 from dreba.sampling.poses import Poses, read_poses
 from reba._version import __version__
-from reba.command_line import GROUP, MOST, Number, command_line, echo, json_option, parallel_options, print_json, run
+from reba.command_line import (
+    GROUP,
+    MOST,
+    Group,
+    Number,
+    OutputType,
+    command_line,
+    echo,
+    json_option,
+    output_file,
+    parallel_options,
+    print_json,
+    run,
+)
+from reba.outputs import FileOutput, check_outputs
 from reba.posture.columns import COLUMNS
 
 if TYPE_CHECKING:
@@ -45,7 +59,7 @@ HELD_OUT_SHARE: Final = 0.2
 """Share of the poses of a file held out from the fit, the usual 80:20 split."""
 
 
-@click.group(context_settings=GROUP)
+@click.group(cls=Group, context_settings=GROUP)
 @click.version_option(__version__, prog_name="dreba")
 def cli() -> None:
     """Differentiable surrogates of the REBA posture score.
@@ -59,13 +73,12 @@ def cli() -> None:
 
 @cli.command(epilog="Example: dreba sample -n 100000 --classes 1:10 --seed 1 -o poses.parquet")
 @drawing_options
-@click.option("-o", "--output", required=True, metavar="POSES.parquet", help="File to write.")
+@click.option(
+    "-o", "--output", required=True, type=output_file(".parquet"), metavar="POSES.parquet", help="File to write."
+)
 @json_option
 def sample(output: str, as_json: bool, **drawing: Any) -> None:
     """Draw random poses evenly over REBA classes."""
-    refuse_same_files({"-o": output}, drawing["domain"])
-    if Path(output).suffix.lower() != ".parquet":
-        raise SampleError(f"{output}: poses are written as Parquet; choose a name ending in .parquet")
     poses = draw_poses(drawing, drawing["seed"])
     poses.save(output)
     if as_json:
@@ -87,8 +100,8 @@ def sample(output: str, as_json: bool, **drawing: Any) -> None:
 @poses_options
 @joints_option
 @drawing_options
-@click.option("-o", "--output", required=True, metavar="MODEL.json", help="File to write.")
-@click.option("--report", metavar="FILE.html", help="Write a self-contained HTML report.")
+@click.option("-o", "--output", required=True, type=output_file(), metavar="MODEL.json", help="File to write.")
+@click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
 @json_option
 def fit(
     kind: str, options: tuple[str, ...], poses_file: str | None, hold: str | None, joints: str | None, output: str,
@@ -100,7 +113,6 @@ def fit(
     """
     from dreba.evaluation.evaluate import fit_to
 
-    refuse_same_files({"-o": output, "--report": report}, poses_file, drawing["domain"])
     refuse_drawing(poses_file, "domain")
     chosen, held_angles = joints_of(joints), hold_of(hold)
     weights = None
@@ -137,7 +149,7 @@ def fit(
     metavar="DEG",
     help="Smoothing temperature of soft and graduated models.",
 )
-@click.option("--report", metavar="FILE.html", help="Write a self-contained HTML report.")
+@click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
 @json_option
 def evaluate(
     model: str, poses_file: str | None, hold: str | None, temperature: float | None, report: str | None, as_json: bool,
@@ -147,7 +159,6 @@ def evaluate(
     from dreba.evaluation.evaluate import check_temperature
     from dreba.surrogates.library import load
 
-    refuse_same_files({"--report": report}, model, poses_file, drawing["domain"])
     surrogate = load(model)
     check_temperature(surrogate, temperature)
     poses = _evaluation_poses({model: surrogate}, poses_file, hold, drawing)
@@ -249,6 +260,11 @@ def compare(
         show_enabler(console(), enabler)
 
 
+def _with_ending(name: str) -> FileOutput | None:
+    """Return the file that is written, None where the target adds an ending to its name."""
+    return FileOutput(name) if Path(name).suffix or os.path.isdir(name) or not name else None
+
+
 @cli.command(epilog="Example: dreba export soft --to c --temperature 2 -o reba_soft.c")
 @click.argument("model", metavar="MODEL")
 @click.option("--to", "target", required=True, metavar="TARGET", help="Target: c or casadi.")
@@ -261,17 +277,21 @@ def compare(
 )
 @click.option("--first", is_flag=True, help="First stage of a graduated model instead of its soft tables.")
 @click.option("--name", default="dreba", show_default=True, help="Name of the exported function.")
-@click.option("-o", "--output", default=None, metavar="FILE", help="File to write; default: the name of the function.")
+@click.option(
+    "-o", "--output", default=None, type=OutputType(_with_ending), metavar="FILE",
+    help="File to write; default: the name of the function.",
+)  # fmt: skip
 @json_option
 def export(
     model: str, target: str, temperature: float | None, first: bool, name: str, output: str | None, as_json: bool
 ) -> None:
     """Write a model as a C99 function without dependencies, or as a CasADi function."""
-    from dreba.export import export_model
+    from dreba.export import ending_of, export_model, exported_file
     from dreba.surrogates.library import load
 
-    refuse_same_files({"-o": output}, model)
-    written = export_model(load(model), output or name, to=target, temperature=temperature, first=first, name=name)
+    out = exported_file(output or f"{name}{ending_of(target)}", target)
+    check_outputs(FileOutput(out), inputs=[model])
+    written = export_model(load(model), out, to=target, temperature=temperature, first=first, name=name)
     if as_json:
         print_json({"model": model, "to": target, "output": str(written)})
     else:

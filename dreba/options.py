@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -183,14 +182,3 @@ def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, j
         except json.JSONDecodeError:
             parameters[name] = value
     return KINDS[kind](**parameters)
-
-
-def refuse_same_files(outputs: dict[str, str | None], *inputs: str | None) -> None:
-    """Refuse an output that is also an input or another output (ModelError), before any computation."""
-    used = {Path(path).resolve() for path in inputs if path is not None}
-    for option, path in outputs.items():
-        if path is None:
-            continue
-        if Path(path).resolve() in used:
-            raise ModelError(f"{option} {path} is already an input or output of this command; choose another name")
-        used.add(Path(path).resolve())

@@ -19,7 +19,8 @@ from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation, d
 from dreba.surrogates.quadratic import QuadraticModel
 from reba.arrays import Array
 from reba.checks import PATH, accepts
-from reba.files import write_atomic
+from reba.files import write_atomic, write_text
+from reba.outputs import FileOutput, check_outputs
 from reba.posture.columns import ANGLES, COLUMNS, INDEX
 from reba.posture.skeleton import stick_figure
 from reba.printable import as_script_data
@@ -63,12 +64,9 @@ def write_report(
         ...     "Error per REBA class" in path.read_text(encoding="utf-8")
         True
     """
+    check_outputs(FileOutput(path))
     html = render(model, poses, name=name, command=command, temperature=temperature)
-
-    def write(part: Path) -> None:
-        part.write_text(html, encoding="utf-8")
-
-    write_atomic(Path(path), write)
+    write_atomic(path, lambda part: write_text(part, html))
 
 
 def render(

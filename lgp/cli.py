@@ -15,6 +15,7 @@ import click
 from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.execution.commands import run_command
+from lgp.files import EXPERIMENT_FILES, PAGE_FILES, PLAN_FILE, PLAN_FILES
 from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
 from reba._version import __version__
@@ -22,18 +23,22 @@ from reba.command_line import (
     GROUP,
     MOST,
     SEED,
+    Group,
     Number,
     command_line,
     echo,
     json_option,
+    output_file,
+    output_folder,
     parallel_options,
     print_json,
     run,
 )
+from reba.files import write_atomic, write_text
 from reba.open_file import read_settings
 
 
-@click.group(context_settings=GROUP)
+@click.group(cls=Group, context_settings=GROUP)
 @click.version_option(__version__, prog_name="lgp")
 def cli() -> None:
     """Plan the actions and motions of a human and robots, with ergonomics.
@@ -58,8 +63,11 @@ def cli() -> None:
     help="Time limit of the search [s]; the best plan so far is returned.",
 )
 @click.option("--height", "heights", multiple=True, metavar="TABLE=M", help="Height of a table [m]; may be repeated.")
-@click.option("-o", "--output", metavar="DIR", help="Write plan.json, path.parquet and postures.parquet there.")
-@click.option("--tree", metavar="FILE.svg", help="Draw the searched tree.")
+@click.option(
+    "-o", "--output", type=output_folder(*PLAN_FILES), metavar="DIR",
+    help="Write plan.json, path.parquet and postures.parquet there.",
+)  # fmt: skip
+@click.option("--tree", type=output_file(), metavar="FILE.svg", help="Draw the searched tree.")
 @json_option
 def plan(
     scene: str,
@@ -92,6 +100,9 @@ def plan(
         seconds=float("inf") if seconds is None else seconds,
         collisions=not no_collisions,
     )
+    if output is not None and not result.feasible and (Path(output) / PLAN_FILE).exists():
+        click.echo(f"lgp: {output}: its former plan is kept", err=True)
+        output = None
     if output is not None:
         result.save(output)
     if tree is not None:
@@ -130,8 +141,9 @@ def plan(
 )
 @parallel_options
 @click.option(
-    "-o", "--output", required=True, metavar="DIR", help="Results; an interrupted experiment is resumed there."
-)
+    "-o", "--output", required=True, type=output_folder(*EXPERIMENT_FILES), metavar="DIR",
+    help="Results; an interrupted experiment is resumed there.",
+)  # fmt: skip
 @json_option
 def experiment(
     name: str,
@@ -201,12 +213,19 @@ def _toolbox(output: str, cost: str, as_json: bool) -> None:
 
 @cli.command(epilog="Example: lgp plan screwdriver -o plan/ && lgp page plan/")
 @click.argument("folder", metavar="DIR")
-@click.option("-o", "--output", metavar="OUT", help="Folder of the page; `page` in DIR by default.")
+@click.option(
+    "-o",
+    "--output",
+    type=output_folder(*PAGE_FILES),
+    metavar="OUT",
+    help="Folder of the page; `page` in DIR by default.",
+)
 @click.option("--pictures/--no-pictures", default=True, help="Also render images and films for browsers without WebGL.")
 @json_option
 def page(folder: str, output: str | None, pictures: bool, as_json: bool) -> None:
     """Write the presentation of the plan in DIR for the worker: each action as text, image and animation."""
-    from lgp.page.page import ASSETS, PICTURES, write_page
+    from lgp.files import ASSETS, PICTURES
+    from lgp.page.page import write_page
     from lgp.plan_record import Plan
 
     plan = Plan.load(folder)
@@ -256,10 +275,8 @@ def _draw(file: str, plan: Any) -> None:
     from lgp.svg import with_generator
 
     best = next((node.skeleton for node in plan.tree if _labels(node) == plan.actions), ())
-    try:
-        Path(file).write_text(with_generator(draw(plan.tree, best)), encoding="utf-8")
-    except OSError as error:
-        raise LgpError(f"{file}: cannot be written ({error.strerror or error}); give another file") from error
+    drawing = with_generator(draw(plan.tree, best))
+    write_atomic(file, lambda part: write_text(part, drawing))
 
 
 def _labels(node: Any) -> tuple[str, ...]:

@@ -11,11 +11,12 @@ from typing import Any, Final
 import numpy as np
 
 from lgp.errors import LgpError
+from lgp.files import PLAN_FILE, PLAN_FILES
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
 from reba.checks import PATH, accepts
-from reba.files import as_json, plain_data, write_atomic_stream
+from reba.files import as_json, plain_data, write_folder, write_text
 from reba.method.rules import Rules
 from reba.method.scoring import ScoreArrays, score_angles
 from reba.open_file import open_regular, read_settings
@@ -157,26 +158,23 @@ def save(plan: Plan, folder: Path) -> None:
     data |= {"actions": list(plan.actions), "joints": list(plan.joints), "start": plan.start.tolist()}
     data |= {"reba": plan.summary()["reba"], "provenance": plan.provenance}
     times = {"time": plan.time, "phase": plan.phase}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "plan.json").write_text(as_json(data, indent=1) + "\n", encoding="utf-8")
+
+    def write(part: Path) -> None:
+        write_text(part / PLAN_FILE, as_json(data, indent=1) + "\n")
         if plan.feasible:
             columns = dict(zip(plan.joints, plan.path.T, strict=True))
-            path = pd.DataFrame(times | columns)
-            write_atomic_stream(folder / "path.parquet", lambda part: write_parquet(path, part, plan.provenance))
+            write_parquet(pd.DataFrame(times | columns), part / "path.parquet", plan.provenance)
         if len(plan.posture):
             angles = dict(zip(COLUMNS, plan.posture.T, strict=True))
             postures = pd.DataFrame({"time": plan.time, **angles, "load": plan.carried})
-            write_atomic_stream(
-                folder / "postures.parquet", lambda part: write_parquet(postures, part, plan.provenance)
-            )
-    except OSError as error:
-        raise LgpError(f"{folder}: cannot be written ({error.strerror or error}); give another folder") from error
+            write_parquet(postures, part / "postures.parquet", plan.provenance)
+
+    write_folder(folder, write, last=PLAN_FILE, stale=PLAN_FILES, error=LgpError)
 
 
 def load(folder: Path) -> Plan:
     """Return the plan that `save` wrote into a folder."""
-    file = folder / "plan.json"
+    file = folder / PLAN_FILE
     data = _read(file)
     fields: dict[str, Any] = {name: data[name] for name in PLAIN}
     fields["search"] = {

@@ -16,25 +16,27 @@ from typing import Any
 import click
 
 from reba._version import __version__
-from reba.batch.run import ScoringOptions, check_report, find_inputs, plan_output, score_many
+from reba.batch.run import ScoringOptions, find_inputs, plan_outputs, score_many, scores_output
 from reba.command_line import (
     GROUP,
     LOAD,
     MOST,
     SECONDS,
+    Group,
     Number,
+    OutputType,
     Stop,
     command_line,
     echo,
     json_option,
+    output_file,
     parallel_options,
     print_json,
     run,
 )
-from reba.errors import RebaError
-from reba.method.rules import rules_of
 from reba.method.tables import ACTION_LEVELS
 from reba.posture.factors import COUPLINGS, SUPPORTS
+from reba.writers import table_output
 
 LEVEL_NAMES = [risk.replace(" ", "-") for risk, _ in ACTION_LEVELS]
 """Names of the action levels as values of options, such as very-high."""
@@ -82,7 +84,7 @@ def options_of(values: dict[str, Any]) -> ScoringOptions:
     return ScoringOptions(factors={name: value for name, value in factors.items() if value is not None}, **values)
 
 
-@click.group(context_settings=GROUP)
+@click.group(cls=Group, context_settings=GROUP)
 @click.version_option(__version__, prog_name="reba")
 def cli() -> None:
     """Exact REBA scores from recordings of posture.
@@ -96,9 +98,10 @@ def cli() -> None:
 @cli.command(epilog="Example: reba score shift.mcap --load 8 --coupling fair -o shift.parquet --report shift.html")
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
 @click.option(
-    "-o", "--output", metavar="OUT", help="Score table (.parquet .csv .mcap), or the folder of a growing dataset."
-)
-@click.option("--report", metavar="FILE.html", help="Write a self-contained HTML report.")
+    "-o", "--output", type=OutputType(scores_output), metavar="OUT",
+    help="Score table (.parquet .csv .mcap), or the folder of a growing dataset.",
+)  # fmt: skip
+@click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
 @scoring_options
 @parallel_options
 @json_option
@@ -113,11 +116,9 @@ def score(
     """
     from reba import score_command
 
-    options = options_of(values)
-    rules_of(options.rules)
+    options = options_of(values).with_files_read()
     paths = find_inputs(inputs)
-    file, folder = plan_output(paths, output)
-    check_report(report, paths, file)
+    file, folder = plan_outputs(inputs, paths, output, report)
     where: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "keep_scores": report is not None}
     if folder is not None:
         failed = score_command.into_dataset(folder, paths, options, report, as_json, _progress(len(paths)), where)
@@ -150,15 +151,14 @@ def info(path: str, as_json: bool, **values: Any) -> None:
 @cli.command(epilog="Example: reba compare before.mcap after.mcap --load 8")
 @click.argument("a", metavar="A")
 @click.argument("b", metavar="B")
-@click.option("--report", metavar="FILE.html", help="Write both into one HTML report.")
+@click.option("--report", type=output_file(), metavar="FILE.html", help="Write both into one HTML report.")
 @scoring_options
 @json_option
 def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) -> None:
     """Compare two recordings, such as before and after a change."""
     from reba.analysis.exposure import compare as compare_scores
 
-    options = options_of(values)
-    check_report(report, (a, b))
+    options = options_of(values).with_files_read()
     first, second = options.read_and_score(a), options.read_and_score(b)
     result = compare_scores(first, second)
     result["a"] = {"input": a, **result["a"]}
@@ -247,13 +247,14 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
 
 @cli.command(epilog="Example: reba convert walk.bvh -o walk.parquet")
 @click.argument("path", metavar="INPUT")
-@click.option("-o", "--output", required=True, metavar="OUT", help="Posture table (.parquet .csv .mcap).")
+@click.option(
+    "-o", "--output", required=True, type=OutputType(table_output), metavar="OUT",
+    help="Posture table (.parquet .csv .mcap).",
+)  # fmt: skip
 @reading_options
 @json_option
 def convert(path: str, output: str, as_json: bool, **values: Any) -> None:
     """Convert any readable recording to a posture table in degrees."""
-    if Path(path).resolve() == Path(output).resolve():
-        raise RebaError(f"{output}: this is the recording itself and would be lost; choose another name")
     from reba.readers import read
     from reba.writers import write_postures
 

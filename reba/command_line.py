@@ -22,8 +22,53 @@ from reba.errors import RebaError
 from reba.extras import EXTRAS, missing
 from reba.files import as_json
 from reba.interrupts import discard_output, interrupted
+from reba.outputs import FileOutput, FolderOutput, Output, check_outputs, existing
 from reba.printable import printable
 from reba.provenance import with_provenance
+
+
+class OutputType(click.types.StringParamType):
+    """Type of an option or argument that names what a command writes; `Command` checks it before the command works.
+
+    Args:
+        describe: returns the output of a name; None where the command itself must check it.
+    """
+
+    def __init__(self, describe: Callable[[str], Output | None]) -> None:
+        self.describe = describe
+
+
+def output_file(*suffixes: str) -> OutputType:
+    """Return the type of an option for a file, see `reba.outputs.FileOutput`."""
+    return OutputType(lambda name: FileOutput(name, suffixes))
+
+
+def output_folder(*owns: str) -> OutputType:
+    """Return the type of an option for a folder, see `reba.outputs.FolderOutput`."""
+    return OutputType(lambda name: FolderOutput(name, owns))
+
+
+class Command(click.Command):
+    """A command that checks its outputs first; every name in its other values that exists counts as an input."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Check the outputs, then run the command."""
+        outputs, inputs = [], []
+        for param in self.params:
+            kind, value = param.type, ctx.params.get(param.name or "")
+            if isinstance(kind, OutputType):
+                outputs += [kind.describe(value)] if value is not None else []
+            elif isinstance(kind, click.types.StringParamType):
+                inputs.append(value)
+        check_outputs(*outputs, inputs=existing(inputs))
+        return super().invoke(ctx)
+
+
+class Group(click.Group):
+    """A command group whose commands check their outputs."""
+
+    command_class = Command
+
 
 GROUP: Final[dict[str, Any]] = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 """Settings of a command group."""

@@ -1,16 +1,19 @@
-"""Atomic writes, and the one conversion to JSON.
+"""Complete files: written under a temporary name, put on disk, then renamed; and the one conversion to JSON.
 
-JSON text is strict: NumPy scalars and arrays as numbers and lists, NaN and infinity as null.
+A write that fails, on a full disk for example, leaves what was there before. JSON text is strict: NumPy scalars and
+arrays as numbers and lists, NaN and infinity as null.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
+import shutil
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
@@ -18,6 +21,7 @@ import numpy as np
 
 from reba.errors import RebaError
 from reba.open_file import open_regular
+from reba.outputs import check_regular
 
 NonFinite = Literal["null", "refuse"]
 
@@ -53,21 +57,115 @@ def plain_data(value: Any, non_finite: NonFinite = "null") -> Any:
     return value
 
 
-def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
-    """Call `write` with a temporary path beside `path` and rename the complete file."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+def write_atomic(
+    path: str | Path,
+    write: Callable[[Path], None],
+    *,
+    beside: Mapping[str, Callable[[Path], None]] | None = None,
+    error: type[RebaError] = RebaError,
+) -> None:
+    """Call `write` with a temporary path beside a file and rename the complete file; a link is followed.
+
+    Args:
+        beside: ending added to the name -> writes a further file, which replaces its former one only with the file.
+        error: class of the error.
+
+    Raises:
+        RebaError: the file cannot be written; its former content is still there.
+    """
+    check_regular(path, error)
+    parts: dict[Path, Path] = {}
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(part)
-        part.replace(path)
-    except OSError as error:
-        raise RebaError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from error
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        file = Path(os.path.realpath(path))
+        file.parent.mkdir(parents=True, exist_ok=True)
+        for ending, write_one in [*(beside or {}).items(), ("", write)]:
+            place = file.with_name(file.name + ending)
+            part = parts[place] = place.with_name(_temporary(place.name))
+            write_one(part)
+            _put_on_disk(part)
+        for place, part in parts.items():
+            part.replace(place)
+        _put_on_disk(file.parent)
+    except OSError as failure:
+        raise error(f"{path}: cannot be written ({failure.strerror or failure}); choose another place") from failure
     finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
+        for part in parts.values():
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
 
 
-def write_atomic_stream(path: Path, write: Callable[[BinaryIO], object]) -> None:
+def write_folder(
+    folder: str | Path,
+    write: Callable[[Path], None],
+    *,
+    last: str | None = None,
+    stale: Iterable[str] = (),
+    error: type[RebaError] = RebaError,
+) -> None:
+    """Call `write` with an empty temporary folder and move its files into a folder when all of them are complete.
+
+    Args:
+        folder: created if missing; other files in it stay.
+        write: writes the files, also in folders of its folder.
+        last: name of the file that is moved last, by which a reader recognises that the folder is complete.
+        stale: patterns of files of an earlier write, which are removed unless they were written again.
+        error: class of the error.
+
+    Raises:
+        RebaError: a file cannot be written; until all are complete, every former file is still there.
+    """
+    part: Path | None = None
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        place = Path(os.path.realpath(folder))
+        part = place / _temporary(place.name)
+        part.mkdir()
+        write(part)
+        names = sorted(file.relative_to(part) for file in part.rglob("*") if file.is_file())
+        names.sort(key=lambda name: name.as_posix() == last)
+        for name in names:
+            check_regular(place / name, error)
+            (place / name).parent.mkdir(parents=True, exist_ok=True)
+            _put_on_disk(part / name)
+        for name in names:
+            (part / name).replace(place / name)
+        for old in {file for pattern in stale for file in place.glob(pattern)} - {place / name for name in names}:
+            old.unlink()
+        _put_on_disk(place)
+    except OSError as failure:
+        raise error(f"{folder}: cannot be written ({failure.strerror or failure}); choose another folder") from failure
+    except RebaError as failure:
+        if part is None or str(part) not in str(failure):
+            raise
+        raise error(str(failure).replace(str(part), str(folder))) from failure  # the user knows no temporary folder
+    finally:
+        if part is not None:
+            shutil.rmtree(part, ignore_errors=True)
+
+
+def _temporary(name: str) -> str:
+    """Return a name beside a file that no other write has; of a long name a part, as names have a longest length."""
+    return f".{name[:40]}.{os.getpid()}-{os.urandom(4).hex()}.part"
+
+
+def _put_on_disk(path: Path) -> None:
+    """Write a file or the entries of a folder to disk (fsync), so that a power cut does not lose what is renamed."""
+    try:
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+    except OSError as error:
+        # Some systems refuse it, most of them for folders; that a disk is full may show only now.
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG):
+            raise
+
+
+def write_atomic_stream(
+    path: str | Path, write: Callable[[BinaryIO], object], *, error: type[RebaError] = RebaError
+) -> None:
     """Call `write` with a temporary file open for bytes, and rename it to `path` when it is complete.
 
     For libraries that open no path that is not UTF-8.
@@ -77,7 +175,7 @@ def write_atomic_stream(path: Path, write: Callable[[BinaryIO], object]) -> None
         with part.open("wb") as stream:
             write(stream)
 
-    write_atomic(path, open_and_write)
+    write_atomic(path, open_and_write, error=error)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from reba._version import __version__
@@ -75,17 +76,15 @@ def parquet_metadata(
     return {**(existing or {}), MEMBER.encode(): as_json(provenance() if origin is None else origin).encode()}
 
 
-def write_parquet(frame: pd.DataFrame, stream: BinaryIO, origin: Mapping[str, Any] | None = None) -> None:
-    """Write a table without its index as Parquet with the provenance, by default that of this version.
-
-    To a stream, because pyarrow opens no path that is not UTF-8.
-    """
+def write_parquet(frame: pd.DataFrame, path: Path, origin: Mapping[str, Any] | None = None) -> None:
+    """Write a table without its index as Parquet with the provenance, by default that of this version."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     table = pa.Table.from_pandas(frame, preserve_index=False)
     metadata = parquet_metadata(table.schema.metadata, origin)
-    pq.write_table(table.replace_schema_metadata(metadata), stream, compression="zstd")
+    with path.open("wb") as stream:  # pyarrow opens no path that is not UTF-8
+        pq.write_table(table.replace_schema_metadata(metadata), stream, compression="zstd")
 
 
 def parquet_provenance(file: BinaryIO) -> Any:

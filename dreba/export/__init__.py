@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -15,6 +16,7 @@ from dreba.surrogates.graduated import GraduatedModel
 from dreba.surrogates.serialization import write
 from reba.checks import PATH, TEXT, accepts
 from reba.errors import did_you_mean
+from reba.outputs import FileOutput, check_outputs
 
 TARGETS: Final[dict[str, tuple[str, Callable[..., str]]]] = {
     "c": (".c", c_source),
@@ -63,8 +65,7 @@ def export_model(
         ...     export_model(dreba.load("quadratic"), Path(folder) / "cost", to="c").name
         'cost.c'
     """
-    if to not in TARGETS:
-        raise ModelError(f"target {to!r} is unknown{did_you_mean(to, TARGETS)}; expected {' or '.join(TARGETS)}")
+    out = exported_file(path, to)
     if not (name.isidentifier() and name.isascii()) or name in C_KEYWORDS:
         raise ModelError(f"name is {name!r}; expected letters, digits and underscores, such as 'dreba'")
     if first:
@@ -72,9 +73,26 @@ def export_model(
             raise ModelError(f"kind {model.kind!r} has no first stage; only a graduated model has stages")
         model = model.first_
     check_temperature(model, temperature)
-    suffix, text = TARGETS[to]
-    out = Path(path)
-    if not out.suffix:
-        out = out.with_suffix(suffix)
-    write(out, text(model, temperature=temperature, name=name))
+    write(out, TARGETS[to][1](model, temperature=temperature, name=name))
     return out
+
+
+def ending_of(to: str) -> str:
+    """Return the ending of the files of a target; ModelError for an unknown one."""
+    if to not in TARGETS:
+        raise ModelError(f"target {to!r} is unknown{did_you_mean(to, TARGETS)}; expected {' or '.join(TARGETS)}")
+    return TARGETS[to][0]
+
+
+def exported_file(path: str | Path, to: str) -> Path:
+    """Return the file that an export writes: the path, with the ending of the target if it has none.
+
+    Raises:
+        ModelError: an unknown target, or the file cannot be written.
+    """
+    ending, given = ending_of(to), FileOutput(path)
+    file = Path(path)
+    if file.name and not file.suffix and not os.path.isdir(file):
+        given = FileOutput(file.with_suffix(ending))
+    check_outputs(given, error=ModelError)
+    return Path(given.path)

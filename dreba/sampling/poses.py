@@ -19,7 +19,7 @@ from dreba.sampling.classes import true_scores
 from dreba.surrogates.task_factors import TaskFactors, task_factors_of
 from reba.arrays import Array
 from reba.checks import PATH, TEXT, Allowed, accepts, shown
-from reba.errors import RebaError, did_you_mean
+from reba.errors import did_you_mean
 from reba.files import write_atomic_stream
 from reba.open_file import open_regular
 from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, INDEX
@@ -105,10 +105,7 @@ class Poses:
         table = pa.Table.from_pandas(data, preserve_index=False)
         metadata = parquet_metadata(table.schema.metadata, {**provenance(), **self.provenance})
         table = table.replace_schema_metadata({**metadata, METADATA: json.dumps(self.provenance).encode()})
-        try:
-            write_atomic_stream(Path(path), lambda part: pq.write_table(table, part, compression="zstd"))
-        except RebaError as error:
-            raise SampleError(str(error)) from error
+        write_atomic_stream(path, lambda part: pq.write_table(table, part, compression="zstd"), error=SampleError)
 
     @staticmethod
     @accepts(SampleError, path=PATH)

@@ -14,7 +14,7 @@ from dreba.domain import Domain
 from dreba.errors import ModelError
 from dreba.surrogates.registry import KINDS, ModelInfo
 from dreba.surrogates.validation import check_parameters
-from reba.errors import RebaError, did_you_mean
+from reba.errors import did_you_mean
 from reba.files import as_json, write_atomic, write_text
 from reba.posture.columns import COLUMNS
 
@@ -149,10 +149,7 @@ def save(model: Serialisable, path: str | Path) -> None:
 
 def write(path: str | Path, text: str) -> None:
     """Write a text file, completely or not at all (ModelError)."""
-    try:
-        write_atomic(Path(path), lambda part: write_text(part, text))
-    except RebaError as error:
-        raise ModelError(str(error)) from error
+    write_atomic(path, lambda part: write_text(part, text), error=ModelError)
 
 
 def _tuples(value: Any) -> Any:

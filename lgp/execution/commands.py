@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,22 @@ import click
 
 from lgp.defaults import COST
 from lgp.errors import LgpError
-from reba.command_line import MOST, SEED, Number, Stop, echo, json_option, print_json
+from lgp.files import PLAN_FILES
+from reba.command_line import (
+    MOST,
+    SEED,
+    Command,
+    Number,
+    Stop,
+    echo,
+    json_option,
+    output_file,
+    print_json,
+)
+from reba.outputs import FileOutput, check_outputs
 
 
-@click.command("run", epilog="Example: lgp plan screwdriver -o plan/ && lgp run plan/ --fault moved@1")
+@click.command("run", cls=Command, epilog="Example: lgp plan screwdriver -o plan/ && lgp run plan/ --fault moved@1")
 @click.argument("folder", metavar="DIR")
 @click.option("--seed", default=0, type=SEED, show_default=True, help="Seed of the random numbers.")
 @click.option("--speed", default=1.0, type=Number(0, MOST), show_default=True, help="0: as fast as possible.")
@@ -48,7 +61,8 @@ from reba.command_line import MOST, SEED, Number, Stop, echo, json_option, print
     help="Address that the page is served at, to everyone who can reach it.",
 )
 @click.option("--port", default=8642, type=click.IntRange(0, 65535), show_default=True, help="0: any free one.")
-@click.option("--export", metavar="FILE.mcap", help="Write the planned robot motion as JointTrajectory and exit.")
+@click.option("--export", type=output_file(), metavar="FILE.mcap",
+              help="Write the planned robot motion as JointTrajectory and exit.")  # fmt: skip
 @json_option
 def run_command(folder: str, export: str | None, as_json: bool, **options: Any) -> None:
     """Execute the plan in DIR: follow the tracked world, adapt to it, show the current action, log to DIR/run.mcap."""
@@ -103,6 +117,8 @@ def _export(folder: str, file: str, strict: bool, as_json: bool) -> None:
     from lgp.execution.retarget import load_plan
     from lgp.execution.trajectory_export import export
 
+    logs = (path for path in Path(folder).glob("run*.mcap") if re.fullmatch(r"run(-\d+)?", path.stem))
+    check_outputs(FileOutput(file), inputs=[*logs, *(Path(folder) / name for name in PLAN_FILES)])
     exported = export(load_plan(folder), Path(file), slow_down=not strict)
     for text in exported["limits"]:
         echo(f"slowed down: {text}", err=True)

@@ -10,6 +10,8 @@ from lgp.execution.log import Recorder, RunLog
 from lgp.execution.retarget import Planner
 from lgp.execution.trajectory import time_scaled, violations
 from lgp.plan_record import Plan
+from reba.files import write_atomic
+from reba.outputs import FileOutput, check_outputs
 
 PAUSE = 1.0
 """[s] Time between the stamps of two actions; in a run the predicates decide."""
@@ -27,6 +29,7 @@ def export(plan: Plan, file: Path, *, slow_down: bool = False) -> dict[str, Any]
     Raises:
         LgpError: there is no robot, a motion exceeds a limit, or the file cannot be written.
     """
+    check_outputs(FileOutput(file), error=LgpError)
     planner = Planner(plan, None)
     world = planner.motion.world
     if not world.scene.robots:
@@ -46,9 +49,13 @@ def export(plan: Plan, file: Path, *, slow_down: bool = False) -> dict[str, Any]
         trajectories.append(trajectory)
         rows.append({"label": label, "seconds": trajectory.duration, "factor": factor})
     about = {"scene": plan.scene.name, "what": "planned motion of the robots"}
-    with RunLog(file, 0.0, about, "ros2") as log:
-        recorder, time = Recorder(log, world), 0.0
-        for trajectory in trajectories:
-            recorder.command(time, trajectory)
-            time += trajectory.duration + PAUSE
+
+    def write(part: Path) -> None:
+        with RunLog(part, 0.0, about, "ros2") as log:
+            recorder, time = Recorder(log, world), 0.0
+            for trajectory in trajectories:
+                recorder.command(time, trajectory)
+                time += trajectory.duration + PAUSE
+
+    write_atomic(file, write, error=LgpError)
     return {"output": str(file), "actions": rows, "limits": limits}

@@ -10,12 +10,12 @@ from lgp.experiments import published
 from lgp.experiments.figures import bars, example, profile, reach_map
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs
 from lgp.experiments.summary import findings, summarise, write_summary
+from lgp.files import REPORT, SUMMARY
 from lgp.kinematics.reachability import Reachability
 from lgp.scene.model import Scene
 from lgp.statistics.formatting import number, p_value
 from lgp.statistics.paired_tests import stars
-from lgp.svg import with_generator
-from reba.files import write_atomic, write_text
+from reba.files import write_folder, write_text
 from reba.report.page import template
 
 if TYPE_CHECKING:
@@ -51,13 +51,16 @@ def write_results(
         RebaError: a file cannot be written.
     """
     summary = summarise(runs, paths, settings, sensitivity)
-    output = Path(folder)
-    write_summary(output / "summary.json", summary)
     plots = plots_of(summary, check_paths(paths))
-    for name, svg in plots.items():
-        _write(output / f"{name}.svg", with_generator(svg))
     html = render(summary, runs, paths, scene, plots, command=command, reach=reach)
-    _write(output / "report.html", html)
+
+    def write(part: Path) -> None:
+        for name, svg in plots.items():
+            write_text(part / f"{name}.svg", svg + "\n")
+        write_text(part / REPORT, html)
+        write_summary(part / SUMMARY, summary)
+
+    write_folder(folder, write, last=SUMMARY)
     return summary
 
 
@@ -122,7 +125,3 @@ def _reach_rows(shares: pd.DataFrame) -> dict[str, Any]:
             for (hand, table), row in rows
         ],
     }
-
-
-def _write(path: Path, text: str) -> None:
-    write_atomic(path, lambda part: write_text(part, text))

@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from lgp.errors import LgpError
-from reba.files import write_atomic, write_atomic_stream, write_text
+from lgp.files import EXPERIMENT_FILES, JOURNAL, SETTINGS
+from reba.files import write_atomic, write_text
 from reba.open_file import open_regular, read_regular, read_settings
+from reba.outputs import FolderOutput, check_outputs
 from reba.posture.columns import COLUMNS
 from reba.provenance import MEMBER, other_version, parquet_provenance, with_provenance, write_parquet
 
@@ -156,11 +158,6 @@ def _sorted(frame: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
     ).reset_index(drop=True)
 
 
-JOURNAL: Final = "unfinished.jsonl"
-"""Finished runs that are not in the tables yet, one JSON line per run."""
-SETTINGS: Final = "settings.json"
-
-
 class RunStore:
     """Finished runs of an experiment in a folder: appended one by one, safe against interruption.
 
@@ -176,10 +173,7 @@ class RunStore:
         if not isinstance(folder, str | Path):
             raise LgpError(f"folder is {folder!r}; expected the path of a folder for the results")
         self.folder = Path(folder)
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise LgpError(f"{folder}: cannot be created ({error.strerror or error}); give another folder") from error
+        check_outputs(FolderOutput(folder, EXPERIMENT_FILES), error=LgpError)
         self._check_settings(json.loads(json.dumps(dict(settings))))
         self._runs, self._paths = _parquet(self.folder)
         self._read_journal()
@@ -243,8 +237,8 @@ class RunStore:
         """
         runs, paths = self.tables()
         # Order: paths, runs, journal. A run is finished once it is in runs.parquet or in the journal.
-        write_atomic_stream(self.folder / "paths.parquet", lambda part: write_parquet(paths, part))
-        write_atomic_stream(self.folder / "runs.parquet", lambda part: write_parquet(runs, part))
+        write_atomic(self.folder / "paths.parquet", lambda part: write_parquet(paths, part))
+        write_atomic(self.folder / "runs.parquet", lambda part: write_parquet(runs, part))
         (self.folder / JOURNAL).unlink(missing_ok=True)
         return runs, paths
 
@@ -255,6 +249,8 @@ class RunStore:
     def _check_settings(self, settings: dict[str, Any]) -> None:
         file = self.folder / SETTINGS
         if not file.exists():
+            if (self.folder / "runs.parquet").exists():
+                raise LgpError(f"{self.folder}: its runs are those of another experiment; give another folder")
             text = json.dumps(settings, indent=1) + "\n"
             write_atomic(file, lambda part: write_text(part, text))
             return

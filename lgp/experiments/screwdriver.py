@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache, partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-import dreba
-from dreba.surrogates.library import models
 from lgp.collision.random_start import random_start
 from lgp.defaults import COST
 from lgp.errors import LgpError
+from lgp.experiments.cost_model import CostModel, cost_model
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES, empty
 from lgp.experiments.variations import BASELINE, SceneVariation
 from lgp.kinematics.world import World
@@ -49,7 +47,7 @@ def plan_run(
     *,
     seed: int = 0,
     initial: str = "rest",
-    cost: str = COST,
+    cost: str | CostModel = COST,
     slices: int | None = None,
     variation: SceneVariation | None = None,
     collisions: bool = False,
@@ -58,7 +56,7 @@ def plan_run(
 
     Args:
         initial: "rest" starts from the posture of lowest REBA score, "random" from one drawn within the joint limits.
-        cost: dREBA model of the conditions with ergonomics: a file or a shipped name.
+        cost: dREBA model of the conditions with ergonomics: a file, a shipped name, or what was read of it.
         slices: per phase, the scene's by default.
         variation: of the scene and the ergonomic weight, none by default.
         collisions: whether paths are collision-free.
@@ -66,7 +64,7 @@ def plan_run(
     import pandas as pd
 
     applied = BASELINE if variation is None else variation
-    world, ergonomics = _world_and_cost(cost, applied)
+    world, ergonomics = _world_and_cost(cost_model(cost), applied)
     scene = world.scene.draw_heights(np.random.default_rng([seed, run]))
     world = world.with_scene(scene)
     start = (
@@ -96,7 +94,7 @@ def plan_runs(
     *,
     seed: int = 0,
     initial: str = "rest",
-    cost: str = COST,
+    cost: str | CostModel = COST,
     jobs: int = 1,
     variation: SceneVariation | None = None,
     scheduler: str | None = None,
@@ -112,25 +110,19 @@ def plan_runs(
         LgpError: the process of a run died each time.
         RebaError: the cluster cannot be used.
     """
-    cost = str(Path(cost).resolve()) if Path(cost).is_file() else cost  # workers may have another working directory
-    work = partial(plan_run, seed=seed, initial=initial, cost=cost, variation=variation, collisions=collisions)
-    for run, tables in run_parallel(work, runs, jobs=jobs, scheduler=scheduler, probe=partial(_missing_model, cost)):
+    model = cost_model(cost)
+    work = partial(plan_run, seed=seed, initial=initial, cost=model, variation=variation, collisions=collisions)
+    for run, tables in run_parallel(work, runs, jobs=jobs, scheduler=scheduler):
         if isinstance(tables, WorkerDied):
             raise LgpError(f"run {run}: {tables.reason}; finished runs are kept, repeat the command with fewer --jobs")
         yield tables
 
 
-def _missing_model(cost: str) -> str:
-    """Why a worker cannot plan, "" if it can: the cost model must be readable there."""
-    known = cost in models() or Path(cost).is_file()
-    return "" if known else f"cannot read {cost}; keep the model where every worker finds it under the same path"
-
-
 @lru_cache(maxsize=1)
-def _world_and_cost(cost: str, variation: SceneVariation) -> tuple[World, Ergonomics]:
+def _world_and_cost(cost: CostModel, variation: SceneVariation) -> tuple[World, Ergonomics]:
     """Kinematics and ergonomic cost of a variation; each process keeps those of the last one."""
     world = World(variation.scene(SCENE))
-    return world, Ergonomics(world, dreba.load(Path(cost) if Path(cost).is_file() else cost))
+    return world, Ergonomics(world, cost.model())
 
 
 def _conditions(

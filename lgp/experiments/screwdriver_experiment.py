@@ -9,15 +9,18 @@ from typing import Any
 
 from lgp.defaults import COST
 from lgp.errors import LgpError
+from lgp.experiments.cost_model import cost_model
 from lgp.experiments.report import write_results
 from lgp.experiments.runs import STARTS, RunStore
 from lgp.experiments.screwdriver import DEPTH, SCENE, plan_runs
 from lgp.experiments.sensitivity import sensitivity_table
+from lgp.files import EXPERIMENT_FILES
 from lgp.kinematics.reachability import reachability
 from lgp.kinematics.world import World
 from lgp.scene.scene_file import load_scene
 from lgp.statistics.paired_tests import require_statsmodels
 from reba.checks import PATH, YES_NO, accepts
+from reba.outputs import FolderOutput, check_outputs
 
 
 @accepts(LgpError, folder=PATH, cost=PATH, collisions=YES_NO)
@@ -68,16 +71,18 @@ def experiment_screwdriver(
     if initial not in STARTS:
         raise LgpError(f"initial is {initial!r}; expected one of {', '.join(STARTS)}")
     require_statsmodels()
+    check_outputs(FolderOutput(folder, EXPERIMENT_FILES), inputs=[cost], error=LgpError)
+    model = cost_model(cost)
     settings = {
         "experiment": SCENE,
         "scene": SCENE,
         "seed": seed,
-        "cost": cost,
+        **model.settings(),
         "depth": DEPTH,
         "collisions": collisions,
     }
     store = RunStore(folder, settings)
-    plan = partial(plan_runs, seed=seed, cost=cost, jobs=jobs, scheduler=scheduler, collisions=collisions)
+    plan = partial(plan_runs, seed=seed, cost=model, jobs=jobs, scheduler=scheduler, collisions=collisions)
     tables = store.complete(runs, initial, partial(plan, initial=initial), progress)
     varied = sensitivity_table(folder, sensitivity, settings, plan, on_event=on_event) if sensitivity else None
     world = World(load_scene(SCENE))

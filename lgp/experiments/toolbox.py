@@ -14,10 +14,10 @@ from typing import Any, Final
 
 import numpy as np
 
-import dreba
 from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.experiments import published
+from lgp.experiments.cost_model import cost_model
 from lgp.experiments.summary import write_summary
 from lgp.experiments.toolbox_orders import (
     GRASP_FIRST,
@@ -30,6 +30,7 @@ from lgp.experiments.toolbox_orders import (
     skeleton_of,
 )
 from lgp.experiments.toolbox_report import write_page
+from lgp.files import EXPERIMENT_FILES, SETTINGS, SUMMARY
 from lgp.kinematics.world import World
 from lgp.logic.task import Task
 from lgp.path.bounds import PathBounds
@@ -41,7 +42,8 @@ from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import Budget
 from reba.checks import PATH, YES_NO, accepts
-from reba.files import plain_data, write_atomic_stream
+from reba.files import plain_data, write_atomic, write_folder
+from reba.outputs import FolderOutput, check_outputs
 from reba.provenance import with_provenance, write_parquet
 
 SCENE: Final = "toolbox"
@@ -106,21 +108,25 @@ def experiment_toolbox(
         The content of `summary.json`.
 
     Raises:
-        LgpError: an option is wrong, or a condition has no feasible plan.
+        LgpError: an option is wrong, the folder cannot be written or holds other runs, or a condition has no feasible
+            plan.
         RebaError: a file cannot be written.
     """
     if not isinstance(folder, str | Path):
         raise LgpError(f"folder is {folder!r}; expected the path of a folder for the results")
+    check_outputs(FolderOutput(folder, EXPERIMENT_FILES), inputs=[cost], error=LgpError)
+    if (Path(folder) / SETTINGS).exists():
+        raise LgpError(f"{folder}: holds the runs of another experiment; give another folder")
     report = on_event or (lambda message: None)
     scene = load_scene(SCENE) if scene is None else scene
     task, world = task_of(scene), World(scene)
-    ergonomics = Ergonomics(world, dreba.load(Path(cost) if Path(cost).is_file() else cost))
+    model = cost_model(cost)
+    ergonomics = Ergonomics(world, model.model())
     conditions: dict[str, Condition] = {}
     for name in CONDITIONS:
         bounds = PathBounds(world, ergonomics if name == "ergonomic" else None, slices=slices)
         report(f"{name}: searching")
         conditions[name] = _plan_condition(bounds, task, scene.depth, collisions, report)
-        conditions[name].plan.save(Path(folder) / name)
 
     def weighted(weights: Weights) -> PathBounds:
         return PathBounds(world, ergonomics, weights, slices=slices, collisions=collisions)
@@ -128,14 +134,21 @@ def experiment_toolbox(
     rows = _vary_weight(weighted, task, conditions["ergonomic"].orders, ergonomic_weights, report)
     settings = {
         "scene": scene.name,
-        "cost": cost,
+        **model.settings(),
         "depth": scene.depth,
         "slices": slices or scene.slices,
         "collisions": collisions,
     }
     summary = summarise_toolbox(conditions, scene, settings, rows)
-    write_tables(Path(folder), summary, conditions, scene)
-    write_page(folder, summary, {name: one.plan for name, one in conditions.items()}, scene, command)
+    plans = {name: one.plan for name, one in conditions.items()}
+
+    def write(part: Path) -> None:
+        for name, plan in plans.items():
+            plan.save(part / name)
+        write_tables(part, summary, conditions, scene)
+        write_page(part, summary, plans, scene, command)
+
+    write_folder(folder, write, last=SUMMARY)
     return summary
 
 
@@ -261,7 +274,7 @@ def write_tables(folder: Path, summary: dict[str, Any], conditions: dict[str, Co
     """Write `summary.json`, and `runs.parquet` with one row per condition and the columns of the other experiment."""
     import pandas as pd
 
-    write_summary(folder / "summary.json", plain_data(summary))
+    write_summary(folder / SUMMARY, plain_data(summary))
     height = scene.tables["table.center"].height
     rows = []
     for name, one in conditions.items():
@@ -277,4 +290,4 @@ def write_tables(folder: Path, summary: dict[str, Any], conditions: dict[str, Co
             "seconds": one.plan.search["seconds"], "actions": "; ".join(one.plan.actions),
         })  # fmt: skip
     frame = pd.DataFrame(rows)
-    write_atomic_stream(folder / "runs.parquet", lambda part: write_parquet(frame, part))
+    write_atomic(folder / "runs.parquet", lambda part: write_parquet(frame, part))

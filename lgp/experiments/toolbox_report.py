@@ -10,6 +10,7 @@ import numpy as np
 
 from lgp.experiments.figures import COLOURS
 from lgp.experiments.toolbox_orders import ORDERS
+from lgp.files import REPORT
 from lgp.plan_record import Plan
 from lgp.scene.model import Scene
 from lgp.statistics.formatting import number
@@ -58,7 +59,7 @@ def write_page(
         chart=Markup(over_time(plans)),
         command=command,
     )
-    write_atomic(Path(folder) / "report.html", lambda part: write_text(part, html))
+    write_atomic(Path(folder) / REPORT, lambda part: write_text(part, html))
 
 
 def over_time(plans: Mapping[str, Plan]) -> str:

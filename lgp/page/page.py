@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from lgp.errors import LgpError
+from lgp.files import ASSETS, PAGE, PAGE_FILES, PICTURE_FILES, PICTURES
 from lgp.motion import Motion
 from lgp.page.pack import packed
 from lgp.page.pictures import write_pictures
@@ -25,12 +26,12 @@ from lgp.page.view import SceneAnimation, scene_animation
 from lgp.plan_record import Plan
 from reba.checks import PATH, YES_NO, accepts, instance
 from reba.extras import missing
+from reba.files import write_folder, write_text
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
+from reba.outputs import FolderOutput, check_outputs
 from reba.report.labels import LEVEL_COLOURS, TEXT_ON
 from reba.report.page import read, template
 
-ASSETS = "assets"
-PICTURES = "pictures"
 NARROW = 3.0
 """[%] Narrower spans of the ribbon have no number."""
 RING = 0.08
@@ -49,7 +50,8 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
 
     Args:
         plan: feasible.
-        folder: created if it does not exist; other files in it stay.
+        folder: created if it does not exist; other files in it stay. A former page there is replaced when this one is
+            complete.
         pictures: also draw stills and films for browsers without WebGL.
 
     Returns:
@@ -59,28 +61,26 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
         LgpError: the plan is infeasible, a package is missing, or the folder cannot be written.
     """
     check_packages()
-    out = Path(folder)
+    check_outputs(FolderOutput(folder, PAGE_FILES), error=LgpError)
     motion = Motion(plan)
     animation = scene_animation(motion)
     lines = sentences(plan.scene, motion.phases.switches)
-    try:
-        assets = out / ASSETS
-        assets.mkdir(parents=True, exist_ok=True)
+
+    def write(part: Path) -> None:
+        assets = part / ASSETS
+        assets.mkdir()
         for name, file in library_files().items():
             shutil.copyfile(file, assets / name)
         for name in ("page.css", *SCRIPTS):
-            (assets / name).write_text(read("lgp.page", f"template/{name}"), encoding="utf-8")
+            write_text(assets / name, read("lgp.page", f"template/{name}"))
         data = _script({"view": packed(animation), **_facts(plan, motion, animation, lines)})
-        (assets / "plan.js").write_text(data, encoding="utf-8")
+        write_text(assets / "plan.js", data)
         if pictures:
-            write_pictures(animation, out / PICTURES)
-        else:
-            shutil.rmtree(out / PICTURES, ignore_errors=True)
-        index = out / "index.html"
-        index.write_text(_html(plan, lines, pictures, data), encoding="utf-8")
-    except OSError as error:
-        raise LgpError(f"{out}: cannot be written ({error.strerror or error}); give another folder") from error
-    return index
+            write_pictures(animation, part / PICTURES)
+        write_text(part / PAGE, _html(plan, lines, pictures, data))
+
+    write_folder(folder, write, last=PAGE, stale=PICTURE_FILES, error=LgpError)
+    return Path(folder) / PAGE
 
 
 def _script(data: dict[str, Any]) -> str:

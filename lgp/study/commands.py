@@ -3,21 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import click
 from rich.table import Table
 
 from lgp.errors import LgpError
+from lgp.files import STUDY_FILES
 from lgp.statistics.formatting import number, p_value
 from lgp.study.scoring import PARTS, TOTAL
 from reba.cli import options_of, scoring_options
-from reba.command_line import SEED, Number, Stop, command_line, echo, json_option, print_json
+from reba.command_line import (
+    SEED,
+    Command,
+    Number,
+    Stop,
+    command_line,
+    echo,
+    json_option,
+    output_file,
+    output_folder,
+    print_json,
+)
+from reba.outputs import FileOutput, FolderOutput
 from reba.terminal import Console, Text, console
 
 
 @click.command(
+    cls=Command,
     epilog="Example: lgp study logs/ --manifest who.csv --conditions ergonomic,non-ergonomic -o results/",
     context_settings={"default_map": {"missing": "neutral"}},
 )
@@ -25,8 +38,11 @@ from reba.terminal import Console, Text, console
 @click.option("--manifest", metavar="FILE.csv", help="Table with columns file, participant, condition, [trial].")
 @click.option("--pattern", metavar="TEXT", help="Labels in file names: {participant}_{condition}_{trial}.")
 @click.option("--conditions", metavar="A,B,...", help="Conditions to compare, in order; differences are A minus B.")
-@click.option("-o", "--output", metavar="DIR", help="Write summary.json, scores.parquet and report.html there.")
-@click.option("--report", metavar="FILE.html", help="Write the HTML report to this file.")
+@click.option(
+    "-o", "--output", type=output_folder(*STUDY_FILES), metavar="DIR",
+    help="Write summary.json, scores.parquet and report.html there.",
+)  # fmt: skip
+@click.option("--report", type=output_file(), metavar="FILE.html", help="Write the HTML report to this file.")
 @scoring_options
 @json_option
 def study(
@@ -45,16 +61,19 @@ def study(
     given by --manifest or --pattern. Unmeasured angles count as neutral; --missing changes this.
     """
     from lgp.study.study import run_study
-    from reba.batch.run import check_report
 
-    check_report(report, logs)
-    if output is not None and Path(output).is_file():
-        raise LgpError(f"{output}: this is a file; give a folder for the results")
+    outputs = [FolderOutput(output, STUDY_FILES)] if output is not None else []
     chosen = [name.strip() for name in (conditions or "").split(",") if name.strip()]
     options = options_of(scoring)
     scored = run_study(
-        logs, manifest=manifest, pattern=pattern, conditions=chosen, options=options, exclude=output
-    )  # fmt: skip
+        logs,
+        manifest=manifest,
+        pattern=pattern,
+        conditions=chosen,
+        options=options,
+        exclude=output,
+        outputs=[*outputs, *([FileOutput(report)] if report is not None else [])],
+    )
     if output is not None:
         scored.save(output, command=command_line("lgp"))
     if report is not None:
@@ -69,12 +88,17 @@ def study(
         raise Stop(1)
 
 
-@click.command(epilog="Example: lgp simulate-study ergonomic=plan_a non-ergonomic=plan_b -o logs/; lgp study logs/")
+@click.command(
+    cls=Command, epilog="Example: lgp simulate-study ergonomic=plan_a non-ergonomic=plan_b -o logs/; lgp study logs/"
+)
 @click.argument("plans", nargs=-1, required=True, metavar="CONDITION=PLAN_DIR...")
 @click.option("-n", "--participants", default=10, type=click.IntRange(1, 500), show_default=True, help="Persons.")
 @click.option("--seed", default=0, type=SEED, show_default=True, help="Seed of all random draws.")
 @click.option("--rate", default=30.0, type=Number(1, 1000), show_default=True, help="Frames per second.")
-@click.option("-o", "--output", required=True, metavar="DIR", help="One MCAP log per participant and condition.")
+@click.option(
+    "-o", "--output", required=True, type=output_folder(), metavar="DIR",
+    help="One MCAP log per participant and condition.",
+)  # fmt: skip
 @json_option
 def simulate_study(
     plans: tuple[str, ...], participants: int, seed: int, rate: float, output: str, as_json: bool

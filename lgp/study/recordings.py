@@ -11,9 +11,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lgp.errors import LgpError
+from lgp.files import STUDY_FILES
 from lgp.study.labels import RECORD, Label, Pattern, read_manifest, recorded_label
 from reba.batch.run import find_inputs
 from reba.errors import RebaError
+from reba.file_stamp import Stamp, stamp_before
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,7 @@ class Sources:
         unnamed: recordings without a label.
         absent: labels of recordings in the manifest that were not made or not given.
         by_manifest: whether labels, and the order of the conditions, are those of a manifest.
+        stamps: file -> stamp of a recording from before its label was read in it.
         conditions: in their order.
     """
 
@@ -41,6 +44,7 @@ class Sources:
     unnamed: tuple[Failure, ...] = ()
     absent: tuple[Label, ...] = ()
     by_manifest: bool = False
+    stamps: dict[str, Stamp] = field(default_factory=dict)
     conditions: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -61,7 +65,8 @@ def find_sources(
         logs: files and folders of recordings; may be empty with a manifest, which then names them all.
         manifest: CSV file with the labels, instead of those in the recordings.
         pattern: of file names with the labels, instead of those in the recordings.
-        exclude: folder of results, which is not searched for recordings.
+        exclude: folder of results, which is not searched for recordings; of a folder that holds the logs too, only the
+            files of a study are left out.
 
     Raises:
         LgpError: there is no input, the manifest or pattern is wrong, no recording has a label, or two have the same.
@@ -73,14 +78,20 @@ def find_sources(
         raise LgpError("no recording was given; name files or folders, or a --manifest")
     inputs = find_inputs(logs) if logs else []
     if exclude is not None:
-        results = Path(exclude).resolve()
-        inputs = [one for one in inputs if results not in Path(one).resolve().parents]
+        inputs = [one for one in inputs if not _is_result(Path(one).resolve(), Path(exclude).resolve(), logs)]
     sources = _by_manifest(inputs, manifest) if manifest is not None else _by_name(inputs, pattern)
     if not sources.named:
         first = f"; the first: {sources.unnamed[0].error}" if sources.unnamed else ""
         raise LgpError(f"none of the {len(sources.unnamed)} recordings is labelled{first}")
     _check([*sources.named, *(("", label) for label in sources.absent)])
     return sources
+
+
+def _is_result(file: Path, results: Path, logs: Sequence[str]) -> bool:
+    """Return whether a file lies in the folder of results; where the logs are in it too, whether a study writes it."""
+    if any(results in (log, *log.parents) for log in (Path(name).resolve() for name in logs)):
+        return file in [results / name for name in STUDY_FILES]
+    return results in file.parents
 
 
 def _by_manifest(inputs: Sequence[str], manifest: str | Path) -> Sources:
@@ -105,8 +116,11 @@ def _by_name(inputs: Sequence[str], pattern: str | None) -> Sources:
     names = None if pattern is None else Pattern(pattern)
     named: list[tuple[str, Label]] = []
     unnamed: list[Failure] = []
+    stamps: dict[str, Stamp] = {}
     for one in inputs:
         try:
+            if names is None:
+                stamps[one] = stamp_before(one)
             label = recorded_label(Path(one)) if names is None else names.label(one)
         except RebaError as error:
             unnamed.append(Failure(one, str(error)))
@@ -118,7 +132,7 @@ def _by_name(inputs: Sequence[str], pattern: str | None) -> Sources:
             unnamed.append(Failure(one, f"{one}: no metadata record {RECORD!r}; {hint}"))
         else:
             unnamed.append(Failure(one, f"{one}: its name does not match {names.text}; rename it or give a manifest"))
-    return Sources(tuple(named), tuple(unnamed))
+    return Sources(tuple(named), tuple(unnamed), stamps=stamps)
 
 
 def _check(named: Iterable[tuple[str, Label]]) -> None:

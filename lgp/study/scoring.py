@@ -19,7 +19,8 @@ from lgp.study.recordings import Failure, Sources
 from reba.analysis.exposure import column, distribution, durations, level_shares
 from reba.arrays import Array
 from reba.batch.run import ScoringOptions
-from reba.errors import RebaError
+from reba.errors import ReadError, RebaError
+from reba.file_stamp import CHANGED_WHILE_READ, TRY_AGAIN, stamp_of
 from reba.posture.columns import SIDES
 from reba.scores import Scores
 
@@ -67,6 +68,8 @@ def score_sources(
     for file, label in sources.named:
         try:
             scores = options.read_and_score(file)
+            if file in sources.stamps and stamp_of(file) != sources.stamps[file]:
+                raise ReadError(file, CHANGED_WHILE_READ, hint=TRY_AGAIN)
             rows.append(row(file, label, scores))
         except RebaError as error:
             failed.append(Failure(file, str(error), label))

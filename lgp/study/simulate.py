@@ -19,7 +19,8 @@ from lgp.study.labels import RECORD, Label
 from lgp.study.movement import VARIATION, MotionVariability, Movement, perform, person
 from lgp.study.retarget import Retarget, RetargetedMotion
 from reba.arrays import Array
-from reba.files import as_json
+from reba.files import as_json, write_folder
+from reba.outputs import FolderOutput, check_outputs
 from reba.posture.columns import INDEX
 from reba.posture.table import table_of
 from reba.writers import write_postures
@@ -66,21 +67,25 @@ def simulate(
         raise LgpError(
             f"conditions {', '.join(plans)} give the same file names; choose names that differ in letters or digits"
         )
-    logs = simulated(plans, participants=participants, seed=seed, rate=rate, vary=vary, offsets=offsets)
     width = max(2, len(str(participants)))
     files = {f"{_name(n, width)}_{slug}.mcap" for n in range(participants) for slug in names.values()}
     _check_folder(output, files)
-    rows = []
-    for log in logs:
-        path = output / f"{log.label.participant}_{names[log.label.condition]}.mcap"
-        records = {RECORD: log.label.record(), SIMULATION: _parameters(log, plans, seed, vary, offsets)}
-        write_postures(table_of(log.movement.table()), path, records=records)
-        rows.append(
-            {
-                "file": path.name, "participant": log.label.participant, "condition": log.label.condition,
-                "stature": log.stature, "seconds": float(log.movement.time[-1]),
-            }
-        )  # fmt: skip
+    logs = simulated(plans, participants=participants, seed=seed, rate=rate, vary=vary, offsets=offsets)
+    rows: list[dict[str, Any]] = []
+
+    def write(part: Path) -> None:
+        for log in logs:
+            path = part / f"{log.label.participant}_{names[log.label.condition]}.mcap"
+            records = {RECORD: log.label.record(), SIMULATION: _parameters(log, plans, seed, vary, offsets)}
+            write_postures(table_of(log.movement.table()), path, records=records)
+            rows.append(
+                {
+                    "file": path.name, "participant": log.label.participant, "condition": log.label.condition,
+                    "stature": log.stature, "seconds": float(log.movement.time[-1]),
+                }
+            )  # fmt: skip
+
+    write_folder(output, write)
     return rows
 
 
@@ -169,10 +174,7 @@ def _parameters(
 
 
 def _check_folder(folder: Path, files: set[str]) -> None:
-    if not folder.exists():
-        return
-    if not folder.is_dir():
-        raise LgpError(f"{folder}: this is a file; give a folder for the logs")
+    check_outputs(FolderOutput(folder, tuple(files)), error=LgpError)
     others = sorted(path.name for path in folder.glob("*.mcap") if path.name not in files)
     if others:
         raise LgpError(f"{folder}: contains other recordings ({others[0]}), expected none; give a new folder")

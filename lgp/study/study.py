@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from lgp.errors import LgpError
+from lgp.files import REPORT, SUMMARY
 from lgp.statistics.paired_tests import require_statsmodels
 from lgp.study.analysis import analyse
 from lgp.study.conclusions import conclusion, disagreements, parts_conclusion
@@ -21,8 +22,8 @@ from lgp.study.scoring import Scored, cells, limitations, missing_cells, score_s
 from reba.batch.run import ScoringOptions
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
-from reba.files import as_json, write_atomic, write_atomic_stream, write_text
-from reba.method.rules import rules_of
+from reba.files import as_json, write_atomic, write_folder, write_text
+from reba.outputs import FileOutput, Output, check_outputs
 from reba.provenance import with_provenance, write_parquet
 
 if TYPE_CHECKING:
@@ -59,11 +60,13 @@ class Study:
         Raises:
             RebaError: a file cannot be written.
         """
-        output = Path(folder)
-        text = as_json(self.summary, indent=1) + "\n"
-        write_atomic(output / "summary.json", lambda part: write_text(part, text))
-        write_atomic_stream(output / "scores.parquet", lambda part: write_parquet(self.recordings, part))
-        self.write_report(output / "report.html", command=command)
+
+        def write(part: Path) -> None:
+            write_parquet(self.recordings, part / "scores.parquet")
+            self.write_report(part / REPORT, command=command)
+            write_text(part / SUMMARY, as_json(self.summary, indent=1) + "\n")
+
+        write_folder(folder, write, last=SUMMARY)
 
     def write_report(self, path: str | Path, *, command: str = "") -> None:
         """Write the report as one HTML file.
@@ -74,6 +77,7 @@ class Study:
         Raises:
             RebaError: the file cannot be written.
         """
+        check_outputs(FileOutput(path))
         html = render(self.summary, command=command)
         write_atomic(Path(path), lambda part: write_text(part, html))
 
@@ -86,6 +90,7 @@ def run_study(
     conditions: Sequence[str] = (),
     options: ScoringOptions = OPTIONS,
     exclude: str | Path | None = None,
+    outputs: Sequence[Output] = (),
     on_scored: Callable[[str], None] | None = None,
 ) -> Study:
     """Score the recordings of participants in several conditions, and compare the conditions with paired tests.
@@ -103,6 +108,8 @@ def run_study(
             names. Differences are earlier minus later.
         options: for reading and scoring; by default unmeasured angles count as neutral.
         exclude: folder of results, which is not searched for recordings.
+        outputs: what will be written of the study, `reba.outputs`: refused before the scoring where it cannot be
+            written or would replace a recording.
         on_scored: called with the path of each recording after it was scored.
 
     Returns:
@@ -118,10 +125,10 @@ def run_study(
     if isinstance(conditions, str) or not isinstance(conditions, Sequence):
         raise LgpError(f"conditions is {conditions!r}; expected a list of names such as ['ergonomic', 'non-ergonomic']")
     require_statsmodels()
-    rules_of(options.rules)
-    sources, order, ignored = choose(
-        find_sources([str(path) for path in paths], manifest, pattern, exclude), conditions
-    )
+    options = options.with_files_read()
+    labelled = find_sources([str(path) for path in paths], manifest, pattern, exclude)
+    check_outputs(*outputs, inputs=[*(file for file, _ in labelled.named), *(one.input for one in labelled.unnamed)])
+    sources, order, ignored = choose(labelled, conditions)
     scored, failure = score_sources(sources, options, on_scored)
     if failure is not None:
         raise LgpError(f"none of the recordings can be scored; the first: {failure.error}")

@@ -14,26 +14,24 @@ import hashlib
 import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
 
 from reba._version import __version__
-from reba.batch.manifest import FAILED, SCORED, Content, Entry, Manifest, size_and_mtime
+from reba.batch.manifest import FAILED, LOCK, PARTITION, SCORED, Content, Entry, Manifest
 from reba.batch.run import RecordingResult, ScoringOptions
 from reba.errors import RebaError
+from reba.file_stamp import stamp_of
 from reba.files import lock_exclusively
 from reba.method.rules import rules_of
-from reba.open_file import open_regular, read_settings
+from reba.open_file import open_regular
+from reba.readers.recording.profile import Profile, profiles
 
 SCORES_FILE: Final = "scores.parquet"
 """Name of the one file of a recording."""
-PARTITION: Final = "recording="
-"""Prefix of a recording's folder: the partition column of the hive layout."""
-LOCK: Final = "_lock"
-"""File that is locked while a command writes to the dataset; not empty after a command that was killed."""
 MAX_NAME: Final = 200
 """Characters of a recording's name, percent-encoded; file systems accept 255, the prefix and a hash are added."""
 NEW: Final = "new"
@@ -81,6 +79,7 @@ class Dataset:
                 f"{folder}: cannot be written to ({error.strerror or error}); choose another folder"
             ) from error
         self.token = os.urandom(8).hex()
+        self._paths: dict[str, str] = {}
         try:
             if not lock_exclusively(self._lock.fileno()):
                 raise RebaError(
@@ -114,7 +113,7 @@ class Dataset:
             rescore_all: include unchanged recordings.
         """
         pending = []
-        for path, name in {str(Path(name).resolve()): name for name in inputs}.items():
+        for path, name in {self._path(name): name for name in inputs}.items():
             entry = self.manifest.entries.get(path)
             reason = NEW if entry is None else self._reason(entry, path, settings)
             if not reason and rescore_all:
@@ -149,7 +148,7 @@ class Dataset:
             summary.pop(name, None)
         line = {
             "recording": pending.recording,
-            "input": str(Path(pending.input).resolve()),
+            "input": pending.path,
             **asdict(content),
             **settings,
             "outcome": FAILED if failed else SCORED,
@@ -164,14 +163,14 @@ class Dataset:
         self.manifest.append(line)
 
     def confirm(self, pending: PendingRecording, content: Content) -> None:
-        """Append a line for a recording whose modification time changed but whose content did not."""
-        line = self.manifest.line(self.manifest.entries[str(Path(pending.input).resolve())])
+        """Append a line for a recording whose times changed but whose content did not."""
+        line = self.manifest.line(self.manifest.entries[pending.path])
         self.manifest.append({**line, **asdict(content)})
 
     def results(self, inputs: Iterable[str]) -> Iterator[RecordingResult]:
         """Yield the result of each recording in the manifest, read one by one."""
         for name in inputs:
-            entry = self.manifest.entries.get(str(Path(name).resolve()))
+            entry = self.manifest.entries.get(self._path(name))
             if entry is None:
                 continue
             line = self.manifest.line(entry)
@@ -196,7 +195,13 @@ class Dataset:
             return FAILED_BEFORE
         if not self.output(entry.recording).is_file():
             return MISSING_SCORES
-        return "" if size_and_mtime(path) == (entry.size, entry.modified) else CHANGED
+        now = stamp_of(path)
+        then = (entry.size, entry.modified, entry.changed)
+        return "" if (now.size, now.modified, now.changed) == then else CHANGED
+
+    def _path(self, name: str) -> str:
+        """Return the absolute path of an input without links: that of the first time it is asked for."""
+        return self._paths.setdefault(name, str(Path(name).resolve()))
 
     def _unique_name(self, path: str) -> str:
         """Return a unique name in the dataset: the file name, with a hash of the path if another recording has it."""
@@ -229,16 +234,20 @@ class Dataset:
 
 
 def scoring_settings(options: ScoringOptions) -> dict[str, Any]:
-    """Return everything but the recording that determines scores, as fields of a manifest line."""
-    rules = rules_of(options.rules)
-    values = asdict(replace(options, rules=rules.name))
-    del values["rules"]
-    if Path(options.profile).is_file():
-        values["profile"] = f"{Path(options.profile).name} {_digest(read_settings(options.profile).encode())}"
+    """Return everything but the recording that determines scores, as fields of a manifest line.
+
+    Raises:
+        RebaError: a file of rules or a profile cannot be used.
+    """
+    options = options.with_files_read()
+    rules, profile = rules_of(options.rules), options.profile
+    values = {name: value for name, value in vars(options).items() if name != "rules"}
+    if isinstance(profile, Profile):
+        values["profile"] = profile.name if profile in profiles() else f"{profile.name} {_digest(asdict(profile))}"
     return {
         "version": __version__,
         "rules": rules.name,
-        "rules_hash": _digest(json.dumps(asdict(rules), sort_keys=True).encode()),
+        "rules_hash": _digest(asdict(rules)),
         "options": values,
     }
 
@@ -250,8 +259,8 @@ def _encoded(recording: str) -> str:
     return f"{text.removesuffix('.parquet')}%2Eparquet" if text.endswith(".parquet") else text
 
 
-def _digest(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()[:16]
+def _digest(fields: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _remove_scores(file: Path) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -12,11 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from reba.batch.dataset import LOCK, Dataset, PendingRecording, scoring_settings
-from reba.batch.manifest import Content, content_hash, size_and_mtime
+from reba.batch.dataset import Dataset, PendingRecording, scoring_settings
+from reba.batch.manifest import LOCK, Content, content_hash
 from reba.batch.parallel import run_parallel
 from reba.batch.run import RecordingResult, ScoringOptions, access_problem, score_one
 from reba.batch.worker_pool import WorkerDied
+from reba.errors import ReadError
+from reba.file_stamp import CHANGED_WHILE_READ, TRY_AGAIN, stamp_before, stamp_of
 from reba.scores import Scores
 
 
@@ -79,6 +79,7 @@ def score_into(
         on_done: called with the name of each finished recording.
     """
     start = time.perf_counter()
+    options = options.with_files_read()
     settings = scoring_settings(options)
     pending = dataset.pending(inputs, settings, rescore_all=keep_scores)
     recordings = len({Path(name).resolve() for name in inputs})
@@ -86,7 +87,7 @@ def score_into(
     remote = scheduler is not None
     work = partial(
         score_pending,
-        options=options.with_absolute_paths() if remote else options,
+        options=options,
         keep_scores=keep_scores,
         remote=remote,
     )
@@ -113,14 +114,15 @@ def score_pending(
     """
     start = time.perf_counter()
     path = pending.path if remote else pending.input
-    size, modified = size_and_mtime(path)
-    if pending.previous_hash and content_hash(path) == pending.previous_hash:
-        return ScoredRecording(None, Content(size, modified, pending.previous_hash), time.perf_counter() - start)
-    result = score_one(path, pending.output, options, keep_scores)
-    if result.error is None:
-        _sync_to_disk(pending.output)
-    content = Content(size, modified, result.hash or content_hash(path))
-    return ScoredRecording(result, content, time.perf_counter() - start)
+    before = stamp_before(path)
+    result: RecordingResult | None = None
+    digest = content_hash(path) if pending.previous_hash else ""
+    if not digest or digest != pending.previous_hash:
+        result = score_one(path, pending.output, options, keep_scores)
+        digest = result.hash or content_hash(path)
+    if before.place != pending.path or stamp_of(path) != before:
+        result = RecordingResult(path, error=str(ReadError(path, CHANGED_WHILE_READ, hint=TRY_AGAIN)))
+    return ScoredRecording(result, Content.of(before, digest), time.perf_counter() - start)
 
 
 def _record(
@@ -133,7 +135,7 @@ def _record(
     """Append a result to the manifest and count it."""
     if isinstance(scored, WorkerDied):
         failure = RecordingResult(pending.input, error=f"{pending.input}: {scored.reason}")
-        scored = ScoredRecording(failure, Content(*size_and_mtime(pending.path), content_hash(pending.path)), 0.0)
+        scored = ScoredRecording(failure, Content.of(stamp_of(pending.path), content_hash(pending.path)), 0.0)
     result = scored.result
     if result is None:
         dataset.confirm(pending, scored.content)
@@ -145,14 +147,3 @@ def _record(
     run.frames += 0 if result.summary is None else result.summary["frames"]
     if result.scores is not None:
         run.scores[pending.input] = result.scores
-
-
-def _sync_to_disk(file: Path) -> None:
-    """Write a file and its directory entry to disk (fsync), so that a power cut does not lose them."""
-    for path in (file, file.parent):
-        with contextlib.suppress(OSError):  # some systems refuse fsync of a folder
-            handle = os.open(path, os.O_RDONLY)
-            try:
-                os.fsync(handle)
-            finally:
-                os.close(handle)

@@ -16,11 +16,16 @@ from pathlib import Path
 from typing import Any, Final
 
 from reba.errors import RebaError
+from reba.file_stamp import Stamp, files_of
 from reba.files import as_json, sha256_of
 from reba.open_file import open_regular
 
 MANIFEST: Final = "_manifest.jsonl"
 """File name; readers of Parquet datasets ignore names that begin with an underscore."""
+LOCK: Final = "_lock"
+"""File that is locked while a command writes to the dataset; not empty after a command that was killed."""
+PARTITION: Final = "recording="
+"""Prefix of a recording's folder: the partition column of the hive layout."""
 SYNC_SECONDS: Final = 0.5
 """[s] Between two fsync calls: a power cut loses lines of this time at most, the end of this process loses none."""
 SCORED: Final = "scored"
@@ -28,7 +33,10 @@ FAILED: Final = "failed"
 FIELDS: Final = (
     "recording", "input", "size", "modified", "hash", "version", "rules", "rules_hash", "options", "outcome",
 )  # fmt: skip
-"""Fields that are required in every line; `output`, `error`, `seconds`, `frames`, `finished` and `summary` follow."""
+"""Fields that are required in every line; `output`, `error`, `seconds`, `frames`, `finished` and `summary` follow.
+
+`changed` is missing in lines of former versions: their recordings are compared by hash once.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +45,7 @@ class Entry:
 
     Attributes:
         recording: name in the dataset.
-        size, modified, hash: of the input, as in `Content`.
+        size, modified, changed, hash: of the input, as in `Content`.
         version, rules_hash, options: of the scoring; options as JSON text.
         outcome: `SCORED` or `FAILED`.
         offset, length: of the line in the manifest [bytes].
@@ -46,6 +54,7 @@ class Entry:
     recording: str
     size: int
     modified: int
+    changed: int | None
     hash: str
     version: str
     rules_hash: str
@@ -138,7 +147,10 @@ class Manifest:
             # Most lines have equal options: sharing one text keeps the memory of a million entries small.
             previous = next(reversed(self.entries.values())).options
             text = previous if previous == text else text
-        self.entries[path] = Entry(recording, size, modified, digest, version, rules, text, outcome, offset, length)
+        changed = line.get("changed")
+        self.entries[path] = Entry(
+            recording, size, modified, changed, digest, version, rules, text, outcome, offset, length
+        )
 
 
 @dataclass(frozen=True)
@@ -146,23 +158,19 @@ class Content:
     """Identity of the content of a recording.
 
     Attributes:
-        size: of all its files [bytes].
-        modified: latest modification time of its files [ns since 1970].
+        size, modified, changed: as in `reba.file_stamp.Stamp`.
         hash: SHA-256 of a file; for a folder of the names and hashes of its files.
     """
 
     size: int
     modified: int
+    changed: int
     hash: str
 
-
-def size_and_mtime(path: str | Path) -> tuple[int, int]:
-    """Return size [bytes] and latest modification time [ns since 1970] of a file or folder; (-1, -1) if unreadable."""
-    try:
-        stats = [os.stat(file) for file in _files(Path(path))]
-    except OSError:
-        return -1, -1
-    return sum(stat.st_size for stat in stats), max((stat.st_mtime_ns for stat in stats), default=0)
+    @classmethod
+    def of(cls, stamp: Stamp, digest: str) -> Content:
+        """Return the content with this hash of a file that has this stamp."""
+        return cls(stamp.size, stamp.modified, stamp.changed, digest)
 
 
 def content_hash(path: str | Path) -> str:
@@ -171,14 +179,7 @@ def content_hash(path: str | Path) -> str:
     try:
         if not source.is_dir():
             return sha256_of(source)
-        lines = [f"{file.relative_to(source)} {sha256_of(file)}\n" for file in _files(source)]
+        lines = [f"{file.name} {sha256_of(file)}\n" for file in files_of(source)]
     except OSError:
         return ""
     return hashlib.sha256("".join(lines).encode(errors="surrogateescape")).hexdigest()
-
-
-def _files(path: Path) -> Iterator[Path]:
-    if not path.is_dir():
-        yield path
-        return
-    yield from sorted(file for file in path.rglob("*") if file.is_file())

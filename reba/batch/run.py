@@ -10,15 +10,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from reba.batch.manifest import MANIFEST
+from reba.batch.manifest import LOCK, MANIFEST, PARTITION
 from reba.batch.parallel import run_parallel
 from reba.batch.worker_pool import WorkerDied
 from reba.errors import RebaError
+from reba.method.rules import Rules, rules_of
 from reba.method.scoring import Missing
 from reba.open_file import read_settings
+from reba.outputs import FileOutput, FolderOutput, check_outputs
 from reba.readers import is_recording, is_recording_folder, read
+from reba.readers.recording.profile import Profile, find_profile
 from reba.scores import Scores, score
-from reba.writers import SUFFIXES, write_scores
+from reba.writers import SUFFIXES, table_output, write_scores
 
 SCORED_SUFFIX: Final = ".scores.parquet"
 """Ending of score tables that versions before datasets wrote beside recordings; not taken as recordings."""
@@ -28,11 +31,11 @@ SCORED_SUFFIX: Final = ".scores.parquet"
 class ScoringOptions:
     """How recordings are read and scored; the same for every input of a command."""
 
-    profile: str = "auto"
+    profile: str | Path | Profile = "auto"
     topic: str | None = None
     neutral: str = "none"
     strict: bool = False
-    rules: str = "measured"
+    rules: str | Path | Rules = "measured"
     activity: str = "auto"
     missing: Missing = "range"
     factors: dict[str, Any] = field(default_factory=dict)
@@ -46,9 +49,14 @@ class ScoringOptions:
         postures = read(path, profile=self.profile, topic=self.topic, neutral=self.neutral, strict=self.strict)
         return score(postures, rules=self.rules, activity=self.activity, missing=self.missing, **self.factors)
 
-    def with_absolute_paths(self) -> ScoringOptions:
-        """Return equal options for a process with another working folder."""
-        return replace(self, rules=_absolute_if_file(self.rules), profile=_absolute_if_file(self.profile))
+    def with_files_read(self) -> ScoringOptions:
+        """Return equal options with the content of files of rules and profiles, so that all recordings get the same.
+
+        Raises:
+            RebaError: a file cannot be used.
+        """
+        profile = self.profile if str(self.profile) == "auto" else find_profile(self.profile)
+        return replace(self, rules=rules_of(self.rules), profile=profile)
 
 
 @dataclass(frozen=True)
@@ -116,41 +124,52 @@ def _recordings_in(top: Path) -> list[Path]:
     return sorted(recordings)
 
 
-def plan_output(inputs: Sequence[str], output: str | None) -> tuple[Path | None, Path | None]:
+def scores_output(output: str) -> FileOutput | FolderOutput:
+    """Return what is written for the scores: an ending of a table names a file, any other name a dataset's folder."""
+    named_folder = output.endswith(("/", os.sep)) or os.path.isdir(output)
+    if Path(output).suffix.lower() in SUFFIXES and not named_folder:
+        return table_output(output)
+    return FolderOutput(output, (MANIFEST, LOCK, f"{PARTITION}*/*"))
+
+
+def plan_outputs(
+    names: Sequence[str], inputs: Sequence[str], output: str | None, report: str | None
+) -> tuple[Path | None, Path | None]:
     """Return (file, folder) for the scores: one of them, or neither without an output.
 
-    With one input an ending of .parquet, .csv or .mcap names a file; any other output is the folder of a
-    `reba.batch.dataset`.
+    Args:
+        names: files and folders as given.
+        inputs: the recordings in them, `find_inputs`.
+        output: file, or folder of a `reba.batch.dataset`.
+        report: file.
 
     Raises:
-        RebaError: several inputs but one output file, a file that is the recording, or an unknown ending.
+        RebaError: an output cannot be written, would replace a recording or another output, or the same command would
+            find other recordings once it is written; several inputs but one output file, or an unknown ending.
     """
+    target = None if output is None else scores_output(output)
+    check_outputs(target, None if report is None else FileOutput(report), inputs=inputs)
     if output is None:
         return None, None
-    target = Path(output)
-    if target.suffix.lower() in SUFFIXES and not target.is_dir():
+    path = Path(output)
+    if isinstance(target, FileOutput):
         if len(inputs) > 1:
             raise RebaError(f"{output}: one file cannot contain the scores of {len(inputs)} recordings; give a folder")
-        if target.resolve() == Path(inputs[0]).resolve():
-            raise RebaError(f"{output}: this is the recording itself and would be lost; choose another name")
-        return target, None
-    if target.suffix and not target.is_dir() and len(inputs) == 1 and not output.endswith(("/", "\\")):
-        raise RebaError(f"{output}: ending {target.suffix!r} is unknown; choose .parquet, .csv, .mcap or a folder")
-    if not output or target.is_file():
-        raise RebaError(f"{output or 'an empty name'}: this is not a folder; give a folder for the scores")
-    return None, target
+        if _searched(path.resolve().parent, names):
+            raise RebaError(f"{output}: lies in a folder that is searched for recordings; choose a place outside")
+        return path, None
+    if path.suffix and not path.is_dir() and len(inputs) == 1 and not output.endswith(("/", os.sep)):
+        raise RebaError(f"{output}: ending {path.suffix!r} is unknown; choose .parquet, .csv, .mcap or a folder")
+    folder = path.resolve()
+    if _searched(folder, names) and any(folder in Path(name).resolve().parents for name in inputs):
+        hint = f"give another folder, such as {path / 'scores'}"
+        raise RebaError(f"{output}: holds recordings, which a folder of scores is not searched for; {hint}")
+    return None, path
 
 
-def check_report(report: str | None, inputs: Sequence[str], output: Path | None = None) -> None:
-    """Refuse a path of the report that is a recording, the score table or a folder, before anything is scored."""
-    if report is None:
-        return
-    target = Path(report)
-    if target.is_dir() or not report:
-        raise RebaError(f"{report or 'an empty name'}: a report is one file; give a name like report.html")
-    for other, kind in [*((name, "recording") for name in inputs), (output, "score table")]:
-        if other is not None and target.resolve() == Path(other).resolve():
-            raise RebaError(f"{report}: this is a {kind} and would be lost; choose another name for the report")
+def _searched(folder: Path, names: Sequence[str]) -> bool:
+    """Return whether a folder is one of those, or below one, that are searched for recordings."""
+    return any(Path(name).is_dir() and Path(name).resolve() in (folder, *folder.parents) for name in names)
 
 
 def score_one(path: str, output: Path | None, options: ScoringOptions, keep_scores: bool = False) -> RecordingResult:
@@ -191,7 +210,7 @@ def score_many(
     """
     remote = scheduler is not None
     target = output.resolve() if remote and output is not None else output
-    options = options.with_absolute_paths() if remote else options
+    options = options.with_files_read()
     work = partial(_score_numbered, output=target, options=options, keep_scores=keep_scores)
     tasks = [(number, str(Path(name).resolve()) if remote else name) for number, name in enumerate(inputs)]
     results: dict[int, RecordingResult] = {}
@@ -231,7 +250,3 @@ def _score_numbered(
     task: tuple[int, str], *, output: Path | None, options: ScoringOptions, keep_scores: bool
 ) -> RecordingResult:
     return score_one(task[1], output, options, keep_scores)
-
-
-def _absolute_if_file(name: str) -> str:
-    return str(Path(name).resolve()) if Path(name).is_file() else name

@@ -9,13 +9,15 @@ from pathlib import Path
 
 from reba.checks import PATH, TEXT, YES_NO, accepts
 from reba.errors import RebaError
+from reba.file_stamp import unchanged
 from reba.posture.table import PostureTable
 from reba.readers import formats
 from reba.readers.build_table import build_table
 from reba.readers.formats import open_recording
 from reba.readers.quality_control import parse_neutral
 from reba.readers.recognise import choose
-from reba.readers.recording.profile import find_profile, profiles
+from reba.readers.recording.profile import PROFILE, Profile, find_profile, profiles
+from reba.recording_folder import is_recording_folder
 
 __all__ = ["is_recording", "is_recording_folder", "read"]
 
@@ -25,16 +27,11 @@ def is_recording(path: Path) -> bool:
     return formats.is_recording(path)
 
 
-def is_recording_folder(path: Path) -> bool:
-    """Return whether a folder is one recording in splits, and not a folder of recordings."""
-    return formats.is_recording_folder(path)
-
-
-@accepts(RebaError, path=PATH, profile=PATH, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO)
+@accepts(RebaError, path=PATH, profile=PROFILE, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO)
 def read(
     path: str | Path,
     *,
-    profile: str | Path = "auto",
+    profile: str | Path | Profile = "auto",
     topic: str | None = None,
     neutral: str = "none",
     strict: bool = False,
@@ -43,7 +40,7 @@ def read(
 
     Args:
         path: MCAP file or rosbag2 folder, BVH, C3D, TRC, OpenSim .mot/.sto, MVNX, CSV or Parquet.
-        profile: "auto", the name of a shipped profile (`reba profiles`), or a TOML file.
+        profile: "auto", the name of a shipped profile (`reba profiles`), a TOML file, or what one of them was read as.
         topic: name of the stream, id of the body, or "<stream>#<id>", where a recording has several.
         neutral: posture to subtract as zero: "none", "first:3s" (median of the first 3 s) or "at:12.5" (around 12.5 s).
         strict: refuse a truncated recording instead of reading it up to its end.
@@ -52,12 +49,13 @@ def read(
         The posture table: angles [deg] over time [s], with what was recognised, assumed and not measured.
 
     Raises:
-        ReadError: the format is unknown, or the file is damaged or has no posture.
+        ReadError: the format is unknown, the file is damaged or has no posture, or it changed while it was read.
         ProfileError: no profile fits, two fit equally, or the recording has several bodies.
         RebaError: `neutral` is wrong.
     """
     parse_neutral(neutral)
     known = profiles() if str(profile) == "auto" else (find_profile(profile),)
-    recording = open_recording(path, strict=strict)
-    match = choose(recording, known, topic, named=str(profile) != "auto")
-    return build_table(recording, match, neutral=neutral, strict=strict)
+    with unchanged(path):
+        recording = open_recording(path, strict=strict)
+        match = choose(recording, known, topic, named=str(profile) != "auto")
+        return build_table(recording, match, neutral=neutral, strict=strict)

@@ -11,13 +11,14 @@ import numpy as np
 
 from reba.checks import PATH, TEXT, YES_NO, accepts
 from reba.errors import ProfileError, RebaError
+from reba.file_stamp import unchanged
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
 from reba.readers.build_table import build_table
 from reba.readers.formats import open_recording
 from reba.readers.quality_control import parse_neutral
 from reba.readers.recognise import Match, choose, matches
-from reba.readers.recording.profile import Profile, find_profile, profiles
+from reba.readers.recording.profile import PROFILE, Profile, find_profile, profiles
 from reba.readers.recording.stream import Recording
 
 MOST_ALTERNATIVES = 5
@@ -84,11 +85,11 @@ class Info:
         return result
 
 
-@accepts(RebaError, path=PATH, profile=PATH, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO)
+@accepts(RebaError, path=PATH, profile=PROFILE, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO)
 def info(
     path: str | Path,
     *,
-    profile: str | Path = "auto",
+    profile: str | Path | Profile = "auto",
     topic: str | None = None,
     neutral: str = "none",
     strict: bool = False,
@@ -98,13 +99,20 @@ def info(
     A recording in which no profile is recognised is not an error here: the summary has its topics and the reason.
 
     Raises:
-        ReadError: the file is unknown, damaged or empty.
+        ReadError: the file is unknown, damaged or empty, or changed while it was read.
         ProfileError: the named profile does not exist or is wrong.
         RebaError: `neutral` is wrong.
     """
     parse_neutral(neutral)
     named = str(profile) != "auto"
     known = (find_profile(profile),) if named else profiles()
+    with unchanged(path):
+        return _inspected(path, known, topic, neutral, named, strict)
+
+
+def _inspected(
+    path: str | Path, known: tuple[Profile, ...], topic: str | None, neutral: str, named: bool, strict: bool
+) -> Info:
     recording = open_recording(path, strict=strict)
     topics = tuple(asdict(entry) for entry in recording.topics)
     start = Info(str(path), recording.format, topics, warnings=tuple(recording.log.warnings))

@@ -15,6 +15,7 @@ from reba.analysis.score_table import SCORES
 from reba.checks import PATH, shown
 from reba.errors import RebaError
 from reba.files import write_atomic, write_text
+from reba.outputs import FileOutput, check_outputs
 from reba.report.page import page
 from reba.scores import Scores
 
@@ -43,7 +44,7 @@ def write_report(scores: Recordings, path: str | Path, *, command: str = "") -> 
         command: command line to show, with which the report can be reproduced.
 
     Raises:
-        RebaError: no recording was given, or the file cannot be written.
+        RebaError: no recording was given, the file cannot be written, or it is a recording.
 
     Example:
         >>> import tempfile, pandas, reba
@@ -58,10 +59,11 @@ def write_report(scores: Recordings, path: str | Path, *, command: str = "") -> 
             "write_report(path, scores) is deprecated; use write_report(scores, path)", DeprecationWarning, stacklevel=2
         )
         scores, path = path, scores  # type: ignore[assignment]
-    several = list(scores) if isinstance(scores, list | tuple) else [scores]
+    several: list[Scores] = list(scores) if isinstance(scores, list | tuple) else [scores]  # type: ignore[list-item]
     if not all(SCORES.fits(each) for each in several):
         raise RebaError(f"write_report: scores is {shown(scores)}; expected {SCORES.expected}, or a list of these")
     if not PATH.fits(path):
         raise RebaError(f"write_report: path is {shown(path)}; expected {PATH.expected}")
+    check_outputs(FileOutput(path), inputs=[each.postures.source for each in several])
     html = render(scores, command=command)
     write_atomic(Path(path), lambda part: write_text(part, html))

@@ -21,6 +21,7 @@ from reba.cells import cells_of
 from reba.checks import PATH, accepts, instance
 from reba.errors import RebaError
 from reba.files import as_json, write_atomic, write_atomic_stream, write_text
+from reba.outputs import FileOutput, check_outputs
 from reba.posture.factors import FACTORS
 from reba.posture.table import PostureTable
 from reba.provenance import parquet_metadata, with_provenance
@@ -30,6 +31,13 @@ from reba.writers.mcap import write_mcap
 BLOCK_ROWS: Final = 16_384
 """Rows converted at a time, so that writing one hour (360,000 rows at 100 Hz) needs no second copy of the table."""
 SUFFIXES: Final = (".parquet", ".csv", ".mcap")
+ABOUT: Final = ".meta.json"
+"""Ending of the file beside a CSV, added to its name."""
+
+
+def table_output(path: str | Path) -> FileOutput:
+    """Return what is written for a table of this name."""
+    return FileOutput(path, SUFFIXES, (ABOUT,) if Path(path).suffix.lower() == ".csv" else ())
 
 
 @accepts(RebaError, scores=SCORES, path=PATH)
@@ -43,7 +51,7 @@ def write_scores(scores: Scores, path: str | Path) -> None:
         path: file to write; its folder is created if missing.
 
     Raises:
-        RebaError: unknown ending, or the file cannot be written.
+        RebaError: unknown ending, the file cannot be written, or it is the recording itself.
     """
     _write(scores.data, _score_metadata(scores), Path(path), scores.postures, "scores")
 
@@ -60,7 +68,8 @@ def write_postures(
         records: further metadata records of an .mcap: name -> text by key.
 
     Raises:
-        RebaError: unknown ending, records for a format other than .mcap, or the file cannot be written.
+        RebaError: unknown ending, records for a format other than .mcap, the file cannot be written, or it is the
+            recording itself.
     """
     if records and Path(path).suffix.lower() != ".mcap":
         raise RebaError(f"{path}: metadata records need an .mcap file; choose the ending .mcap")
@@ -107,17 +116,19 @@ def _write(
     kind: str,
     records: Mapping[str, Mapping[str, str]] | None = None,
 ) -> None:
+    check_outputs(table_output(path), inputs=[postures.source])
     suffix = path.suffix.lower()
     if suffix == ".parquet":
         write_atomic_stream(path, lambda part: _write_parquet(data, metadata, part))
     elif suffix == ".csv":
-        write_atomic(path, lambda part: cells_of(data).to_csv(part, index=False, chunksize=BLOCK_ROWS))
         text = as_json(with_provenance(metadata), indent=1) + "\n"
-        write_atomic(path.with_name(path.name + ".meta.json"), lambda part: write_text(part, text))
-    elif suffix == ".mcap":
-        write_atomic(path, lambda part: write_mcap(data, with_provenance(metadata), part, postures, kind, records))
+        write_atomic(
+            path,
+            lambda part: cells_of(data).to_csv(part, index=False, chunksize=BLOCK_ROWS),
+            beside={ABOUT: lambda part: write_text(part, text)},
+        )
     else:
-        raise RebaError(f"{path}: ending {suffix!r} is unknown; choose one of {', '.join(SUFFIXES)}")
+        write_atomic(path, lambda part: write_mcap(data, with_provenance(metadata), part, postures, kind, records))
 
 
 def _write_parquet(data: pd.DataFrame, metadata: dict[str, Any], stream: BinaryIO) -> None:

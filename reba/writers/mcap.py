@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from reba.files import as_json
+from reba.errors import ReadError
+from reba.file_stamp import TRY_AGAIN, unchanged
+from reba.files import as_json, sha256_of
 from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
@@ -59,7 +61,10 @@ def write_mcap(
         messages = _json_messages(data, postures.epoch)
         source = Path(postures.source)
         if kind == "scores" and source.is_file() and _is_mcap(source):
-            _merge_with_source(writer, source, channel, messages)
+            with unchanged(source):
+                if postures.quality.sha256 not in ("", sha256_of(source)):
+                    raise ReadError(source, "changed after it was read", hint=TRY_AGAIN)
+                _merge_with_source(writer, source, channel, messages)
         else:
             for stamp, text in messages:
                 writer.add_message(channel, stamp, text, stamp)

@@ -183,7 +183,7 @@ def test_inputs_are_never_written_over(run: Run, model: Path, tmp_path: Path) ->
     ):
         code, _, err = run(*words)
         assert code == 2
-        says(err, words[-2], words[-1], "choose another name")
+        says(err, words[-1], "input", "choose another name")
     assert (model.read_bytes(), poses.read_bytes()) == before
 
 

@@ -116,7 +116,7 @@ def test_parallel_scoring_gives_the_same(run: Run, tmp_path: Path) -> None:
         (["score", ASSEMBLY, "-o", "scores.docx"], (".docx", ".parquet")),
         (["score", ASSEMBLY, "--missing", "error"], ("not measured",)),
         (["score", ASSEMBLY, "--profile", "xsenss"], ("xsenss", "xsens")),
-        (["convert", ASSEMBLY, "-o", ASSEMBLY], (ASSEMBLY, "recording itself", "choose another name")),
+        (["convert", ASSEMBLY, "-o", ASSEMBLY], (ASSEMBLY, "also an input", "choose another name")),
         (["frobnicate"], ("frobnicate",)),
     ],
 )

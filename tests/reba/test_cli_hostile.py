@@ -17,7 +17,7 @@ import pytest
 
 import reba
 from reba.batch.dataset import Dataset, scoring_settings
-from reba.batch.run import ScoringOptions, check_report, find_inputs, plan_output
+from reba.batch.run import ScoringOptions, find_inputs, plan_outputs
 from reba.cli import main
 from reba.errors import RebaError
 from tests.support.says import says
@@ -58,18 +58,8 @@ def test_a_report_never_replaces_a_recording(table: Path, command: str) -> None:
     for place in (table, link):
         done = start([command, *inputs, "--report", place])
         assert done.returncode == 2
-        says(done.stderr, place, "recording", "choose another name")
+        says(done.stderr, place, "also an input", "choose another name")
     assert table.read_text() == TABLE
-
-
-def test_a_report_is_refused_before_the_work(tmp_path: Path) -> None:
-    with pytest.raises(RebaError) as error:
-        check_report("out.csv", ["a.mcap"], Path("out.csv"))
-    says(error, "out.csv", "score table", "choose another name")
-    with pytest.raises(RebaError) as error:
-        check_report(str(tmp_path), ["a.mcap"])
-    says(error, tmp_path, "one file", "report.html")
-    check_report("new.html", ["a.mcap"], None)
 
 
 def test_a_folder_may_link_to_itself_and_hold_its_scores(table: Path, tmp_path: Path) -> None:
@@ -88,7 +78,7 @@ def test_an_empty_name_is_no_folder(monkeypatch: pytest.MonkeyPatch, table: Path
     with pytest.raises(RebaError) as error:
         find_inputs([""])
     says(error, "empty name", "check the path")
-    assert plan_output(["."], "out") == (None, Path("out"))
+    assert plan_outputs(["."], ["."], "out", None) == (None, Path("out"))
     with Dataset("out") as dataset:
         (pending,) = dataset.pending(["."], scoring_settings(ScoringOptions()))
     assert pending.recording == table.parent.name

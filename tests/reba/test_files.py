@@ -1,17 +1,20 @@
-"""Strict JSON, and files that are written whole or not at all."""
+"""Strict JSON, and files and folders that are written whole or not at all."""
 
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Callable
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import reba
-from reba.files import as_json, plain_data, write_atomic, write_text
+from reba.files import as_json, plain_data, write_atomic, write_folder, write_text
 from tests.support.says import says
 
 VALUES: dict[str, tuple[Any, Any]] = {
@@ -69,3 +72,103 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     says(caught, path, "cannot be written", "another place")
     assert path.read_text() == "old"
     assert list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_only_regular_files_are_replaced_and_links_are_followed(tmp_path: Path) -> None:
+    (tmp_path / "full").symlink_to("/dev/full")
+    for name in ("/dev/full", tmp_path / "full", tmp_path):
+        with pytest.raises(reba.RebaError):
+            write_atomic(name, lambda part: write_text(part, "new"))
+    assert Path("/dev/full").is_char_device()
+    target, link = tmp_path / "target", tmp_path / "link"
+    link.symlink_to(target)
+    write_atomic(link, lambda part: write_text(part, "new"))
+    assert (link.is_symlink(), target.read_text()) == (True, "new")
+    long = tmp_path / ("x" * 255)
+    write_atomic(long, lambda part: write_text(part, "new"))
+    assert long.read_text() == "new"
+
+
+def plan_of(words: str, *names: str) -> Callable[[Path], None]:
+    def write(part: Path) -> None:
+        for name in names:
+            (part / name).parent.mkdir(exist_ok=True)
+            (part / name).write_text(words)
+
+    return write
+
+
+def everything(folder: Path) -> dict[str, bytes]:
+    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+def content(folder: Path) -> dict[str, str]:
+    return {str(file.relative_to(folder)): file.read_text() for file in folder.rglob("*") if file.is_file()}
+
+
+def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "plan"
+    write_folder(folder, plan_of("old", "plan.json", "path", "pictures/1", "pictures/2"), last="plan.json")
+    (folder / "pictures" / "mine").write_text("mine")
+    before = content(folder)
+
+    def fails(part: Path) -> None:
+        plan_of("new", "plan.json", "pictures/1")(part)
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(reba.PostureError) as caught:
+        write_folder(folder, fails, last="plan.json", stale=["pictures/?"], error=reba.PostureError)
+    says(caught, folder, "cannot be written", "No space left", "another folder")
+    assert content(folder) == before
+
+    def fails_inside(part: Path) -> None:
+        write_atomic(part / "pictures", lambda _: fails(part))
+
+    with pytest.raises(reba.RebaError) as caught:
+        write_folder(folder, fails_inside)
+    says(caught, f"{folder}/pictures: cannot be written", "No space left")
+    assert content(folder) == before
+    write_folder(folder, plan_of("new", "plan.json", "pictures/1"), last="plan.json", stale=["pictures/?"])
+    assert content(folder) == {"plan.json": "new", "path": "old", "pictures/1": "new", "pictures/mine": "mine"}
+    (folder / "path").unlink()
+    (folder / "path").mkdir()
+    before = content(folder)
+    with pytest.raises(reba.RebaError):
+        write_folder(folder, plan_of("newest", "a", "path", "plan.json"))
+    assert content(folder) == before
+
+
+def test_the_last_file_of_a_folder_comes_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    order = []
+    replace = Path.replace
+
+    def noted(self: Path, target: Path) -> Path:
+        order.append(target.name)
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", noted)
+    write_folder(tmp_path, plan_of("x", "a", "index", "z"), last="index")
+    assert order == ["a", "z", "index"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no limit of file sizes here")
+def test_a_full_disk_keeps_the_former_file(tmp_path: Path) -> None:
+    import resource
+
+    angles = np.random.default_rng(0).uniform(0, 90, 20_000)
+    frames = pd.DataFrame({"time": np.arange(20_000.0), "trunk_flexion": angles})
+    scores, other = reba.score(frames), reba.score(frames, load=20.0)
+    for ending in (".parquet", ".csv", ".mcap"):
+        path = tmp_path / f"scores{ending}"
+        reba.write_scores(scores, path)
+        before = everything(tmp_path)
+        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
+        try:
+            with pytest.raises(reba.RebaError) as error:
+                reba.write_scores(other, path)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        says(error, path, "cannot be written", "too large")
+        assert everything(tmp_path) == before

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +15,6 @@ from reba.readers.recording.stream import Recording
 
 HEAD = 8192
 """[bytes] First part of a file that decides its format."""
-_SPLIT = re.compile(r"(_\d+)?\.mcap(\.zstd)?$")
 
 
 @dataclass(frozen=True)
@@ -108,15 +106,6 @@ def is_recording(path: Path) -> bool:
     except OSError:
         return False
     return any(known.fits(path, head) for known in named)
-
-
-def is_recording_folder(path: Path) -> bool:
-    """Return whether a folder is one recording: a rosbag2 folder, or splits `x_0.mcap`, `x_1.mcap` ..."""
-    files = [file.name for file in path.iterdir() if _SPLIT.search(file.name)]
-    if (path / "metadata.yaml").is_file():
-        return bool(files)
-    splits = [_SPLIT.sub("", name) for name in files]
-    return len(splits) > 1 and len(set(splits)) == 1 and all(re.search(r"_\d+\.mcap", name) for name in files)
 
 
 def file_hash(path: str | Path) -> str:

@@ -30,6 +30,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
+from reba.checks import PATH, Allowed
 from reba.errors import ProfileError, did_you_mean
 from reba.open_file import read_settings
 from reba.posture.columns import ANGLES, COLUMNS, SIDES
@@ -141,12 +142,21 @@ def profile_text(name: str) -> str:
     return read_settings(path)
 
 
-def find_profile(name: str | Path) -> Profile:
-    """Return the shipped profile of a name, or the one in a TOML file.
+PROFILE = Allowed(
+    "'auto', the name of a profile, a TOML file or a Profile",
+    lambda value: PATH.fits(value) or isinstance(value, Profile),
+)
+"""What a profile may be given as."""
+
+
+def find_profile(name: str | Path | Profile) -> Profile:
+    """Return the shipped profile of a name, the one in a TOML file, or the profile itself.
 
     Raises:
         ProfileError: no profile or file has this name, or the file is wrong.
     """
+    if isinstance(name, Profile):
+        return name
     known = {profile.name: profile for profile in profiles()}
     if str(name) in known:
         return known[str(name)]

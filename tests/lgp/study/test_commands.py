@@ -180,7 +180,7 @@ def test_a_manifest_names_what_holds_no_label(copy: Path, tmp_path: Path, capsys
         (["{logs}", "--conditions", "lean,plam"], "did you mean 'plan'"),
         (["{logs}", "--conditions", "lean,lean"], "repeated"),
         (["{logs}", "--rules", "nonsense"], "nonsense"),
-        (["{logs}", "-o", "{logs}/sim01_plan.mcap"], "this is a file"),
+        (["{logs}", "-o", "{logs}/sim01_plan.mcap"], "not a folder"),
         (["{logs}", "--missing", "error", "--profile", "nonsense"], "nonsense"),
     ],
 )

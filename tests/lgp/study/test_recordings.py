@@ -9,6 +9,8 @@ import pytest
 from lgp.errors import LgpError
 from lgp.study.labels import Label
 from lgp.study.recordings import find_sources
+from lgp.study.scoring import score_sources
+from reba.batch.run import ScoringOptions
 from tests.support.says import says
 from tests.support.studies import log
 
@@ -56,3 +58,13 @@ def test_results_are_no_inputs(tmp_path: Path) -> None:
     log(tmp_path / "results" / "p2_x.csv")
     found = find_sources([str(tmp_path)], pattern="{participant}_{condition}", exclude=tmp_path / "results")
     assert [label.participant for _, label in found.named] == ["p1"]
+
+
+def test_a_recording_replaced_after_its_label_was_read_is_a_failure(tmp_path: Path) -> None:
+    for name, person in (("a", "p1"), ("b", "p2")):
+        log(tmp_path / f"{name}.mcap", Label(person, "x").record())
+    found = find_sources([str(tmp_path)])
+    (tmp_path / "b.mcap").replace(tmp_path / "a.mcap")
+    scored, _ = score_sources(found, ScoringOptions())
+    assert len(scored.failed) == 2
+    says(scored.failed[0].error, "a.mcap", "changed while it was read")

@@ -19,9 +19,10 @@ import pytest
 import reba
 from reba.batch.dataset import Dataset, scoring_settings
 from reba.batch.dataset_run import DatasetRun, score_into
-from reba.batch.manifest import MANIFEST, content_hash, size_and_mtime
+from reba.batch.manifest import MANIFEST, content_hash
 from reba.batch.run import ScoringOptions
 from reba.errors import RebaError
+from reba.file_stamp import stamp_of
 from tests.support.paths import ROOT
 from tests.support.says import says
 from tests.support.scale_work import write_recordings
@@ -98,7 +99,8 @@ def test_the_manifest_says_what_became_of_each(inputs: list[str], tmp_path: Path
     run(tmp_path / "out", [*inputs, str(bad)])
     first, *_, last = lines(tmp_path / "out")
     assert first["input"] == str(Path(inputs[0]).resolve())
-    assert (first["size"], first["modified"]) == size_and_mtime(inputs[0])
+    stamp = stamp_of(inputs[0])
+    assert (first["size"], first["modified"], first["changed"]) == (stamp.size, stamp.modified, stamp.changed)
     assert first["hash"] == content_hash(inputs[0])
     assert (first["version"], first["rules"], first["outcome"]) == (reba.__version__, "measured", "scored")
     assert first["options"]["missing"] == "range"

@@ -144,10 +144,24 @@ def test_copied_channels_keep_their_metadata(tmp_path: Path) -> None:
         writer.add_message(channel, 1, b"{}", 1)
         writer.finish()
     postures = reba.read(DATASETS / "simulated_assembly.csv")
-    scores = dataclasses.replace(reba.score(postures), postures=dataclasses.replace(postures, source=str(source)))
+    moved = dataclasses.replace(postures, source=str(source), quality=reba.Quality())
+    scores = dataclasses.replace(reba.score(postures), postures=moved)
     reba.write_scores(scores, tmp_path / "scores.mcap")
     with (tmp_path / "scores.mcap").open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
     metadata = {channel.topic: channel.metadata for channel in summary.channels.values()}
     assert metadata["/joint_states"] == {"offered_qos_profiles": "- history: 3"}
+
+
+def test_topics_of_a_replaced_recording_are_not_written_with_the_scores_of_the_former(tmp_path: Path) -> None:
+    source, out = tmp_path / "shift.mcap", tmp_path / "scores.mcap"
+    source.write_bytes((DATASETS / "simulated_palletising.mcap").read_bytes())
+    scores = reba.score(reba.read(source))
+    reba.write_scores(scores, out)
+    before = out.read_bytes()
+    reba.write_postures(reba.read(DATASETS / "simulated_assembly.csv"), source)
+    with pytest.raises(reba.RebaError) as error:
+        reba.write_scores(scores, out)
+    says(error, source, "changed after it was read", "score it again")
+    assert out.read_bytes() == before

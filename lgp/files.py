@@ -1,0 +1,28 @@
+"""Names of the files that the commands write into a folder; `*` stands for any text."""
+
+from __future__ import annotations
+
+from typing import Final
+
+PLAN_FILE: Final = "plan.json"
+PLAN_FILES: Final = (PLAN_FILE, "path.parquet", "postures.parquet")
+"""A plan; the last two only where they have content."""
+PAGE: Final = "index.html"
+ASSETS: Final = "assets"
+PICTURES: Final = "pictures"
+PICTURE_FILES: Final = (f"{PICTURES}/start.webp", f"{PICTURES}/action-*.webp")
+PAGE_FILES: Final = (PAGE, f"{ASSETS}/*", *PICTURE_FILES)
+"""The page of a plan."""
+SETTINGS: Final = "settings.json"
+"""Settings of the runs in a folder of the screwdriver experiment."""
+JOURNAL: Final = "unfinished.jsonl"
+"""Finished runs that are not in the tables yet, one JSON line per run."""
+SUMMARY: Final = "summary.json"
+REPORT: Final = "report.html"
+EXPERIMENT_FILES: Final = (
+    SETTINGS, JOURNAL, "runs.parquet", "paths.parquet", SUMMARY, "figure_*.svg", REPORT, "sensitivity/*",
+    "ergonomic/*", "non-ergonomic/*",
+)  # fmt: skip
+"""Both experiments."""
+STUDY_FILES: Final = (SUMMARY, "scores.parquet", REPORT)
+"""A study."""
