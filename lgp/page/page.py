@@ -61,6 +61,8 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
     check_packages()
     out = Path(folder)
     motion = Motion(plan)
+    if not plan.actions:
+        raise LgpError(f"{plan.scene.name}: the plan has no actions, the goal holds already; give a plan with actions")
     animation = scene_animation(motion)
     lines = sentences(plan.scene, motion.phases.switches)
     try:
