@@ -291,7 +291,8 @@ class Executive:
             self.robots.follow(Brake(phase.trajectory.at(since), phase.trajectory.velocity(since)))
         self.phase, self._restarts = None, True
         self._enter("waiting")
-        self.on_event("waiting", kind, f"The robot stops: {why}.", {})
+        stops = {0: "", 1: "The robot stops: "}.get(len(self.planner.plan.scene.robots), "The robots stop: ")
+        self.on_event("waiting", kind, f"{stops or why[:1].upper()}{why if stops else why[1:]}.", {})
 
     def _repeat(self, why: str) -> None:
         """Repeat the action, or fail after the last attempt."""

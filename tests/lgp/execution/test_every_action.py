@@ -136,13 +136,22 @@ def test_exported_trajectories_are_those_of_every_robot(tmp_path: Path) -> None:
     assert topics == ["/baxter/trajectory", "/panda/trajectory"]
 
 
-@pytest.mark.parametrize(("giver", "taker"), [("baxter.left", "baxter.right"), ("human.left_hand", "panda.hand")])
-def test_what_is_dropped_in_a_handover_is_fetched_and_handed_over_again(giver: str, taker: str, tmp_path: Path) -> None:
-    scene = scene_of(agents_of([giver, taker]), [f"grasped({taker}, box)"])
-    planned(scene, f"grasp({giver}, box)", f"handover({giver}, box, {taker})").save(tmp_path)
-    summary, events = went(tmp_path, "dropped@2")
+@pytest.mark.parametrize(
+    ("giver", "taker", "text"),
+    [
+        ("baxter.left", "baxter.right", "The robot stops: box was dropped."),
+        ("human.left_hand", "panda.hand", "The robot stops: box was dropped."),
+        ("human.left_hand", "human.right_hand", "Box was dropped."),
+    ],
+)
+def test_what_is_dropped_in_a_handover_is_fetched_and_handed_over_again(
+    giver: str, taker: str, text: str, tmp_path: Path
+) -> None:
+    scene = scene_of(agents_of(["human.left_hand", giver, taker]), [f"grasped({taker}, box)"], in_hand=giver)
+    planned(scene, f"handover({giver}, box, {taker})").save(tmp_path)
+    summary, events = went(tmp_path, "dropped@1")
     assert (summary["state"], summary["replanned"]) == ("finished", 1)
-    assert [event.kind for event in events].count("dropped") == 1
+    assert [event.text for event in events if event.kind == "dropped"] == [text]
 
 
 @pytest.mark.parametrize(
