@@ -335,7 +335,13 @@ class Planner:
         return self.motion.world.columns("human")
 
     def _object_names(self, number: int) -> Iterable[str]:
-        return [name for name in self.actions[number].arguments if name in self.plan.scene.objects]
+        """Return the objects of an action, and those on the table that it is joined with where it is placed."""
+        switch, modes = self.motion.phases.switches[number], self.motion.modes
+        joined = {
+            name for joint in self.plan.scene.assemblies if switch.object_name in joint.parts for name in joint.parts
+        }
+        beside = {name for name in joined if switch.table and modes.attachment(name, number).parent == switch.table}
+        return [name for name in self.plan.scene.objects if name in {*self.actions[number].arguments, *beside}]
 
     def _deviation(self, name: str, number: int, view: TrackedWorld) -> tuple[float, float]:
         """Return the deviation [m, rad] of an object from the start of the planned motion of an action."""

@@ -54,14 +54,14 @@ class Worker:
         self.stuck = False
         self._planner: Planner | None = None
         self._number = -1
-        self._told: Action | None = None
+        self._displayed: Action | None = None
         self._trajectory: JointTrajectory | None = None
         self._next: tuple[Planner, int, ActionMotion] | None = None
         self._floor_since: dict[str, float] = {}
 
     def on_action(self, planner: Planner, number: int, phase: ActionMotion) -> None:
         """React to the current action on the page, after an action of their own that is under way."""
-        action, self._told = self._action(), planner.actions[number]
+        action, self._displayed = self._action(), planner.actions[number]
         if self._trajectory is not None and action is not None and self._hand(action) and not self.stuck:
             self._next = planner.snapshot(), number, phase
             return
@@ -163,7 +163,7 @@ class Worker:
 
     def _catch(self) -> None:
         """Take the object of the action on the page from a gripper that has opened."""
-        action, simulation = self._told, self.simulation
+        action, simulation = self._displayed, self.simulation
         if action is None or not self._hand(action):
             return
         switch = switch_of(action)
