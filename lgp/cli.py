@@ -15,7 +15,7 @@ import click
 from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.execution.commands import run_command
-from lgp.files import EXPERIMENT_FILES, PAGE_FILES, PLAN_FILE, PLAN_FILES
+from lgp.files import ASSETS, EXPERIMENT_FILES, PAGE_FILES, PICTURES, PLAN_FILE, PLAN_FILES
 from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
 from reba._version import __version__
@@ -224,7 +224,6 @@ def _toolbox(output: str, cost: str, as_json: bool) -> None:
 @json_option
 def page(folder: str, output: str | None, pictures: bool, as_json: bool) -> None:
     """Write the presentation of the plan in DIR for the worker: each action as text, image and animation."""
-    from lgp.files import ASSETS, PICTURES
     from lgp.page.page import write_page
     from lgp.plan_record import Plan
 

@@ -61,13 +61,13 @@ class Motion:
         if self.world.joints != plan.joints:
             raise LgpError(f"{plan.scene.name}: the joints of the plan differ from those of its scene; plan again")
         actions = parse_sequence(task_of(plan.scene), plan.actions)
-        self.phases = Phases.of(plan.scene, actions, len(plan.path) // len(actions))
+        self.phases = Phases.of(plan.scene, actions, len(plan.path) // len(actions) if actions else None)
         self.modes = ModeSequence(self.world, self.phases.switches)
         if self.modes.names != tuple(plan.variables):
             raise LgpError(f"{plan.scene.name}: variables of the plan differ from those of its actions; plan again")
         self.variables = np.array(list(plan.variables.values()), dtype=float)
         self.time = np.concatenate([[0.0], plan.time])
-        self.phase = np.concatenate([plan.phase[:1], plan.phase])
+        self.phase = np.concatenate([np.zeros(1, np.intp), plan.phase])
         self.path = np.concatenate([plan.start[None], plan.path])
 
     def frames(self, names: Iterable[str]) -> dict[str, PoseTrajectory]:
@@ -90,7 +90,7 @@ class Motion:
         """
         kinematics = self.world.at(self.path, self.modes.frames)
         rotation, position = np.empty((len(self.path), 3, 3)), np.empty((len(self.path), 3))
-        for phase in range(self.phases.count):
+        for phase in range(max(self.phases.count, 1)):
             rows = np.flatnonzero(self.phase == phase)
             pose = self.modes.pose(name, phase, kinematics.rows(rows), self.variables)
             rotation[rows], position[rows] = pose.rotation, pose.position

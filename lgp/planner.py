@@ -83,8 +83,8 @@ def plan(
         collisions: constrain the path to be collision-free; `residuals["penetration"]` is computed either way.
 
     Returns:
-        The plan, the best so far after an interrupt (Ctrl-C) of the search. Where `feasible` is false, `reason` names
-        the constraint or precondition that fails.
+        The plan, without actions where the goal holds already; the best so far after an interrupt (Ctrl-C) of the
+        search. Where `feasible` is false, `reason` names the constraint or precondition that fails.
 
     Raises:
         LgpError: the scene, model, sequence or initial configuration is invalid.
@@ -171,25 +171,25 @@ def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
     begin = time.perf_counter()
     solved = {level: LevelStatistics() for level in bounds.levels}
     steps: list[tuple[str, Skeleton]] = [("pose", skeleton[: end + 1]) for end in range(len(skeleton))]
-    result: BoundResult | None = None
-    for level, actions in (*steps, *((level, skeleton) for level in bounds.levels[1:])):
+    steps += [(level, skeleton) for level in bounds.levels[1:]]
+    result = BoundResult(True, 0.0)
+    for level, actions in steps if skeleton else ():
         result = bounds.solve(level, actions, result)
         solved[level] = solved[level].plus(result, result.seconds)
         if not result.feasible:
             break
-    feasible = result is not None and result.feasible
     return SearchResult(
-        status=SearchStatus.OPTIMAL if feasible else SearchStatus.INFEASIBLE,
-        skeleton=skeleton if feasible else (),
-        cost=result.cost if result is not None else float("inf"),
-        payload=result.payload if result is not None else None,
-        bound=result.cost if result is not None else float("inf"),
+        status=SearchStatus.OPTIMAL if result.feasible else SearchStatus.INFEASIBLE,
+        skeleton=skeleton if result.feasible else (),
+        cost=result.cost,
+        payload=result.payload,
+        bound=result.cost,
         nodes=(),
         statistics=solved,
         expanded=0,
         pruned=0,
         seconds=time.perf_counter() - begin,
-        reason="" if result is None else result.reason,
+        reason=result.reason,
     )
 
 
@@ -233,10 +233,21 @@ def _record(scene: Scene, bounds: PathBounds, result: SearchResult) -> Plan:
         "search": counts,
         "tree": result.nodes,
     }
-    if not result.skeleton:
+    if np.isinf(result.cost):
         return Plan(feasible=False, **common)
+    if not result.skeleton:
+        return Plan(feasible=True, **common, **_rest(bounds))
     solution: Solution = result.payload
     return Plan(feasible=True, **common, **_motion(bounds, result.skeleton, solution))
+
+
+def _rest(bounds: PathBounds) -> dict[str, Any]:
+    """Return the motion of a plan without actions, for a goal that holds already."""
+    return {
+        "path": np.zeros((0, bounds.world.nq)),
+        "costs": {"total": 0.0, "acceleration": 0.0, "ergonomics": 0.0},
+        "residuals": {"equality": 0.0, "inequality": 0.0, "metres": 0.0, "radians": 0.0, "penetration": 0.0},
+    }
 
 
 def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) -> dict[str, Any]:

@@ -16,10 +16,11 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from reba._version import __version__
 from reba.files import as_json
+from reba.open_file import open_regular
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,7 +88,7 @@ def write_parquet(frame: pd.DataFrame, path: Path, origin: Mapping[str, Any] | N
         pq.write_table(table.replace_schema_metadata(metadata), stream, compression="zstd")
 
 
-def parquet_provenance(file: BinaryIO) -> Any:
+def parquet_provenance(path: Path) -> Any:
     """Return the provenance of a Parquet file, None without one.
 
     Raises:
@@ -95,5 +96,6 @@ def parquet_provenance(file: BinaryIO) -> Any:
     """
     import pyarrow.parquet as pq
 
-    text = (pq.read_schema(file).metadata or {}).get(MEMBER.encode())
+    with open_regular(path) as file:
+        text = (pq.read_schema(file).metadata or {}).get(MEMBER.encode())
     return None if text is None else json.loads(text)

@@ -19,9 +19,9 @@ from lgp.execution.predicates import (
     PredicateState,
     all_hold,
     check,
+    closed_grippers,
     end_of,
     first_failing,
-    grasped,
     gripper_commands,
     start_of,
 )
@@ -113,7 +113,9 @@ class Executive:
         """Advance by one observation."""
         if self._since is None:
             self._since = self._now
-        if self.stage == "waiting" and self.view.settled():
+        if self.number == len(self.planner.actions):
+            self._finish("The goal is reached already.")
+        elif self.stage == "waiting" and self.view.settled():
             self._wait()
         elif self.stage == "moving":
             self._move()
@@ -249,16 +251,16 @@ class Executive:
             if name not in self._carried and self._displaced(name, expected) and (robot or self._unreachable(name)):
                 self._stop("moved", f"{name} was moved")
                 return True
-        hands = self.planner.plan.scene.hands
+        reach = self.view.tolerances.reach
         dropped = [
             name
             for name, hand in self._carried.items()
-            if hands[hand].agent != "human" and grasped(self.view, hand, name).holds is False
+            if self.view.seen(name) is not None and self.view.gap(hand, name) > reach
         ]
         self._drop_observations = self._drop_observations + 1 if dropped and approaching else 0
         if self._drop_observations >= DROP_OBSERVATIONS:
-            for name in dropped:
-                self.robots.grip(self._carried[name], False)
+            for hand in self.view.now.closed.intersection(self._carried[name] for name in dropped):
+                self.robots.grip(hand, False)
             self._stop("dropped", f"{dropped[0]} was dropped")
             return True
         return False
@@ -289,7 +291,8 @@ class Executive:
             self.robots.follow(Brake(phase.trajectory.at(since), phase.trajectory.velocity(since)))
         self.phase, self._restarts = None, True
         self._enter("waiting")
-        self.on_event("waiting", kind, f"The robot stops: {why}.", {})
+        stops = {0: "", 1: "The robot stops: "}.get(len(self.planner.plan.scene.robots), "The robots stop: ")
+        self.on_event("waiting", kind, f"{stops or why[:1].upper()}{why if stops else why[1:]}.", {})
 
     def _repeat(self, why: str) -> None:
         """Repeat the action, or fail after the last attempt."""
@@ -297,9 +300,9 @@ class Executive:
         if self._attempts >= self.settings.attempts:
             self._fail(f"{self.planner.actions[self.number].at(self.number + 1)} was not finished in time: {why}")
             return
-        for hand, closed in gripper_commands(self.planner.task, self.planner.actions[self.number], self.view):
-            if closed:
-                self.robots.grip(hand, False)
+        adds = self.planner.task.holding(self.planner.actions[self.number].adds)
+        for hand in closed_grippers(self.planner.plan.scene, adds):
+            self.robots.grip(hand, False)
         self.phase, self._restarts = None, True
         self._enter("waiting")
         self.on_event("waiting", "timeout", "The action takes too long and is repeated.", {"why": why})
@@ -322,6 +325,9 @@ class Executive:
         if not plan.feasible:
             timeout = f"none was found in {self.settings.search:.0f} s, and {why}"
             self._fail(f"no plan from here: {timeout if plan.status == 'exhausted' else first_reasons(plan.reason)}")
+            return
+        if not plan.actions:
+            self._finish("The goal is reached already.")
             return
         self.replans += 1
         planner.follow(plan)
@@ -352,11 +358,14 @@ class Executive:
         self.on_event("done", "ended", f"{label} {how}.", {"label": label, "seconds": took})
         self.phase, self._attempts, self._restarts = None, 0, False
         if self.number + 1 == len(self.planner.actions):
-            self._enter("finished")
-            self.on_event("finished", "finished", "All actions are done.", {})
+            self._finish("All actions are done.")
         else:
             self.number += 1
             self._enter("waiting")
+
+    def _finish(self, text: str) -> None:
+        self._enter("finished")
+        self.on_event("finished", "finished", text, {})
 
     def _fail(self, why: str) -> None:
         self._enter("failed")

@@ -23,7 +23,7 @@ KINDS: Final[dict[str, tuple[float, str]]] = {
     "away": (0.0, "the object is put onto the table farthest from its own"),
     "dropped": (0.0, "the object slips out of the hand"),
     "lost": (2.0, "the object is lost from tracking, for the amount [s]"),
-    "stuck": (0.0, "the gripper ignores its commands, or the human does not move"),
+    "stuck": (0.0, "every hand of the action: a gripper ignores its commands, the human does not move"),
     "killed": (0.0, "the process is killed (SIGKILL); continue with --resume"),
 }
 """Kind -> default amount, effect."""
@@ -152,11 +152,12 @@ class Faults:
         return float(best[0]), float(best[1])
 
     def _jam(self, hands: list[str]) -> str:
+        """Stop every hand of an action: a gripper keeps its state, and a person stays where they are."""
         scene = self.simulation.world.scene
-        robots = [name for name in hands if scene.hands[name].agent != "human"]
-        if robots:
-            self.simulation.robots.stuck.update(robots)
-            return f"the gripper of {robots[0]} ignores its commands"
-        if self.worker is not None:
+        grippers = [name for name in hands if scene.hands[name].agent != "human"]
+        self.simulation.robots.stuck.update(grippers)
+        effects = [f"the gripper of {name} ignores its commands" for name in grippers]
+        if self.worker is not None and len(grippers) < len(hands):
             self.worker.stuck = True
-        return "the human does not move"
+            effects.append("the human does not move")
+        return " and ".join(effects)

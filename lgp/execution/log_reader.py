@@ -116,7 +116,7 @@ def _writer(file: Path) -> str:
     from mcap.records import Header
     from mcap.stream_reader import StreamReader
 
-    with file.open("rb") as stream:
+    with open_regular(file) as stream:
         header = next(StreamReader(stream).records)
     return header.library if isinstance(header, Header) else ""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -10,6 +10,10 @@ import numpy as np
 
 from lgp.execution.tracking import TrackedWorld
 from lgp.logic.task import Action, Atom, Task
+from lgp.scene.model import Scene
+
+CLOSING = ("grasped", "holding")
+"""Atoms (hand, object) with which a gripper is closed."""
 
 
 @dataclass(frozen=True)
@@ -23,10 +27,8 @@ class Predicate:
         return str(self.atom) if self.wanted else f"not {self.atom}"
 
     def check(self, view: TrackedWorld, nominal: bool) -> PredicateState:
-        """Return whether it holds; an atom without geometry holds if it does so in the plan (`nominal`)."""
-        state = evaluate_predicate(view, self.atom)
-        if state is None:
-            return PredicateState(nominal == self.wanted, f"{self} does not hold by the plan")
+        """Return whether it holds; `nominal` is whether the atom does so in the plan."""
+        state = evaluate_predicate(view, self.atom, nominal)
         if self.wanted or state.holds is None:
             return PredicateState(state.holds, state.why or f"{self} does not hold")
         return PredicateState(not state.holds, f"{self.atom} holds")
@@ -40,8 +42,8 @@ def start_of(task: Task, action: Action) -> tuple[Predicate, ...]:
 
 
 def end_of(task: Task, action: Action) -> tuple[Predicate, ...]:
-    """Return the end predicates of an action: its add effects."""
-    return tuple(Predicate(atom) for atom in task.holding(action.adds))
+    """Return the end predicates of an action: its add effects, first what a hand takes: before, no other is free."""
+    return tuple(map(Predicate, sorted(task.holding(action.adds), key=lambda atom: atom.predicate not in CLOSING)))
 
 
 def check(predicates: tuple[Predicate, ...], view: TrackedWorld, task: Task, state: int) -> dict[str, PredicateState]:
@@ -71,30 +73,43 @@ class PredicateState(NamedTuple):
     why: str = ""
 
 
-def grasped(view: TrackedWorld, hand: str, object_name: str) -> PredicateState:
-    """Return whether an object is in a hand: at its grasping point and moving with it."""
+def reached(view: TrackedWorld, hand: str, object_name: str) -> PredicateState:
+    """Return whether an object is at the grasping point of a hand and does not move relative to it."""
     if _unsure(view, object_name):
         return PredicateState(None, _unsure(view, object_name))
     if view.gap(hand, object_name) > view.tolerances.reach:
         return PredicateState(False, f"{object_name} is {view.gap(hand, object_name):.2f} m away from {hand}")
-    if not _human(view, hand):
-        if hand not in view.now.closed:
-            return PredicateState(False, f"{hand} is open")
-    elif _in_gripper(view, object_name):
+    return PredicateState(view.moves_with(object_name, hand), f"{object_name} does not move with {hand}")
+
+
+def holding(view: TrackedWorld, hand: str, object_name: str) -> PredicateState:
+    """Return whether a hand holds an object: the object has reached it, and a gripper is closed."""
+    state = reached(view, hand, object_name)
+    if state.holds and not _human(view, hand) and hand not in view.now.closed:
+        return PredicateState(False, f"{hand} is open")
+    return state
+
+
+def grasped(view: TrackedWorld, hand: str, object_name: str) -> PredicateState:
+    """Return whether a hand has an object: it holds it, and no gripper still has what a person takes."""
+    state = holding(view, hand, object_name)
+    if state.holds and _human(view, hand) and _in_gripper(view, object_name):
         return PredicateState(False, f"{object_name} is still in a gripper")
-    if not view.moves_with(object_name, hand):
-        return PredicateState(False, f"{object_name} does not move with {hand}")
-    return PredicateState(True)
+    return state
 
 
 def free(view: TrackedWorld, hand: str) -> PredicateState:
-    """Return whether a hand is empty: a gripper is open, a human hand is at no object that is off the tables."""
+    """Return whether a hand is empty: a gripper is open, a human hand has no object that is off the tables.
+
+    An object at several hands may be in any of them.
+    """
     if not _human(view, hand):
         return PredicateState(hand not in view.now.closed, f"{hand} is closed")
     for object_name in view.world.scene.objects:
         if view.seen(object_name) is None or view.gap(hand, object_name) > view.tolerances.reach:
             continue
-        if not view.table_under(object_name) and not _in_gripper(view, object_name):
+        others = (other for other in view.world.scene.hands if other != hand)
+        if not view.table_under(object_name) and not any(holding(view, one, object_name).holds for one in others):
             return PredicateState(False, f"{hand} has {object_name}")
     return PredicateState(True)
 
@@ -116,17 +131,6 @@ def placed(view: TrackedWorld, object_name: str, table: str) -> PredicateState:
     return state
 
 
-def holding(view: TrackedWorld, hand: str, object_name: str) -> PredicateState:
-    """Return whether a hand holds an object in place: at rest at it."""
-    if _unsure(view, object_name):
-        return PredicateState(None, _unsure(view, object_name))
-    if view.gap(hand, object_name) > view.tolerances.reach:
-        return PredicateState(False, f"{hand} is {view.gap(hand, object_name):.2f} m away from {object_name}")
-    if not _human(view, hand) and hand not in view.now.closed:
-        return PredicateState(False, f"{hand} is open")
-    return PredicateState(view.moves_with(object_name, hand), f"{hand} is not at rest at {object_name}")
-
-
 def held(view: TrackedWorld, object_name: str) -> PredicateState:
     """Return whether any hand holds an object in place."""
     states = [holding(view, hand, object_name) for hand in view.world.scene.hands]
@@ -134,7 +138,7 @@ def held(view: TrackedWorld, object_name: str) -> PredicateState:
 
 
 def screwed(view: TrackedWorld, first: str, second: str) -> PredicateState:
-    """Return whether two parts stand as their joint has them, with a human hand at rest at the screw."""
+    """Return whether two parts stand as their joint has them, with a hand at rest at the screw that holds nothing."""
     for joint in view.world.scene.assemblies:
         if set(joint.parts) != {first, second}:
             continue
@@ -148,7 +152,7 @@ def screwed(view: TrackedWorld, first: str, second: str) -> PredicateState:
         reach = joint.tool + view.tolerances.reach
         for hand in view.world.scene.hands:
             near = np.linalg.norm(view.hand(hand).position - screw) <= reach
-            if _human(view, hand) and near and view.moves_with(joint.parts[0], hand):
+            if near and hand not in view.now.closed and view.moves_with(joint.parts[0], hand):
                 return PredicateState(True)
         return PredicateState(False, "no hand is at the screw")
     return PredicateState(None, f"the scene has no joint of {first} and {second}")
@@ -164,12 +168,16 @@ RECOGNISERS: Final[dict[str, Callable[..., PredicateState]]] = {
     "screwed": screwed,
 }
 """PDDL predicate -> its geometric meaning; all others hold as in the plan."""
+ACHIEVED = ("held", "holding", "screwed")
+"""Predicates that only an action makes true: a hand may be where it would hold or screw without doing so."""
 
 
-def evaluate_predicate(view: TrackedWorld, atom: Atom) -> PredicateState | None:
-    """Return whether an atom holds in the tracked world, None if its predicate has no geometry."""
+def evaluate_predicate(view: TrackedWorld, atom: Atom, nominal: bool) -> PredicateState:
+    """Return whether an atom holds in the tracked world; `nominal` is whether it does so in the plan."""
     known = RECOGNISERS.get(atom.predicate)
-    return None if known is None else known(view, *atom.arguments)
+    if known is None or (atom.predicate in ACHIEVED and not nominal):
+        return PredicateState(nominal, f"{atom} does not hold by the plan")
+    return known(view, *atom.arguments)
 
 
 def _unsure(view: TrackedWorld, object_name: str) -> str:
@@ -188,30 +196,28 @@ def _in_gripper(view: TrackedWorld, object_name: str) -> bool:
     return any(view.gap(hand, object_name) <= view.tolerances.reach for hand in view.now.closed)
 
 
-CLOSING = ("grasped", "holding")
-"""Effects (hand, object) that close the gripper."""
+def closed_grippers(scene: Scene, atoms: Iterable[Atom]) -> frozenset[str]:
+    """Return the grippers that are closed where some atoms hold."""
+    hands = (atom.arguments[0] for atom in atoms if atom.predicate in CLOSING)
+    return frozenset(hand for hand in hands if scene.hands[hand].agent != "human")
 
 
 def gripper_commands(task: Task, action: Action, view: TrackedWorld) -> list[tuple[str, bool]]:
     """Return the grippers that close (True) or open (False) at the end of an action's motion.
 
-    A gripper releases an object to a human once their hand is at rest at it.
+    A gripper closes once the object has reached it; it opens once every other hand of the action holds the object.
     """
-    hands = view.world.scene.hands
-    robots = {name for name, hand in hands.items() if hand.agent != "human"}
-    taking = [name for name in action.arguments if name in hands and name not in robots]
-    object_names = [name for name in action.arguments if name in view.world.scene.objects]
-    commands: list[tuple[str, bool]] = []
-    for atom in task.holding(action.adds):
-        hand = atom.arguments[0] if atom.arguments else ""
-        if hand not in robots:
-            continue
-        if atom.predicate in CLOSING:
-            commands.append((hand, True))
-        elif atom.predicate == "free" and all(
-            view.gap(taker, object_name) <= view.tolerances.reach and view.moves_with(object_name, taker)
-            for taker in taking
-            for object_name in object_names
-        ):
+    scene, adds = view.world.scene, task.holding(action.adds)
+    object_names = [name for name in action.arguments if name in scene.objects]
+    closing = closed_grippers(scene, adds)
+    commands = [
+        (atom.arguments[0], True)
+        for atom in adds
+        if atom.predicate in CLOSING and atom.arguments[0] in closing and reached(view, *atom.arguments).holds
+    ]
+    for hand in (atom.arguments[0] for atom in adds if atom.predicate == "free"):
+        takers = [name for name in action.arguments if name in scene.hands and name != hand]
+        given = all(holding(view, taker, name).holds for taker in takers for name in object_names)
+        if scene.hands[hand].agent != "human" and given:
             commands.append((hand, False))
     return commands

@@ -32,6 +32,8 @@ def replan_remaining(
 ) -> Plan:
     """Return a new plan from the tracked world, given by `task` and `bounds`; it may be infeasible.
 
+    It has no actions where the goal holds already.
+
     Args:
         motion: of the plan in force.
         number: of the action of that plan that failed.
@@ -39,6 +41,8 @@ def replan_remaining(
         thorough: search for all of that time even if the remaining actions are feasible; otherwise for
             `IMPROVEMENT_SECONDS` then.
     """
+    if task.is_goal(task.initial):
+        return plan_within(bounds, task, ())
     remaining = len(motion.phases.actions) - number
     first = remaining_actions(motion, task, number, bounds)
     continued = plan_within(bounds, task, first) if first else None

@@ -8,7 +8,7 @@ above that of a new plan.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ import numpy as np
 
 import dreba
 from lgp.defaults import COST
-from lgp.errors import LgpError
+from lgp.errors import LgpError, WorldError
 from lgp.execution.fixed_path import FixedPathBounds, holding_hands, planned_course
 from lgp.execution.replan import phase_variables, replan_remaining
 from lgp.execution.tracked_scene import atoms_now, carrier, in_hand, on_table, scene_now
@@ -138,7 +138,13 @@ class Planner:
         return frozenset(self.task.holding(self.states[number]))
 
     def retarget(
-        self, number: int, scene: Scene, start: Array, target: TablePose | None = None, pause: bool = False
+        self,
+        number: int,
+        scene: Scene,
+        start: Array,
+        target: TablePose | None = None,
+        pause: bool = False,
+        still: Sequence[str] = (),
     ) -> ActionMotion | str:
         """Return the motion of one action retargeted from `start` (nq,) [rad, m], or the reason why there is none.
 
@@ -149,12 +155,17 @@ class Planner:
             scene: the tracked world, see the method `scene`.
             target: placement of the object instead of the planned one.
             pause: whether the hands of the action before rest for a slice, as they do within a plan.
+            still: further hands that stand still.
         """
         world = self.motion.world.with_scene(scene)
         first = np.clip(start, world.lower, world.upper)
         action, seconds = self.actions[number], self.motion.phases.seconds
+        try:
+            ModeSequence(world, self.motion.phases.switches[number : number + 1])
+        except WorldError as error:
+            return str(error)
         resting = self._acting(number - 1) if pause else None
-        holding = holding_hands(self.motion.modes, number)
+        holding = (*holding_hands(self.motion.modes, number), *still)
         hands = self.motion.phases.switches[number].hands
         planned = planned_course(world, first, self.planned(number).trajectory.knots, [*hands, *holding])
         initial_guess = self.planned(number).trajectory.knots, phase_variables(self.motion, number, number + 1)
@@ -325,7 +336,13 @@ class Planner:
         return self.motion.world.columns("human")
 
     def _object_names(self, number: int) -> Iterable[str]:
-        return [name for name in self.actions[number].arguments if name in self.plan.scene.objects]
+        """Return the objects of an action, and those on the table that it is joined with where it is placed."""
+        switch, modes = self.motion.phases.switches[number], self.motion.modes
+        joined = {
+            name for joint in self.plan.scene.assemblies if switch.object_name in joint.parts for name in joint.parts
+        }
+        beside = {name for name in joined if switch.table and modes.attachment(name, number).parent == switch.table}
+        return [name for name in self.plan.scene.objects if name in {*self.actions[number].arguments, *beside}]
 
     def _deviation(self, name: str, number: int, view: TrackedWorld) -> tuple[float, float]:
         """Return the deviation [m, rad] of an object from the start of the planned motion of an action."""

@@ -256,7 +256,7 @@ def run_live(
 
     Args:
         folder: with the plan; log, page and new plans are written there.
-        address: of the page; None for no page.
+        address: of the page; None for no page. A plan without actions has none either.
         on_served: is called with the URL of the page.
 
     Raises:
@@ -270,7 +270,7 @@ def run_live(
             servers[0].show(_page(plan, where))
 
     session = ExecutionRun(folder, run, on_event, on_plan)
-    if address is None:
+    if address is None or not session.planner.actions:
         return session.go()
     with PageServer(_page(session.planner.plan, session.where), session.hub, address.host, address.port) as server:
         session.start()

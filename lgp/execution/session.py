@@ -21,7 +21,7 @@ from lgp.execution.faults import Fault, Faults
 from lgp.execution.fixed_path import FixedPathBounds, holding_hands
 from lgp.execution.log import Recorder, RunLog
 from lgp.execution.log_reader import LoggedRun, checkpoint, claim, interrupted_run, placements
-from lgp.execution.predicates import gripper_commands
+from lgp.execution.predicates import closed_grippers
 from lgp.execution.replay import Replay
 from lgp.execution.retarget import ActionMotion, Planner, load_plan
 from lgp.execution.ros_messages import JOINT_STATE, encoder
@@ -151,7 +151,8 @@ class ExecutionRun:
         state = {} if past is None else past.state
         q = np.array(state["q"]) if state else self.planner.motion.path[0]
         self._time = 0.0 if past is None else past.last
-        self.robots = SimulatedRobots(world, q, frozenset(state.get("closed", ())))
+        first = closed_grippers(world.scene, self.planner.nominal(0))
+        self.robots = SimulatedRobots(world, q, frozenset(state.get("closed", first)))
         self.view = TrackedWorld(world)
         rngs = self._rng.spawn(3)
         self.simulation: SimulatedWorld | None = None
@@ -380,11 +381,7 @@ def _after(planner: Planner, number: int, phase: ActionMotion) -> TrackedWorld:
         pose = modes.pose(name, 1, kinematics, phase.solution.variables)
         poses[name] = pose.rotation[0], pose.position[0]
     view = TrackedWorld(world)
-    closed = {one.hand for one in scene.objects.values() if one.hand and not one.hand.startswith("human.")}
+    closed = closed_grippers(scene, planner.task.holding(planner.states[number + 1]))
     for time in (0.0, view.tolerances.window):
-        objects = {name: TrackedPose(*pose, time) for name, pose in poses.items()}
-        view.add(Observation(time, q, objects, frozenset(closed)))
-        for hand, shut in gripper_commands(planner.task, action, view):
-            (closed.add if shut else closed.discard)(hand)
-    view.add(Observation(view.now.time, q, view.now.objects, frozenset(closed)))
+        view.add(Observation(time, q, {name: TrackedPose(*pose, time) for name, pose in poses.items()}, closed))
     return view

@@ -17,8 +17,10 @@ from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from reba.arrays import Array
 
-GRASP = 0.025
-"""[m] Largest distance of the grasping point of a hand from the box of an object that it can take."""
+GRASP = 0.035
+"""[m] Largest distance of the grasping point of a hand from the box of an object that it can take.
+
+Above `Tolerances.reach`: what the predicates see at a hand, it takes."""
 LEVEL = 0.03
 """[m] Largest height above a table from which a released object comes to rest on it."""
 
@@ -54,6 +56,7 @@ class SimulatedWorld:
         self.world, self.robots = world, robots
         self.time, self.q = 0.0, np.array(q, dtype=float)
         self.objects = dict(objects) if objects is not None else self._initial_placements()
+        self._closed = set(robots.closed)
         self.view = TrackedWorld(world)
         self.observe()
 
@@ -113,21 +116,19 @@ class SimulatedWorld:
         self.objects[name] = Placement("", *resting(top, scene_object, x, y, np.radians(yaw), up))
 
     def _grippers(self) -> None:
-        """Attach objects to the grippers that closed on them, release those of grippers that opened."""
-        scene = self.world.scene
-        grippers = [hand for hand in scene.hands if scene.hands[hand].agent != "human"]
-        for name in scene.objects:
-            owner = self.objects[name].hand
-            if owner in grippers and owner not in self.robots.closed:
-                near = [hand for hand in scene.hands if hand not in grippers and self.gap(hand, name) <= GRASP]
-                if not near or not self.take(near[0], name):
+        """Attach objects to grippers that close on them; what one lets go stays in another closed one or falls."""
+        hands, closed = self.world.scene.hands, self.robots.closed
+        for hand in sorted(closed - self._closed):
+            gaps = {name: self.gap(hand, name) for name in self.objects}
+            nearest = min(gaps, key=lambda name: gaps[name], default="")
+            if nearest and self.objects[nearest].hand not in closed:
+                self.take(hand, nearest)
+        self._closed = set(closed)
+        for name, at in list(self.objects.items()):
+            if at.hand and at.hand not in closed and hands[at.hand].agent != "human":
+                empty = sorted(closed - {one.hand for one in self.objects.values()})
+                if not any(self.take(hand, name) for hand in empty):
                     self.put(name)
-        for hand in grippers:
-            if hand in self.robots.closed and all(at.hand != hand for at in self.objects.values()):
-                gaps = {name: self.gap(hand, name) for name in scene.objects}
-                nearest = min(gaps, key=lambda name: gaps[name], default="")
-                if nearest and self.objects[nearest].hand not in grippers:
-                    self.take(hand, nearest)
 
     def _hand(self, name: str) -> TrackedPose:
         at = self.world.at(self.q[None], [name])

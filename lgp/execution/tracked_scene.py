@@ -47,16 +47,19 @@ def atoms_now(view: TrackedWorld, task: Task, nominal: AbstractSet[Atom]) -> tup
 
     Atoms of `PERSISTENT` predicates that hold by the plan are kept whatever is seen.
     """
+    carriers = {name: carrier(view, name, nominal) for name in view.world.scene.objects}
     atoms = []
     for atom in task.atoms:
-        state = evaluate_predicate(view, atom)
-        if state is None or state.holds is None or (atom.predicate in PERSISTENT and not state.holds):
+        state = evaluate_predicate(view, atom, atom in nominal)
+        if state.holds is None or (atom.predicate in PERSISTENT and not state.holds):
             holds = atom in nominal
         elif atom.predicate == "grasped":
             hand, object_name = atom.arguments
-            holds = carrier(view, object_name, nominal) == hand
+            holds = carriers[object_name] == hand
         elif atom.predicate == "on_table":
-            holds = state.holds and not carrier(view, atom.arguments[0], nominal)
+            holds = state.holds and not carriers[atom.arguments[0]]
+        elif atom.predicate == "free":
+            holds = state.holds and atom.arguments[0] not in carriers.values()
         else:
             holds = state.holds
         if holds:
@@ -65,18 +68,18 @@ def atoms_now(view: TrackedWorld, task: Task, nominal: AbstractSet[Atom]) -> tup
 
 
 def carrier(view: TrackedWorld, object_name: str, nominal: AbstractSet[Atom]) -> str:
-    """Return the hand that carries an object, "" if none.
+    """Return the hand that carries an object, "" if none; of several at the object, the one that does by the plan.
 
     A hand at an object that stands on a table carries it if it does so by the plan, or if its gripper is closed and by
-    the plan no hand holds the object in place.
+    the plan no hand holds the object in place. A hand that has another object by the plan carries no second one.
     """
     on_any_table = view.seen(object_name) is not None and view.table_under(object_name)
     held = any(atom.predicate in ("held", "holding") and atom.arguments[-1] == object_name for atom in nominal)
-    for hand in view.world.scene.hands:
-        if grasped(view, hand, object_name).holds:
-            planned = Atom("grasped", (hand, object_name)) in nominal
-            if planned or not on_any_table or (hand in view.now.closed and not held):
-                return hand
+    has = {atom.arguments[0]: atom.arguments[1] for atom in nominal if atom.predicate == "grasped"}
+    for hand in sorted(view.world.scene.hands, key=lambda one: has.get(one) != object_name):
+        likely = not on_any_table or (hand in view.now.closed and not held)
+        if has.get(hand, object_name if likely else "") == object_name and grasped(view, hand, object_name).holds:
+            return hand
     return ""
 
 

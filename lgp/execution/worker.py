@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from lgp.errors import LgpError
+from lgp.execution.fixed_path import holding_hands
 from lgp.execution.retarget import ActionMotion, Planner, TablePose
-from lgp.execution.simulation import SimulatedWorld
+from lgp.execution.simulation import GRASP, SimulatedWorld
 from lgp.execution.trajectory import JointTrajectory
 from lgp.kinematics.modes import ACTIONS
 from lgp.logic.task import Action
+from lgp.path.phases import switch_of
+from reba.arrays import Flags
 
 CORRECTIONS = 3
 """Number of further attempts of a hand that missed an object."""
@@ -51,13 +54,14 @@ class Worker:
         self.stuck = False
         self._planner: Planner | None = None
         self._number = -1
+        self._displayed: Action | None = None
         self._trajectory: JointTrajectory | None = None
         self._next: tuple[Planner, int, ActionMotion] | None = None
         self._floor_since: dict[str, float] = {}
 
     def on_action(self, planner: Planner, number: int, phase: ActionMotion) -> None:
         """React to the current action on the page, after an action of their own that is under way."""
-        action = self._action()
+        action, self._displayed = self._action(), planner.actions[number]
         if self._trajectory is not None and action is not None and self._hand(action) and not self.stuck:
             self._next = planner.snapshot(), number, phase
             return
@@ -70,7 +74,10 @@ class Worker:
     def step(self, time: float) -> None:
         """Write the human joints at a time [s] into the simulation; take or release at the end of a motion."""
         self._help(time)
-        if self._trajectory is None or self.stuck:
+        if self.stuck:
+            return
+        self._catch()
+        if self._trajectory is None:
             return
         part = min(max((time - self._start) / self._duration, 0.0), 1.0)
         fade = 1.0 - part**3 * (part * (6.0 * part - 15.0) + 10.0)
@@ -78,7 +85,7 @@ class Worker:
         q = self._trajectory.at(part * self._trajectory.duration)[self.columns] + fade * self._offset + waves
         world = self.simulation.world
         self.simulation.q[self.columns] = np.clip(q, world.lower[self.columns], world.upper[self.columns])
-        if part >= 1.0:
+        if part >= 1.0 and not self._robot_hands_move():
             self._trajectory = None
             self._arrive()
             if self._next is not None and self._trajectory is None:
@@ -90,13 +97,14 @@ class Worker:
         self._start = self.simulation.time + delay
         self._duration = trajectory.duration * np.exp(self.rng.normal(0.0, self.behaviour.pace))
         self._offset = self.simulation.q[self.columns] - trajectory.knots[0][self.columns]
-        self._sway = self.rng.normal(0.0, self.behaviour.sway / SWAY_WAVES, (SWAY_WAVES, len(self.columns)))
+        sways = self.rng.normal(0.0, self.behaviour.sway / SWAY_WAVES, (SWAY_WAVES, len(self.columns)))
+        self._sway = np.where(self._holding_columns(), 0.0, sways)
 
     def _own(self, phase: ActionMotion) -> ActionMotion:
         """Return the motion to the true poses of the objects, with a placement that deviates from the plan."""
         planner, action = self._planner, self._action()
-        if planner is None or action is None or not self._hand(action):
-            return phase
+        if planner is None or action is None or not self._hand(action) or self._robot_hands():
+            return phase  # where the person and a robot meet, they do so where the motion says
         target = None
         if (
             ACTIONS[action.name].attaches_to == "table"
@@ -125,18 +133,17 @@ class Worker:
     def _arrive(self) -> None:
         """Take or release the object of the action, or reach for it again."""
         action = self._action()
-        hand = "" if action is None else self._hand(action)
-        if action is None or not hand:
+        if action is None or not self._hand(action):
             return
-        done, kind = True, ACTIONS[action.name]
-        if kind.attaches_to == "hand" and not kind.given_by:
-            done = self.simulation.take(hand, action.arguments[1])
-        elif kind.attaches_to == "table":
-            if self.simulation.objects[action.arguments[1]].hand == hand:
-                self.simulation.put(action.arguments[1])
-        elif kind.attaches_to == "hand":
-            done = self.simulation.gap(hand, action.arguments[1]) <= self.simulation.view.tolerances.reach
-        if not done and self._tries < CORRECTIONS:
+        switch, simulation = switch_of(action), self.simulation
+        name, done = switch.object_name, True
+        if switch.action.attaches_to == "hand":
+            done = simulation.gap(switch.hand, name) <= GRASP
+            if done and self._is_own(switch.hand) and simulation.objects[name].hand not in simulation.robots.closed:
+                simulation.take(switch.hand, name)
+        elif switch.action.attaches_to == "table" and simulation.objects[name].hand == switch.hand:
+            simulation.put(name)
+        if not done and self._next is None and self._tries < CORRECTIONS:
             self._tries += 1
             phase = self._retargeted()
             if phase is not None:
@@ -151,8 +158,19 @@ class Worker:
             scene = planner.scene(self._number, self.simulation.view)
         except LgpError:
             return None
-        phase = planner.retarget(self._number, scene, self.simulation.q, target)
+        phase = planner.retarget(self._number, scene, self.simulation.q, target, still=self._robot_hands())
         return phase if isinstance(phase, ActionMotion) else None
+
+    def _catch(self) -> None:
+        """Take the object of the action on the page from a gripper that has opened."""
+        action, simulation = self._displayed, self.simulation
+        if action is None or not self._hand(action):
+            return
+        switch = switch_of(action)
+        giver = simulation.objects[switch.object_name].hand
+        opened = giver and not self._is_own(giver) and giver not in simulation.robots.closed
+        if opened and switch.action.attaches_to == "hand" and self._is_own(switch.hand):
+            simulation.take(switch.hand, switch.object_name)
 
     def _help(self, time: float) -> None:
         """Put objects that have lain on the floor for a while back onto the table of the initial scene."""
@@ -168,5 +186,25 @@ class Worker:
 
     def _hand(self, action: Action) -> str:
         """Return the human hand that takes part in an action, "" if none."""
+        return next(filter(self._is_own, action.arguments), "")
+
+    def _is_own(self, name: str) -> bool:
         hands = self.simulation.world.scene.hands
-        return next((name for name in action.arguments if name in hands and hands[name].agent == "human"), "")
+        return name in hands and hands[name].agent == "human"
+
+    def _holding_columns(self) -> Flags:
+        """Return which of the columns move a hand that holds a part still."""
+        world, modes = self.simulation.world, None if self._planner is None else self._planner.motion.modes
+        hands = () if modes is None else holding_hands(modes, self._number)
+        supports = [world.support(hand)[self.columns] > 0.0 for hand in hands if self._is_own(hand)]
+        return np.any([np.zeros(len(self.columns), bool), *supports], axis=0)
+
+    def _robot_hands(self) -> tuple[str, ...]:
+        """Return the robot hands that take part in the action."""
+        action, hands = self._action(), self.simulation.world.scene.hands
+        names = () if action is None else action.arguments
+        return tuple(name for name in names if name in hands and not self._is_own(name))
+
+    def _robot_hands_move(self) -> bool:
+        """Return whether a robot is still on its way to the person."""
+        return bool(self._robot_hands()) and bool(np.any(self.simulation.robots.speed != 0.0))

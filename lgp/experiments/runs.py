@@ -309,7 +309,7 @@ def _parquet(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     try:
         with open_regular(files[0]) as runs_file, open_regular(files[1]) as paths_file:
             runs, paths = pd.read_parquet(runs_file), pd.read_parquet(paths_file)
-            origin = parquet_provenance(runs_file)
+            origin = parquet_provenance(files[0])
     except (OSError, ValueError) as error:
         raise LgpError(f"{folder}: its runs cannot be read ({error}); give another folder") from error
     _check_version(folder, origin)

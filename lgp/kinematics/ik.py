@@ -28,7 +28,7 @@ def least_squares(
     value, jacobian = residuals(x, problems)
     damping = np.full(len(x), 1e-2)
     for _ in range(iterations):
-        active = problems[np.abs(value).max(axis=1) > tolerance]
+        active = problems[_largest(value) > tolerance]
         if not len(active):
             break
         step = _step(x[active], value[active], jacobian[active], damping[active], lower, upper)
@@ -40,7 +40,12 @@ def least_squares(
         damping[active] = np.where(
             better, np.maximum(damping[active] / 4.0, 1e-6), np.minimum(damping[active] * 5.0, 1e4)
         )
-    return x, np.abs(value).max(axis=1)
+    return x, _largest(value)
+
+
+def _largest(value: Array) -> Array:
+    """Return the largest absolute residual (n,) of residuals (n, m), 0 where there are none."""
+    return np.asarray(np.abs(value).max(axis=1, initial=0.0))
 
 
 def _step(x: Array, value: Array, jacobian: Array, damping: Array, lower: Array, upper: Array) -> Array:

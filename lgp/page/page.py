@@ -63,6 +63,8 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
     check_packages()
     check_outputs(FolderOutput(folder, PAGE_FILES), error=LgpError)
     motion = Motion(plan)
+    if not plan.actions:
+        raise LgpError(f"{plan.scene.name}: the plan has no actions, the goal holds already; give a plan with actions")
     animation = scene_animation(motion)
     lines = sentences(plan.scene, motion.phases.switches)
 

@@ -162,7 +162,7 @@ class SearchResult:
     @property
     def gap(self) -> float:
         """Relative gap between cost and bound; 0 where the plan is proved optimal, inf without a plan."""
-        if not self.skeleton:
+        if math.isinf(self.cost):
             return math.inf
         return max(0.0, self.cost - self.bound) / max(abs(self.cost), 1e-12)
 
@@ -195,6 +195,10 @@ class _Search:
     def run(self) -> SearchResult:
         if relaxed_plan(self.task, self.task.initial) is None:
             return self._result(SearchStatus.UNREACHABLE, math.inf, why_unreachable(self.task))
+        if self.nodes[0].goal:
+            self.incumbent = self.nodes[0]
+            self.incumbent.costs[self.bounds.levels[-1]] = 0.0
+            return self._finish()
         self._extend(self.nodes[0])
         try:
             while self.open:

@@ -39,14 +39,31 @@ def toolbox() -> Planner:
 
 def scene_before(number: int) -> Scene:
     """Return the world as it is planned before an action."""
+    return toolbox().scene(number, view_before(number))
+
+
+def view_before(number: int, handle_off: float = 0.0) -> TrackedWorld:
+    """Return the tracked world as it is planned before an action, the handle that far off along x [m]."""
     planner = toolbox()
     row = number * planner.motion.phases.slices
     poses = {name: planner.motion.object_poses(name) for name in planner.plan.scene.objects}
     view = TrackedWorld(planner.motion.world)
     for time in np.arange(0.0, 0.4, 0.05):
         objects = {name: TrackedPose(at.rotation[row], at.position[row], time) for name, at in poses.items()}
+        moved = objects[HANDLE].position + np.array([handle_off, 0.0, 0.0])
+        objects[HANDLE] = TrackedPose(objects[HANDLE].rotation, moved, time)
         view.add(Observation(time, planner.motion.path[row], objects, frozenset({"baxter.left", "baxter.right"})))
-    return planner.scene(number, view)
+    return view
+
+
+def test_a_part_is_placed_beside_its_counterpart_wherever_that_stands() -> None:
+    planner, places = toolbox(), GIVES + 1
+    assert planner.deviations(places, view_before(places)) == []
+    deviation, *others = planner.deviations(places, view_before(places, handle_off=0.05))
+    assert not others
+    assert deviation.startswith(f"{HANDLE} is 0.050 m")
+    # Before it is placed, where the counterpart stands is no matter.
+    assert planner.deviations(GIVES, view_before(GIVES, handle_off=0.05)) == []
 
 
 def test_a_hand_that_holds_stands_still_in_a_moved_motion_wherever_it_holds() -> None:
