@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup demo test test-fast lint docs bench fuzz wheel-demo constraints
+.PHONY: setup demo test test-fast test-lowest test-newest lint docs bench fuzz wheel-demo constraints
 setup: .venv/.ready
 
 # What the commands need; enough for the demo.
@@ -31,6 +31,14 @@ test: setup
 test-fast: setup
 	$(BIN)/python -m pytest -n 2 -m "not slow"
 
+# The fast tests with the lowest versions that pyproject.toml declares.
+test-lowest: setup
+	PYTHON=$(PYTHON) .ci/versions lowest
+
+# The fast tests with the newest versions that exist, also on the newest Python that is found.
+test-newest: setup
+	PYTHON=$(PYTHON) .ci/versions newest
+
 lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -46,9 +54,12 @@ BENCH :=
 bench: setup
 	$(BIN)/python benchmarks/all.py $(BENCH)
 
-# Damaged files for every reader and loader; minutes. `python fuzz/run.py --help` says what can be chosen.
+# Damaged files for every reader and loader; minutes. `python fuzz/run.py --help` says what can be chosen, for example
+# make fuzz FUZZ="--engine atheris --inputs 20000 --jobs 2", which is guided by coverage.
+FUZZ := --inputs 1500 --jobs 2
+
 fuzz: setup
-	$(BIN)/python fuzz/run.py --inputs 1500 --jobs 2
+	$(BIN)/python fuzz/run.py $(FUZZ)
 
 # Build wheel and sdist, and run the demo from the installed wheel in a fresh environment.
 wheel-demo:

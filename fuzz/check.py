@@ -15,8 +15,6 @@ from typing import Literal, NamedTuple
 
 from targets import TARGETS, Target
 
-from reba.errors import RebaError
-
 MEMORY = 1 << 30
 """Memory limit of a process beyond its mapping after reading all seeds [bytes]."""
 
@@ -32,6 +30,9 @@ class Result(NamedTuple):
 
 def check(target: Target, data: bytes) -> Result:
     """Use one input: it is read, refused with an error of the package in one line, or a finding."""
+    # Not at the head of this file: `guided` follows the branches of what is imported after it.
+    from reba.errors import RebaError
+
     folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
     path = folder / target.file
     path.write_bytes(data)

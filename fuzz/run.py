@@ -4,16 +4,19 @@
     python fuzz/run.py --targets mcap c3d --inputs 10000         selected targets
     python fuzz/run.py --targets mcap --seed 0 --only 1234       one input again, with its traceback
     python fuzz/run.py --replay FILE --targets mcap              a saved input again, with its traceback
+    python fuzz/run.py --engine atheris --inputs 2000            guided by coverage
 
-Inputs are small valid files with structure-aware mutations, determined by seed and number. Each is used in a process
-that may map 1 GiB beyond the memory of the imports and is stopped after `--seconds`. An error of another class than the
-package's, a message of several lines, a crash, a timeout and exceeded memory are findings: the input is saved, and the
-exit code is 1.
+Inputs are small valid files with structure-aware mutations, determined by seed and number; with `--engine atheris`
+mutations of whatever reached new branches. Each is used in a process that may map 1 GiB beyond the memory of the
+imports and is stopped after `--seconds`. An error of another class than the package's, a message of several lines, a
+crash, a timeout and exceeded memory are findings: the input is saved, and the exit code is 1.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
+import importlib.util
 import json
 import multiprocessing
 import os
@@ -21,6 +24,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,13 +32,17 @@ from pathlib import Path
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "ARROW_DEFAULT_MEMORY_POOL": "system"}
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import guided
 from check import MEMORY, Result, work
 from targets import TARGETS
+
+Engine = Callable[..., None]
+"""Tests inputs in a process of its own, as `check.work` does."""
 
 SECONDS = 20.0
 BATCH = 1000
 """Inputs per process, small enough that jobs share the work evenly."""
-START = 120.0
+START = 300.0
 """Time limit of a process for imports and seeds [s]."""
 
 
@@ -61,13 +69,13 @@ class Tally:
         self.grown, self.slowest = max(self.grown, other.grown), max(self.slowest, other.slowest)
 
 
-def run_batch(name: str, seed: int, numbers: range, seconds: float = SECONDS, memory: int = MEMORY) -> Tally:
+def run_batch(name: str, seed: int, numbers: range, seconds: float = SECONDS, engine: Engine = work) -> Tally:
     """Test inputs in separate processes; one that crashes or hangs is replaced, and its input is a finding."""
     tally = Tally()
     context = multiprocessing.get_context("spawn")
     while len(numbers):
         ours, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=work, args=(name, seed, numbers, memory, theirs), daemon=True)
+        process = context.Process(target=engine, args=(name, seed, numbers, MEMORY, theirs), daemon=True)
         process.start()
         theirs.close()
         current, began, allowed = None, time.monotonic(), START
@@ -99,11 +107,15 @@ def run_batch(name: str, seed: int, numbers: range, seconds: float = SECONDS, me
     return tally
 
 
-def run(names: list[str], seed: int, inputs: int, jobs: int, seconds: float = SECONDS) -> dict[str, Tally]:
+def run(
+    names: list[str], seed: int, inputs: int, jobs: int, seconds: float = SECONDS, engine: Engine = work
+) -> dict[str, Tally]:
     """Outcomes of the first `inputs` inputs of each target."""
-    parts = [(name, range(first, min(first + BATCH, inputs))) for first in range(0, inputs, BATCH) for name in names]
+    # An engine that learns from its inputs keeps its process.
+    batch = BATCH if engine is work else max(inputs, 1)
+    parts = [(name, range(first, min(first + batch, inputs))) for first in range(0, inputs, batch) for name in names]
     with ThreadPoolExecutor(jobs) as pool:
-        tallies = list(pool.map(lambda part: run_batch(part[0], seed, part[1], seconds), parts))
+        tallies = list(pool.map(lambda part: run_batch(part[0], seed, part[1], seconds, engine), parts))
     totals = {name: Tally() for name in names}
     for (name, _), tally in zip(parts, tallies, strict=True):
         totals[name].join(tally)
@@ -139,6 +151,7 @@ def main() -> int:
     parser.add_argument("--inputs", type=int, default=2000, help="of each target")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--engine", choices=["mutations", "atheris"], default="mutations", help="source of the inputs")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="that one input may take")
     parser.add_argument("--targets", nargs="+", choices=list(TARGETS), default=list(TARGETS), metavar="NAME")
     parser.add_argument("--only", type=int, help="number of one input to use again")
@@ -150,14 +163,21 @@ def main() -> int:
         name = options.targets[0]
         replay(name, options.replay.read_bytes() if options.replay else TARGETS[name].input(options.seed, options.only))
         return 0
+    engine: Engine = work
+    if options.engine == "atheris":
+        if importlib.util.find_spec("atheris") is None:
+            parser.error("atheris is not installed; it is part of pip install '.[dev]' on Linux")
+        options.save.mkdir(parents=True, exist_ok=True)
+        engine = functools.partial(guided.work, options.save)
     began = time.monotonic()
-    tallies = run(options.targets, options.seed, options.inputs, options.jobs, options.seconds)
+    tallies = run(options.targets, options.seed, options.inputs, options.jobs, options.seconds, engine)
     print(show(tallies, time.monotonic() - began))
     for name, tally in tallies.items():
         for number, what in tally.findings:
             options.save.mkdir(parents=True, exist_ok=True)
-            saved = options.save / f"{name}-{options.seed}-{number}{Path(TARGETS[name].file).suffix}"
-            saved.write_bytes(TARGETS[name].input(options.seed, number))
+            saved = guided.input_file(options.save, name, options.seed, number)
+            if engine is work:
+                saved.write_bytes(TARGETS[name].input(options.seed, number))
             print(f"{name} {number}: {what}; again: python fuzz/run.py --targets {name} --replay {saved}")
     if options.json:
         table = {

@@ -283,8 +283,9 @@ def compare_choices(before: pd.Series, after: pd.Series, choices: Sequence[str])
     unknown = sorted(set(paired.to_numpy().ravel()) - set(choices))
     if unknown:
         raise LgpError(f"choice {unknown[0]!r}: expected one of {', '.join(choices)}")
-    order = pd.CategoricalDtype(list(choices))
-    counts = pd.crosstab(paired["before"].astype(order), paired["after"].astype(order), dropna=False).to_numpy()
+    codes = [pd.Categorical(paired[name], categories=list(choices)).codes for name in ("before", "after")]
+    counts = np.zeros((len(choices), len(choices)), np.intp)
+    np.add.at(counts, tuple(codes), 1)
     stay = np.diag(counts)
     left, came = counts.sum(axis=1) - stay, counts.sum(axis=0) - stay
     exact = [float(binomtest(int(a), int(a + b)).pvalue) if a + b else 1.0 for a, b in zip(left, came, strict=True)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import subprocess
 import sys
 import time
@@ -14,6 +15,7 @@ from tests.support.paths import ROOT
 
 sys.path.insert(0, str(ROOT / "fuzz"))
 
+import guided
 import run as fuzz
 from check import Result, check
 from targets import TARGETS
@@ -73,12 +75,11 @@ def sleeps(name: str, seed: int, numbers: range, memory: int, pipe: Connection) 
     time.sleep(600)
 
 
-def test_inputs_are_counted_and_a_hang_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_inputs_are_counted_and_a_hang_is_ended() -> None:
     found = fuzz.run(["rules"], seed=0, inputs=30, jobs=1)["rules"]
     assert found.outcomes.total() == 30
     assert not found.findings
-    monkeypatch.setattr(fuzz, "work", sleeps)
-    hung = fuzz.run_batch("rules", 0, range(7, 8), seconds=0.1)
+    hung = fuzz.run_batch("rules", 0, range(7, 8), seconds=0.1, engine=sleeps)
     assert hung.findings == [(7, "no end after 0.1 s, exit code -9")]
 
 
@@ -93,3 +94,13 @@ def test_a_wrong_pddl_text_leaves_tracebacks_on() -> None:
     for path in sorted((ROOT / "lgp" / "domains").glob("*.pddl")):
         assert check(TARGETS["pddl"], path.read_bytes()[:-20]).outcome == "refused"
     assert getattr(sys, "tracebacklimit", None) is None
+
+
+def test_guided_inputs_reach_new_branches_and_findings_stay(tmp_path: Path) -> None:
+    pytest.importorskip("atheris", reason="atheris has wheels for Linux on x86-64 only")
+    found = fuzz.run(["rules"], seed=0, inputs=60, jobs=1, engine=functools.partial(guided.work, tmp_path))["rules"]
+    assert found.outcomes.total() == 60
+    kept = list(guided.corpus_folder(tmp_path, "rules", 0).iterdir())
+    assert len(kept) > len(TARGETS["rules"].seeds)
+    left = {path for path in tmp_path.iterdir() if path.is_file()}
+    assert left == {guided.input_file(tmp_path, "rules", 0, number) for number, _ in found.findings}

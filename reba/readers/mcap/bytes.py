@@ -86,13 +86,13 @@ def _unpack(path: Path, packed: IO[bytes], limit_bytes: int) -> IO[bytes]:
         f"unpacks to more than {limit_bytes} bytes",
         hint="unpack it with `zstd -d` and give the .mcap file, or raise limit_bytes",
     )
-    packed.seek(0)
-    if zstandard.frame_content_size(packed.read(_HEAD)) > limit_bytes:
-        raise too_big
     # Closed by the finalizer of the source that owns it.
     unpacked = tempfile.TemporaryFile()  # noqa: SIM115
     packed.seek(0)
     try:
+        if zstandard.frame_content_size(packed.read(_HEAD)) > limit_bytes:
+            raise too_big
+        packed.seek(0)
         with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True, closefd=False) as reader:
             while part := reader.read(_FILE_STEP):
                 unpacked.write(part)
