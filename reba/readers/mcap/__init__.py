@@ -14,7 +14,8 @@ from reba.errors import ReadError
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
 from reba.readers.mcap.container import Container, Store
-from reba.readers.mcap.streams import StreamReader, first_header
+from reba.readers.mcap.contents import Contents
+from reba.readers.mcap.streams import StreamReader, stream_header
 from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic
 
 __all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
@@ -117,17 +118,18 @@ def _note(container: Container, log: ReadLog, named: bool) -> None:
 
 def _streams(parts: Sequence[DecodableChannel], log: ReadLog, strict: bool) -> tuple[list[Stream], list[Topic]]:
     """Return a stream for each group of channels with usable messages, and the use of each topic."""
+    contents = Contents(parts, strict=strict)
     streams, topics = [], []
     for kind, group in dict.fromkeys((part.kind, part.group) for part in parts):
         mine = [part for part in parts if (part.kind, part.group) == (kind, group)]
-        header_log = ReadLog()
-        header = first_header(mine, kind, header_log)
+        header = stream_header(mine, kind, contents)
         why = {"joints": "joint positions", "frames": "poses of frames", "angles": "a posture table"}.get(kind, "")
         if header is None:
             why = "only static transforms" if all(part.static for part in mine) else "none of its messages is usable"
-            why += f" ({header_log.first_skipped})" if header_log.first_skipped else ""
+            skipped = [track.log.first_skipped for part in mine if (track := contents.tracks.get(id(part)))]
+            why += "".join(f" ({place})" for place in skipped[:1] if place)
         else:
-            streams.append(StreamReader(mine, kind, header, log, strict=strict).stream(_main_topic(mine)))
+            streams.append(StreamReader(mine, kind, header, contents, log).stream(_main_topic(mine)))
         topics += [
             Topic(part.topic, part.type, part.container.counts[part.channel], header is not None, why) for part in mine
         ]

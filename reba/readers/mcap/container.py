@@ -40,6 +40,7 @@ class ChunkRef:
         chunk: the head of the chunk, None for records outside chunks.
         start: earliest log time [ns].
         channels: messages of each channel by the message indexes after it, a hint that may be wrong; None: unknown.
+        checked: whether its CRC was compared, so that it need not be when the chunk is read again.
     """
 
     offset: int
@@ -47,6 +48,7 @@ class ChunkRef:
     chunk: ChunkHead | None
     start: int
     channels: dict[int, int] | None = None
+    checked: bool = False
 
 
 @dataclass
@@ -165,13 +167,14 @@ class Container:
             data = unpack(packed, head.compression, head.size)
         except BadChunk as error:
             raise ReadError(self.path, str(error), hint=_RECORD_AGAIN, offset=segment.offset) from error
-        if self.check_crc and head.crc and zlib.crc32(data) != head.crc:
+        if self.check_crc and head.crc and not segment.checked and zlib.crc32(data) != head.crc:
             raise ReadError(
                 self.path,
                 "the CRC of the chunk differs from that of its bytes: its numbers are damaged",
                 hint=_RECORD_AGAIN + "; check_crc=False ignores it",
                 offset=segment.offset,
             )
+        segment.checked = True
         return data
 
     def _define(self, data: bytes, scan: Scan) -> None:

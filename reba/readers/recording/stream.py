@@ -120,6 +120,7 @@ class Stream:
         up: "x", "y", "z", "-y" ... if the format defines the vertical axis, else "" (the mapping determines it).
         rest: frames only: (k, 7) pose of each frame in its parent when all rotations are zero (BVH offsets), else None.
         read: `read(log, names)` iterates over blocks; `names` limits the signals (None: all).
+        seams: times [s] of the first sample after each restart of the clock; no interval reaches across them.
         follow: makes the decoder of a recording that is still being written (MCAP), see `reba.live`.
         table: angles only: the complete table, `time` in seconds since `epoch`, text and bool factor columns included.
     """
@@ -137,6 +138,7 @@ class Stream:
     rest: Array | None = None
     table: Callable[[], pd.DataFrame] | None = None
     follow: Callable[[ReadLog, Sequence[str] | None], BlockDecoder] | None = None
+    seams: tuple[float, ...] = ()
 
     def blocks(self, log: ReadLog | None = None, names: Sequence[str] | None = None) -> Iterator[Block]:
         """Iterate over the samples in time order, block by block."""
