@@ -38,6 +38,7 @@ class Quality:
         time_source: where the time column comes from.
         rate: median sampling rate [Hz].
         gaps: (start, end) [s] of intervals without samples, longer than 0.2 s and five sample periods.
+        seams: times [s] of the first frame after each restart of the clock; nothing reaches across them.
         warnings: other facts that limit the use of the scores.
         sha256: of the file, "" for a folder.
     """
@@ -49,6 +50,7 @@ class Quality:
     time_source: str = ""
     rate: float = float("nan")
     gaps: tuple[tuple[float, float], ...] = ()
+    seams: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
     sha256: str = ""
 

@@ -45,6 +45,7 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
     pelvis = _pelvis_pose(recording, match, profile)
     mapper = mapper_for(profile, match.names, match.stream, pelvis)
     samples = collect(match.stream, mapper)
+    start = samples.from_zero() if recording.format == "mcap" else 0.0
     _check_samples(recording, samples.log, len(samples.table), strict)
     posed = match.stream.rest is not None or recording.format == "mvnx"
     if posed and first_frame_is_outlier(samples.angles):
@@ -57,7 +58,7 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
         raise ProfileError(f"{recording.path}: {match.why}, but no angle was measured: {why}; record it again")
     note = apply_neutral(samples.time, samples.angles, neutral)
     warnings = [*mapper.warnings, *_column_warnings(samples.angles)]
-    assumed = [*mapper.assumed, *([note] if note else [])]
+    assumed = [text for text in (match.note, *mapper.assumed, note) if text]
     data = pd.DataFrame(samples.table, columns=["time", *COLUMNS], copy=False)
     return PostureTable(
         data=data,
@@ -68,8 +69,8 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
         why_unmeasured={column: reasons[column] for column in unmeasured if column in reasons},
         assumed=tuple(dict.fromkeys(assumed)),
         recognised=_recognised(match, reasons, unmeasured),
-        quality=_quality(recording, samples.log, samples.time, samples.angles, warnings),
-        epoch=match.stream.epoch,
+        quality=_quality(recording, match.stream, start, samples.log, samples.time, samples.angles, warnings),
+        epoch=match.stream.epoch + start,
     )
 
 
@@ -96,7 +97,7 @@ def _ready_table(recording: Recording, match: Match, neutral: str, strict: bool)
         why_unmeasured={column: absent.get(column, "no value") for column in unmeasured},
         assumed=(note,) if note else (),
         recognised=match.why,
-        quality=_quality(recording, log, time, angles, _column_warnings(angles)),
+        quality=_quality(recording, match.stream, 0.0, log, time, angles, _column_warnings(angles)),
         epoch=match.stream.epoch,
     )
 
@@ -151,8 +152,20 @@ def _recognised(match: Match, reasons: dict[str, str], unmeasured: Iterable[str]
     return "; ".join([match.why, *parts])
 
 
-def _quality(recording: Recording, log: ReadLog, time: Array, angles: Array, warnings: list[str]) -> Quality:
+def _quality(
+    recording: Recording,
+    stream: Stream,
+    start: float,
+    log: ReadLog,
+    time: Array,
+    angles: Array,
+    warnings: list[str],
+) -> Quality:
     frozen = frozen_warning(time, angles)
+    seams = tuple(seam - start for seam in stream.seams if time[0] < seam - start <= time[-1])
+    if seams:
+        times = ", ".join(f"{seam:.2f} s" for seam in seams[:3]) + (" ..." if len(seams) > 3 else "")
+        warnings = [*warnings, f"the clock restarts at {times}; frames are in the order in which they were recorded"]
     texts = [*recording.log.warnings, *log.warnings, *warnings, *([frozen] if frozen else [])]
     return Quality(
         messages=log.messages,
@@ -162,6 +175,7 @@ def _quality(recording: Recording, log: ReadLog, time: Array, angles: Array, war
         time_source=log.time_source or recording.log.time_source,
         rate=median_rate(time),
         gaps=find_gaps(time),
+        seams=seams,
         warnings=tuple(dict.fromkeys(texts)),
         sha256=file_hash(recording.path),
     )

@@ -109,6 +109,12 @@ class Samples:
         """(n, 22) [deg], a view."""
         return self.table[:, 1:]
 
+    def from_zero(self) -> float:
+        """Let the time begin at 0, and return the time [s] at which it began."""
+        start = float(self.table[0, 0]) if len(self.table) else 0.0
+        self.table[:, 0] -= start
+        return start
+
     @property
     def seconds(self) -> float:
         """Duration of the recording [s]."""

@@ -41,8 +41,8 @@ class FrameTree:
         if self._block is not block:
             self._block, self._known = block, {}
             self._at: dict[str, list[int]] = {}
-            for index, known in enumerate(block.names):
-                self._at.setdefault(known, []).append(index)
+            for index, signal in enumerate(block.names):
+                self._at.setdefault(signal, []).append(index)
             self._parent.update(zip(block.names, block.parents, strict=False))
         if name in self._known:
             return self._known[name]

@@ -45,11 +45,17 @@ class Points:
     jump: Flags
 
     def __getitem__(self, chosen: NDArray[np.intp] | Flags | slice) -> Points:
-        return Points(*(values[chosen] for values in self.fields()))
+        return Points(self.number[chosen], self.log[chosen], self.stamp[chosen], self.jump[chosen])
 
-    def fields(self) -> tuple[NDArray[np.int64], Nanoseconds, Nanoseconds, Flags]:
-        """Return the arrays in their order."""
-        return self.number, self.log, self.stamp, self.jump
+
+def joined(parts: Sequence[Points]) -> Points:
+    """Return the points of one or more parts."""
+    return Points(
+        np.concatenate([part.number for part in parts]),
+        np.concatenate([part.log for part in parts]),
+        np.concatenate([part.stamp for part in parts]),
+        np.concatenate([part.jump for part in parts]),
+    )
 
 
 class Trace:
@@ -89,8 +95,7 @@ class Trace:
     def points(self) -> Points:
         """Return the points of all messages so far."""
         none = np.zeros(0, np.int64)
-        parts = self._parts or [Points(none, none, none, none.astype(bool))]
-        return Points(*map(np.concatenate, zip(*(part.fields() for part in parts), strict=True)))
+        return joined(self._parts or [Points(none, none, none, none.astype(bool))])
 
 
 @dataclass
@@ -201,8 +206,7 @@ def _from_first(points: Points, good: Points) -> Points:
     if not len(good.number) or good.number[0] <= points.number[0]:
         return good
     stamp = good.stamp[0] - (good.log[0] - points.log[0])
-    first = Points(points.number[:1], points.log[:1], np.array([stamp]), np.array([False]))
-    return Points(*(np.concatenate(pair) for pair in zip(first.fields(), good.fields(), strict=True)))
+    return joined([Points(points.number[:1], points.log[:1], np.array([stamp]), np.array([False])), good])
 
 
 def _damaged(points: Points) -> Flags:

@@ -118,6 +118,7 @@ class Contents:
         presence: kind and group of channels -> names and parents that share messages -> when they are there.
         static: kind and group of channels -> pieces of static transforms.
         clocks: by `clock_name`; channels without messages have none.
+        start: earliest log time [ns].
         warnings: for the user.
 
     Raises:
@@ -136,6 +137,8 @@ class Contents:
         self._group(parts)
         for container in self.containers:
             self._read(container, [part for part in parts if part.container is container], strict)
+        logs = [one.intervals[0][0] for group in self.presence.values() for one in group.values() if one.intervals]
+        self.start = min(logs, default=0)
         of_clock: dict[str, dict[int, Track]] = {}
         for part in parts:
             if (track := self.tracks.get(id(part))) is not None and track.trace.count:

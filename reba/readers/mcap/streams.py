@@ -6,7 +6,7 @@ Contents -> names, parents and zero of each stream -> blocks, decoded again wher
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -117,14 +117,20 @@ class McapBlockDecoder:
         contents: Contents,
         log: ReadLog,
         wanted: frozenset[str] | None,
+        renamed: Mapping[str, str],
     ) -> None:
         self._parts = [part for part in parts if not part.static]
+        self._renamed = renamed
         self._header = header
         self._contents = contents
         self._log = log
-        self._wanted = wanted
-        signals = [signal for signal in header.signals if wanted is None or signal[0] in wanted]
-        self._merger = Merger(signals, log, frames=kind == "frames")
+        self._wanted = None
+        if wanted is not None:
+            self._wanted = wanted = wanted | {other for other, name in renamed.items() if name in wanted}
+        signals = dict.fromkeys(
+            (renamed.get(name, name), parent) for name, parent in header.signals if wanted is None or name in wanted
+        )
+        self._merger = Merger(list(signals), log, frames=kind == "frames")
         self._decoders = {id(part): part.make(wanted) for part in self._parts}
         self._tracks = {id(part): contents.tracks[id(part)] for part in self._parts}
         self._read = dict.fromkeys(map(id, self._tracks.values()), 0)
@@ -163,6 +169,8 @@ class McapBlockDecoder:
         if unstamped:
             self._log.warn("some messages have no usable time stamp; theirs follows from the log time")
         self._newest[id(track)] = max(self._newest[id(track)], int(time.max()))
+        if self._renamed:
+            piece = replace(piece, names=tuple(self._renamed.get(name, name) for name in piece.names))
         if piece.names:
             self._merger.add(np.asarray((time - self._header.zero) / 1e9), piece)
 
@@ -209,6 +217,7 @@ class StreamReader:
     Args:
         parts: channels, of one or more files, by start time.
         opened: notes made on opening the recording.
+        renamed: names of signals -> those that they have in the stream.
     """
 
     def __init__(
@@ -218,31 +227,41 @@ class StreamReader:
         header: StreamHeader,
         contents: Contents,
         opened: ReadLog,
+        renamed: Mapping[str, str] | None = None,
     ) -> None:
         self._parts = parts
         self._kind = kind
         self._header = header
         self._contents = contents
         self._opened = opened
+        self._renamed = renamed or {}
 
     def stream(self, name: str) -> Stream:
         """Return the stream with its name."""
         counts = [part.container.counts[part.channel] for part in self._parts if not part.static]
         formats = dict.fromkeys(part.format for part in self._parts if not part.static)
-        header = self._header
+        header, start = self._header, self._contents.start
+        signals = dict.fromkeys((self._renamed.get(signal, signal), parent) for signal, parent in header.signals)
         return Stream(
             name,
             self._kind,
             ", ".join(formats),
-            tuple(name for name, _ in header.signals),
+            tuple(signal for signal, _ in signals),
             self.read,
             unit="rad" if self._kind == "joints" else "",
-            parents=tuple(parent for _, parent in header.signals) if self._kind == "frames" else (),
+            parents=tuple(parent for _, parent in signals) if self._kind == "frames" else (),
             epoch=header.epoch / 1e9,
             count=sum(counts) if self._kind != "frames" and len(counts) == 1 else None,
             table=self.table if self._kind == "angles" else None,
             follow=self.follow,
             seams=tuple((seam - header.zero) / 1e9 for seam in header.clock.seams),
+            present={
+                signal: [((first - start) / 1e9, (last - start) / 1e9) for first, last in intervals]
+                for signal, intervals in header.intervals.items()
+            },
+            join=lambda renamed: StreamReader(
+                self._parts, self._kind, header, self._contents, self._opened, renamed
+            ).stream(name),
         )
 
     def read(self, log: ReadLog, names: Sequence[str] | None) -> Iterator[Block]:
@@ -259,7 +278,7 @@ class StreamReader:
         """Return the decoder of a recording that is still being written."""
         self._begin(log)
         wanted = None if names is None else frozenset(names)
-        return McapBlockDecoder(self._parts, self._kind, self._header, self._contents, log, wanted)
+        return McapBlockDecoder(self._parts, self._kind, self._header, self._contents, log, wanted, self._renamed)
 
     def table(self) -> pd.DataFrame:
         """Return all rows of posture tables, text columns included; `time` in seconds since the epoch."""

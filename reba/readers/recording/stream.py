@@ -9,7 +9,7 @@ posture angles.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -121,6 +121,8 @@ class Stream:
         rest: frames only: (k, 7) pose of each frame in its parent when all rotations are zero (BVH offsets), else None.
         read: `read(log, names)` iterates over blocks; `names` limits the signals (None: all).
         seams: times [s] of the first sample after each restart of the clock; no interval reaches across them.
+        present: name -> intervals [s since the start of the recording] in which it is there; empty: always.
+        join: `join(other -> name)` makes the stream in which signals have the names of others, never there at once.
         follow: makes the decoder of a recording that is still being written (MCAP), see `reba.live`.
         table: angles only: the complete table, `time` in seconds since `epoch`, text and bool factor columns included.
     """
@@ -139,6 +141,8 @@ class Stream:
     table: Callable[[], pd.DataFrame] | None = None
     follow: Callable[[ReadLog, Sequence[str] | None], BlockDecoder] | None = None
     seams: tuple[float, ...] = ()
+    present: Mapping[str, Sequence[tuple[float, float]]] = field(default_factory=dict)
+    join: Callable[[Mapping[str, str]], Stream] | None = None
 
     def blocks(self, log: ReadLog | None = None, names: Sequence[str] | None = None) -> Iterator[Block]:
         """Iterate over the samples in time order, block by block."""
