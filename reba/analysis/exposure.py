@@ -211,6 +211,7 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
         "unmeasured": list(scores.unmeasured),
         "assumed": list(scores.assumed),
         "warnings": scores.postures.quality.notes(),
+        "accounts": list(scores.postures.quality.accounts),
         "reba": dataclasses.asdict(_agreed(column(scores, "reba"), weights, low_end, high_end)),
         "range": {
             "mean_low": low_end.mean,

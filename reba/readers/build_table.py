@@ -11,6 +11,7 @@ from reba.arrays import Array
 from reba.errors import ProfileError, ReadError
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.table import PostureTable, Quality
+from reba.readers.accounts import account_warnings, accounts_of, refuse_losses
 from reba.readers.formats import file_hash
 from reba.readers.mapping import collect, mapper_for, sorted_by_time
 from reba.readers.mapping.reference_frames import PelvisPose, read_pelvis_pose
@@ -43,12 +44,14 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
     if profile is None or match.names is None:
         return _ready_table(recording, match, neutral, strict)
     pelvis = _pelvis_pose(recording, match, profile)
+    helpers = tuple(stream for stream, _ in pelvis_streams(recording, match, profile)) if pelvis is not None else ()
     mapper = mapper_for(profile, match.names, match.stream, pelvis)
     samples = collect(match.stream, mapper)
     start = samples.from_zero() if recording.format == "mcap" else 0.0
     _check_samples(recording, samples.log, len(samples.table), strict)
     posed = match.stream.rest is not None or recording.format == "mvnx"
     if posed and first_frame_is_outlier(samples.angles):
+        samples.log.unused["first_frame"] += 1
         samples.log.warn("the first frame is an outlier (T-pose or zeros) and was left out")
         samples.table = samples.table[1:]
     reasons = quality_control(samples, mapper, profile, match.stream.kind, neutral).reasons
@@ -69,7 +72,7 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
         why_unmeasured={column: reasons[column] for column in unmeasured if column in reasons},
         assumed=tuple(dict.fromkeys(assumed)),
         recognised=_recognised(match, reasons, unmeasured),
-        quality=_quality(recording, match.stream, start, samples.log, samples.time, samples.angles, warnings),
+        quality=_quality(recording, match, start, samples.log, samples.time, samples.angles, warnings, strict, helpers),
         epoch=match.stream.epoch + start,
     )
 
@@ -97,7 +100,7 @@ def _ready_table(recording: Recording, match: Match, neutral: str, strict: bool)
         why_unmeasured={column: absent.get(column, "no value") for column in unmeasured},
         assumed=(note,) if note else (),
         recognised=match.why,
-        quality=_quality(recording, match.stream, 0.0, log, time, angles, _column_warnings(angles)),
+        quality=_quality(recording, match, 0.0, log, time, angles, _column_warnings(angles), strict),
         epoch=match.stream.epoch,
     )
 
@@ -154,15 +157,21 @@ def _recognised(match: Match, reasons: dict[str, str], unmeasured: Iterable[str]
 
 def _quality(
     recording: Recording,
-    stream: Stream,
+    match: Match,
     start: float,
     log: ReadLog,
     time: Array,
     angles: Array,
     warnings: list[str],
+    strict: bool,
+    helpers: tuple[Stream, ...] = (),
 ) -> Quality:
+    accounts = accounts_of(recording, match, log, float(time[-1] - time[0]), helpers)
+    if strict:
+        refuse_losses(recording.path, accounts[0], log)
+    warnings = [*warnings, *account_warnings(accounts[0])]
     frozen = frozen_warning(time, angles)
-    seams = tuple(seam - start for seam in stream.seams if time[0] < seam - start <= time[-1])
+    seams = tuple(seam - start for seam in match.stream.seams if time[0] < seam - start <= time[-1])
     if seams:
         times = ", ".join(f"{seam:.2f} s" for seam in seams[:3]) + (" ..." if len(seams) > 3 else "")
         warnings = [*warnings, f"the clock restarts at {times}; frames are in the order in which they were recorded"]
@@ -173,9 +182,11 @@ def _quality(
         first_skipped=log.first_skipped,
         ended_abnormally=log.ended_abnormally or recording.log.ended_abnormally,
         time_source=log.time_source or recording.log.time_source,
+        time_why=log.time_why,
         rate=median_rate(time),
         gaps=find_gaps(time),
         seams=seams,
         warnings=tuple(dict.fromkeys(texts)),
         sha256=file_hash(recording.path),
+        accounts=accounts,
     )

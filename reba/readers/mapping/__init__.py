@@ -154,6 +154,7 @@ def sorted_by_time(table: Array, log: ReadLog) -> Array:
     time = table[:, 0]
     if not np.isfinite(time).all():
         bad = int(np.sum(~np.isfinite(time)))
+        log.unused["no_time"] += bad
         log.warn(f"{bad} samples without a time were left out")
         table = table[np.isfinite(time)]
     if len(table) and np.any(np.diff(table[:, 0]) < 0):
@@ -161,6 +162,7 @@ def sorted_by_time(table: Array, log: ReadLog) -> Array:
         table = table[np.argsort(table[:, 0], kind="stable")]
     repeated = np.flatnonzero(np.diff(table[:, 0]) == 0) + 1
     if len(repeated):
+        log.unused["repeated_time"] += len(repeated)
         log.warn(f"{len(repeated)} samples repeat the time of the one before and were left out")
         table = np.delete(table, repeated, axis=0)
     return table

@@ -13,6 +13,7 @@ from pathlib import Path
 from reba.errors import ReadError
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
+from reba.readers.mcap.clock import JITTER
 from reba.readers.mcap.container import Container, Store
 from reba.readers.mcap.contents import Contents
 from reba.readers.mcap.streams import StreamReader, stream_header
@@ -92,7 +93,14 @@ def _open_files(
             log.warn(f"{error}; this file is left out")
     if not opened:
         raise ReadError(path, f"none of its {len(files)} files can be read; {log.warnings[0]}")
-    return sorted(opened, key=lambda pair: pair[0].segments[0].start if pair[0].segments else 0)
+    by_time = sorted(opened, key=lambda pair: pair[0].segments[0].start if pair[0].segments else 0)
+    ends = [
+        max((one.chunk.end if one.chunk else one.start for one in store.segments), default=0) for store, _ in by_time
+    ]
+    starts = [store.segments[0].start if store.segments else 0 for store, _ in by_time[1:]]
+    # Where log times repeat, a clock restarted, and the names have the order of recording.
+    repeat = any(start < end - JITTER for start, end in zip(starts, ends, strict=False))
+    return opened if repeat else by_time
 
 
 def classified(container: Store) -> list[DecodableChannel | Unused]:

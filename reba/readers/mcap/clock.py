@@ -172,6 +172,10 @@ class ChannelClock:
                 result[mine] = _interpolated(log[mine], one.log, one.stamp + one.offset)
         return result, int(np.count_nonzero(~usable))
 
+    def pass_of(self, number: int) -> int:
+        """Return the place of the pass of a message in the order of time."""
+        return max(enumerate(self.passes), key=lambda at: (at[1].start <= number, at[1].start))[0]
+
     def as_line(self) -> tuple[Nanoseconds, Nanoseconds]:
         """Return log times and times of the recording [ns] of its points, by log time."""
         log = np.concatenate([one.log for one in self.passes])
@@ -269,11 +273,12 @@ class RecordingClock:
         why: why the header stamps are not used, "" if they are.
         channels: the clock of each trace, in their order.
         seams: times of the recording [ns] of the first message after each restart.
-        notes: for the user.
+
+    Args:
+        published: the traces have publish times in the place of log times.
     """
 
-    def __init__(self, traces: Sequence[Trace]) -> None:
-        self.notes: tuple[str, ...] = ()
+    def __init__(self, traces: Sequence[Trace], *, published: bool = False) -> None:
         self.why = ""
         clocks = [channel_clock(trace, use_stamps=True) for trace in traces]
         total = sum(clock.trace.count for clock in clocks)
@@ -284,7 +289,7 @@ class RecordingClock:
             self.why = f"the time stamps of two topics differ by {difference / 1e9:.1f} s at one log time"
         if self.why:
             clocks = [channel_clock(trace, use_stamps=False) for trace in traces]
-        self.source = "log_time" if self.why else "header.stamp"
+        self.source = ("publish_time" if published else "log_time") if self.why else "header.stamp"
         self.channels = clocks
         self.seams = _set_offsets([clock for clock in clocks if clock.by_stamp != bool(self.why)])
         reference = max(clocks, key=lambda clock: (clock.by_stamp, clock.trace.count), default=None)

@@ -104,6 +104,7 @@ class Container:
         schemas, channels: definitions by id.
         counts: messages of each channel.
         ended_abnormally: None, or where the file is truncated.
+        publish_time: whether messages are loaded with their publish times in the place of log times.
 
     Raises:
         ReadError: the file is not an MCAP recording, or damaged so that its data would be wrong.
@@ -113,6 +114,7 @@ class Container:
         self.path = path
         self.source = ByteSource(path, limit_bytes)
         self.check_crc = check_crc
+        self.publish_time = False
         self.limit_bytes = limit_bytes
         self.segments: list[ChunkRef] = []
         self.schemas: dict[int, Schema] = {}
@@ -136,7 +138,7 @@ class Container:
             self._last = None
             data = self._bytes(segment)
             try:
-                loaded = Loaded(segment, data, records.scan(data))
+                loaded = Loaded(segment, data, records.scan(data, publish_time=self.publish_time))
                 self._define(data, loaded.scan)
             except BadRecord as error:
                 place = segment.offset + (0 if segment.chunk else error.offset)

@@ -16,7 +16,7 @@ import numpy as np
 from reba.errors import ReadError
 from reba.readers.mcap.channels import DecodableChannel, batch_of
 from reba.readers.mcap.clock import NO_STAMP, ChannelClock, RecordingClock, Trace
-from reba.readers.mcap.container import ChunkRef, Store
+from reba.readers.mcap.container import ChunkRef, Container, Store
 from reba.readers.mcap.decode import Decoder, Piece
 from reba.readers.recording.stream import Kind, ReadLog
 
@@ -127,6 +127,26 @@ class Contents:
 
     def __init__(self, parts: Sequence[DecodableChannel], *, strict: bool) -> None:
         self.containers = list(dict.fromkeys(part.container for part in parts))
+        self._read_all(parts, strict)
+        if self._has_no_log_time():
+            for container in self.containers:
+                if isinstance(container, Container):
+                    container.publish_time = True
+            self._read_all(parts, strict)
+        logs = [one.intervals[0][0] for group in self.presence.values() for one in group.values() if one.intervals]
+        self.start = min(logs, default=0)
+        of_clock: dict[str, dict[int, Track]] = {}
+        for part in parts:
+            if (track := self.tracks.get(id(part))) is not None and track.trace.count:
+                of_clock.setdefault(clock_name(part.kind, part.group), {})[id(track)] = track
+        published = any(isinstance(store, Container) and store.publish_time for store in self.containers)
+        self.clocks: dict[str, RecordingClock] = {}
+        for name, tracks in of_clock.items():
+            self.clocks[name] = clock = RecordingClock([track.trace for track in tracks.values()], published=published)
+            for track, one in zip(tracks.values(), clock.channels, strict=True):
+                track.clock = one
+
+    def _read_all(self, parts: Sequence[DecodableChannel], strict: bool) -> None:
         self.tracks: dict[int, Track] = {}
         self.presence: dict[tuple[str, str], dict[tuple[Signal, ...], Presence]] = {}
         self.static: dict[tuple[str, str], list[Piece]] = {}
@@ -137,21 +157,31 @@ class Contents:
         self._group(parts)
         for container in self.containers:
             self._read(container, [part for part in parts if part.container is container], strict)
-        logs = [one.intervals[0][0] for group in self.presence.values() for one in group.values() if one.intervals]
-        self.start = min(logs, default=0)
-        of_clock: dict[str, dict[int, Track]] = {}
-        for part in parts:
-            if (track := self.tracks.get(id(part))) is not None and track.trace.count:
-                of_clock.setdefault(clock_name(part.kind, part.group), {})[id(track)] = track
-        self.clocks: dict[str, RecordingClock] = {}
-        for name, tracks in of_clock.items():
-            self.clocks[name] = clock = RecordingClock([track.trace for track in tracks.values()])
-            for track, one in zip(tracks.values(), clock.channels, strict=True):
-                track.clock = one
+
+    def _has_no_log_time(self) -> bool:
+        """Return whether all messages with postures, more than one, have one log time: a converter left it empty."""
+        points = [track.trace.points().log for track in self.tracks.values()]
+        logs = np.concatenate([*points, np.zeros(0, np.int64)])
+        return len(logs) > 1 and bool((logs == logs[0]).all())
 
     def place(self, part: DecodableChannel, segment: ChunkRef) -> Place | None:
         """Return the messages of a channel in a segment, None for a segment that came later."""
         return self._places.get((id(part), segment.offset))
+
+    def segments(self, container: Store, parts: Sequence[DecodableChannel]) -> list[ChunkRef]:
+        """Return the segments with messages of some channels of a file in the order of time."""
+        ordered = []
+        for segment in container.segments:
+            passes = []
+            for part in parts:
+                place = self.place(part, segment)
+                if place is None:
+                    passes.append(0)
+                elif place.count and (clock := self.tracks[id(part)].clock) is not None:
+                    passes.append(clock.pass_of(place.first))
+            if passes:
+                ordered.append((min(passes), segment.start, segment.offset, segment))
+        return [segment for *_, segment in sorted(ordered, key=lambda row: row[:3])]
 
     def _group(self, parts: Sequence[DecodableChannel]) -> None:
         """Find the track of each channel: the same topic, type and publisher (by order) in every file."""
@@ -167,7 +197,8 @@ class Contents:
     def _read(self, container: Store, parts: Sequence[DecodableChannel], strict: bool) -> None:
         """Decode all messages of a file; of several files a damaged one is read up to its damage."""
         decoders = [(part, part.make(None)) for part in parts]
-        for segment in container.segments:
+        # In the order of the file: where log times repeat, it is that of recording.
+        for segment in sorted(container.segments, key=lambda segment: segment.offset):
             try:
                 container.load(segment)
             except ReadError as error:

@@ -179,12 +179,28 @@ class Merger:
             present[at[:, None], columns] = True
             samples += len(at) * len(columns)
         if samples > np.count_nonzero(present):
-            self._log.warn("messages repeat the time of another; of those with one time the last is used")
+            self._count_repeated(row_of, every, rows)
         if rows:
             self._hold(time[:rows], values, present)
         if not last:
             self._keep(time[rows] if rows < len(time) else np.inf, newest=until is None)
         return time[:rows], values
+
+    def _count_repeated(self, row_of: Indices, every: Array, rows: int) -> None:
+        """Count the messages of which nothing is used: each of their signals has a later message of the same time."""
+        owner = np.full((rows, len(self._columns)), -1)
+        first = 0
+        for times, columns, _ in self._pieces:
+            order = np.argsort(times, kind="stable")
+            at = row_of[np.searchsorted(every, times[order])]
+            owner[at[at < rows, None], columns] = first + order[at < rows, None]
+            first += len(times)
+        owned = np.zeros(first + 1, bool)
+        owned[owner] = True
+        here = np.concatenate([row_of[np.searchsorted(every, times)] < rows for times, _, _ in self._pieces])
+        repeated = int(np.count_nonzero(here & ~owned[:-1]))
+        self._log.unused["repeated_time"] += repeated
+        self._log.warn("messages repeat the time of another; of those with one time the last is used")
 
     def _hold(self, time: Array, values: Array, present: Flags) -> None:
         """Fill absent values with the last value not older than `HOLD`; store the newest of each column."""

@@ -201,8 +201,10 @@ class Scan:
     end: int
 
 
-def scan(data: bytes, *, complete: bool = True) -> Scan:
+def scan(data: bytes, *, complete: bool = True, publish_time: bool = False) -> Scan:
     """Return the messages of a `complete` chunk, or the complete messages at the head of a window of the data section.
+
+    With `publish_time` the times of the messages are those, and not the log times.
 
     In recordings of one topic most records have one size, so a run of equal heads is detected by one comparison.
 
@@ -235,7 +237,7 @@ def scan(data: bytes, *, complete: bool = True) -> Scan:
         elif opcode in _DEFINITIONS:
             definitions.append((opcode, at + HEAD, stop))
         at = stop
-    return _fields_of(data, np.array(starts, np.int64), tuple(definitions), at)
+    return _fields_of(data, np.array(starts, np.int64), tuple(definitions), at, HEAD + (14 if publish_time else 6))
 
 
 def _run(data: bytes, at: int, step: int) -> int:
@@ -252,8 +254,10 @@ def _run(data: bytes, at: int, step: int) -> int:
     return possible
 
 
-def _fields_of(data: bytes, starts: NDArray[np.int64], definitions: tuple[tuple[int, int, int], ...], end: int) -> Scan:
-    """Gather the fixed fields of the messages that start at `starts`."""
+def _fields_of(
+    data: bytes, starts: NDArray[np.int64], definitions: tuple[tuple[int, int, int], ...], end: int, time_at: int
+) -> Scan:
+    """Gather the fixed fields of the messages that start at `starts`; their time lies `time_at` bytes after that."""
     if not len(starts):
         none = np.zeros(0, np.int64)
         return Scan(none, none, np.zeros(0, np.uint16), none, definitions, end)
@@ -261,7 +265,7 @@ def _fields_of(data: bytes, starts: NDArray[np.int64], definitions: tuple[tuple[
     lengths = heads[:, 1:HEAD].copy().view("<u8")[:, 0].astype(np.int64) - MESSAGE_HEAD
     channels = heads[:, HEAD : HEAD + 2].copy().view("<u2")[:, 0].astype(np.uint16)
     # A log time beyond the year 2262 exceeds int64 and is set to its maximum.
-    times = np.minimum(heads[:, HEAD + 6 : HEAD + 14].copy().view("<u8")[:, 0], np.uint64(2**63 - 1))
+    times = np.minimum(heads[:, time_at : time_at + 8].copy().view("<u8")[:, 0], np.uint64(2**63 - 1))
     return Scan(starts + HEAD + MESSAGE_HEAD, lengths, channels, times.astype(np.int64), definitions, end)
 
 

@@ -5,9 +5,10 @@ Contents -> names, parents and zero of each stream -> blocks, decoded again wher
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+NONE: Final = np.zeros(0, np.int64)
+
+
 @dataclass(frozen=True)
 class StreamHeader:
     """What all messages of a stream name, and when.
@@ -44,6 +48,7 @@ class StreamHeader:
         source: where its times come from.
         zero: time of the recording [ns] at time 0 of the stream; `epoch`: its Unix time [ns].
         intervals: name -> log times [ns] between which it is there.
+        messages: name -> messages that have it.
         warnings: for the user.
     """
 
@@ -53,6 +58,7 @@ class StreamHeader:
     zero: int
     epoch: int
     intervals: Mapping[str, list[Interval]]
+    messages: Mapping[str, int]
     warnings: tuple[str, ...]
 
 
@@ -76,12 +82,15 @@ def stream_header(parts: Sequence[DecodableChannel], kind: Kind, contents: Conte
     intervals: dict[str, list[Interval]] = {}
     for name, parent in signals:
         intervals[name] = united([*intervals.get(name, []), *spans[name, parent]])
+    messages: Counter[str] = Counter()
+    for name, parent in signals:
+        messages[name] += present[name, parent].messages
     clock = contents.clocks[clock_name(kind, of[1])]
     first, logged = min(clock_.first for clock_ in clocks), min(clock_.first_log for clock_ in clocks)
     if kind == "angles" and clock.source == "header.stamp":
         # Rows of a posture table keep their time; the log time gives the epoch.
-        return StreamHeader(signals, clock, "time", 0, logged - first, intervals, warnings)
-    return StreamHeader(signals, clock, clock.source, first, first, intervals, warnings)
+        return StreamHeader(signals, clock, "time", 0, logged - first, intervals, messages, warnings)
+    return StreamHeader(signals, clock, clock.source, first, first, intervals, messages, warnings)
 
 
 def _chosen(
@@ -121,6 +130,8 @@ class McapBlockDecoder:
     ) -> None:
         self._parts = [part for part in parts if not part.static]
         self._renamed = renamed
+        self.used = 0
+        """Messages with a wanted signal."""
         self._header = header
         self._contents = contents
         self._log = log
@@ -142,8 +153,11 @@ class McapBlockDecoder:
         """Decode the messages of a segment."""
         for part in self._parts:
             if part.container is container:
-                for piece in self._pieces(part, segment):
+                pieces = self._pieces(part, segment)
+                for piece in pieces:
                     self._add(self._tracks[id(part)], piece)
+                used = [piece.number for piece in pieces if piece.names]
+                self.used += len(used[0]) if len(used) == 1 else len(np.unique(np.concatenate(used or [NONE])))
 
     def _pieces(self, part: DecodableChannel, segment: ChunkRef) -> list[Piece]:
         """Return the messages of a channel in a segment, kept ones or decoded again; or new ones of a live source."""
@@ -259,6 +273,7 @@ class StreamReader:
                 signal: [((first - start) / 1e9, (last - start) / 1e9) for first, last in intervals]
                 for signal, intervals in header.intervals.items()
             },
+            messages=header.messages,
             join=lambda renamed: StreamReader(
                 self._parts, self._kind, header, self._contents, self._opened, renamed
             ).stream(name),
@@ -273,6 +288,7 @@ class StreamReader:
                 yield block
         if (block := decoder.flush(last=True)) is not None:
             yield block
+        log.unused["other_signals"] += log.messages - log.skipped - decoder.used
 
     def follow(self, log: ReadLog, names: Sequence[str] | None) -> McapBlockDecoder:
         """Return the decoder of a recording that is still being written."""
@@ -298,17 +314,16 @@ class StreamReader:
             log.skip(track.log.skipped, track.log.first_skipped or "")
             for warning in track.log.warnings:
                 log.warn(warning)
-        header = self._header
-        for warning in (*self._opened.warnings, *self._contents.warnings, *header.warnings, *header.clock.notes):
+        log.time_why = self._header.clock.why
+        for warning in (*self._opened.warnings, *self._contents.warnings, *self._header.warnings):
             log.warn(warning)
 
     def _segments(self) -> Iterator[tuple[Store, ChunkRef]]:
         """Yield the segments of all files that have messages of the stream."""
         for container in self._contents.containers:
-            mine = [part for part in self._parts if part.container is container]
-            for segment in container.segments:
-                if any((place := self._contents.place(part, segment)) is None or place.count for part in mine):
-                    yield container, segment
+            mine = [part for part in self._parts if part.container is container and not part.static]
+            for segment in self._contents.segments(container, mine):
+                yield container, segment
             container.release()
 
 
