@@ -72,15 +72,15 @@ def detect(
     parts = [part for part in np.split(np.arange(len(time)), cuts) if len(part)]
     if len(parts) <= 1:
         return _detect(time, angles, rules, walking)
-    found = [_detect(time[at], angles[at], rules, None if walking is None else walking[at]) for at in parts]
+    activities = [_detect(time[at], angles[at], rules, None if walking is None else walking[at]) for at in parts]
     causes: dict[str, dict[str, float]] = {}
-    for part, one in zip(parts, found, strict=True):
+    for part, one in zip(parts, activities, strict=True):
         for kind, shares in one.causes.items():
             total = causes.setdefault(kind, {})
             for name, share in shares.items():
                 total[name] = total.get(name, 0.0) + share * len(part) / len(time)
     static, repeated, unstable = (
-        np.concatenate([getattr(one, kind) for one in found]) for kind in ("static", "repeated", "unstable")
+        np.concatenate([getattr(one, kind) for one in activities]) for kind in ("static", "repeated", "unstable")
     )
     return Activity(static, repeated, unstable, causes)
 
