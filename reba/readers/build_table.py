@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from warnings import warn
 
 import numpy as np
 import pandas as pd
 
 from reba.arrays import Array
-from reba.errors import ProfileError, ReadError
+from reba.errors import ProfileError, RadiansWarning, ReadError
 from reba.posture.columns import COLUMNS, INDEX
+from reba.posture.named_angles import RADIANS_TEXT, look_like_radians
 from reba.posture.table import PostureTable, Quality
 from reba.readers.accounts import account_warnings, accounts_of, refuse_losses
 from reba.readers.formats import file_hash
 from reba.readers.mapping import collect, mapper_for, sorted_by_time
+from reba.readers.mapping.gap_codes import GapCodes
 from reba.readers.mapping.reference_frames import PelvisPose, read_pelvis_pose
 from reba.readers.mapping.segments import AXES
 from reba.readers.quality_control import (
@@ -29,7 +32,7 @@ from reba.readers.quality_control import (
 )
 from reba.readers.recognise import Match
 from reba.readers.recording.profile import Profile
-from reba.readers.recording.stream import ReadLog, Recording, Stream
+from reba.readers.recording.stream import Block, ReadLog, Recording, Stream
 
 
 def build_table(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:
@@ -86,6 +89,9 @@ def _ready_table(recording: Recording, match: Match, neutral: str, strict: bool)
     ordered = table.iloc[sorted_by_time(rows, log)[:, 1].astype(int)].reset_index(drop=True)
     angles = ordered.reindex(columns=list(COLUMNS)).to_numpy(np.float64, copy=True)
     time = ordered["time"].to_numpy(np.float64)
+    gaps = GapCodes("angles")
+    angles = gaps.without(Block(time, COLUMNS, angles)).values
+    gaps.note(log)
     note = apply_neutral(time, angles, neutral)
     others = [column for column in ordered.columns if column not in INDEX and column != "time"]
     data = pd.concat([ordered[["time"]], pd.DataFrame(angles, columns=list(COLUMNS)), ordered[others]], axis=1)
@@ -171,6 +177,11 @@ def _quality(
         refuse_losses(recording.path, accounts[0], log)
     warnings = [*warnings, *account_warnings(accounts[0])]
     frozen = frozen_warning(time, angles)
+    if look_like_radians(angles):
+        if strict:
+            raise ReadError(recording.path, RADIANS_TEXT, hint="read it without strict to use them as they are")
+        warnings = [*warnings, RADIANS_TEXT]
+        warn(f"{recording.path}: {RADIANS_TEXT}", RadiansWarning, stacklevel=4)
     seams = tuple(seam - start for seam in match.stream.seams if time[0] < seam - start <= time[-1])
     if seams:
         times = ", ".join(f"{seam:.2f} s" for seam in seams[:3]) + (" ..." if len(seams) > 3 else "")

@@ -11,6 +11,7 @@ import numpy as np
 from reba.arrays import Array
 from reba.posture.angles import SegmentFrames, posture_angles
 from reba.posture.columns import COLUMNS, INDEX
+from reba.readers.mapping.gap_codes import GapCodes
 from reba.readers.mapping.joints import JointMapper
 from reba.readers.mapping.markers import PointMapper
 from reba.readers.mapping.reference_frames import PelvisPose
@@ -123,19 +124,22 @@ class Samples:
 
 def collect(stream: Stream, mapper: Mapper) -> Samples:
     """Read a stream to its end and return its angles, sorted by time, each time once."""
-    table, log = _pass(stream, mapper)
+    gaps = GapCodes(stream.kind)
+    table, log = _pass(stream, mapper, gaps)
     for _ in range(PASSES - 1):
-        if mapper.is_consistent():
+        if all([gaps.is_consistent(), mapper.is_consistent()]):
             break
         del table
-        table, log = _pass(stream, mapper)
+        table, log = _pass(stream, mapper, gaps)
+    gaps.note(log)
     return Samples(sorted_by_time(table, log), log)
 
 
-def _pass(stream: Stream, mapper: Mapper) -> tuple[Array, ReadLog]:
+def _pass(stream: Stream, mapper: Mapper, gaps: GapCodes) -> tuple[Array, ReadLog]:
     """Return the (n, 23) rows of one reading; the table grows in place by halves, so at most a third is spare."""
     log = ReadLog()
     mapper.begin()
+    gaps.begin()
     table = np.empty((max(stream.count or 0, 1024), 1 + len(COLUMNS)))
     n = 0
     for block in stream.blocks(log, mapper.wanted):
@@ -143,7 +147,7 @@ def _pass(stream: Stream, mapper: Mapper) -> tuple[Array, ReadLog]:
         if n + size > len(table):
             table.resize((max(n + size, len(table) * 3 // 2), table.shape[1]), refcheck=False)
         table[n : n + size, 0] = block.time
-        table[n : n + size, 1:] = block_angles(mapper, block)
+        table[n : n + size, 1:] = block_angles(mapper, gaps.without(block))
         n += size
     table.resize((n, table.shape[1]), refcheck=False)
     return table, log
