@@ -45,7 +45,7 @@ LEVEL_NAMES = [risk.replace(" ", "-") for risk, _ in ACTION_LEVELS]
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options for reading recordings."""
     for option in (
-        click.option("--strict", is_flag=True, help="Refuse a truncated recording instead of reading its first part."),
+        click.option("--strict", is_flag=True, help="Refuse a truncated recording, and one with losses over 1 %."),
         click.option("--neutral", default="none", metavar="first:3s|at:T|none", help="Posture that counts as neutral."),
         click.option("--topic", default=None, help="Topic or stream to use, if a recording has several."),
         click.option(

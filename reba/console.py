@@ -255,9 +255,20 @@ def _lines(info: Info) -> list[tuple[str, str]]:
     if info.usable:
         lines.append(("profile", f"{info.profile} ({info.title})" if info.title else info.profile))
         rate = "?" if info.rate != info.rate else f"{info.rate:g}"
-        lines.append(("time", f"{info.frames} frames, {info.seconds:.2f} s at {rate} Hz, from {info.time_source}"))
+        clock = f"{info.time_source} ({info.time_why})" if info.time_why else info.time_source
+        lines.append(("time", f"{info.frames} frames, {info.seconds:.2f} s at {rate} Hz, from {clock}"))
         gaps = ", ".join(f"{start:.2f}-{end:.2f} s" for start, end in info.gaps[:MAX_NAMES])
         lines.append(("gaps", f"{len(info.gaps)}: {gaps}" if info.gaps else "none"))
+    for account in info.accounts:
+        unused = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in account["not_used"].items())
+        seconds = account["seconds"]
+        lines.append(
+            (
+                f"account of {account['stream']}",
+                f"{account['used']} of {account['read']} messages used{', not used: ' if unused else ''}{unused}; "
+                f"{seconds['used']:.2f} of {seconds['read']:.2f} s",
+            )
+        )
     if info.skipped:
         lines.append(("skipped", f"{info.skipped} of {info.messages} messages, the first: {info.first_skipped}"))
     for label, names in (("found", info.present), ("missing", info.missing), ("also fits", info.alternatives)):

@@ -97,7 +97,7 @@ def score(
     named = expand_sides(columns)
     named |= expand_sides({name: value for name, value in factors.items() if value is not None})
     used = checked(Factors.of(named), len(table.data))
-    kinds, causes = _activity(table.data, angles, used, activity, chosen)
+    kinds, causes = _activity(table, angles, used, activity, chosen)
     open_kinds = [kind for kind in ACTIVITIES if kind not in named]
     used = dataclasses.replace(used, **{kind: kinds[kind] for kind in open_kinds})
     assumed = [text for name, text in ASSUMED.items() if name not in named]
@@ -120,12 +120,12 @@ def score(
 
 
 def _activity(
-    data: pd.DataFrame, angles: Array, used: Factors, activity: str, rules: Rules
+    table: PostureTable, angles: Array, used: Factors, activity: str, rules: Rules
 ) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
     """Return each kind of activity, detected or named by the caller, and its causes in the movement."""
     if activity == "auto":
-        walking = np.broadcast_to(used.support, len(data)) == SUPPORTS[2]
-        detected = detect(data["time"].to_numpy(np.float64), angles, rules, walking)
+        walking = np.broadcast_to(used.support, len(table.data)) == SUPPORTS[2]
+        detected = detect(table.data["time"].to_numpy(np.float64), angles, rules, walking, table.quality.seams)
         return {kind: getattr(detected, kind) for kind in ACTIVITIES}, detected.causes
     return {**named_activity(activity)}, {}
 

@@ -17,7 +17,7 @@ every threshold a field of `Rules`:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -51,18 +51,41 @@ class Activity:
     causes: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
-def detect(time: Array, angles: Array, rules: Rules, walking: Flags | None = None) -> Activity:
+def detect(
+    time: Array, angles: Array, rules: Rules, walking: Flags | None = None, seams: Sequence[float] = ()
+) -> Activity:
     """Return the activity of a recording at (n,) increasing times [s]; angles (n, 22) [deg], NaN = not measured.
 
     Args:
         walking: (n,) frames known to be walking; gait seen in the knees is added to them.
+        seams: times [s] across which no posture is held and no movement repeated: the clock restarted there.
 
     Example:
         >>> import numpy as np
         >>> time = np.arange(0.0, 90.0, 0.1)
         >>> bool(detect(time, np.zeros((900, 22)), Rules()).static.all())
         True
+        >>> bool(detect(time, np.zeros((900, 22)), Rules(), seams=[45.0]).static.any())
+        False
     """
+    cuts = np.searchsorted(time, np.asarray(seams, np.float64))
+    parts = [part for part in np.split(np.arange(len(time)), cuts) if len(part)]
+    if len(parts) <= 1:
+        return _detect(time, angles, rules, walking)
+    activities = [_detect(time[at], angles[at], rules, None if walking is None else walking[at]) for at in parts]
+    causes: dict[str, dict[str, float]] = {}
+    for part, one in zip(parts, activities, strict=True):
+        for kind, shares in one.causes.items():
+            total = causes.setdefault(kind, {})
+            for name, share in shares.items():
+                total[name] = total.get(name, 0.0) + share * len(part) / len(time)
+    static, repeated, unstable = (
+        np.concatenate([getattr(one, kind) for one in activities]) for kind in ("static", "repeated", "unstable")
+    )
+    return Activity(static, repeated, unstable, causes)
+
+
+def _detect(time: Array, angles: Array, rules: Rules, walking: Flags | None) -> Activity:
     n = len(time)
     none = Activity(np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, bool))
     if n < 2 or not time[-1] > time[0]:

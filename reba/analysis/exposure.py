@@ -147,7 +147,7 @@ def worst_intervals(scores: ScoreTable, count: int = WORST_INTERVALS) -> list[In
 
 
 class _Timeline:
-    """The low end of REBA over time, cut at gaps: start and end [s] of every frame, and where a gap follows."""
+    """The low end of REBA over time, cut at gaps and seams: start and end [s] of every frame, and where it is cut."""
 
     def __init__(self, scores: ScoreTable) -> None:
         self.low = scores.data["reba_low"].to_numpy(np.int16)
@@ -156,6 +156,8 @@ class _Timeline:
         weights = durations(self.start)
         self.end = self.start + weights
         self.broken = np.append(np.diff(self.start) > weights[:-1] + 1e-9, True)[: len(self.low)]
+        seams = np.searchsorted(self.start, scores.postures.quality.seams)
+        self.broken[seams[seams > 0] - 1] = True
 
     def runs(self, at_least: int, seconds: float = 0.0) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return first and last frame of every run at or above a score that lasts for `seconds`."""
@@ -209,6 +211,7 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
         "unmeasured": list(scores.unmeasured),
         "assumed": list(scores.assumed),
         "warnings": scores.postures.quality.notes(),
+        "accounts": list(scores.postures.quality.accounts),
         "reba": dataclasses.asdict(_agreed(column(scores, "reba"), weights, low_end, high_end)),
         "range": {
             "mean_low": low_end.mean,

@@ -17,6 +17,7 @@ from reba.posture.columns import COLUMNS
 from reba.posture.factors import Factors
 from reba.readers.build_table import pelvis_streams
 from reba.readers.mapping import Mapper, Samples, block_angles, collect, mapper_for
+from reba.readers.mapping.gap_codes import GapCodes
 from reba.readers.mapping.joints import JointMapper
 from reba.readers.mapping.reference_frames import HOLD, FrameTree, PelvisPose, pelvis_samples, read_pelvis_pose
 from reba.readers.mapping.segments import AXES
@@ -80,6 +81,7 @@ class BodyFollower:
         self._decide(samples, mapper, match, profile, reading, recording.path)
         mapper.begin()
         self._mapper = mapper
+        self._gaps = GapCodes(match.stream.kind)
         self._monitor = DecisionMonitor(
             mapper, profile, match.stream.kind, reading.neutral, self._corrections, on_warning
         )
@@ -152,7 +154,7 @@ class BodyFollower:
     def _frames(self, block: Block) -> Iterator[Frames]:
         if self.pelvis is not None and isinstance(self._mapper, JointMapper):
             self._mapper.root = self.pelvis.pose
-        angles: Array = block_angles(self._mapper, block)
+        angles: Array = block_angles(self._mapper, self._gaps.without(block))
         increasing = is_later(block.time, self._last)
         if not increasing.all():
             if not self.late:

@@ -27,6 +27,12 @@ RADIANS_ABOVE: Final = 0.01
 """[deg] Angles that all lie below this are a body at rest with rounding errors, not radians."""
 RADIANS_POSES: Final = 10
 """Fewer poses may well be close to rest, all of them."""
+RADIANS_OUTLIERS: Final = 0.02
+"""Share of poses with larger angles that does not decide: damaged or coded values among thousands; a choice."""
+RADIANS_TEXT: Final = (
+    f"nearly every angle lies within +-{RADIANS_BELOW}: these look like radians; expected degrees, "
+    "convert with numpy.degrees"
+)
 RAISED: Final = tuple(f"shoulder_raised_{side}" for side in SIDES)
 """Boolean columns that may stand in for `shoulder_elevation_*`."""
 _RAISED_OF: Final = dict(zip(COLUMNS_OF["shoulder_elevation"], RAISED, strict=True))
@@ -241,24 +247,33 @@ def refuse_large(
         )
 
 
+def look_like_radians(angles: Array) -> bool:
+    """Return whether angles (n, d) of postures look like radians.
+
+    At least `RADIANS_POSES` poses, all but a share of `RADIANS_OUTLIERS` within `RADIANS_BELOW`, one beyond
+    `RADIANS_ABOVE`.
+
+    >>> look_like_radians(np.full((50, 22), 0.4)), look_like_radians(np.full((50, 22), 20.0))
+    (True, False)
+    """
+    if len(angles) < RADIANS_POSES:
+        return False
+    allowed, beyond, largest = int(len(angles) * RADIANS_OUTLIERS), 0, 0.0
+    for start in range(0, len(angles), _TILE):
+        of_pose = np.fmax.reduce(abs(angles[start : start + _TILE]), axis=1, initial=0.0)
+        large = of_pose >= RADIANS_BELOW
+        beyond += int(np.count_nonzero(large))
+        if beyond > allowed:
+            return False
+        largest = max(largest, float(np.max(of_pose[~large], initial=0.0)))
+    return largest > RADIANS_ABOVE
+
+
 def warn_if_radians(angles: Array, columns: Sequence[str] = COLUMNS, *, stacklevel: int = 3) -> None:
     """Warn if the angles (n, d) of posture columns look like radians.
 
     Warns:
-        RadiansWarning: at least `RADIANS_POSES` poses, and the largest angle lies between `RADIANS_ABOVE` and
-            `RADIANS_BELOW`.
+        RadiansWarning: they do.
     """
-    if len(angles) < RADIANS_POSES or not all(column in INDEX for column in columns):
-        return
-    largest = 0.0
-    for start in range(0, len(angles), _TILE):
-        largest = max(largest, float(np.fmax.reduce(abs(angles[start : start + _TILE]), axis=None, initial=0.0)))
-        if largest >= RADIANS_BELOW:
-            return
-    if largest > RADIANS_ABOVE:
-        warnings.warn(
-            f"every angle lies within +-{RADIANS_BELOW}: these look like radians; expected degrees, "
-            "convert with numpy.degrees",
-            RadiansWarning,
-            stacklevel=stacklevel,
-        )
+    if all(column in INDEX for column in columns) and look_like_radians(angles):
+        warnings.warn(RADIANS_TEXT, RadiansWarning, stacklevel=stacklevel)

@@ -35,11 +35,14 @@ class Quality:
         skipped: of these, not usable.
         first_skipped: where and why the first one was skipped.
         ended_abnormally: None, or how the recording is truncated.
-        time_source: where the time column comes from.
+        time_source: where the time column comes from; `time_why`: why not from the header stamps of messages.
         rate: median sampling rate [Hz].
         gaps: (start, end) [s] of intervals without samples, longer than 0.2 s and five sample periods.
+        seams: times [s] of the first frame after each restart of the clock; nothing reaches across them.
         warnings: other facts that limit the use of the scores.
         sha256: of the file, "" for a folder.
+        accounts: for each stream its `stream` name, messages `read`, `used`, and `not_used` by reason, and the
+            `seconds` of both: nothing that was recorded is left out without a line here.
     """
 
     messages: int = 0
@@ -47,10 +50,13 @@ class Quality:
     first_skipped: str | None = None
     ended_abnormally: str | None = None
     time_source: str = ""
+    time_why: str = ""
     rate: float = float("nan")
     gaps: tuple[tuple[float, float], ...] = ()
+    seams: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
     sha256: str = ""
+    accounts: tuple[dict[str, Any], ...] = ()
 
     def notes(self) -> list[str]:
         """Return one line each for the reader of a report: truncated input, skipped messages, then the warnings."""

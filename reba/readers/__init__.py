@@ -43,7 +43,7 @@ def read(
         profile: "auto", the name of a shipped profile (`reba profiles`), a TOML file, or what one of them was read as.
         topic: name of the stream, id of the body, or "<stream>#<id>", where a recording has several.
         neutral: posture to subtract as zero: "none", "first:3s" (median of the first 3 s) or "at:12.5" (around 12.5 s).
-        strict: refuse a truncated recording instead of reading it up to its end.
+        strict: refuse a truncated recording, and one of which more than 1 % is lost, instead of reading the rest.
 
     Returns:
         The posture table: angles [deg] over time [s], with what was recognised, assumed and not measured.

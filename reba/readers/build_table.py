@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from warnings import warn
 
 import numpy as np
 import pandas as pd
 
 from reba.arrays import Array
-from reba.errors import ProfileError, ReadError
+from reba.errors import ProfileError, RadiansWarning, ReadError
 from reba.posture.columns import COLUMNS, INDEX
+from reba.posture.named_angles import RADIANS_TEXT, look_like_radians
 from reba.posture.table import PostureTable, Quality
+from reba.readers.accounts import account_warnings, accounts_of, refuse_losses
 from reba.readers.formats import file_hash
 from reba.readers.mapping import collect, mapper_for, sorted_by_time
+from reba.readers.mapping.gap_codes import GapCodes
 from reba.readers.mapping.reference_frames import PelvisPose, read_pelvis_pose
 from reba.readers.mapping.segments import AXES
 from reba.readers.quality_control import (
@@ -28,7 +32,7 @@ from reba.readers.quality_control import (
 )
 from reba.readers.recognise import Match
 from reba.readers.recording.profile import Profile
-from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording, Stream
+from reba.readers.recording.stream import LOST_HINT, Block, ReadLog, Recording, Stream
 
 
 def build_table(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:
@@ -43,11 +47,14 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
     if profile is None or match.names is None:
         return _ready_table(recording, match, neutral, strict)
     pelvis = _pelvis_pose(recording, match, profile)
+    helpers = tuple(stream for stream, _ in pelvis_streams(recording, match, profile)) if pelvis is not None else ()
     mapper = mapper_for(profile, match.names, match.stream, pelvis)
     samples = collect(match.stream, mapper)
+    start = samples.from_zero() if recording.format == "mcap" else 0.0
     _check_samples(recording, samples.log, len(samples.table), strict)
     posed = match.stream.rest is not None or recording.format == "mvnx"
     if posed and first_frame_is_outlier(samples.angles):
+        samples.log.unused["first_frame"] += 1
         samples.log.warn("the first frame is an outlier (T-pose or zeros) and was left out")
         samples.table = samples.table[1:]
     reasons = quality_control(samples, mapper, profile, match.stream.kind, neutral).reasons
@@ -57,7 +64,7 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
         raise ProfileError(f"{recording.path}: {match.why}, but no angle was measured: {why}; record it again")
     note = apply_neutral(samples.time, samples.angles, neutral)
     warnings = [*mapper.warnings, *_column_warnings(samples.angles)]
-    assumed = [*mapper.assumed, *([note] if note else [])]
+    assumed = [text for text in (match.note, *mapper.assumed, note) if text]
     data = pd.DataFrame(samples.table, columns=["time", *COLUMNS], copy=False)
     return PostureTable(
         data=data,
@@ -68,8 +75,8 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
         why_unmeasured={column: reasons[column] for column in unmeasured if column in reasons},
         assumed=tuple(dict.fromkeys(assumed)),
         recognised=_recognised(match, reasons, unmeasured),
-        quality=_quality(recording, samples.log, samples.time, samples.angles, warnings),
-        epoch=match.stream.epoch,
+        quality=_quality(recording, match, start, samples.log, samples.time, samples.angles, warnings, strict, helpers),
+        epoch=match.stream.epoch + start,
     )
 
 
@@ -82,6 +89,9 @@ def _ready_table(recording: Recording, match: Match, neutral: str, strict: bool)
     ordered = table.iloc[sorted_by_time(rows, log)[:, 1].astype(int)].reset_index(drop=True)
     angles = ordered.reindex(columns=list(COLUMNS)).to_numpy(np.float64, copy=True)
     time = ordered["time"].to_numpy(np.float64)
+    gaps = GapCodes("angles")
+    angles = gaps.without(Block(time, COLUMNS, angles)).values
+    gaps.note(log)
     note = apply_neutral(time, angles, neutral)
     others = [column for column in ordered.columns if column not in INDEX and column != "time"]
     data = pd.concat([ordered[["time"]], pd.DataFrame(angles, columns=list(COLUMNS)), ordered[others]], axis=1)
@@ -96,7 +106,7 @@ def _ready_table(recording: Recording, match: Match, neutral: str, strict: bool)
         why_unmeasured={column: absent.get(column, "no value") for column in unmeasured},
         assumed=(note,) if note else (),
         recognised=match.why,
-        quality=_quality(recording, log, time, angles, _column_warnings(angles)),
+        quality=_quality(recording, match, 0.0, log, time, angles, _column_warnings(angles), strict),
         epoch=match.stream.epoch,
     )
 
@@ -153,8 +163,31 @@ def _recognised(match: Match, reasons: dict[str, str], unmeasured: Iterable[str]
     return "; ".join([match.why, *parts])
 
 
-def _quality(recording: Recording, log: ReadLog, time: Array, angles: Array, warnings: list[str]) -> Quality:
+def _quality(
+    recording: Recording,
+    match: Match,
+    start: float,
+    log: ReadLog,
+    time: Array,
+    angles: Array,
+    warnings: list[str],
+    strict: bool,
+    helpers: tuple[Stream, ...] = (),
+) -> Quality:
+    accounts = accounts_of(recording, match, log, float(time[-1] - time[0]), helpers)
+    if strict:
+        refuse_losses(recording.path, accounts[0], log)
+    warnings = [*warnings, *account_warnings(accounts[0])]
     frozen = frozen_warning(time, angles)
+    if look_like_radians(angles):
+        if strict:
+            raise ReadError(recording.path, RADIANS_TEXT, hint="read it without strict to use them as they are")
+        warnings = [*warnings, RADIANS_TEXT]
+        warn(f"{recording.path}: {RADIANS_TEXT}", RadiansWarning, stacklevel=4)
+    seams = tuple(seam - start for seam in match.stream.seams if time[0] < seam - start <= time[-1])
+    if seams:
+        times = ", ".join(f"{seam:.2f} s" for seam in seams[:3]) + (" ..." if len(seams) > 3 else "")
+        warnings = [*warnings, f"the clock restarts at {times}; frames are in the order in which they were recorded"]
     texts = [*recording.log.warnings, *log.warnings, *warnings, *([frozen] if frozen else [])]
     return Quality(
         messages=log.messages,
@@ -162,8 +195,11 @@ def _quality(recording: Recording, log: ReadLog, time: Array, angles: Array, war
         first_skipped=log.first_skipped,
         ended_abnormally=log.ended_abnormally or recording.log.ended_abnormally,
         time_source=log.time_source or recording.log.time_source,
+        time_why=log.time_why,
         rate=median_rate(time),
         gaps=find_gaps(time),
+        seams=seams,
         warnings=tuple(dict.fromkeys(texts)),
         sha256=file_hash(recording.path),
+        accounts=accounts,
     )

@@ -47,6 +47,7 @@ class Info:
         measured: angle columns with values.
         unmeasured: angle columns without values -> why.
         assumed: assumptions made while reading.
+        accounts: as in `Quality`.
         ranges: measured column -> minimum, median, maximum [deg].
     """
 
@@ -67,6 +68,7 @@ class Info:
     rate: float = float("nan")
     gaps: tuple[tuple[float, float], ...] = ()
     time_source: str = ""
+    time_why: str = ""
     messages: int = 0
     skipped: int = 0
     first_skipped: str | None = None
@@ -76,6 +78,7 @@ class Info:
     unmeasured: dict[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    accounts: tuple[dict[str, Any], ...] = ()
     ranges: dict[str, tuple[float, float, float]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
@@ -145,6 +148,7 @@ def _described(start: Info, match: Match, table: PostureTable, alternatives: tup
         rate=quality.rate,
         gaps=quality.gaps,
         time_source=quality.time_source,
+        time_why=quality.time_why,
         messages=quality.messages,
         skipped=quality.skipped,
         first_skipped=quality.first_skipped,
@@ -154,6 +158,7 @@ def _described(start: Info, match: Match, table: PostureTable, alternatives: tup
         unmeasured={column: table.why_unmeasured.get(column, "no value") for column in table.unmeasured},
         assumed=table.assumed,
         warnings=quality.warnings,
+        accounts=quality.accounts,
         ranges={column: _range(table.data[column].to_numpy(np.float64)) for column in measured},
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 from reba.errors import ProfileError, did_you_mean
@@ -29,6 +29,7 @@ class Match:
         columns: the angle columns that it gives.
         missing: joints, segments or points of the profile that are absent.
         fits: whether the recording can be read by it.
+        note: an assumption about the bodies, "" without one.
     """
 
     stream: Stream
@@ -38,6 +39,7 @@ class Match:
     columns: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     fits: bool = True
+    note: str = ""
 
     @property
     def present(self) -> int:
@@ -102,7 +104,10 @@ def choose(recording: Recording, known: tuple[Profile, ...], topic: str | None =
     same = [match for match in fitting if match.profile is best.profile and match.present >= 0.8 * best.present]
     ids = dict.fromkeys((match.body or match.stream.name) for match in same)
     if len(ids) > 1:
-        options = ", ".join(ids)
+        one_person = _in_turn(same)
+        if one_person is not None:
+            return one_person
+        options = ", ".join(f"{match.body or match.stream.name}{_seconds(match)}" for match in same)
         raise ProfileError(
             f"{recording.path}: {len(ids)} bodies or streams fit profile {_name(best)}: {options}; "
             f"choose one with --topic, like --topic {next(iter(ids))}"
@@ -117,16 +122,78 @@ def choose(recording: Recording, known: tuple[Profile, ...], topic: str | None =
     return best
 
 
+QUALIFIED = ("/{name}", "{id}/{name}", "{id}::{name}", "{id}:{name}", "{id}.{name}")
+"""Patterns of namespaces, which hold for every profile of bare names: what stands before the name says whose it is."""
+AT_ONCE = 0.5
+"""[s] In which two ids may overlap and still be one person whose id a tracker renewed; a choice."""
+
+
+def presence(match: Match) -> list[tuple[float, float]]:
+    """Return the intervals [s since the start of the recording] in which signals of a match are there, joined.
+
+    Empty where the recording does not say; a body is there from its first signal on.
+    """
+    spans = sorted(
+        (start, end)
+        for signals in (match.names or {}).values()
+        for name in signals
+        for start, end in match.stream.present.get(name, ())
+    )
+    result: list[tuple[float, float]] = []
+    for start, end in spans:
+        if result and start <= result[-1][1]:
+            result[-1] = (result[-1][0], max(result[-1][1], end))
+        else:
+            result.append((start, end))
+    return result
+
+
+def _in_turn(same: list[Match]) -> Match | None:
+    """Return one match of bodies of one stream that follow each other and are never there at once, else None."""
+    first = min(same, key=lambda match: min(presence(match), default=(0.0, 0.0)))
+    stream, profile = first.stream, first.profile
+    if profile is None or stream.join is None or any(match.stream is not stream for match in same):
+        return None
+    spans = [presence(match) for match in same]
+    for at, one in enumerate(spans):
+        for other in spans[at + 1 :]:
+            both = sum(max(0.0, min(a[1], b[1]) - max(a[0], b[0])) for a in one for b in other)
+            if not one or not other or both > AT_ONCE:
+                return None
+    renamed: dict[str, str] = {}
+    names = dict(first.names or {})
+    for match in same:
+        for slot, signals in (match.names or {}).items():
+            kept = names.setdefault(slot, signals)
+            renamed |= {other: name for other, name in zip(signals, kept, strict=True) if other != name}
+    ids = ", ".join(f"{match.body}{_seconds(match)}" for match in sorted(same, key=presence))
+    return replace(
+        first,
+        stream=stream.join(renamed),
+        names=names,
+        columns=obtainable_columns(profile, names),
+        missing=tuple(slot for slot in profile.slots if slot not in names),
+        note=f"bodies that follow each other are one person: {ids}",
+    )
+
+
+def _seconds(match: Match) -> str:
+    """Return when a body is there, as text for a message."""
+    spans = presence(match)
+    return f" ({spans[0][0]:.1f} to {spans[-1][1]:.1f} s)" if spans else ""
+
+
 def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
     """Return body id -> profile name -> signal, for every id under which names of the profile occur in a stream."""
     result: dict[str, dict[str, str]] = {}
-    for index, pattern in enumerate(profile.patterns):
+    patterns = (*profile.patterns, *(QUALIFIED if "{name}" in profile.patterns else ()))
+    for index, pattern in enumerate(patterns):
         for signal in stream.names:
             parsed = _expression(profile.names, pattern).fullmatch(signal)
             if parsed:
                 groups = parsed.groupdict()
                 # Two patterns may read one body in two ways, so an id belongs to its pattern.
-                key = f"{index} {groups.get('id') or ''}"
+                key = f"{index} {(groups.get('id') or '').strip('/:.')}"
                 result.setdefault(key, {})[groups["name"]] = signal
     best: dict[str, dict[str, str]] = {}
     for key, names in result.items():

@@ -11,6 +11,7 @@ import numpy as np
 from reba.arrays import Array
 from reba.posture.angles import SegmentFrames, posture_angles
 from reba.posture.columns import COLUMNS, INDEX
+from reba.readers.mapping.gap_codes import GapCodes
 from reba.readers.mapping.joints import JointMapper
 from reba.readers.mapping.markers import PointMapper
 from reba.readers.mapping.reference_frames import PelvisPose
@@ -109,6 +110,12 @@ class Samples:
         """(n, 22) [deg], a view."""
         return self.table[:, 1:]
 
+    def from_zero(self) -> float:
+        """Let the time begin at 0, and return the time [s] at which it began."""
+        start = float(self.table[0, 0]) if len(self.table) else 0.0
+        self.table[:, 0] -= start
+        return start
+
     @property
     def seconds(self) -> float:
         """Duration of the recording [s]."""
@@ -117,19 +124,22 @@ class Samples:
 
 def collect(stream: Stream, mapper: Mapper) -> Samples:
     """Read a stream to its end and return its angles, sorted by time, each time once."""
-    table, log = _pass(stream, mapper)
+    gaps = GapCodes(stream.kind)
+    table, log = _pass(stream, mapper, gaps)
     for _ in range(PASSES - 1):
-        if mapper.is_consistent():
+        if all([gaps.is_consistent(), mapper.is_consistent()]):
             break
         del table
-        table, log = _pass(stream, mapper)
+        table, log = _pass(stream, mapper, gaps)
+    gaps.note(log)
     return Samples(sorted_by_time(table, log), log)
 
 
-def _pass(stream: Stream, mapper: Mapper) -> tuple[Array, ReadLog]:
+def _pass(stream: Stream, mapper: Mapper, gaps: GapCodes) -> tuple[Array, ReadLog]:
     """Return the (n, 23) rows of one reading; the table grows in place by halves, so at most a third is spare."""
     log = ReadLog()
     mapper.begin()
+    gaps.begin()
     table = np.empty((max(stream.count or 0, 1024), 1 + len(COLUMNS)))
     n = 0
     for block in stream.blocks(log, mapper.wanted):
@@ -137,7 +147,7 @@ def _pass(stream: Stream, mapper: Mapper) -> tuple[Array, ReadLog]:
         if n + size > len(table):
             table.resize((max(n + size, len(table) * 3 // 2), table.shape[1]), refcheck=False)
         table[n : n + size, 0] = block.time
-        table[n : n + size, 1:] = block_angles(mapper, block)
+        table[n : n + size, 1:] = block_angles(mapper, gaps.without(block))
         n += size
     table.resize((n, table.shape[1]), refcheck=False)
     return table, log
@@ -148,6 +158,7 @@ def sorted_by_time(table: Array, log: ReadLog) -> Array:
     time = table[:, 0]
     if not np.isfinite(time).all():
         bad = int(np.sum(~np.isfinite(time)))
+        log.unused["no_time"] += bad
         log.warn(f"{bad} samples without a time were left out")
         table = table[np.isfinite(time)]
     if len(table) and np.any(np.diff(table[:, 0]) < 0):
@@ -155,6 +166,7 @@ def sorted_by_time(table: Array, log: ReadLog) -> Array:
         table = table[np.argsort(table[:, 0], kind="stable")]
     repeated = np.flatnonzero(np.diff(table[:, 0]) == 0) + 1
     if len(repeated):
+        log.unused["repeated_time"] += len(repeated)
         log.warn(f"{len(repeated)} samples repeat the time of the one before and were left out")
         table = np.delete(table, repeated, axis=0)
     return table

@@ -40,23 +40,32 @@ class FrameTree:
         """Return (n, 4) quaternions qx qy qz qw and (n, 3) positions of a frame in its root; NaN where unknown."""
         if self._block is not block:
             self._block, self._known = block, {}
-            self._at = {known: index for index, known in enumerate(block.names)}
+            self._at: dict[str, list[int]] = {}
+            for index, signal in enumerate(block.names):
+                self._at.setdefault(signal, []).append(index)
             self._parent.update(zip(block.names, block.parents, strict=False))
         if name in self._known:
             return self._known[name]
-        at = self._at.get(name)
-        if at is None:
-            unknown = np.full((len(block.time), 7), np.nan)
-            return unknown[:, 3:], unknown[:, :3]
+        unknown = np.full((len(block.time), 7), np.nan)
+        known = unknown[:, 3:], unknown[:, :3]
+        for at in self._at.get(name, []):
+            # A frame that is given in one parent and later in another has a pose where either is known.
+            self._known[name] = unit(block.values[:, at, 3:]), block.values[:, at, :3]  # a cycle of parents ends here
+            quaternion, position = self._in_root(block, at)
+            there = ~np.isnan(quaternion).any(axis=1, keepdims=True)
+            known = np.where(there, quaternion, known[0]), np.where(there, position, known[1])
+        self._known[name] = known
+        return known
+
+    def _in_root(self, block: Block, at: int) -> tuple[Array, Array]:
+        """Return the pose of one signal of a block in the root of its tree."""
         position, quaternion = block.values[:, at, :3], unit(block.values[:, at, 3:])
-        self._known[name] = (quaternion, position)  # a cycle of parents ends here
-        parent = self._parent.get(name, "")
+        parent = block.parents[at] if block.parents else self._parent.get(block.names[at], "")
         if parent in self._at:
             base, origin = self.world(block, parent)
             position = origin + rotated(base, position)
             quaternion = product(base, quaternion)
-        self._known[name] = (quaternion, position)
-        return self._known[name]
+        return quaternion, position
 
 
 HOLD = 0.2

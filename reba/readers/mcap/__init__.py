@@ -14,8 +14,10 @@ from reba.errors import ReadError
 from reba.open_file import open_regular
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
+from reba.readers.mcap.clock import JITTER
 from reba.readers.mcap.container import Container, Store
-from reba.readers.mcap.streams import StreamReader, first_header
+from reba.readers.mcap.contents import Contents
+from reba.readers.mcap.streams import StreamReader, stream_header
 from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording, Stream, Topic
 
 __all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
@@ -56,9 +58,10 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
         channels += channels_of_file
     if strict and log.ended_abnormally:
         raise ReadError(path, log.ended_abnormally, hint="read it without strict to use the messages before")
+    recording = gathered(path, channels, log, strict=strict)
     if strict and log.lost:
         raise ReadError(path, log.lost, hint=LOST_HINT)
-    return gathered(path, channels, log, strict=strict)
+    return recording
 
 
 def gathered(
@@ -94,7 +97,14 @@ def _open_files(
             log.warn(f"{error}; this file is left out")
     if not opened:
         raise ReadError(path, f"none of its {len(files)} files can be read; {log.warnings[0]}")
-    return sorted(opened, key=lambda pair: pair[0].segments[0].start if pair[0].segments else 0)
+    by_time = sorted(opened, key=lambda pair: pair[0].segments[0].start if pair[0].segments else 0)
+    ends = [
+        max((one.chunk.end if one.chunk else one.start for one in store.segments), default=0) for store, _ in by_time
+    ]
+    starts = [store.segments[0].start if store.segments else 0 for store, _ in by_time[1:]]
+    # Where log times repeat, a clock restarted, and the names have the order of recording.
+    repeat = any(start < end - JITTER for start, end in zip(starts, ends, strict=False))
+    return opened if repeat else by_time
 
 
 def classified(container: Store) -> list[DecodableChannel | Unused]:
@@ -122,17 +132,20 @@ def _note(container: Container, log: ReadLog, named: bool) -> None:
 
 def _streams(parts: Sequence[DecodableChannel], log: ReadLog, strict: bool) -> tuple[list[Stream], list[Topic]]:
     """Return a stream for each group of channels with usable messages, and the use of each topic."""
+    contents = Contents(parts, strict=strict)
+    for text in contents.lost:
+        log.lose(text)
     streams, topics = [], []
     for kind, group in dict.fromkeys((part.kind, part.group) for part in parts):
         mine = [part for part in parts if (part.kind, part.group) == (kind, group)]
-        header_log = ReadLog()
-        header = first_header(mine, kind, header_log)
+        header = stream_header(mine, kind, contents)
         why = {"joints": "joint positions", "frames": "poses of frames", "angles": "a posture table"}.get(kind, "")
         if header is None:
             why = "only static transforms" if all(part.static for part in mine) else "none of its messages is usable"
-            why += f" ({header_log.first_skipped})" if header_log.first_skipped else ""
+            skipped = [track.log.first_skipped for part in mine if (track := contents.tracks.get(id(part)))]
+            why += "".join(f" ({place})" for place in skipped[:1] if place)
         else:
-            streams.append(StreamReader(mine, kind, header, log, strict=strict).stream(_main_topic(mine)))
+            streams.append(StreamReader(mine, kind, header, contents, log).stream(_main_topic(mine)))
         topics += [
             Topic(part.topic, part.type, part.container.counts[part.channel], header is not None, why) for part in mine
         ]

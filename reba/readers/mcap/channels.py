@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from reba.errors import ReadError
 from reba.readers.mcap import protobuf, ros
 from reba.readers.mcap.bytes import ZSTD_MAGIC
@@ -66,13 +68,17 @@ def segments_of(container: Store, channel: int) -> list[ChunkRef]:
     return hinted or container.segments
 
 
-def batch_of(container: Store, segment: ChunkRef, channel: int) -> Batch:
-    """Return the messages of a channel in a segment."""
+def batch_of(container: Store, segment: ChunkRef, channel: int, first: int = 0) -> Batch:
+    """Return the messages of a channel in a segment; `first` is the number of the first of them in the channel."""
     loaded = container.load(segment)
     scan = loaded.scan
-    batch = Batch(loaded, scan.payloads, scan.lengths, scan.times)
     mine = scan.channels == channel
-    return batch if mine.all() else batch[mine]
+    if mine.all():
+        numbers = np.arange(first, first + len(mine))
+        return Batch(loaded, scan.payloads, scan.lengths, scan.times, numbers)
+    at = np.flatnonzero(mine)
+    numbers = np.arange(first, first + len(at))
+    return Batch(loaded, scan.payloads[at], scan.lengths[at], scan.times[at], numbers)
 
 
 def first_message(container: Store, channel: int) -> bytes | None:

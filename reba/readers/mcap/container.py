@@ -48,6 +48,7 @@ class ChunkRef:
         start: earliest log time [ns].
         channels: messages of each channel by the message indexes after it, a hint that may be wrong; None: unknown.
         scanned: whether its records are counted already.
+        checked: whether its CRC was compared, so that it need not be when the chunk is read again.
     """
 
     offset: int
@@ -56,6 +57,7 @@ class ChunkRef:
     start: int
     channels: dict[int, int] | None = None
     scanned: bool = False
+    checked: bool = False
 
 
 @dataclass
@@ -99,6 +101,7 @@ class Container:
         counts: messages of each channel.
         ended_abnormally: None, or where the file is truncated.
         lost: None, or what the file states to have and does not.
+        publish_time: whether messages are loaded with their publish times in the place of log times.
 
     Raises:
         ReadError: the file is not an MCAP recording, or damaged so that its data would be wrong.
@@ -108,6 +111,7 @@ class Container:
         self.path = path
         self.source = ByteSource(path, limit_bytes)
         self.check_crc = check_crc
+        self.publish_time = False
         self.limit_bytes = limit_bytes
         self.segments: list[ChunkRef] = []
         self.schemas: dict[int, Schema] = {}
@@ -134,7 +138,7 @@ class Container:
             data = self._bytes(segment)
             try:
                 most = 1 << 62 if segment.scanned else self._most_records - self._records
-                loaded = Loaded(segment, data, records.scan(data, most=most))
+                loaded = Loaded(segment, data, records.scan(data, most=most, publish_time=self.publish_time))
                 self._records += 0 if segment.scanned else loaded.scan.records
                 segment.scanned = True
                 self._define(data, loaded.scan)
@@ -171,13 +175,14 @@ class Container:
             data = unpack(packed, head.compression, head.size)
         except BadChunk as error:
             raise ReadError(self.path, str(error), hint=_RECORD_AGAIN, offset=segment.offset) from error
-        if self.check_crc and head.crc and zlib.crc32(data) != head.crc:
+        if self.check_crc and head.crc and not segment.checked and zlib.crc32(data) != head.crc:
             raise ReadError(
                 self.path,
                 "the CRC of the chunk differs from that of its bytes: its numbers are damaged",
                 hint=_RECORD_AGAIN + "; check_crc=False ignores it",
                 offset=segment.offset,
             )
+        segment.checked = True
         return data
 
     def _define(self, data: bytes, scan: Scan) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Array, Flags
+from reba.readers.mcap.clock import NO_STAMP
 from reba.readers.mcap.container import Loaded
 from reba.readers.mcap.extract import Extractor, SignalGroup, Stamp, Value
 from reba.readers.mcap.layout import (
@@ -28,8 +29,6 @@ from reba.readers.mcap.layout import (
 )
 from reba.readers.recording.stream import ReadLog
 
-NO_STAMP: Final = np.iinfo(np.int64).min
-"""Stamp of a message without stamp or with zero."""
 _MOST_LAYOUTS: Final = 64
 """Layouts cached for one message length; messages with further ones are walked one by one."""
 _MOST_LENGTHS: Final = 64
@@ -43,12 +42,14 @@ class Piece:
     """n samples of the same k names.
 
     Attributes:
+        number: (n,) number of the message in its channel.
         stamp: (n,) time in the message [ns since 1970], `NO_STAMP` where it has none.
         log: (n,) log time [ns since 1970].
         parents: frames only: k parents.
         values: (n, k) or (n, 7 k).
     """
 
+    number: NDArray[np.int64]
     stamp: NDArray[np.int64]
     log: NDArray[np.int64]
     names: tuple[str, ...]
@@ -58,16 +59,17 @@ class Piece:
 
 @dataclass(frozen=True)
 class Batch:
-    """Messages of one channel in a loaded segment: (n,) starts and lengths of payloads, log times [ns]."""
+    """Messages of one channel in a loaded segment: (n,) starts and lengths of payloads, log times [ns], numbers."""
 
     loaded: Loaded
     starts: NDArray[np.int64]
     lengths: NDArray[np.int64]
     times: NDArray[np.int64]
+    numbers: NDArray[np.int64]
 
     def __getitem__(self, chosen: Flags | slice) -> Batch:
         """Return the messages for which `chosen` (n,) is true, or those of a slice."""
-        return Batch(self.loaded, self.starts[chosen], self.lengths[chosen], self.times[chosen])
+        return Batch(self.loaded, self.starts[chosen], self.lengths[chosen], self.times[chosen], self.numbers[chosen])
 
     def payload(self, index: int) -> bytes:
         """Return the bytes of one message."""
@@ -153,7 +155,7 @@ class ColumnDecoder:
             where = batch.loaded.where(int(batch.starts[np.argmax(fits)]))
             log.skip(int(fits.sum()), f"message at {where}: {plan.error}")
         else:
-            pieces.extend(_pieces(plan, rows.select(fits), batch.times[fits]))
+            pieces.extend(_pieces(plan, rows.select(fits), batch if fits.all() else batch[fits]))
         return batch[~fits]
 
     def _new_plan(self, message: bytes) -> _LayoutPlan:
@@ -176,18 +178,19 @@ class ColumnDecoder:
         return plan
 
 
-def _pieces(plan: _LayoutPlan, rows: MessageRows, times: NDArray[np.int64]) -> list[Piece]:
+def _pieces(plan: _LayoutPlan, rows: MessageRows, batch: Batch) -> list[Piece]:
     """Return the pieces of messages of one layout: one if all groups share their time, else one for each."""
     if not plan.groups:
         return []
     width = sum(len(group.values) for group in plan.groups)
     values = take(rows, plan.runs, plan.constant, width)
     if plan.joined is not None and _share_time(plan.groups, rows):
-        return [Piece(_stamp(plan.groups[0].stamp, rows), times, *plan.joined, values)]
+        stamp = _stamp(plan.groups[0].stamp, rows)
+        return [Piece(batch.numbers, stamp, batch.times, *plan.joined, values)]
     pieces, column = [], 0
     for group in plan.groups:
         part = values[:, column : column + len(group.values)]
-        pieces.append(Piece(_stamp(group.stamp, rows), times, group.names, group.parents, part))
+        pieces.append(Piece(batch.numbers, _stamp(group.stamp, rows), batch.times, group.names, group.parents, part))
         column += len(group.values)
     return pieces
 
@@ -212,7 +215,7 @@ def _stamp(stamp: Stamp | None, rows: MessageRows) -> NDArray[np.int64]:
         return np.full(len(rows), NO_STAMP)
     seconds, nanos = (_whole(part, rows) for part in stamp)
     total = seconds * _NANO + nanos
-    total[(seconds <= 0) & (nanos == 0)] = NO_STAMP
+    total[seconds < 0] = NO_STAMP
     return total
 
 
@@ -234,7 +237,7 @@ class JsonDecoder:
     def decode(self, batch: Batch, log: ReadLog) -> list[Piece]:
         """Return the pieces of a batch, in any order."""
         columns: dict[tuple[tuple[str, ...], tuple[str, ...]], list[tuple[int, int, tuple[Value, ...]]]] = {}
-        for index, time in enumerate(batch.times.tolist()):
+        for index in range(len(batch.times)):
             try:
                 groups = self._extract(load_json(batch.payload(index)))
             except Undecodable as error:
@@ -243,18 +246,15 @@ class JsonDecoder:
             for group in groups:
                 group = group.select(self._wanted)
                 if group.names:
-                    sample = (_json_stamp(group.stamp), time, group.values)
+                    sample = (index, _json_stamp(group.stamp), group.values)
                     columns.setdefault((group.names, group.parents), []).append(sample)
-        return [
-            Piece(
-                np.array([stamp for stamp, _, _ in samples], np.int64),
-                np.array([time for _, time, _ in samples], np.int64),
-                names,
-                parents,
-                np.array([values for _, _, values in samples], np.float64),
-            )
-            for (names, parents), samples in columns.items()
-        ]
+        pieces = []
+        for (names, parents), samples in columns.items():
+            rows = np.array([index for index, _, _ in samples], np.int64)
+            stamp = np.array([stamp for _, stamp, _ in samples], np.int64)
+            values = np.array([values for _, _, values in samples], np.float64)
+            pieces.append(Piece(batch.numbers[rows], stamp, batch.times[rows], names, parents, values))
+        return pieces
 
 
 def _json_stamp(stamp: Stamp | None) -> int:

@@ -95,7 +95,8 @@ def stamp_of(tree: Mapping[str, Any]) -> Stamp | None:
         return None
     seconds = next((stamp[key] for key in ("sec", "secs", "seconds") if key in stamp), None)
     nanos = next((stamp[key] for key in ("nanosec", "nsec", "nsecs", "nanos") if key in stamp), 0)
-    return None if seconds in (None, 0) and nanos in (None, 0) else (_whole(seconds or 0), _whole(nanos or 0))
+    # Protobuf omits numbers that are zero.
+    return _whole(seconds or 0), _whole(nanos or 0)
 
 
 def _whole(value: Any) -> Value:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from reba.arrays import Array, Flags, Indices
-from reba.readers.mcap.decode import NO_STAMP, Piece
+from reba.readers.mcap.decode import Piece
 from reba.readers.mcap.extract import POSE
 from reba.readers.recording.stream import Block, ReadLog
 
@@ -26,124 +26,97 @@ BLOCK_ROWS: Final = 4096
 """Messages in a block."""
 
 
-class Clock:
-    """Converts the times of pieces to seconds since the epoch of the stream.
-
-    Attributes:
-        source: "header.stamp" or "log_time" (or "time" for rows of a posture table).
-        zero: time of the source clock at time 0 [ns].
-        epoch: Unix time of time 0 [ns].
-    """
-
-    def __init__(self, source: str, zero: int, epoch: int) -> None:
-        self.source = source
-        self.zero = zero
-        self.epoch = epoch
-        self._lag = 0
-
-    def seconds(self, piece: Piece, log: ReadLog) -> Array:
-        """Return (n,) times [s]; messages without a stamp have their log time, shifted by the last known lag."""
-        if self.source == "log_time":
-            return np.asarray((piece.log - self.zero) / 1e9)
-        stamped = piece.stamp != NO_STAMP
-        if stamped.all():
-            if len(stamped):
-                self._lag = int(piece.stamp[-1]) - int(piece.log[-1])
-            return np.asarray((piece.stamp - self.zero) / 1e9)
-        log.warn("some messages have no time stamp; their log time is used, shifted by the lag of the others")
-        return np.asarray((np.where(stamped, piece.stamp, piece.log + self._lag) - self.zero) / 1e9)
+MOST_WAITING: Final = 64 * BLOCK_ROWS
+"""Messages that wait for those of a slower channel; more are not joined with them."""
 
 
 class Merger:
     """Collects pieces and returns them as blocks.
 
     Args:
-        names: first columns; others are added as they appear.
-        parents: frames only: their parents.
+        signals: names and parents of the first columns; others are added as they appear.
         frames: whether a value is a pose of 7 numbers.
     """
 
-    def __init__(
-        self, names: Sequence[str], parents: Sequence[str], clock: Clock, log: ReadLog, *, frames: bool
-    ) -> None:
-        self._columns = {name: index for index, name in enumerate(names)}
-        self._parents = list(parents)
-        self._clock = clock
+    def __init__(self, signals: Sequence[tuple[str, str]], log: ReadLog, *, frames: bool) -> None:
+        self._columns = {signal: index for index, signal in enumerate(signals)}
         self._log = log
         self._frames = frames
         self._width = POSE if frames else 1
-        self._static: dict[str, Array] = {}
+        self._static: dict[int, Array] = {}
         self._pieces: list[tuple[Array, Indices, Array]] = []
         self._rows = 0
+        self._wait_for = BLOCK_ROWS
         self._held: tuple[Array, Array] = (np.zeros(0), np.zeros((0, self._width)))
         self._end = -np.inf
 
     @property
     def full(self) -> bool:
         """Whether enough rows are collected for a block."""
-        return self._rows >= BLOCK_ROWS
+        return self._rows >= self._wait_for
 
-    def add(self, piece: Piece, *, static: bool = False) -> None:
-        """Add a piece; a static one fills its columns in all rows from the next block on."""
-        columns = np.array([self._column(*pair) for pair in self._pairs(piece)], np.intp)
+    def add(self, time: Array, piece: Piece) -> None:
+        """Add a piece with its (n,) times [s]."""
+        columns, values = self._placed(piece)
+        if len(columns):
+            self._pieces.append((time, columns, values))
+            self._rows += len(values)
+
+    def add_static(self, piece: Piece) -> None:
+        """Add a piece that fills its columns in all rows; the last value of a column is valid."""
+        columns, values = self._placed(piece)
+        for at, column in enumerate(columns.tolist()):
+            if len(values):
+                if not np.array_equal(self._static.setdefault(column, values[-1, at]), values[-1, at], equal_nan=True):
+                    self._log.warn(f"static transform of {piece.names[at]!r} changes; its last value is used")
+                self._static[column] = values[-1, at]
+
+    def _placed(self, piece: Piece) -> tuple[Indices, Array]:
+        """Return the columns (k,) of a piece and its values (n, k, width), without signals that are left out."""
+        pairs = zip(piece.names, piece.parents or ("",) * len(piece.names), strict=True)
+        columns = np.array([self._column(*pair) for pair in pairs], np.intp)
         values = piece.values.reshape(len(piece.log), len(piece.names), self._width)
         if self._frames:
             # A quaternion of zeros is not a rotation.
             with np.errstate(invalid="ignore"):
                 values[(values[..., 3:] == 0).all(axis=-1)] = np.nan
-        if (columns < 0).any():
-            values, columns = values[:, columns >= 0], columns[columns >= 0]
-        if static:
-            names = list(self._columns)
-            self._static |= {names[column]: values[-1, at] for at, column in enumerate(columns)}
-        elif len(columns):
-            self._pieces.append((self._clock.seconds(piece, self._log), columns, values))
-            self._rows += len(values)
-
-    @staticmethod
-    def _pairs(piece: Piece) -> list[tuple[str, str]]:
-        return list(zip(piece.names, piece.parents or ("",) * len(piece.names), strict=True))
+        kept = columns >= 0
+        return (columns, values) if kept.all() else (columns[kept], values[:, kept])
 
     def _column(self, name: str, parent: str) -> int:
-        """Return the column of a name, a new one if needed; -1 beyond `MOST_SIGNALS` and for a second parent."""
-        if name not in self._columns and len(self._columns) >= MOST_SIGNALS:
-            self._log.warn(f"more than {MOST_SIGNALS} signals; later ones are left out")
+        """Return the column of a signal, a new one if needed; -1 for those that are left out."""
+        column = self._columns.get((name, parent))
+        if column is not None:
+            return column
+        if len(self._columns) >= MOST_SIGNALS or any(known == name for known, _ in self._columns):
             return -1
-        column = self._columns.setdefault(name, len(self._columns))
-        if self._frames:
-            if column == len(self._parents):
-                self._parents.append(parent)
-            elif self._parents[column] != parent:
-                self._log.warn(
-                    f"frame {name!r} has the parents {self._parents[column]!r} and {parent!r}; only the first is used"
-                )
-                return -1
-        return column
+        self._columns[name, parent] = len(self._columns)
+        return len(self._columns) - 1
 
-    def flush(self, *, last: bool = False) -> Block | None:
-        """Return the collected rows as a block, None without rows.
+    def flush(self, *, until: float | None = None, last: bool = False) -> Block | None:
+        """Return collected rows as a block, None without rows.
 
-        The newest row is kept for the next block unless this is the `last` call: more of it may follow.
+        Rows before the time `until` [s] are complete; without it all but the newest, of which more may follow, and all
+        if this is the `last` call. Later rows are kept for the next block.
         """
         if not self._pieces:
             return None
-        time, values = self._complete() or self._merged(last)
-        if not last:
-            self._keep(time[-1])
-            time, values = time[:-1], values[:-1]
-        else:
+        if until is not None and self._rows >= MOST_WAITING:
+            self._log.warn(f"one channel is more than {MOST_WAITING} messages behind another")
+            until = None
+        time, values = self._complete(until, last) or self._merged(until, last)
+        if last:
             self._pieces, self._rows = [], 0
+        self._wait_for = self._rows + BLOCK_ROWS
         if not len(time):
             return None
         if time[0] < self._end:
             self._log.warn("messages are out of the order of time by more than a block; sort the complete table")
         self._end = max(self._end, float(time[-1]))
-        names = tuple(self._columns)
-        for name, pose in self._static.items():
-            values[:, self._columns[name]] = pose
-        return Block(
-            time, names, values if self._frames else values[:, :, 0], tuple(self._parents) if self._frames else ()
-        )
+        for column, pose in self._static.items():
+            values[:, column] = pose
+        names, parents = (tuple(texts) for texts in zip(*self._columns, strict=True))
+        return Block(time, names, values if self._frames else values[:, :, 0], parents if self._frames else ())
 
     def newest_whole(self) -> bool:
         """Return whether the newest row has every signal, so that further messages can only repeat it."""
@@ -151,23 +124,26 @@ class Merger:
             return False
         newest = max(float(times[-1]) for times, _, _ in self._pieces)
         since = newest - (TOGETHER if self._frames else 0.0)
-        there = {self._columns[name] for name in self._static}
+        there = set(self._static)
         for times, columns, _ in self._pieces:
             if times[-1] >= since:
                 there.update(columns.tolist())
         return len(there) == len(self._columns)
 
-    def _keep(self, time: float) -> None:
-        """Keep the samples from this time [s] on for the next block: of each set of columns the last."""
-        newest: dict[bytes, tuple[Array, Indices, Array]] = {}
-        for times, columns, values in self._pieces:
+    def _keep(self, time: float, *, newest: bool) -> None:
+        """Keep the samples from this time [s] on for the next block; of the `newest` row of each column the last."""
+        kept: dict[bytes | int, tuple[Array, Indices, Array]] = {}
+        for number, (times, columns, values) in enumerate(self._pieces):
             late = np.flatnonzero(times >= time)
             if len(late):
-                newest.pop(columns.tobytes(), None)
-                newest[columns.tobytes()] = (times[late[-1:]], columns, values[late[-1:]])
-        self._pieces, self._rows = list(newest.values()), len(newest)
+                key: bytes | int = columns.tobytes() if newest else number
+                late = late[-1:] if newest else late
+                kept.pop(key, None)
+                kept[key] = (times[late], columns, values[late])
+        self._pieces = list(kept.values())
+        self._rows = sum(len(times) for times, _, _ in self._pieces)
 
-    def _complete(self) -> tuple[Array, Array] | None:
+    def _complete(self, until: float | None, last: bool) -> tuple[Array, Array] | None:
         """Return time and values if every piece has every column and time increases, so that no merge is needed."""
         wanted = np.arange(len(self._columns))
         if not all(np.array_equal(columns, wanted) for _, columns, _ in self._pieces):
@@ -176,40 +152,64 @@ class Merger:
         if not (np.diff(time) > 0).all():
             return None
         values = np.concatenate([values for _, _, values in self._pieces])
-        self._held = (np.full(len(wanted), time[-1]), values[-1].copy())
-        return time, values
+        count = len(time) if last else len(time) - 1 if until is None else int(np.searchsorted(time, until))
+        if not last:
+            self._keep(time[count] if count < len(time) else np.inf, newest=until is None)
+        if count:
+            self._held = (np.full(len(wanted), time[count - 1]), values[count - 1].copy())
+        return time[:count], values[:count]
 
-    def _merged(self, last: bool) -> tuple[Array, Array]:
+    def _merged(self, until: float | None, last: bool) -> tuple[Array, Array]:
         """Return time and values with one row for each distinct time, last values held."""
         every = np.unique(np.concatenate([times for times, _, _ in self._pieces]))
         near = np.diff(every) < TOGETHER if self._frames else np.zeros(len(every) - 1, bool)
         row_of = np.concatenate([[0], np.cumsum(~near)])
         time = every[np.concatenate([[True], ~near])]
+        ends = every[np.concatenate([~near, [True]])]
+        rows = len(time) if last else len(time) - 1 if until is None else int(np.searchsorted(ends, until))
         count = len(self._columns)
-        values = np.full((len(time), count, self._width), np.nan)
-        present = np.zeros((len(time), count), bool)
+        values = np.full((rows, count, self._width), np.nan)
+        present = np.zeros((rows, count), bool)
+        samples = 0
         for times, columns, piece in self._pieces:
             order = np.argsort(times, kind="stable")
             at = row_of[np.searchsorted(every, times[order])]
+            order, at = order[at < rows], at[at < rows]
             values[at[:, None], columns] = piece[order]
             present[at[:, None], columns] = True
-        if sum(piece.shape[0] * piece.shape[1] for *_, piece in self._pieces) > np.count_nonzero(present):
-            self._log.warn("messages repeat the time of another; of those with one time the last is used")
-        self._hold(time, values, present, last)
-        return time, values
+            samples += len(at) * len(columns)
+        if samples > np.count_nonzero(present):
+            self._count_repeated(row_of, every, rows)
+        if rows:
+            self._hold(time[:rows], values, present)
+        if not last:
+            self._keep(time[rows] if rows < len(time) else np.inf, newest=until is None)
+        return time[:rows], values
 
-    def _hold(self, time: Array, values: Array, present: Flags, last: bool) -> None:
-        """Fill absent values with the last value not older than `HOLD`; store the newest of each column.
+    def _count_repeated(self, row_of: Indices, every: Array, rows: int) -> None:
+        """Count the messages of which nothing is used: each of their signals has a later message of the same time."""
+        owner = np.full((rows, len(self._columns)), -1)
+        first = 0
+        for times, columns, _ in self._pieces:
+            order = np.argsort(times, kind="stable")
+            at = row_of[np.searchsorted(every, times[order])]
+            owner[at[at < rows, None], columns] = first + order[at < rows, None]
+            first += len(times)
+        owned = np.zeros(first + 1, bool)
+        owned[owner] = True
+        here = np.concatenate([row_of[np.searchsorted(every, times)] < rows for times, _, _ in self._pieces])
+        repeated = int(np.count_nonzero(here & ~owned[:-1]))
+        self._log.unused["repeated_time"] += repeated
+        self._log.warn("messages repeat the time of another; of those with one time the last is used")
 
-        The newest row is not complete yet unless this is the `last` block.
-        """
+    def _hold(self, time: Array, values: Array, present: Flags) -> None:
+        """Fill absent values with the last value not older than `HOLD`; store the newest of each column."""
         count = present.shape[1]
         last_time, last_value = self._last(count)
-        constant = [self._columns[name] for name in self._static]
-        moving = np.setdiff1d(np.arange(count), constant)
+        moving = np.setdiff1d(np.arange(count), list(self._static))
         newest = np.where(present, np.arange(len(time))[:, None], -1)
         np.maximum.accumulate(newest, axis=0, out=newest)
-        if not present[: len(time) - (not last), moving].all():
+        if not present[:, moving].all():
             self._log.warn(f"messages have a part of the signals; the last value of each is held for {HOLD} s")
             since = np.where(newest >= 0, time[newest], last_time)
             source = np.where((newest >= 0)[..., None], values[newest, np.arange(count)], last_value)

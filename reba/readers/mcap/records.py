@@ -205,8 +205,10 @@ class Scan:
     records: int = 0
 
 
-def scan(data: bytes, *, complete: bool = True, most: int = 1 << 62) -> Scan:
+def scan(data: bytes, *, complete: bool = True, most: int = 1 << 62, publish_time: bool = False) -> Scan:
     """Return the messages of a `complete` chunk, or the complete messages at the head of a window of the data section.
+
+    With `publish_time` the times of the messages are those, and not the log times.
 
     In recordings of one topic most records have one size, so a run of equal heads is detected by one comparison.
 
@@ -246,7 +248,8 @@ def scan(data: bytes, *, complete: bool = True, most: int = 1 << 62) -> Scan:
         at = stop
     if left < 0 or (complete and at < end):
         raise BadRecord(at, f"more than {most} records, more than a file of this size can hold")
-    return _fields_of(data, np.array(starts, np.int64), tuple(definitions), at, most - left)
+    time_at = HEAD + (14 if publish_time else 6)
+    return _fields_of(data, np.array(starts, np.int64), tuple(definitions), at, most - left, time_at)
 
 
 def _run(data: bytes, at: int, step: int) -> int:
@@ -264,9 +267,14 @@ def _run(data: bytes, at: int, step: int) -> int:
 
 
 def _fields_of(
-    data: bytes, starts: NDArray[np.int64], definitions: tuple[tuple[int, int, int], ...], end: int, count: int
+    data: bytes,
+    starts: NDArray[np.int64],
+    definitions: tuple[tuple[int, int, int], ...],
+    end: int,
+    count: int,
+    time_at: int,
 ) -> Scan:
-    """Gather the fixed fields of the messages that start at `starts`."""
+    """Gather the fixed fields of the messages that start at `starts`; their time lies `time_at` bytes after that."""
     if not len(starts):
         none = np.zeros(0, np.int64)
         return Scan(none, none, np.zeros(0, np.uint16), none, definitions, end, count)
@@ -274,7 +282,7 @@ def _fields_of(
     lengths = heads[:, 1:HEAD].copy().view("<u8")[:, 0].astype(np.int64) - MESSAGE_HEAD
     channels = heads[:, HEAD : HEAD + 2].copy().view("<u2")[:, 0].astype(np.uint16)
     # A log time beyond the year 2262 exceeds int64 and is set to its maximum.
-    times = np.minimum(heads[:, HEAD + 6 : HEAD + 14].copy().view("<u8")[:, 0], np.uint64(2**63 - 1))
+    times = np.minimum(heads[:, time_at : time_at + 8].copy().view("<u8")[:, 0], np.uint64(2**63 - 1))
     return Scan(starts + HEAD + MESSAGE_HEAD, lengths, channels, times.astype(np.int64), definitions, end, count)
 
 

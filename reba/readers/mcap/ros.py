@@ -96,6 +96,7 @@ def parse(text: str, name: str, *, ros1: bool = False) -> Struct:
     """
     root = _short(name)
     texts = dict(_BUILTIN)
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
     for index, section in enumerate(_SECTION.split(text)):
         head, _, body = section.lstrip().partition("\n")
         if index == 0:

@@ -1,105 +1,118 @@
-"""Streams of a recording: the channels of one topic joined; names and clock by the first messages; read by segments."""
+"""Streams of a recording: the channels of one topic joined, with names and clock by all of its messages.
+
+Contents -> names, parents and zero of each stream -> blocks, decoded again where the values were not kept
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from reba.errors import ReadError
-from reba.readers.mcap.channels import DecodableChannel, batch_of, segments_of
+from reba.readers.mcap.channels import DecodableChannel, batch_of
+from reba.readers.mcap.clock import RecordingClock
 from reba.readers.mcap.container import ChunkRef, Store
-from reba.readers.mcap.decode import NO_STAMP, Decoder, Piece, load_json
+from reba.readers.mcap.contents import (
+    TOGETHER,
+    Contents,
+    Interval,
+    Presence,
+    Signal,
+    Track,
+    at_once,
+    clock_name,
+    united,
+)
+from reba.readers.mcap.decode import Piece, load_json
 from reba.readers.mcap.layout import Undecodable
-from reba.readers.mcap.merge import MOST_SIGNALS, Clock, Merger
+from reba.readers.mcap.merge import MOST_SIGNALS, Merger
 from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
 
 if TYPE_CHECKING:
     import pandas as pd
 
-HEADER_MESSAGES: Final = 1000
-"""Messages of each channel that are decoded on opening."""
-_HEADER_SEGMENTS: Final = 16
-_HEADER_BYTES: Final = 1 << 24
-"""[bytes] Read at least on opening: a recording that is being written may have many small segments."""
-_JUMP_BACK: Final = 500_000_000
-"""[ns] Stamps that run back by more are not used as time; less is jitter between publishers."""
+
+NONE: Final = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True)
 class StreamHeader:
-    """Names, parents and clock of a stream by the first messages of its channels."""
+    """What all messages of a stream name, and when.
 
-    names: tuple[str, ...]
-    parents: tuple[str, ...]
-    clock: Clock
-
-
-def first_header(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
-    """Return the header of the first file with usable messages, None without any.
-
-    Raises:
-        ReadError: a chunk is damaged and no file follows.
+    Attributes:
+        signals: names and parents that are read.
+        clock: of the stream.
+        source: where its times come from.
+        zero: time of the recording [ns] at time 0 of the stream; `epoch`: its Unix time [ns].
+        intervals: name -> log times [ns] between which it is there.
+        messages: name -> messages that have it.
+        warnings: for the user.
     """
-    containers = list(dict.fromkeys(part.container for part in parts))
-    for container in containers:
-        try:
-            header = read_header([part for part in parts if part.container is container], kind, log)
-        except ReadError:
-            if container is containers[-1]:
-                raise
-            continue
-        if header is not None:
-            return header
-    return None
+
+    signals: tuple[Signal, ...]
+    clock: RecordingClock
+    source: str
+    zero: int
+    epoch: int
+    intervals: Mapping[str, list[Interval]]
+    messages: Mapping[str, int]
+    warnings: tuple[str, ...]
 
 
-def read_header(parts: Sequence[DecodableChannel], kind: Kind, log: ReadLog) -> StreamHeader | None:
-    """Return the header by the first messages of each channel, None if none is usable; the log then has the reason."""
-    moving: list[Piece] = []
-    static: list[Piece] = []
-    for part in parts:
-        (static if part.static else moving).extend(_first_pieces(part, part.make(None), log))
-    if not any(len(piece.log) for piece in moving):
+def stream_header(parts: Sequence[DecodableChannel], kind: Kind, contents: Contents) -> StreamHeader | None:
+    """Return the header of the stream of some channels, None if none of its messages is usable."""
+    of = (kind, parts[0].group)
+    present: dict[Signal, Presence] = {}
+    for signals, one in contents.presence.get(of, {}).items():
+        for signal in signals:
+            total = present.setdefault(signal, Presence())
+            total.messages += one.messages
+            total.intervals += one.intervals
+    clocks = [track.clock for part in parts if (track := contents.tracks.get(id(part))) and track.clock]
+    if not present or not clocks:
         return None
-    parents = {
-        name: piece.parents[at] if piece.parents else ""
-        for piece in reversed(moving + static)
-        for at, name in enumerate(piece.names)
-    }
-    names = tuple(dict.fromkeys(name for piece in moving + static for name in piece.names))[:MOST_SIGNALS]
-    clock = _clock(moving, "time" if kind == "angles" else "header.stamp")
-    return StreamHeader(names, tuple(parents[name] for name in names) if kind == "frames" else (), clock)
-
-
-def _first_pieces(part: DecodableChannel, decoder: Decoder, log: ReadLog) -> list[Piece]:
-    pieces, messages, size = [], 0, 0
-    for number, segment in enumerate(segments_of(part.container, part.channel), 1):
-        batch = batch_of(part.container, segment, part.channel)
-        pieces.extend(decoder.decode(batch, log))
-        messages += len(batch.starts)
-        size += segment.chunk.size if segment.chunk else segment.size
-        if messages >= HEADER_MESSAGES or (number >= _HEADER_SEGMENTS and size >= _HEADER_BYTES):
-            break
-    return pieces
-
-
-def _clock(pieces: Sequence[Piece], stamped: str) -> Clock:
-    """Return the clock: the stamps in the messages if all have one and they increase, else the log time."""
-    log = np.concatenate([piece.log for piece in pieces])
-    stamps = np.concatenate([piece.stamp for piece in pieces])
-    stamps = stamps[np.argsort(log, kind="stable")]
-    back = -np.diff(stamps.astype(np.float64), prepend=float(stamps[0])).min()
-    moves = len(stamps) == 1 or stamps[-1] > stamps[0]
-    if (stamps == NO_STAMP).any() or not moves or back > _JUMP_BACK:
-        return Clock("log_time", int(log.min()), int(log.min()))
-    first = int(stamps.min())
-    if stamped == "time":
+    for piece in contents.static.get(of, []):
+        for signal in zip(piece.names, piece.parents, strict=True):
+            present.setdefault(signal, Presence())
+    spans = {signal: united(one.intervals) for signal, one in present.items()}
+    signals, warnings = _chosen(spans, present)
+    intervals: dict[str, list[Interval]] = {}
+    for name, parent in signals:
+        intervals[name] = united([*intervals.get(name, []), *spans[name, parent]])
+    messages: Counter[str] = Counter()
+    for name, parent in signals:
+        messages[name] += present[name, parent].messages
+    clock = contents.clocks[clock_name(kind, of[1])]
+    first, logged = min(clock_.first for clock_ in clocks), min(clock_.first_log for clock_ in clocks)
+    if kind == "angles" and clock.source == "header.stamp":
         # Rows of a posture table keep their time; the log time gives the epoch.
-        return Clock(stamped, 0, int(log.min()) - first)
-    return Clock(stamped, first, first)
+        return StreamHeader(signals, clock, "time", 0, logged - first, intervals, messages, warnings)
+    return StreamHeader(signals, clock, clock.source, first, first, intervals, messages, warnings)
+
+
+def _chosen(
+    spans: Mapping[Signal, list[Interval]], present: Mapping[Signal, Presence]
+) -> tuple[tuple[Signal, ...], tuple[str, ...]]:
+    """Return the signals that are read, and warnings: at most `MOST_SIGNALS`, and one parent of a frame at a time."""
+    chosen: dict[str, list[str]] = {}
+    warnings = []
+    for name, parent in spans:
+        others = chosen.setdefault(name, [])
+        rival = next((other for other in others if at_once(spans[name, parent], spans[name, other]) > TOGETHER), None)
+        if rival is None and not (others and not spans[name, parent]):
+            others.append(parent)
+        else:
+            first = others[0] if rival is None else rival
+            warnings.append(f"frame {name!r} has the parents {first!r} and {parent!r} at once; the first is used")
+    signals = [(name, parent) for name, parents in chosen.items() for parent in parents]
+    if len(signals) > MOST_SIGNALS:
+        frequent = sorted(signals, key=lambda signal: -present[signal].messages)[:MOST_SIGNALS]
+        signals = [signal for signal in signals if signal in set(frequent)]
+        warnings.append(f"more than {MOST_SIGNALS} signals; the others are left out")
+    return tuple(signals), tuple(warnings)
 
 
 class McapBlockDecoder:
@@ -110,39 +123,81 @@ class McapBlockDecoder:
         parts: Sequence[DecodableChannel],
         kind: Kind,
         header: StreamHeader,
+        contents: Contents,
         log: ReadLog,
         wanted: frozenset[str] | None,
+        renamed: Mapping[str, str],
     ) -> None:
-        chosen = [at for at, name in enumerate(header.names) if wanted is None or name in wanted]
-        self._parts = parts
+        self._parts = [part for part in parts if not part.static]
+        self._renamed = renamed
+        self.used = 0
+        """Messages with a wanted signal."""
+        self._header = header
+        self._contents = contents
         self._log = log
-        self._clock = Clock(header.clock.source, header.clock.zero, header.clock.epoch)
-        self._merger = Merger(
-            [header.names[at] for at in chosen],
-            [header.parents[at] for at in chosen] if header.parents else [],
-            self._clock,
-            log,
-            frames=kind == "frames",
+        self._wanted = None
+        if wanted is not None:
+            self._wanted = wanted = wanted | {other for other, name in renamed.items() if name in wanted}
+        signals = dict.fromkeys(
+            (renamed.get(name, name), parent) for name, parent in header.signals if wanted is None or name in wanted
         )
-        self._decoders = {id(part): part.make(wanted) for part in parts}
-        for part in parts:
-            if part.static:
-                for piece in _first_pieces(part, self._decoders[id(part)], ReadLog()):
-                    self._merger.add(piece, static=True)
+        self._merger = Merger(list(signals), log, frames=kind == "frames")
+        self._decoders = {id(part): part.make(wanted) for part in self._parts}
+        self._tracks = {id(part): contents.tracks[id(part)] for part in self._parts}
+        self._read = dict.fromkeys(map(id, self._tracks.values()), 0)
+        self._newest = {id(track): track.clock.first for track in self._tracks.values() if track.clock}
+        for piece in contents.static.get((kind, parts[0].group), []):
+            self._merger.add_static(selected(piece, wanted))
 
     def take(self, container: Store, segment: ChunkRef) -> None:
         """Decode the messages of a segment."""
         for part in self._parts:
             if part.container is container:
-                batch = batch_of(container, segment, part.channel)
-                self._log.messages += len(batch.starts)
-                for piece in self._decoders[id(part)].decode(batch, self._log):
-                    self._merger.add(piece, static=part.static)
+                pieces = self._pieces(part, segment)
+                for piece in pieces:
+                    self._add(self._tracks[id(part)], piece)
+                used = [piece.number for piece in pieces if piece.names]
+                self.used += len(used[0]) if len(used) == 1 else len(np.unique(np.concatenate(used or [NONE])))
+
+    def _pieces(self, part: DecodableChannel, segment: ChunkRef) -> list[Piece]:
+        """Return the messages of a channel in a segment, kept ones or decoded again; or new ones of a live source."""
+        track, place = self._tracks[id(part)], self._contents.place(part, segment)
+        if place is None:
+            first = self._read[id(track)] = max(self._read[id(track)], track.trace.count)
+            batch = batch_of(part.container, segment, part.channel, first)
+            self._read[id(track)] += len(batch.starts)
+            self._log.messages += len(batch.starts)
+            return self._decoders[id(part)].decode(batch, self._log)
+        self._read[id(track)] += place.count
+        if not place.count:
+            return []
+        if place.pieces is not None:
+            return [selected(piece, self._wanted) for piece in place.pieces]
+        batch = batch_of(part.container, segment, part.channel, place.first)
+        return self._decoders[id(part)].decode(batch, ReadLog())
+
+    def _add(self, track: Track, piece: Piece) -> None:
+        if track.clock is None or not len(piece.log):
+            return
+        time, unstamped = track.clock.times(piece.number, piece.log, piece.stamp)
+        if unstamped:
+            self._log.warn("some messages have no usable time stamp; theirs follows from the log time")
+        self._newest[id(track)] = max(self._newest[id(track)], int(time.max()))
+        if self._renamed:
+            piece = replace(piece, names=tuple(self._renamed.get(name, name) for name in piece.names))
+        if piece.names:
+            self._merger.add(np.asarray((time - self._header.zero) / 1e9), piece)
 
     @property
     def full(self) -> bool:
         """Whether enough messages are decoded for a block."""
         return self._merger.full
+
+    def flush_read(self) -> Block | None:
+        """Return the rows that no message of a complete recording can add to: all channels were read beyond them."""
+        open_tracks = {id(track) for track in self._tracks.values() if self._read[id(track)] < track.trace.count}
+        newest = min((self._newest[track] for track in open_tracks), default=None)
+        return self._merger.flush(until=None if newest is None else (newest - self._header.zero) / 1e9)
 
     def flush(self, *, last: bool = False) -> Block | None:
         """Return the decoded messages as a block, without the newest row unless this is the `last`, see `Merger`."""
@@ -164,8 +219,8 @@ class McapBlockDecoder:
                     except Undecodable:
                         continue
                     if isinstance(row, dict):
-                        if self._clock.source == "log_time":
-                            row["time"] = (time - self._clock.zero) / 1e9
+                        if self._header.source != "time":
+                            row["time"] = (time - self._header.zero) / 1e9
                         rows.append(row)
         return rows
 
@@ -176,51 +231,70 @@ class StreamReader:
     Args:
         parts: channels, of one or more files, by start time.
         opened: notes made on opening the recording.
-        strict: whether a damaged file of several is an error.
+        renamed: names of signals -> those that they have in the stream.
     """
 
     def __init__(
-        self, parts: Sequence[DecodableChannel], kind: Kind, header: StreamHeader, opened: ReadLog, *, strict: bool
+        self,
+        parts: Sequence[DecodableChannel],
+        kind: Kind,
+        header: StreamHeader,
+        contents: Contents,
+        opened: ReadLog,
+        renamed: Mapping[str, str] | None = None,
     ) -> None:
         self._parts = parts
         self._kind = kind
         self._header = header
+        self._contents = contents
         self._opened = opened
-        self._strict = strict
+        self._renamed = renamed or {}
 
     def stream(self, name: str) -> Stream:
         """Return the stream with its name."""
         counts = [part.container.counts[part.channel] for part in self._parts if not part.static]
         formats = dict.fromkeys(part.format for part in self._parts if not part.static)
-        clock = self._header.clock
+        header, start = self._header, self._contents.start
+        signals = dict.fromkeys((self._renamed.get(signal, signal), parent) for signal, parent in header.signals)
         return Stream(
             name,
             self._kind,
             ", ".join(formats),
-            self._header.names,
+            tuple(signal for signal, _ in signals),
             self.read,
             unit="rad" if self._kind == "joints" else "",
-            parents=self._header.parents,
-            epoch=clock.epoch / 1e9,
+            parents=tuple(parent for _, parent in signals) if self._kind == "frames" else (),
+            epoch=header.epoch / 1e9,
             count=sum(counts) if self._kind != "frames" and len(counts) == 1 else None,
             table=self.table if self._kind == "angles" else None,
             follow=self.follow,
+            seams=tuple((seam - header.zero) / 1e9 for seam in header.clock.seams),
+            present={
+                signal: [((first - start) / 1e9, (last - start) / 1e9) for first, last in intervals]
+                for signal, intervals in header.intervals.items()
+            },
+            messages=header.messages,
+            join=lambda renamed: StreamReader(
+                self._parts, self._kind, header, self._contents, self._opened, renamed
+            ).stream(name),
         )
 
     def read(self, log: ReadLog, names: Sequence[str] | None) -> Iterator[Block]:
-        """Iterate over the blocks; one chunk and one block are in memory."""
+        """Iterate over the blocks; one chunk and one block are in memory, and values that were kept."""
         decoder = self.follow(log, names)
-        for container, segment in self._segments(log):
+        for container, segment in self._segments():
             decoder.take(container, segment)
-            if decoder.full and (block := decoder.flush()) is not None:
+            if decoder.full and (block := decoder.flush_read()) is not None:
                 yield block
         if (block := decoder.flush(last=True)) is not None:
             yield block
+        log.unused["other_signals"] += log.messages - log.skipped - decoder.used
 
     def follow(self, log: ReadLog, names: Sequence[str] | None) -> McapBlockDecoder:
         """Return the decoder of a recording that is still being written."""
         self._begin(log)
-        return McapBlockDecoder(self._parts, self._kind, self._header, log, None if names is None else frozenset(names))
+        wanted = None if names is None else frozenset(names)
+        return McapBlockDecoder(self._parts, self._kind, self._header, self._contents, log, wanted, self._renamed)
 
     def table(self) -> pd.DataFrame:
         """Return all rows of posture tables, text columns included; `time` in seconds since the epoch."""
@@ -228,36 +302,37 @@ class StreamReader:
 
         decoder = self.follow(ReadLog(), None)
         return pd.DataFrame(
-            [row for container, segment in self._segments(ReadLog()) for row in decoder.rows(container, segment)]
+            [row for container, segment in self._segments() for row in decoder.rows(container, segment)]
         )
 
     def _begin(self, log: ReadLog) -> None:
-        log.time_source = self._header.clock.source
+        log.time_source = self._header.source
         log.ended_abnormally = log.ended_abnormally or self._opened.ended_abnormally
-        for warning in self._opened.warnings:
+        tracks = [track for part in self._parts if (track := self._contents.tracks.get(id(part))) is not None]
+        for track in {id(track): track for track in tracks}.values():
+            log.messages += track.log.messages
+            log.skip(track.log.skipped, track.log.first_skipped or "")
+            for warning in track.log.warnings:
+                log.warn(warning)
+        log.time_why = self._header.clock.why
+        for warning in (*self._opened.warnings, *self._contents.warnings, *self._header.warnings):
             log.warn(warning)
 
-    def _segments(self, log: ReadLog) -> Iterator[tuple[Store, ChunkRef]]:
-        """Yield the segments of all files; of several files a damaged one is read up to its damage."""
-        containers = list(dict.fromkeys(part.container for part in self._parts))
-        for container in containers:
-            mine = [part for part in self._parts if part.container is container]
-            read = dict.fromkeys((part.channel for part in mine), 0)
-            for segment in container.segments:
-                try:
-                    channels = container.load(segment).scan.channels
-                    for number in read:
-                        read[number] += int(np.count_nonzero(channels == number))
-                except ReadError as error:
-                    if self._strict or len(containers) == 1:
-                        raise
-                    log.warn(f"{error}; the rest of this file is left out")
-                    break
+    def _segments(self) -> Iterator[tuple[Store, ChunkRef]]:
+        """Yield the segments of all files that have messages of the stream."""
+        for container in self._contents.containers:
+            mine = [part for part in self._parts if part.container is container and not part.static]
+            for segment in self._contents.segments(container, mine):
                 yield container, segment
-            else:
-                for part in mine:
-                    count = container.counts[part.channel]
-                    if read[part.channel] < count:
-                        missing = f"{count - read[part.channel]} of the {count} messages of {part.topic}"
-                        self._opened.lose(f"{missing} that {container.path.name} states are missing")
             container.release()
+
+
+def selected(piece: Piece, wanted: frozenset[str] | None) -> Piece:
+    """Return a piece with the wanted names only (None: all)."""
+    at = [index for index, name in enumerate(piece.names) if wanted is None or name in wanted]
+    if len(at) == len(piece.names):
+        return piece
+    width = piece.values.shape[1] // len(piece.names)
+    columns = (np.array(at, np.intp)[:, None] * width + np.arange(width)).ravel()
+    names, parents = (tuple(texts[index] for index in at) if texts else () for texts in (piece.names, piece.parents))
+    return Piece(piece.number, piece.stamp, piece.log, names, parents, piece.values[:, columns])

@@ -9,7 +9,8 @@ posture angles.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -84,6 +85,8 @@ class ReadLog:
         lost: None, or what the recording states to have and does not; also a warning.
         ended_abnormally: None, or where the recording is truncated ("inside a chunk at byte 81920 of 81920").
         time_source: "header.stamp", "log_time", "file", "frame rate" ...
+        time_why: why another time than the first choice is used, "" if that is.
+        unused: reason -> decoded messages that were not used, see `UNUSED`.
     """
 
     messages: int = 0
@@ -92,7 +95,15 @@ class ReadLog:
     lost: str | None = None
     ended_abnormally: str | None = None
     time_source: str = ""
+    time_why: str = ""
     warnings: list[str] = field(default_factory=list)
+    unused: Counter[str] = field(default_factory=Counter)
+
+    def account(self) -> dict[str, Any]:
+        """Return messages read, used and not used by reason; the last two add up to the first."""
+        reasons = {"undecodable": self.skipped, **{reason: self.unused[reason] for reason in UNUSED}}
+        unused = {reason: count for reason, count in reasons.items() if count}
+        return {"read": self.messages, "used": self.messages - sum(unused.values()), "not_used": unused}
 
     def skip(self, count: int, where: str) -> None:
         """Count messages without usable value and store the place of the first one."""
@@ -111,6 +122,16 @@ class ReadLog:
             self.warnings.append(text if len(self.warnings) < MOST_WARNINGS - 1 else "further warnings are left out")
 
 
+UNUSED = {
+    "repeated_time": "repeat the time of another",
+    "no_time": "have no time",
+    "first_frame": "are a first frame that is an outlier",
+    "other_body": "are of another body",
+    "other_signals": "have no signal of the profile",
+}
+"""Reason -> why decoded messages are not used, to complete a sentence."""
+LOST = ("undecodable", "repeated_time", "no_time")
+"""Reasons that lose what was recorded; the others leave out what is not of the person."""
 BlockReader = Callable[[ReadLog, Sequence[str] | None], Iterator[Block]]
 
 
@@ -130,6 +151,10 @@ class Stream:
         up: "x", "y", "z", "-y" ... if the format defines the vertical axis, else "" (the mapping determines it).
         rest: frames only: (k, 7) pose of each frame in its parent when all rotations are zero (BVH offsets), else None.
         read: `read(log, names)` iterates over blocks; `names` limits the signals (None: all).
+        seams: times [s] of the first sample after each restart of the clock; no interval reaches across them.
+        present: name -> intervals [s since the start of the recording] in which it is there; empty: always.
+        messages: name -> messages that have it; empty: all have.
+        join: `join(other -> name)` makes the stream in which signals have the names of others, never there at once.
         follow: makes the decoder of a recording that is still being written (MCAP), see `reba.live`.
         table: angles only: the complete table, `time` in seconds since `epoch`, text and bool factor columns included.
     """
@@ -147,6 +172,10 @@ class Stream:
     rest: Array | None = None
     table: Callable[[], pd.DataFrame] | None = None
     follow: Callable[[ReadLog, Sequence[str] | None], BlockDecoder] | None = None
+    seams: tuple[float, ...] = ()
+    present: Mapping[str, Sequence[tuple[float, float]]] = field(default_factory=dict)
+    messages: Mapping[str, int] = field(default_factory=dict)
+    join: Callable[[Mapping[str, str]], Stream] | None = None
 
     def blocks(self, log: ReadLog | None = None, names: Sequence[str] | None = None) -> Iterator[Block]:
         """Iterate over the samples in time order, block by block."""

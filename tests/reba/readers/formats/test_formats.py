@@ -96,7 +96,7 @@ def test_the_seeds_are_read(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SEEDS)
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_cut_anywhere(tmp_path: Path, name: str, data: st.DataObject) -> None:
     seed = SEEDS[name][1]
@@ -109,7 +109,7 @@ def test_cut_anywhere(tmp_path: Path, name: str, data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("name", SEEDS)
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_changed_anywhere(tmp_path: Path, name: str, data: st.DataObject) -> None:
     seed = bytearray(SEEDS[name][1])
@@ -135,7 +135,7 @@ PIECES += [b"\x00", b"\xff\xff", b"\x7f\xff", b"{", b"}", b"<", b"&a;", b"\xef\x
 
 
 @pytest.mark.parametrize("name", SEEDS)
-@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.binary(max_size=3000))
 def test_garbage_under_the_right_name(tmp_path: Path, name: str, data: bytes) -> None:
     read_all(tmp_path, name, data)

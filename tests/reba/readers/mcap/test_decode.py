@@ -316,7 +316,7 @@ def test_a_damaged_layout_does_not_hide_good_messages() -> None:
     lengths = np.array([len(payload) for payload in payloads])
     starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     none = Scan(starts, lengths, np.zeros(10, np.uint16), starts, (), 0)
-    batch = Batch(Loaded(ChunkRef(0, len(data), None, 0), data, none), starts, lengths, starts)
+    batch = Batch(Loaded(ChunkRef(0, len(data), None, 0), data, none), starts, lengths, starts, np.arange(10))
     decoder = ColumnDecoder(lambda message: ros.walk(root, message, TEXTS, ros1=False), extract_joints, None)
     log = ReadLog()
     (piece,) = decoder.decode(batch, log)

@@ -15,11 +15,12 @@ import pytest
 
 from reba.errors import ReadError
 from reba.readers.mcap import open_mcap
+from reba.readers.mcap.contents import KEPT_BYTES
 from reba.readers.mcap.merge import HOLD
 from reba.readers.recording.stream import Block, ReadLog, Recording
 from tests.support import hostile_mcap as hostile
 from tests.support import mcap_builder as make
-from tests.support.mcap_builder import COUNT, EPOCH_NS, JOINT_STATE, PER_CHUNK, STEP_NS, TYPES
+from tests.support.mcap_builder import EPOCH_NS, JOINT_STATE, STEP_NS, TYPES
 from tests.support.says import says
 
 TF = "tf2_msgs/msg/TFMessage"
@@ -122,17 +123,25 @@ def test_stamps_of_one_message_may_differ(tmp_path: Path) -> None:
     np.testing.assert_array_equal(block.values[2::2, 1], values[:-1, 1])
 
 
-def test_a_second_parent_is_left_out_and_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("at_once", [False, True])
+def test_a_frame_may_change_its_parent_but_not_have_two_at_once(tmp_path: Path, at_once: bool) -> None:
     pose = [0.0, 0, 0, 0, 0, 0, 1]
-    rows = [
-        (1, EPOCH_NS + at, tf_message(transform(EPOCH_NS + at * STEP_NS, "a" if at < 6 else "b", "s", pose)))
-        for at in range(8)
-    ]
+    rows = []
+    for at in range(300):
+        parents = ["a", "b"] if at_once else ["a" if at < 200 else "b"]
+        transforms = [transform(EPOCH_NS + at * STEP_NS, parent, "s", pose) for parent in parents]
+        rows.append((1, EPOCH_NS + at * STEP_NS, tf_message(*transforms)))
     log = ReadLog()
     block = joined(write(tmp_path / "tf.mcap", rows, c1=("/tf", TF)), log)
-    assert block.parents == ("a",)
-    assert len(block.time) == 6
-    assert "only the first is used" in log.warnings[0]
+    assert len(block.time) == 300
+    if at_once:
+        assert block.parents == ("a",)
+        says(log.warnings[0], "'s'", "'a'", "'b'", "at once", "first")
+    else:
+        assert block.names == ("s", "s")
+        assert block.parents == ("a", "b")
+        assert not log.warnings or "held" in log.warnings[0]
+        np.testing.assert_array_equal(np.isfinite(block.values[:, 1, 6]), np.arange(300) >= 200)
 
 
 def test_a_quaternion_of_zeros_is_no_value(tmp_path: Path) -> None:
@@ -244,10 +253,10 @@ def test_a_late_joint_adds_a_column(tmp_path: Path) -> None:
             (1, stamp, make.joint_state(stamp, ["a", "late"] if at >= 5500 else ["a"], [at, at][: 1 + (at >= 5500)]))
         )
     opened = write(tmp_path / "late.mcap", rows, c1=("/joints", JOINT_STATE))
-    assert opened.streams[0].names == ("a",)
+    assert opened.streams[0].names == ("a", "late")
     first, *_, last = opened.streams[0].blocks()
-    assert first.names == ("a",)
-    assert last.names == ("a", "late")
+    assert first.names == last.names == ("a", "late")
+    assert np.isnan(first.values[:, 1]).all()
     assert np.isnan(last.values[0, 1])
     assert last.values[-1, 1] == 5999
 
@@ -257,7 +266,9 @@ def test_a_late_joint_adds_a_column(tmp_path: Path) -> None:
     [
         (lambda at: EPOCH_NS - 10**9 + at * STEP_NS, "header.stamp"),
         (lambda at: 0, "log_time"),
-        (lambda at: 0 if at == 5 else EPOCH_NS + at * STEP_NS, "log_time"),
+        (lambda at: 0 if at == 5 else EPOCH_NS - 10**9 + at * STEP_NS, "header.stamp"),
+        (lambda at: EPOCH_NS + 10**17 * (at == 0) - 10**9 + at * STEP_NS, "header.stamp"),
+        (lambda at: 0 if at % 2 else EPOCH_NS + at * STEP_NS, "log_time"),
         (lambda at: EPOCH_NS - at * 10**9, "log_time"),
         (lambda at: EPOCH_NS, "log_time"),
     ],
@@ -333,25 +344,6 @@ def test_other_topics_are_listed_with_the_reason(tmp_path: Path) -> None:
     assert "no joint states" in opened.topics[1].why
 
 
-@pytest.mark.parametrize("summary", [True, False])
-def test_a_valid_summary_saves_unpacking_on_opening(tmp_path: Path, summary: bool) -> None:
-    """Damage in the last chunk is noticed on opening only if opening unpacks all chunks."""
-
-    def damaged(index: int, chunk: bytes) -> bytes:
-        return chunk[:-40] + bytes(40) if (index + 1) * PER_CHUNK >= COUNT else chunk
-
-    path = tmp_path / "damaged.mcap"
-    path.write_bytes(make.build(make.whole(change=damaged, summary=summary)))
-    if summary:
-        (stream,) = open_mcap(path).streams
-        assert stream.count == COUNT
-        with pytest.raises(ReadError):
-            list(stream.blocks())
-    else:
-        with pytest.raises(ReadError):
-            open_mcap(path)
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
 def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
     code = """
@@ -382,4 +374,4 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
         peaks.append(peak)
         assert path.stat().st_size > count * 2000
     # Ten times the length is 76 MB more of recording; the blocks and chunks in memory are the same.
-    assert peaks[1] - peaks[0] < 12_000
+    assert peaks[1] - peaks[0] < 12_000 + KEPT_BYTES / 1024

@@ -1,0 +1,90 @@
+"""Accounts of a recording: for every stream, what was read = what is in the table + what is not, by reason."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from reba.errors import ReadError
+from reba.readers.recognise import Match, bodies
+from reba.readers.recording.stream import LOST, UNUSED, ReadLog, Recording, Stream
+
+NOTED: Final = 0.01
+"""Share of the messages above which those that are not used are a warning; a choice."""
+
+
+def accounts_of(
+    recording: Recording, match: Match, log: ReadLog, seconds: float, helpers: tuple[Stream, ...]
+) -> tuple[dict[str, Any], ...]:
+    """Return the account of each stream of postures, that of the one that was read first.
+
+    Args:
+        log: of its reading.
+        seconds: from the first to the last frame of the table.
+        helpers: other streams that were read, such as that of the pelvis.
+    """
+    _name_other_bodies(match, log)
+    result = [{"stream": match.stream.name, **log.account(), "seconds": _seconds(match.stream, seconds)}]
+    for stream in recording.streams:
+        if stream.name != match.stream.name or stream.kind != match.stream.kind:
+            read = max(stream.messages.values(), default=stream.count or 0)
+            used = read if stream in helpers else 0
+            result.append(
+                {
+                    "stream": stream.name,
+                    "read": read,
+                    "used": used,
+                    "not_used": {"other_stream": read - used} if read > used else {},
+                    "seconds": _seconds(stream, seconds if used else 0.0),
+                }
+            )
+    return tuple(result)
+
+
+def _name_other_bodies(match: Match, log: ReadLog) -> None:
+    """Move messages of other bodies of the profile from those without a signal of it."""
+    if match.profile is None or not log.unused["other_signals"] or not match.stream.messages:
+        return
+    mine = {name for signals in (match.names or {}).values() for name in signals}
+    others = 0
+    for names in bodies(match.profile, match.stream).values():
+        if not mine & set(names.values()):
+            others += max(match.stream.messages.get(name, 0) for name in names.values())
+    others = min(others, log.unused["other_signals"])
+    log.unused["other_body"] += others
+    log.unused["other_signals"] -= others
+
+
+def _seconds(stream: Stream, used: float) -> dict[str, float]:
+    ends = [end for spans in stream.present.values() for span in spans for end in span]
+    read = max(ends) - min(ends) if ends else used
+    return {"read": round(max(read, used), 3), "used": round(used, 3)}
+
+
+def account_warnings(account: dict[str, Any]) -> list[str]:
+    """Return a warning for each reason that leaves out more than `NOTED` of the messages of a stream.
+
+    >>> account_warnings({"stream": "/joints", "read": 50, "used": 49, "not_used": {"repeated_time": 1}})
+    ['1 of 50 messages of /joints repeat the time of another: not used']
+    """
+    return [
+        f"{count} of {account['read']} messages of {account['stream']} {UNUSED[reason]}: not used"
+        for reason, count in account["not_used"].items()
+        if reason in UNUSED and count > NOTED * account["read"]
+    ]
+
+
+def refuse_losses(path: str, account: dict[str, Any], log: ReadLog) -> None:
+    """Refuse a recording of which more than `NOTED` is lost: damaged, without a time, or two messages of one time.
+
+    Raises:
+        ReadError: it is.
+    """
+    lost = {reason: account["not_used"][reason] for reason in LOST if reason in account["not_used"]}
+    if sum(lost.values()) > NOTED * account["read"]:
+        texts = ", ".join(f"{count} {reason.replace('_', ' ')}" for reason, count in lost.items())
+        first = f"; the first: {log.first_skipped}" if log.first_skipped else ""
+        raise ReadError(
+            path,
+            f"{sum(lost.values())} of {account['read']} messages of {account['stream']} are lost ({texts}){first}",
+            hint="read it without strict to use the others",
+        )

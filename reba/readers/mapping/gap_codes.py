@@ -1,0 +1,128 @@
+"""Numbers that writers put where they have no value: found before anything looks at ranges, and made NaN.
+
+- a point at exactly (0, 0, 0), unless that is the origin of a body: there in every frame, with the others around it;
+- a point with three equal coordinates of a code such as -9999, in any unit of length;
+- a joint or an angle of exactly such a code. An angle of 0 is a value.
+
+Pose estimators, TRC files and C3D exports write zeros; spreadsheets and motion capture databases write -999 and -9999.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.arrays import Array, Flags
+from reba.readers.recording.stream import Block, Kind, ReadLog, clip
+
+CODES: Final = (999.0, 999.9, 999.99, 9999.0, 9999.9, 9999.99, 99999.0, 99999.9, 999999.0)
+"""Absolute values of codes; 999.0 is beyond any angle in degrees."""
+SCALES: Final = (1.0, 0.1, 0.01, 0.001, 0.0254)
+"""[m] Units of length in which a code may have been written; points are in metres here."""
+_POINT_CODES: Final = np.unique([code * scale for code in CODES for scale in SCALES])
+MOST_NAMES: Final = 4
+"""Names in a warning."""
+
+
+def coded(values: Array) -> Flags:
+    """Return which numbers are codes.
+
+    >>> coded(np.array([-999.0, 999.5, 0.0, np.nan])).tolist()
+    [True, False, False, False]
+    """
+    return np.asarray(np.isin(np.abs(values), CODES))
+
+
+def coded_points(points: Array) -> Flags:
+    """Return which points (..., 3) [m] have three equal coordinates of a code.
+
+    >>> coded_points(np.array([[-9.999, -9.999, -9.999], [-9.999, 1.0, 1.0]])).tolist()
+    [True, False]
+    """
+    first = points[..., 0]
+    equal = (points[..., 1] == first) & (points[..., 2] == first)
+    if not equal.any():
+        return equal
+    size = np.abs(first[equal])
+    at = np.clip(np.searchsorted(_POINT_CODES, size), 1, len(_POINT_CODES) - 1)
+    nearest = np.minimum(np.abs(_POINT_CODES[at] - size), np.abs(_POINT_CODES[at - 1] - size))
+    equal[equal] = nearest <= 1e-12 * np.maximum(size, 1.0)
+    return equal
+
+
+class GapCodes:
+    """Makes the gap codes of a stream NaN, block by block, and counts them.
+
+    The origin of a body is recognised in the first block; where it moves later, `is_consistent` asks for another pass.
+    """
+
+    def __init__(self, kind: Kind) -> None:
+        self._kind = kind
+        self._origins: set[str] | None = None
+        self._moved: set[str] = set()
+        self._counts: Counter[str] = Counter()
+        self._samples = 0
+
+    def begin(self) -> None:
+        """Start a pass over the recording."""
+        self._counts.clear()
+        self._samples = 0
+
+    def without(self, block: Block) -> Block:
+        """Return a block with NaN for gap codes."""
+        if self._kind == "frames":
+            return block
+        points = self._kind == "points"
+        gaps = self._zeros(block) | coded_points(block.values) if points else coded(block.values)
+        self._samples += len(block.time)
+        if not gaps.any():
+            return block
+        for at in np.flatnonzero(gaps.any(axis=0)).tolist():
+            self._counts[block.names[at]] += int(np.count_nonzero(gaps[:, at]))
+        values = block.values.copy()
+        values[gaps] = np.nan
+        return replace(block, values=values)
+
+    def _zeros(self, block: Block) -> Flags:
+        """Return the points (n, k) at zero that are not the origin of a body."""
+        zeros = np.asarray((block.values == 0).all(axis=-1))
+        if self._origins is None:
+            self._origins = _origins(block, zeros)
+        for at, name in enumerate(block.names):
+            if name in self._origins:
+                if zeros[:, at].all():
+                    zeros[:, at] = False
+                else:
+                    self._moved.add(name)
+        return zeros
+
+    def is_consistent(self) -> bool:
+        """Return whether every origin stayed where it is; the others are no origins in another pass."""
+        moved, self._moved = self._moved, set()
+        self._origins = (self._origins or set()) - moved
+        return not moved
+
+    def note(self, log: ReadLog) -> None:
+        """Warn of the signals with gap codes."""
+        if self._counts:
+            names = [f"{clip(name)} {count}" for name, count in self._counts.most_common(MOST_NAMES)]
+            more = f" and {len(self._counts) - MOST_NAMES} more" if len(self._counts) > MOST_NAMES else ""
+            kind = "(0, 0, 0) or a code such as -9999" if self._kind == "points" else "a code such as -999"
+            log.warn(f"{kind} stands for no value: {', '.join(names)}{more} of {self._samples} samples")
+
+
+def _origins(block: Block, zeros: NDArray[np.bool_]) -> set[str]:
+    """Return the points that are at zero in all samples, with other points on all sides of them."""
+    always: Flags = np.logical_and.reduce(zeros, axis=0)
+    if not len(zeros) or not always.any():
+        return set()
+    others = block.values[:, ~always]
+    if not others.size or np.isnan(others).all():
+        return set()
+    low, high = np.nanmin(others, axis=(0, 1)), np.nanmax(others, axis=(0, 1))
+    # The middle of the hips, about which a body is centred, has points above and below, before and behind it.
+    return {name for name, at in zip(block.names, always, strict=True) if at and (low < 0).all() and (high > 0).all()}

@@ -1,0 +1,346 @@
+"""The clock of a recording: one for all of its streams, also where time stamps restart, are missing or are damaged.
+
+    times of every message -> Trace (thinned) -> passes between restarts -> RecordingClock -> seconds of each message
+
+Header stamps are used if most messages have usable ones, else the log time, else the publish time. Where a clock runs
+back (a player that loops, a simulator that is reset), a new pass begins: its time goes on from the message before by
+the log time that passed between the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.arrays import Flags
+
+Nanoseconds = NDArray[np.int64]
+NO_STAMP: Final = np.iinfo(np.int64).min
+"""Stamp of a message without one."""
+JITTER: Final = 500_000_000
+"""[ns] By which stamps may run back, or differ from those of both neighbours, without a restart; a choice."""
+LEAP: Final = 60_000_000_000
+"""[ns] By which stamps may advance more than the log time: a larger step is a clock that was set; a choice."""
+CLOCKS_DIFFER: Final = 5_000_000_000
+"""[ns] Stamps of two channels that differ by more at one log time are of clocks that were not set alike; a choice."""
+UNSTAMPED: Final = 0.1
+"""Largest share of the messages of a channel without a usable stamp, for its stamps to be used; one always may be."""
+MESSAGES_PER_PASS: Final = 10
+"""Stamps that run back more often than once in so many messages are no clock; a choice."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Messages of a channel by number: (m,) log times and stamps [ns]; `jump`: uneven since the message before."""
+
+    number: NDArray[np.int64]
+    log: Nanoseconds
+    stamp: Nanoseconds
+    jump: Flags
+
+    def __getitem__(self, chosen: NDArray[np.intp] | Flags | slice) -> Points:
+        return Points(self.number[chosen], self.log[chosen], self.stamp[chosen], self.jump[chosen])
+
+
+def joined(parts: Sequence[Points]) -> Points:
+    """Return the points of one or more parts."""
+    return Points(
+        np.concatenate([part.number for part in parts]),
+        np.concatenate([part.log for part in parts]),
+        np.concatenate([part.stamp for part in parts]),
+        np.concatenate([part.jump for part in parts]),
+    )
+
+
+class Trace:
+    """Times of all messages of one channel in the order of the file, without those that advance evenly."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.stamped = 0
+        self._parts: list[Points] = []
+        self._last: tuple[int, int] | None = None
+
+    def add(self, log: Nanoseconds, stamp: Nanoseconds) -> None:
+        """Add (n,) log times and stamps [ns] of the next messages."""
+        if not len(log):
+            return
+        zero = stamp == 0
+        if zero.any():
+            # One 0 may be the time at which a simulator starts; repeated ones were never set.
+            alike = zero[1:] & zero[:-1]
+            stamp = np.where(np.append(alike, False) | np.insert(alike, 0, False), NO_STAMP, stamp)
+        there = stamp != NO_STAMP
+        lag = np.where(there, stamp - log, 0)
+        latest = np.maximum.accumulate(np.where(there, np.arange(len(log)), -1))
+        lag_before, log_before = self._last or (int(lag[there][0]) if there.any() else 0, int(log[0]))
+        filled = np.where(latest >= 0, lag[latest], lag_before)
+        steps = np.abs(np.diff(filled, prepend=lag_before))
+        jump = (steps > JITTER // 2) | (np.diff(log, prepend=log_before) < -JITTER)
+        keep = jump.copy()
+        keep[:-1] |= jump[1:]
+        # The earliest stamp is time 0 of the recording.
+        keep[[0, -1, int(np.argmin(np.where(there, stamp, np.iinfo(np.int64).max)))]] = True
+        self._parts.append(Points(self.count + np.flatnonzero(keep), log[keep], stamp[keep], jump[keep]))
+        self._last = int(filled[-1]), int(log[-1])
+        self.count += len(log)
+        self.stamped += int(np.count_nonzero(there))
+
+    def points(self) -> Points:
+        """Return the points of all messages so far."""
+        none = np.zeros(0, np.int64)
+        return joined(self._parts or [Points(none, none, none, none.astype(bool))])
+
+
+@dataclass
+class Pass:
+    """Consecutive messages between two restarts of the clock.
+
+    Attributes:
+        start: number of its first message.
+        log, stamp: (m,) log times and stamps [ns] of its points; for a channel read by log time both are log times.
+        restarted: whether its clock does not go on from the pass before.
+        offset: [ns] added to its stamps for the time of the recording.
+    """
+
+    start: int
+    log: Nanoseconds
+    stamp: Nanoseconds
+    restarted: bool = False
+    offset: int = 0
+
+
+@dataclass
+class ChannelClock:
+    """Times of the messages of one channel; see `RecordingClock`.
+
+    Attributes:
+        passes: in the order of time.
+        damaged: numbers of messages whose stamp is far from those of both neighbours.
+        by_stamp: whether stamps are used, or log times.
+        line: log times and times of the recording [ns] of another channel, which give the times of this one.
+    """
+
+    trace: Trace
+    passes: list[Pass]
+    damaged: NDArray[np.int64]
+    by_stamp: bool
+    line: tuple[Nanoseconds, Nanoseconds] | None = None
+
+    @property
+    def first(self) -> int:
+        """Time of the recording [ns] of the earliest message."""
+        if self.line is not None:
+            return int(_interpolated(self.passes[0].log[:1], *self.line)[0])
+        return min(int(one.stamp.min()) + one.offset for one in self.passes)
+
+    @property
+    def first_log(self) -> int:
+        """Earliest log time [ns]."""
+        return min(int(one.log.min()) for one in self.passes)
+
+    @property
+    def restarts(self) -> int:
+        """How often the clock restarts."""
+        return sum(one.restarted for one in self.passes)
+
+    def times(self, number: NDArray[np.int64], log: Nanoseconds, stamp: Nanoseconds) -> tuple[Nanoseconds, int]:
+        """Return (n,) times [ns] of messages by number, log time and stamp, and how many had no usable stamp."""
+        if self.line is not None:
+            return _interpolated(log, *self.line), 0
+        by_start = sorted(self.passes, key=lambda one: one.start)
+        starts = [one.start for one in by_start]
+        which = np.maximum(np.searchsorted(starts, number, side="right") - 1, 0)
+        offsets = np.array([one.offset for one in by_start], np.int64)[which]
+        if not self.by_stamp:
+            return log + offsets, 0
+        usable = stamp != NO_STAMP
+        if (stamp == 0).any() and not any((one.stamp == 0).any() for one in self.passes):
+            usable &= stamp != 0
+        if len(self.damaged):
+            usable &= ~np.isin(number, self.damaged)
+        result = np.where(usable, stamp, 0) + offsets
+        if not usable.all():
+            for at, one in enumerate(by_start):
+                mine = ~usable & (which == at)
+                result[mine] = _interpolated(log[mine], one.log, one.stamp + one.offset)
+        return result, int(np.count_nonzero(~usable))
+
+    def pass_of(self, number: int) -> int:
+        """Return the place of the pass of a message in the order of time."""
+        return max(enumerate(self.passes), key=lambda at: (at[1].start <= number, at[1].start))[0]
+
+    def as_line(self) -> tuple[Nanoseconds, Nanoseconds]:
+        """Return log times and times of the recording [ns] of its points, by log time."""
+        log = np.concatenate([one.log for one in self.passes])
+        time = np.concatenate([one.stamp + one.offset for one in self.passes])
+        order = np.argsort(log, kind="stable")
+        return log[order], time[order]
+
+
+def channel_clock(trace: Trace, *, use_stamps: bool) -> ChannelClock:
+    """Return the passes of a channel; by log time if its stamps are no clock, or are not to be used."""
+    points = trace.points()
+    mixed = bool(np.count_nonzero(np.diff(points.log) < -JITTER) * MESSAGES_PER_PASS > trace.count)
+    if mixed:  # stored in no order at all
+        points = points[np.argsort(points.log, kind="stable")]
+        points = replace(points, jump=np.abs(np.diff(points.stamp - points.log, prepend=0)) > JITTER)
+    there = points[points.stamp != NO_STAMP]
+    wrong = _damaged(there)
+    unusable = trace.count - trace.stamped + np.count_nonzero(wrong)
+    if use_stamps and unusable <= max(1, UNSTAMPED * trace.count):
+        good = _from_first(points, there[~wrong])
+        clock = ChannelClock(trace, _passes(good), there.number[wrong], True)
+        advances = trace.count == 1 or any(one.stamp[-1] > one.stamp[0] for one in clock.passes)
+        few = len(clock.passes) == 1 or not mixed
+        if len(good.number) and advances and few and clock.restarts * MESSAGES_PER_PASS <= trace.count:
+            return clock
+    by_log = Points(points.number, points.log, points.log, points.jump)
+    return ChannelClock(trace, _passes(by_log), np.zeros(0, np.int64), False)
+
+
+def _from_first(points: Points, good: Points) -> Points:
+    """Return the points with a usable stamp, and the first message with the stamp that follows from its log time."""
+    if not len(good.number) or good.number[0] <= points.number[0]:
+        return good
+    stamp = good.stamp[0] - (good.log[0] - points.log[0])
+    return joined([Points(points.number[:1], points.log[:1], np.array([stamp]), np.array([False])), good])
+
+
+def _damaged(points: Points) -> Flags:
+    """Return which stamps are far from those of both neighbours, which are near each other."""
+    count = len(points.number)
+    if count < 3:
+        return np.zeros(count, bool)
+    lag = points.stamp - points.log
+    far = np.concatenate([[True], points.jump[1:] & (np.abs(np.diff(lag)) > JITTER), [True]])
+    beside = np.abs(lag[2:] - lag[:-2]) <= JITTER
+    # The first and the last message have one neighbour; that one has to agree with the next.
+    agree = np.concatenate([[not far[2]], beside, [not far[-3]]])
+    return np.asarray(far[:-1] & far[1:] & agree)
+
+
+def _passes(points: Points) -> list[Pass]:
+    """Return the passes of the points of a channel in the order of time."""
+    if not len(points.number):
+        return []
+    log_steps, steps = np.diff(points.log), np.diff(points.stamp)
+    back = log_steps < -JITTER
+    leaps = (steps - log_steps > LEAP) & (log_steps > 0)
+    cuts = 1 + np.flatnonzero((back | (steps < -JITTER) | leaps) & points.jump[1:])
+    parts = np.split(np.arange(len(points.number)), cuts)
+    passes = [Pass(int(points.number[part[0]]), points.log[part], points.stamp[part]) for part in parts]
+    passes[0].start = 0
+    runs = np.cumsum([False, *back[cuts - 1].tolist()])
+    again = _overlap(passes, runs)
+    if not again:
+        passes.sort(key=lambda one: int(one.log[0]))  # stored in another order, as by topic
+    for before, after, first in zip(passes, passes[1:], np.diff(runs) > 0, strict=False):
+        step = int(after.stamp[0] - before.stamp[-1])
+        after.restarted = (again and bool(first)) or step < -JITTER or step - (after.log[0] - before.log[-1]) > LEAP
+    return passes
+
+
+def _overlap(passes: Sequence[Pass], runs: NDArray[np.int64]) -> bool:
+    """Return whether log times repeat: messages that were stored in another order do not overlap."""
+    spans = []
+    for run in np.unique(runs).tolist():
+        mine = [one for one, of in zip(passes, runs.tolist(), strict=True) if of == run]
+        spans.append((int(mine[0].log[0]), int(mine[-1].log[-1])))
+    spans.sort()
+    return any(after[0] < before[1] - JITTER for before, after in pairwise(spans))
+
+
+def _interpolated(at: Nanoseconds, known: Nanoseconds, values: Nanoseconds) -> Nanoseconds:
+    """Return values at log times: linear between the known ones, beyond them they advance as the log time does."""
+    base, first = int(known[0]), int(values[0])
+    inside = np.clip(at, known[0], known[-1])
+    mixed = np.interp((inside - base) * 1.0, (known - base) * 1.0, (values - first) * 1.0)
+    return np.asarray(np.rint(mixed).astype(np.int64) + first + (at - inside))
+
+
+class RecordingClock:
+    """The clock of all channels with postures of a recording.
+
+    Attributes:
+        source: "header.stamp", "log_time" or "publish_time".
+        why: why the header stamps are not used, "" if they are.
+        channels: the clock of each trace, in their order.
+        seams: times of the recording [ns] of the first message after each restart.
+
+    Args:
+        published: the traces have publish times in the place of log times.
+    """
+
+    def __init__(self, traces: Sequence[Trace], *, published: bool = False) -> None:
+        self.why = ""
+        clocks = [channel_clock(trace, use_stamps=True) for trace in traces]
+        total = sum(clock.trace.count for clock in clocks)
+        stamped = [clock for clock in clocks if clock.by_stamp]
+        if 2 * sum(clock.trace.count for clock in stamped) < total:
+            self.why = "most messages have no usable time stamp"
+        elif (difference := _difference(stamped)) > CLOCKS_DIFFER:
+            self.why = f"the time stamps of two topics differ by {difference / 1e9:.1f} s at one log time"
+        if self.why:
+            clocks = [channel_clock(trace, use_stamps=False) for trace in traces]
+        self.source = ("publish_time" if published else "log_time") if self.why else "header.stamp"
+        self.channels = clocks
+        self.seams = _set_offsets([clock for clock in clocks if clock.by_stamp != bool(self.why)])
+        reference = max(clocks, key=lambda clock: (clock.by_stamp, clock.trace.count), default=None)
+        for clock in clocks:
+            if clock.by_stamp == bool(self.why) and reference is not None:
+                clock.line = reference.as_line()
+
+
+def _difference(clocks: Sequence[ChannelClock]) -> float:
+    """Return the largest median difference [ns] between the stamps of two channels at one log time."""
+    largest = max(clocks, key=lambda clock: clock.trace.count, default=None)
+    if largest is None or largest.restarts:
+        return 0.0
+    line = largest.as_line()
+    return max(
+        float(np.median(np.abs(_interpolated(log, *line) - time)))
+        for log, time in (clock.as_line() for clock in clocks)
+    )
+
+
+def _set_offsets(clocks: Sequence[ChannelClock]) -> tuple[int, ...]:
+    """Set the offsets of all passes; the channel with the most messages decides. Return the times of its restarts."""
+    if not clocks:
+        return ()
+    main, *others = sorted(clocks, key=lambda clock: -clock.trace.count)
+    seams = _chain(main.passes)
+    for clock in others:
+        _chain(clock.passes)
+        if len(clock.passes) == len(main.passes):
+            pairs = list(zip(clock.passes, main.passes, strict=True))
+        else:
+            pairs = [(one, max(main.passes, key=partial(_shared, one))) for one in clock.passes]
+        for one, other in pairs:
+            one.offset = other.offset if _shared(one, other) >= -JITTER else one.offset
+    return tuple(seams)
+
+
+def _chain(passes: Sequence[Pass]) -> list[int]:
+    """Let the time of each pass go on from the one before, and return the times [ns] at which passes restart."""
+    seams = []
+    for before, after in pairwise(passes):
+        after.offset = before.offset
+        if after.restarted:
+            step = int(after.log[0] - before.log[-1])
+            if step <= 0:  # the log time restarts too: one period of the messages
+                step = int((before.log[-1] - before.log[0]) // max(after.start - before.start - 1, 1))
+            seams.append(int(before.stamp[-1]) + before.offset + step)
+            after.offset = seams[-1] - int(after.stamp[0])
+    return seams
+
+
+def _shared(one: Pass, other: Pass) -> int:
+    """Return the log time [ns] that two passes share, negative for the gap between them."""
+    return int(min(one.log[-1], other.log[-1]) - max(one.log[0], other.log[0]))

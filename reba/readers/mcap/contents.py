@@ -1,0 +1,258 @@
+"""Contents of a recording: what all of its messages name and when, before anything is decided about them.
+
+Every message with postures is decoded once, on opening. Names, parents and times are kept of all of them, the decoded
+values as long as they are small: a longer recording is decoded again when it is read.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from reba.errors import ReadError
+from reba.readers.mcap.channels import DecodableChannel, batch_of
+from reba.readers.mcap.clock import NO_STAMP, ChannelClock, RecordingClock, Trace
+from reba.readers.mcap.container import ChunkRef, Container, Store
+from reba.readers.mcap.decode import Decoder, Piece
+from reba.readers.recording.stream import Kind, ReadLog
+
+KEPT_BYTES: Final = 1 << 25
+"""[bytes] Decoded values that are kept for reading; of more, none are."""
+PAUSE: Final = 1_000_000_000
+"""[ns] Longest time without a name for which it counts as present throughout; a choice."""
+TOGETHER: Final = 500_000_000
+"""[ns] Presence of two names at once that may be a hand-over from one to the other; a choice."""
+MOST_NAMES: Final = 20_000
+"""Names that are counted; protects memory from names that change with every message."""
+Signal = tuple[str, str]
+"""Name and parent, "" for signals without parents."""
+Interval = list[int]
+"""First and last log time [ns]."""
+
+
+@dataclass
+class Presence:
+    """When signals that share their messages were there: `messages`, and the log times in `intervals`."""
+
+    messages: int = 0
+    intervals: list[Interval] = field(default_factory=list)
+
+    def add(self, log: np.ndarray) -> None:
+        """Add messages at (n,) log times [ns]."""
+        self.messages += len(log)
+        if not len(log):
+            return
+        cuts = np.flatnonzero(np.abs(np.diff(log)) > PAUSE)
+        starts = np.concatenate([[0], cuts + 1])
+        firsts = np.minimum.reduceat(log, starts)
+        lasts = np.maximum.reduceat(log, starts)
+        for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True):
+            if self.intervals and self.intervals[-1][0] <= first <= self.intervals[-1][1] + PAUSE:
+                self.intervals[-1][1] = max(self.intervals[-1][1], last)
+            else:
+                self.intervals.append([first, last])
+
+
+def united(intervals: Iterable[Interval]) -> list[Interval]:
+    """Return intervals joined where they meet or lie within `PAUSE`.
+
+    >>> united([[5, 6], [0, 1]])
+    [[0, 6]]
+    """
+    result: list[Interval] = []
+    for first, last in sorted(map(tuple, intervals)):
+        if result and first <= result[-1][1] + PAUSE:
+            result[-1][1] = max(result[-1][1], last)
+        else:
+            result.append([first, last])
+    return result
+
+
+def at_once(one: Sequence[Interval], other: Sequence[Interval]) -> int:
+    """Return the time [ns] that lies in intervals of both, which are joined by `united`.
+
+    >>> at_once([[0, 10]], [[8, 20], [30, 40]])
+    2
+    """
+    return sum(max(0, min(a[1], b[1]) - max(a[0], b[0])) for a in one for b in other)
+
+
+@dataclass
+class Track:
+    """The channels of one topic and publisher in all files of a recording, in the order of the files.
+
+    Attributes:
+        log: messages of the track, and those that could not be decoded.
+        clock: its times; None without messages.
+    """
+
+    trace: Trace = field(default_factory=Trace)
+    log: ReadLog = field(default_factory=ReadLog)
+    clock: ChannelClock | None = None
+
+
+def clock_name(kind: Kind, group: str) -> str:
+    """Return the name of the clock of a stream: rows of a posture table have their own time, all else shares one."""
+    return group if kind == "angles" else ""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Messages of a channel in a segment: number of the first, count, and what was decoded if it was kept."""
+
+    first: int
+    count: int
+    pieces: list[Piece] | None
+
+
+class Contents:
+    """All messages of the channels of a recording.
+
+    Attributes:
+        containers: files in the order of time.
+        tracks: `id` of a channel -> its track; channels of static transforms have none.
+        presence: kind and group of channels -> names and parents that share messages -> when they are there.
+        static: kind and group of channels -> pieces of static transforms.
+        clocks: by `clock_name`; channels without messages have none.
+        start: earliest log time [ns].
+        warnings: for the user.
+        lost: what files state to have and do not.
+
+    Raises:
+        ReadError: a chunk is damaged, and the recording is one file or `strict`.
+    """
+
+    def __init__(self, parts: Sequence[DecodableChannel], *, strict: bool) -> None:
+        self.containers = list(dict.fromkeys(part.container for part in parts))
+        self._read_all(parts, strict)
+        if self._has_no_log_time():
+            for container in self.containers:
+                if isinstance(container, Container):
+                    container.publish_time = True
+            self._read_all(parts, strict)
+        logs = [one.intervals[0][0] for group in self.presence.values() for one in group.values() if one.intervals]
+        self.start = min(logs, default=0)
+        of_clock: dict[str, dict[int, Track]] = {}
+        for part in parts:
+            if (track := self.tracks.get(id(part))) is not None and track.trace.count:
+                of_clock.setdefault(clock_name(part.kind, part.group), {})[id(track)] = track
+        published = any(isinstance(store, Container) and store.publish_time for store in self.containers)
+        self.clocks: dict[str, RecordingClock] = {}
+        for name, tracks in of_clock.items():
+            self.clocks[name] = clock = RecordingClock([track.trace for track in tracks.values()], published=published)
+            for track, one in zip(tracks.values(), clock.channels, strict=True):
+                track.clock = one
+
+    def _read_all(self, parts: Sequence[DecodableChannel], strict: bool) -> None:
+        self.tracks: dict[int, Track] = {}
+        self.presence: dict[tuple[str, str], dict[tuple[Signal, ...], Presence]] = {}
+        self.static: dict[tuple[str, str], list[Piece]] = {}
+        self.warnings: list[str] = []
+        self.lost: list[str] = []
+        self._places: dict[tuple[int, int], Place] = {}
+        self._kept_bytes = 0
+        self._names = 0
+        self._group(parts)
+        for container in self.containers:
+            self._read(container, [part for part in parts if part.container is container], strict)
+
+    def _has_no_log_time(self) -> bool:
+        """Return whether all messages with postures, more than one, have one log time: a converter left it empty."""
+        points = [track.trace.points().log for track in self.tracks.values()]
+        logs = np.concatenate([*points, np.zeros(0, np.int64)])
+        return len(logs) > 1 and bool((logs == logs[0]).all())
+
+    def place(self, part: DecodableChannel, segment: ChunkRef) -> Place | None:
+        """Return the messages of a channel in a segment, None for a segment that came later."""
+        return self._places.get((id(part), segment.offset))
+
+    def segments(self, container: Store, parts: Sequence[DecodableChannel]) -> list[ChunkRef]:
+        """Return the segments with messages of some channels of a file in the order of time."""
+        ordered = []
+        for segment in container.segments:
+            passes = []
+            for part in parts:
+                place = self.place(part, segment)
+                if place is None:
+                    passes.append(0)
+                elif place.count and (clock := self.tracks[id(part)].clock) is not None:
+                    passes.append(clock.pass_of(place.first))
+            if passes:
+                ordered.append((min(passes), segment.start, segment.offset, segment))
+        return [segment for *_, segment in sorted(ordered, key=lambda row: row[:3])]
+
+    def _group(self, parts: Sequence[DecodableChannel]) -> None:
+        """Find the track of each channel: the same topic, type and publisher (by order) in every file."""
+        by_key: dict[tuple[str, str, str, int], Track] = {}
+        for container in self.containers:
+            seen: Counter[tuple[str, str, str]] = Counter()
+            for part in parts:
+                if part.container is container and not part.static:
+                    key = (part.kind, part.topic, part.type)
+                    seen[key] += 1
+                    self.tracks[id(part)] = by_key.setdefault((*key, seen[key]), Track())
+
+    def _read(self, container: Store, parts: Sequence[DecodableChannel], strict: bool) -> None:
+        """Decode all messages of a file; of several files a damaged one is read up to its damage."""
+        decoders = [(part, part.make(None)) for part in parts]
+        read: Counter[int] = Counter()
+        # In the order of the file: where log times repeat, it is that of recording.
+        for segment in sorted(container.segments, key=lambda segment: segment.offset):
+            try:
+                container.load(segment)
+            except ReadError as error:
+                if strict or len(self.containers) == 1:
+                    raise
+                self.warnings.append(f"{error}; the rest of this file is left out")
+                break
+            for part, decoder in decoders:
+                read[part.channel] += self._take(part, segment, decoder)
+        else:
+            for part in parts:
+                count = container.counts[part.channel]
+                if read[part.channel] < count:
+                    missing = f"{count - read[part.channel]} of the {count} messages of {part.topic}"
+                    self.lost.append(f"{missing} that {container.path.name} states are missing")
+        container.release()
+
+    def _take(self, part: DecodableChannel, segment: ChunkRef, decoder: Decoder) -> int:
+        """Decode the messages of a channel in a segment, and return how many they are."""
+        track = self.tracks.get(id(part), Track())
+        first = track.trace.count
+        batch = batch_of(part.container, segment, part.channel, first)
+        pieces = decoder.decode(batch, track.log)
+        if part.static:
+            self.static.setdefault((part.kind, part.group), []).extend(pieces)
+            return len(batch.times)
+        stamps = np.full(len(batch.times), NO_STAMP)
+        for piece in reversed(pieces):
+            stamps[piece.number - first] = piece.stamp
+        track.trace.add(batch.times, stamps)
+        track.log.messages += len(batch.times)
+        self._count(self.presence.setdefault((part.kind, part.group), {}), pieces)
+        self._places[id(part), segment.offset] = Place(first, len(batch.times), self._kept(pieces))
+        return len(batch.times)
+
+    def _count(self, presence: dict[tuple[Signal, ...], Presence], pieces: Iterable[Piece]) -> None:
+        for piece in pieces:
+            signals = tuple(zip(piece.names, piece.parents or ("",) * len(piece.names), strict=True))
+            known = presence.get(signals)
+            if known is None:
+                if self._names > MOST_NAMES:
+                    continue
+                self._names += len(signals)
+                known = presence[signals] = Presence()
+            known.add(piece.log)
+
+    def _kept(self, pieces: list[Piece]) -> list[Piece] | None:
+        """Return the pieces if values are still kept, else None; beyond `KEPT_BYTES` none are."""
+        self._kept_bytes += sum(piece.values.nbytes + 3 * piece.log.nbytes for piece in pieces)
+        if self._kept_bytes <= KEPT_BYTES:
+            return pieces
+        if any(place.pieces for place in self._places.values()):
+            self._places = {key: replace(place, pieces=None) for key, place in self._places.items()}
+        return None
