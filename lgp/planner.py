@@ -5,6 +5,7 @@ scene -> symbolic task -> search over action sequences with pose, sequence and p
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Sequence
 from functools import cache
@@ -127,7 +128,7 @@ def task_of(scene: Scene) -> Task:
 
 def _domain(which: str) -> PddlDomain:
     """Return a shipped domain (read once) or the one in a file."""
-    return _shipped(which) if (SHIPPED / f"{which}.pddl").is_file() else load_domain(which)
+    return _shipped(which) if os.path.isfile(SHIPPED / f"{which}.pddl") else load_domain(which)
 
 
 @cache

@@ -71,7 +71,9 @@ PATH: Final = Allowed("a path, as text or pathlib.Path", lambda value: isinstanc
 YES_NO: Final = Allowed("True or False", lambda value: isinstance(value, _YES_NO))
 POSITIVE: Final = Allowed("a number above 0", lambda value: is_number(value) and 0 < value < np.inf)
 NOT_NEGATIVE: Final = Allowed("a number, 0 or more", lambda value: is_number(value) and 0 <= value < np.inf)
-COUNT: Final = Allowed("a whole number above 0", lambda value: _is_whole(value) and value > 0)
+COUNT: Final = Allowed(
+    "a whole number from 1 to 1000000000", lambda value: _is_whole(value) and 0 < value <= 1_000_000_000
+)
 SEED: Final = Allowed("a whole number from 0 to 4294967295", lambda value: _is_whole(value) and 0 <= value < 2**32)
 
 
@@ -103,7 +105,7 @@ def accepts(
     ...     return depth
     >>> search(depth=2.5)
     Traceback (most recent call last):
-    reba.errors.RebaError: search: depth is 2.5; expected a whole number above 0
+    reba.errors.RebaError: search: depth is 2.5; expected a whole number from 1 to 1000000000
     """
 
     def decorate(function: Callable[_Given, _Result]) -> Callable[_Given, _Result]:

@@ -19,7 +19,7 @@ from lgp.kinematics.reachability import reachability
 from lgp.kinematics.world import World
 from lgp.scene.scene_file import load_scene
 from lgp.statistics.paired_tests import require_statsmodels
-from reba.checks import PATH, YES_NO, accepts
+from reba.checks import PATH, YES_NO, accepts, shown
 from reba.outputs import FolderOutput, check_outputs
 
 
@@ -67,9 +67,9 @@ def experiment_screwdriver(
         RebaError: a file cannot be written, or the cluster cannot be used.
     """
     if not isinstance(runs, int) or isinstance(runs, bool) or runs < 1:
-        raise LgpError(f"runs is {runs!r}; expected a whole number of 1 or more")
+        raise LgpError(f"runs is {shown(runs)}; expected a whole number of 1 or more")
     if initial not in STARTS:
-        raise LgpError(f"initial is {initial!r}; expected one of {', '.join(STARTS)}")
+        raise LgpError(f"initial is {shown(initial)}; expected one of {', '.join(STARTS)}")
     require_statsmodels()
     check_outputs(FolderOutput(folder, EXPERIMENT_FILES), inputs=[cost], error=LgpError)
     model = cost_model(cost)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from fnmatch import fnmatch
 from importlib import metadata
 from pathlib import Path
@@ -31,7 +32,7 @@ def urdf_of(model: str) -> Path:
         WorldError: there is no such file, or the package that holds it is not installed.
     """
     path = Path(model)
-    if path.suffix == ".urdf" and path.is_file():
+    if path.suffix == ".urdf" and os.path.isfile(path):
         return path
     known = known_robots()
     if model not in known and path.suffix != ".urdf":
@@ -42,7 +43,7 @@ def urdf_of(model: str) -> Path:
         path = Path(str(metadata.distribution(PACKAGE).locate_file(f"{FOLDER}/{inside}")))
     except metadata.PackageNotFoundError as error:
         raise missing(PACKAGE, f"robot {model!r}") from error
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise WorldError(f"{PACKAGE} {metadata.version(PACKAGE)} has no {inside}; give the path of a .urdf file")
     return path
 

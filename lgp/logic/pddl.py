@@ -7,6 +7,7 @@ effects are lists of literals over the parameters.
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import sys
 from collections.abc import Iterator
@@ -77,9 +78,9 @@ def load_domain(which: str | Path) -> PddlDomain:
         ['grasp', 'place']
     """
     path = SHIPPED / f"{which}.pddl"
-    if not path.is_file():
+    if not os.path.isfile(path):
         path = Path(which)
-    if not path.is_file():
+    if not os.path.isfile(path):
         names = sorted(file.stem for file in SHIPPED.glob("*.pddl"))
         raise LogicError(
             f"domain is {str(which)!r}, expected {', '.join(names)} or the path of a PDDL file"

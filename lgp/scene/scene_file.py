@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 import tomllib
 from collections.abc import Mapping
 from functools import cache
@@ -51,9 +52,9 @@ def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> S
     ('grasped(human.right_hand, screwdriver)',)
     """
     path = SHIPPED / f"{which}.toml"
-    if not path.is_file():
+    if not os.path.isfile(path):  # also false for names that no file can have
         path = Path(which)
-    if not path.is_file():
+    if not os.path.isfile(path):  # also false for names that no file can have
         names = shipped_scenes()
         hint = did_you_mean(str(which), names)
         raise SceneError(f"scene is {str(which)!r}, expected {', '.join(names)} or the path of a TOML file{hint}")

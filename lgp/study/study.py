@@ -20,7 +20,7 @@ from lgp.study.recordings import Failure, Sources, find_sources
 from lgp.study.report import render
 from lgp.study.scoring import Scored, cells, limitations, missing_cells, score_sources
 from reba.batch.run import ScoringOptions
-from reba.checks import PATH, accepts
+from reba.checks import PATH, accepts, shown
 from reba.errors import did_you_mean
 from reba.files import as_json, write_atomic, write_folder, write_text
 from reba.outputs import FileOutput, Output, check_outputs
@@ -121,9 +121,11 @@ def run_study(
     """
     paths = [logs] if isinstance(logs, str | Path) else logs
     if not isinstance(paths, Sequence) or not all(isinstance(path, str | Path) for path in paths):
-        raise LgpError(f"logs is {logs!r}; expected a path of recordings, or a list of paths")
+        raise LgpError(f"logs is {shown(logs)}; expected a path of recordings, or a list of paths")
     if isinstance(conditions, str) or not isinstance(conditions, Sequence):
-        raise LgpError(f"conditions is {conditions!r}; expected a list of names such as ['ergonomic', 'non-ergonomic']")
+        raise LgpError(
+            f"conditions is {shown(conditions)}; expected a list of names such as ['ergonomic', 'non-ergonomic']"
+        )
     require_statsmodels()
     options = options.with_files_read()
     labelled = find_sources([str(path) for path in paths], manifest, pattern, exclude)

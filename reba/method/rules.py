@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from reba.checks import PATH, accepts
+from reba.checks import PATH, accepts, shown
 from reba.errors import RulesError, did_you_mean
 from reba.files import write_atomic, write_text
 from reba.open_file import read_settings
@@ -223,8 +223,9 @@ def rules_of(which: str | Path | Rules) -> Rules:
     """
     if isinstance(which, Rules):
         return which
-    if str(which) in PRESETS:
-        return PRESETS[str(which)]
-    if str(which).endswith(".toml"):
-        return Rules.load(str(which))
-    raise RulesError(f"rules {str(which)!r} are unknown; use {' or '.join(PRESETS)}, or a file ending in .toml")
+    if isinstance(which, str | Path):
+        if str(which) in PRESETS:
+            return PRESETS[str(which)]
+        if str(which).endswith(".toml"):
+            return Rules.load(str(which))
+    raise RulesError(f"rules {shown(which)} are unknown; use {' or '.join(PRESETS)}, or a file ending in .toml")

@@ -350,5 +350,5 @@ def _integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
     except (TypeError, ValueError, OverflowError):
         fits = False
     if not fits:
-        raise PostureError(f"{name} score is {value!r}; expected whole numbers from {lowest} to {highest}")
+        raise PostureError(f"{name} score is {shown(value)}; expected whole numbers from {lowest} to {highest}")
     return integers

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Array, Flags
+from reba.checks import shown
 from reba.errors import PostureError, did_you_mean
 from reba.posture.columns import SIDES
 
@@ -74,7 +75,7 @@ class Factors:
         if isinstance(factors, Factors):
             return factors
         if not isinstance(factors, Mapping):
-            raise PostureError(f"factors are {factors!r}; expected reba.Factors or a mapping like {{'load': 5.0}}")
+            raise PostureError(f"factors are {shown(factors)}; expected reba.Factors or a mapping like {{'load': 5.0}}")
         values = expand_sides(factors)
         for name in values:
             if name not in FACTORS:

@@ -269,7 +269,7 @@ def test_radians_are_warned_about_in_one_line(run: Run, tmp_path: Path) -> None:
     small.save(tmp_path / "radians.parquet")
     code, _, err = run("fit", "--poses", tmp_path / "radians.parquet", "-o", tmp_path / "m.json", "--json")
     assert code == 0
-    assert err.count("dreba: warning: every angle lies within +-3.2") == 1
+    assert err.count("dreba: warning: nearly every angle lies within +-3.2") == 1
 
 
 def test_no_command_leaves_part_files(run: Run, model: Path, tmp_path: Path) -> None:

@@ -23,7 +23,6 @@ from tests.support.paths import ROOT
 OPENER = "reba/open_file.py"
 OWN = {
     "reba/report/page.py": "templates, scripts and styles of the package",
-    "reba/batch/dataset_run.py": "a score table that was just written, and its folder, to sync them to disk",
     "reba/files.py": "a file that was just written, and its folder, to sync them to disk",
     "dreba/domain.py": "domains of the package, through importlib.resources",
     "lgp/page/page.py": "a table of the package",

@@ -14,6 +14,7 @@ import pytest
 import dreba
 import lgp
 import reba
+from reba.checks import shown
 from tests.support.paths import DATASETS, ROOT
 from tests.support.says import says
 
@@ -122,7 +123,7 @@ def test_wrong_types_end_in_one_line(name: str, tmp_path: Path, monkeypatch: pyt
                 assert text, (argument, wrong)
                 assert "\n" not in text, (argument, wrong)
             except Exception as error:
-                raise AssertionError(f"{name}({argument}={wrong!r}) ends in {error!r}") from error
+                raise AssertionError(f"{name}({argument}={shown(wrong)}) ends in {error!r}") from error
 
 
 @pytest.mark.parametrize("method", PATH_METHODS.values(), ids=PATH_METHODS)

@@ -23,6 +23,7 @@ Chains are written for the right side; on the left the rotations about x and y c
 
 from __future__ import annotations
 
+import os
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -160,7 +161,7 @@ def find_profile(name: str | Path | Profile) -> Profile:
     known = {profile.name: profile for profile in profiles()}
     if str(name) in known:
         return known[str(name)]
-    if str(name).endswith(".toml") or Path(name).is_file():
+    if str(name).endswith(".toml") or os.path.isfile(name):
         return load_profile(Path(name))
     raise ProfileError(
         f"no profile {str(name)!r}{did_you_mean(str(name), known)}; known are {', '.join(known)}, or give a TOML file"
