@@ -168,11 +168,12 @@ def last_event(log: Path) -> str:
 
 def cluster(work: Path) -> dict[str, object]:
     """Kill one worker, the scheduler, and the other worker while a folder is scored on a cluster."""
-    recordings = make_recordings(work / "cluster-recordings", 400)
-    calm, killed = work / "cluster" / "calm", work / "cluster" / "killed"
+    recordings = make_recordings(work / "cluster-recordings", 1500)
+    calm = work / "cluster" / "calm"
     finish(score_job(recordings).first(calm))
-    outcomes = []
+    outcomes, difference = [], ""
     for victims in (["worker 1"], ["scheduler"], ["worker 1", "scheduler", "worker 2"]):
+        killed = work / "cluster" / " ".join(victims)
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
@@ -206,8 +207,8 @@ def cluster(work: Path) -> dict[str, object]:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-    finish(score_job(recordings).first(killed))
-    difference = tables_differ(calm, killed, "scores.parquet")
+        finish(score_job(recordings).first(killed))
+        difference = difference or tables_differ(calm, killed, "scores.parquet")
     return {"job": "cluster", "kills": 5, "outcomes": outcomes, "equal": not difference, "difference": difference}
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -19,10 +20,11 @@ from reba.errors import ReadError, did_you_mean
 from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
+from reba.readers.formats.table_columns import DEGREES, LEAST_POINTS, coordinates, metres_of, named_units
 from reba.readers.formats.table_file import PARQUET, SEPARATORS, TableFile, read_csv, read_parquet
 from reba.readers.formats.text import LARGEST
 from reba.readers.formats.vicon import is_vicon, open_vicon
-from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, check_time, clip
+from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic, array_stream, check_time, clip
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,6 +74,8 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog) -> Record
     frame = file.frame
     if not len(frame):
         raise ReadError(path, "the table has no rows", hint="give at least one row of values")
+    frame, units = named_units(frame, KNOWN)
+    file = replace(file, frame=frame)
     time, epoch, used = take_time(path, frame, log, file.where)
     timed = ~np.isnan(time)
     if not timed.all():
@@ -85,7 +89,8 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog) -> Record
         if values is None:
             texts.append(column)
         else:
-            numbers[column] = values[timed]
+            factor_of = DEGREES.get(units.get(column, ""), 1.0) if column in angles else 1.0
+            numbers[column] = values[timed] * factor_of if factor_of != 1.0 else values[timed]
     time = time[timed]
     check_time(time, log)
     for column in (*numbers, *texts)[:MAX_CHECKED]:
@@ -104,14 +109,36 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog) -> Record
         np.column_stack([numbers[name] for name in names]),
         opened=log,
         epoch=epoch,
-        unit="deg" if angles else _unit(names),
+        unit="deg" if angles else _unit((*names, *(f"_{units[name]}" for name in names if name in units))),
         table=(lambda: _table(frame, timed, time, numbers, used)) if angles else None,
     )
+    streams = [stream]
+    points = {} if angles else coordinates(numbers)
+    if len(points) >= LEAST_POINTS:
+        streams.append(_points(path, points, numbers, units, time, log, epoch))
     why = f"{len(names)} angle columns" if angles else f"{len(names)} columns of numbers"
     topics = [Topic(stream.name, stream.format, len(time), True, why)]
     if not angles:
         topics += [Topic(text, "column", len(time), False, "text, not numbers") for text in texts]
-    return Recording(str(path), format, (stream,), (*topics, *file.left_out), log)
+    return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log)
+
+
+def _points(
+    path: Path,
+    points: dict[str, tuple[str, str, str]],
+    numbers: dict[str, np.ndarray],
+    units: dict[str, str],
+    time: Array,
+    log: ReadLog,
+    epoch: float,
+) -> Stream:
+    """Return the stream of the points whose coordinates are columns, in metres."""
+    values = np.stack([np.column_stack([numbers[name] for name in columns]) for columns in points.values()], axis=1)
+    named = {units[name] for columns in points.values() for name in columns if name in units}
+    note = ReadLog(time_source=log.time_source)
+    values = values * metres_of(values, named, note)
+    note.warnings += log.warnings
+    return array_stream(path.stem, "points", "table of points", tuple(points), time, values, opened=note, epoch=epoch)
 
 
 def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog) -> np.ndarray | None:
@@ -236,7 +263,8 @@ def take_time(
     if largest > LARGEST_INTEGER:
         raise ReadError(path, f"column {clip(column)} has {largest:.3g}, which is not a time", hint="give seconds")
     if unit is None:
-        unit = _unit_by_size(valid, largest, column, log)
+        # One damaged time must not decide the unit of the others.
+        unit = _unit_by_size(valid, float(np.median(np.abs(valid.astype(np.float64)))), column, log)
     log.time_source = f"column {column}"
     extra: Array = np.zeros(len(values))
     if nanoseconds is not None:
@@ -280,16 +308,16 @@ def _as_numbers(
     return np.where(np.isinf(floats), np.nan, floats), False
 
 
-def _unit_by_size(valid: NDArray[np.int64] | Array, largest: float, column: str, log: ReadLog) -> float:
+def _unit_by_size(valid: NDArray[np.int64] | Array, typical: float, column: str, log: ReadLog) -> float:
     """Return the unit [s] of time stamps without a stated one, from their size and their steps."""
     steps = np.diff(valid)
     steps = steps[steps > 0]
     step = float(np.median(steps)) if len(steps) else 0.0
-    if largest >= 1e17 or (largest < 1e14 and step >= 1e5):
+    if typical >= 1e17 or (typical < 1e14 and step >= 1e5):
         unit = "ns"
-    elif largest >= 1e14 or (largest < 1e11 and step >= 2e3):
+    elif typical >= 1e14 or (typical < 1e11 and step >= 2e3):
         unit = "us"
-    elif largest >= 1e11:
+    elif typical >= 1e11:
         unit = "ms"
     else:
         if step >= 5:

@@ -45,6 +45,7 @@ class FrameMapper:
         self.vertical = VerticalAxis(stream.up, profile.up or VERTICAL[profile.axes])
         self.assumed: list[str] = list(profile.assumed)
         self.warnings: list[str] = []
+        self.rest_is_unknown = False
         self.axes = self._axes()
 
     def begin(self) -> None:
@@ -90,8 +91,8 @@ class FrameMapper:
         return consistent
 
     def unmeasured_columns(self, seconds: float) -> dict[str, str]:
-        """Return the columns that no frame measures -> the reason; frames leave this to the data."""
-        return {}
+        """Return the columns that no frame measures -> the reason; frames leave the others to the data."""
+        return dict.fromkeys(BY_REST, NO_REST) if self.rest_is_unknown else {}
 
     def _add_directions(
         self, where: Mapping[str, Array], frames: Mapping[str, Array], hips: _Line, shoulders: _Line
@@ -136,6 +137,9 @@ class FrameMapper:
         up = axis_vector(axis_name(where.get("head", shoulders[0]) - hips[0]))
         right = axis_vector(axis_name(hips[1]))
         forward = np.cross(up, right)
+        if not self._is_standing(where, up):
+            self.rest_is_unknown = True
+            self.warnings.append(f"{NO_REST}: wrists and raised shoulders are not measured")
         result = {}
         for segment, (quaternion, _) in poses.items():
             kind, _, side = segment.rpartition("_")
@@ -149,6 +153,15 @@ class FrameMapper:
         if not self.warnings and float(np.sum(np.abs(up * right))) > 0.5:
             self.warnings.append("the rest pose is neither standing nor facing along an axis: check the angles")
         return result
+
+    def _is_standing(self, where: Mapping[str, Array], up: Array) -> bool:
+        """Return whether a rest pose shows a standing person: legs down from the hips, arms not raised, both alike."""
+        for kind, highest in (("thigh", -0.7), ("shank", -0.7), ("upper_arm", 0.5), ("forearm", 0.5)):
+            bones = [self._bone(kind, side, where) for side in SIDES if f"{kind}_{side}" in where]
+            heights = [float(bone @ up) for bone in bones if bone is not None]
+            if any(height > highest for height in heights) or (heights and max(heights) - min(heights) > 0.5):
+                return False
+        return True
 
     def _bone(self, kind: str, side: str, where: Mapping[str, Array]) -> Array | None:
         """Return the unit vector of a bone in the rest pose, pointing distally; a hand without end: the forearm's."""
@@ -170,6 +183,13 @@ class FrameMapper:
         return FrameTree(self.stream, (name,)).world(block, name)[1][0]
 
 
+NO_REST = "the rest pose shows no standing person, so the axes of hands and shoulder girdles are unknown"
+BY_REST = tuple(
+    f"{name}_{side}"
+    for name in ("wrist_flexion", "wrist_deviation", "wrist_twist", "shoulder_elevation")
+    for side in SIDES
+)
+"""Columns that need the turn of a bone about its long axis in the rest pose; the others follow from its direction."""
 _Line = tuple[Array, Array] | None
 
 

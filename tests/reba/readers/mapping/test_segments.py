@@ -96,6 +96,27 @@ def test_bvh_by_its_rest_pose_and_its_own_vertical(arms: str, world: str) -> Non
     assert f"vertical {world} determined from the body (head above feet)" in table.assumed
 
 
+@pytest.mark.parametrize("bent", ["legs up", "arms up", "one arm out"])
+def test_a_rest_pose_without_a_standing_person_measures_no_hands(bent: str) -> None:
+    """Rigs whose bones all lie along one axis at rest tell nothing of how hands and girdles are turned."""
+    back, rest = _rest("N")
+    segments, poses = segment_poses(moving_postures(), np.eye(3), back, world=np.eye(3))
+    at = {name: index for index, name in enumerate(segments)}
+    place = rest[:, :3].copy()
+    if bent == "legs up":
+        for side in ("left", "right"):
+            place[at[f"shank_{side}"]] = place[at[f"thigh_{side}"]] + [0.0, 0.4, 0.0]
+    else:
+        for side, up in (("left", 0.3), ("right", 0.3 if bent == "arms up" else 0.0)):
+            place[at[f"forearm_{side}"]] = place[at[f"upper_arm_{side}"]] + [0.0, up or -0.3, 0.0]
+    rest[:, :3], rest[:, 3:] = place, [0.0, 0.0, 0.0, 1.0]
+    names = _segment_names("bvh_xsens", segments)
+    table = read_stream(stream_of("take", "frames", names, poses, parents=("",) * len(names), rest=rest))
+    assert {f"wrist_{angle}_left" for angle in ("flexion", "deviation", "twist")} <= set(table.unmeasured)
+    assert {"shoulder_elevation_left", "shoulder_elevation_right"} <= set(table.unmeasured)
+    assert any("no standing person" in text for text in table.quality.warnings)
+
+
 def test_a_t_pose_in_the_first_frame_is_left_out() -> None:
     postures = moving_postures()
     postures[0] = {"upper_arm_abduction_left": 90.0, "upper_arm_abduction_right": 90.0}

@@ -1,0 +1,112 @@
+"""Columns of tables: units behind their names or in a row below them, and names that are coordinates of points."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from reba.arrays import Array
+from reba.readers.recording.stream import ReadLog
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DEGREES: Final[Mapping[str, float]] = {
+    **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), 1.0),
+    **dict.fromkeys(("rad", "rads", "radian", "radians"), math.degrees(1.0)),
+}
+"""Units of angles [deg]."""
+METRES: Final[Mapping[str, float]] = {
+    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
+    **dict.fromkeys(("cm", "centimeter", "centimeters"), 0.01),
+    **dict.fromkeys(("mm", "millimeter", "millimeters"), 0.001),
+}
+"""Units of length [m]."""
+TIMES: Final = frozenset({"s", "sec", "secs", "second", "seconds", "ms", "us", "ns"})
+PLAIN: Final = frozenset({"kg", "n", "-", "1", "bool"})
+"""Units of columns that are neither angles nor lengths nor times."""
+LEAST_POINTS: Final = 4
+"""Fewer names with three coordinates are no body."""
+BODY: Final = (0.3, 3.0)
+"""[m] Extent of a body in a recording, from a crouching child to a tall person who reaches up; decides the unit."""
+_UNIT = re.compile(r"^(?P<name>.*?\S)\s*[(\[]\s*(?P<unit>[^()\[\]]+?)\s*[)\]]$")
+_AXIS = re.compile(r"^(?P<name>.+?)(?P<gap>[_.: -]?)(?P<axis>[xyzXYZ])$")
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a text is a unit of a column.
+
+    >>> [is_unit(text) for text in ("deg", " [m/s]", "(rad)", "12.5")]
+    [True, False, True, False]
+    """
+    return text.strip(" ()[]").lower() in {*DEGREES, *METRES, *TIMES, *PLAIN}
+
+
+def named_units(frame: pd.DataFrame, known: Iterable[str]) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Return a table without units in its names or in a first row of units, and the unit of each column that has one.
+
+    A name that is one of the `known` but for case and blanks gets their spelling.
+    """
+    spelling = {name.lower(): name for name in known}
+    names, units = [], {}
+    for column in map(str, frame.columns):
+        match = _UNIT.match(column)
+        name, unit = (match["name"], match["unit"].lower()) if match and is_unit(match["unit"]) else (column, "")
+        # A unit of time stays: the time column is recognised by it.
+        name = column if unit in TIMES else spelling.get(re.sub(r"[ -]+", "_", name.lower()), name)
+        names.append(name)
+        if unit:
+            units[name] = unit
+    if len(set(names)) < len(names):
+        return frame, {}
+    frame = frame.set_axis(names, axis=1)
+    if len(frame) > 1:
+        first = {name: str(frame[name].iloc[0]) for name in names if isinstance(frame[name].iloc[0], str)}
+        if len(first) == len(names) and all(map(is_unit, first.values())):
+            units |= {name: text.strip(" ()[]").lower() for name, text in first.items()}
+            rows = frame.iloc[1:].reset_index(drop=True)
+            # Names of times state their unit, see `time_column`.
+            renamed = {name: f"{name}_{units[name]}" for name in names if units[name] in TIMES and "[" not in name}
+            return rows.rename(columns=renamed), units
+    return frame, units
+
+
+def coordinates(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
+    """Return point -> columns of its x, y and z, for names with all three, in the order of the columns.
+
+    >>> coordinates(["hip_x", "hip_y", "hip_z", "Knee.X", "Knee.Y", "Knee.Z", "time"])
+    {'hip': ('hip_x', 'hip_y', 'hip_z'), 'Knee': ('Knee.X', 'Knee.Y', 'Knee.Z')}
+    """
+    axes: dict[tuple[str, str], dict[str, str]] = {}
+    for name in names:
+        if match := _AXIS.match(name):
+            axes.setdefault((match["name"], match["gap"]), {})[match["axis"].lower()] = name
+    return {
+        point: (columns["x"], columns["y"], columns["z"])
+        for (point, _), columns in axes.items()
+        if set(columns) == {"x", "y", "z"}
+    }
+
+
+def metres_of(points: Array, units: set[str], log: ReadLog) -> float:
+    """Return the unit of length [m] of points (n, k, 3): the one that is named, else by the extent of the body."""
+    named = {METRES[unit] for unit in units if unit in METRES}
+    if len(named) == 1:
+        return named.pop()
+    finite = np.where((points == 0).all(axis=-1, keepdims=True), np.nan, points)
+    if np.isnan(finite).all():
+        return 1.0
+    with np.errstate(invalid="ignore"):
+        known = ~np.isnan(finite).all(axis=(1, 2))
+        extents = np.nanmax(finite[known], axis=1) - np.nanmin(finite[known], axis=1)
+    extent = float(np.median(np.nanmax(extents, axis=1)))
+    for unit in ("m", "cm", "mm"):
+        if BODY[0] <= extent * METRES[unit] <= BODY[1]:
+            log.warn(f"the unit of the points is not stated; read as {unit}, in which the body is {extent:.3g} tall")
+            return METRES[unit]
+    log.warn("the unit of the points is not stated, and no unit gives the size of a body; angles do not depend on it")
+    return 1.0

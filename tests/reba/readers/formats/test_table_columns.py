@@ -1,0 +1,65 @@
+"""Units behind names or below them, and points whose coordinates are columns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import reba
+from tests.support.paths import DATASETS
+
+ANGLES = np.linspace(5.0, 60.0, 40)
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [
+        ("trunk_flexion (deg)", 1.0),
+        ("Trunk Flexion [°]", 1.0),
+        ("trunk_flexion (rad)", np.pi / 180),
+        ("Trunk-Flexion", 1.0),
+    ],
+)
+@pytest.mark.parametrize("time", ["Time (s)", "time_ms", "time"])
+def test_units_behind_names(tmp_path: Path, name: str, factor: float, time: str) -> None:
+    seconds = np.arange(40) / 10 * (1000 if time.endswith("ms") else 1)
+    pd.DataFrame({time: seconds, name: ANGLES * factor}).to_csv(tmp_path / "x.csv", index=False)
+    table = reba.read(tmp_path / "x.csv")
+    np.testing.assert_allclose(table.data["trunk_flexion"], ANGLES)
+    np.testing.assert_allclose(table.data["time"], np.arange(40) / 10)
+
+
+def test_a_row_of_units(tmp_path: Path) -> None:
+    rows = [f"{at * 100},{np.radians(angle)},{angle}" for at, angle in enumerate(ANGLES)]
+    (tmp_path / "x.csv").write_text("\n".join(["time,trunk_flexion,neck_flexion", "ms,rad,deg", *rows]) + "\n")
+    table = reba.read(tmp_path / "x.csv")
+    np.testing.assert_allclose(table.data["trunk_flexion"], ANGLES)
+    np.testing.assert_allclose(table.data["neck_flexion"], ANGLES)
+    np.testing.assert_allclose(table.data["time"], np.arange(40) / 10)
+
+
+@pytest.mark.parametrize("form", ["{}_{}", "{}.{}", "{} {}"])
+@pytest.mark.parametrize(("unit", "scale"), [("", 1.0), ("", 1000.0), (" (mm)", 1000.0), (" [cm]", 100.0)])
+@pytest.mark.parametrize("upper", [False, True])
+def test_points_by_their_coordinates(tmp_path: Path, form: str, unit: str, scale: float, upper: bool) -> None:
+    source = DATASETS / "balancing_keypoints.trc"
+    expected = reba.read(source)
+    from reba.readers.formats import open_recording
+
+    stream = open_recording(source).streams[0]
+    (block,) = stream.blocks()
+    columns = {
+        form.format(name, axis.upper() if upper else axis) + unit: block.values[:, at, index] * scale
+        for at, name in enumerate(block.names)
+        for index, axis in enumerate("xyz")
+    }
+    pd.DataFrame({"time": block.time, **columns}).to_csv(tmp_path / "points.csv", index=False)
+    table = reba.read(tmp_path / "points.csv")
+    assert table.profile == expected.profile
+    # Both are rounded in their files.
+    difference = np.abs(table.data.to_numpy(float) - expected.data.to_numpy(float))
+    assert np.nanmedian(difference) < 1e-6
+    assert any("unit of the points" in text for text in table.quality.warnings) == (not unit)
