@@ -278,6 +278,7 @@ def datasets() -> list[bytes]:
 def runs() -> list[bytes]:
     """The journal of an experiment: an infeasible and a feasible run."""
     from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES
+    from reba.provenance import with_provenance
 
     def cell(kind: str, number: int) -> object:
         return {"int64": number, "float64": 1.0 + number / 10, "bool": True}.get(kind, "")
@@ -288,7 +289,7 @@ def runs() -> list[bytes]:
         row |= {"condition": [CONDITIONS[0]], "table": [TABLES[0]], "initial": ["rest"]}
         path = {name: [cell(kind, number)] for name, kind in PATH_COLUMNS.items()}
         path |= {"condition": [CONDITIONS[0]], "initial": ["rest"], "reba": [3.0], "slice": [0], "phase": [0]}
-        lines.append(json.dumps({"runs": row, "paths": path}) + "\n")
+        lines.append(json.dumps(with_provenance({"runs": row, "paths": path})) + "\n")
     return ["".join(lines).encode()]
 
 

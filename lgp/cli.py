@@ -101,7 +101,7 @@ def plan(
         collisions=not no_collisions,
     )
     if output is not None and not result.feasible and (Path(output) / PLAN_FILE).exists():
-        click.echo(f"lgp: {output}: its former plan is kept", err=True)
+        echo(f"lgp: {output}: its former plan is kept", err=True)
         output = None
     if output is not None:
         result.save(output)

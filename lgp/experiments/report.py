@@ -15,6 +15,7 @@ from lgp.kinematics.reachability import Reachability
 from lgp.scene.model import Scene
 from lgp.statistics.formatting import number, p_value
 from lgp.statistics.paired_tests import stars
+from lgp.svg import with_generator
 from reba.files import write_folder, write_text
 from reba.report.page import template
 
@@ -56,7 +57,7 @@ def write_results(
 
     def write(part: Path) -> None:
         for name, svg in plots.items():
-            write_text(part / f"{name}.svg", svg + "\n")
+            write_text(part / f"{name}.svg", with_generator(svg))
         write_text(part / REPORT, html)
         write_summary(part / SUMMARY, summary)
 

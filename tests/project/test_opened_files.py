@@ -132,7 +132,7 @@ def _line(words: tuple[str, ...], given: click.Parameter, file: Path, folder: Pa
         "pattern": "{participant}_{condition}",
         "target": "c",
         "name": "screwdriver",
-        "output": str(folder / ("out.parquet" if words[-1] == "sample" else "out")),
+        "output": str(folder / ("out.parquet" if words[-1] in ("sample", "convert") else "out")),
         "folder": f"{strange}-plan",
     }
     line = []

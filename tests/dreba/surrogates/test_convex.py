@@ -15,4 +15,4 @@ def test_convex_hinges_are_near_their_known_error() -> None:
     assert (model.weights_ >= 0.0).all()
     with pytest.raises(dreba.ModelError) as error:
         dreba.ConvexModel(knots=0).fit(poses.angles, poses.reba)
-    says(error, "knots", "0", "whole number above 0")
+    says(error, "knots", "0", "whole number from 1")

@@ -161,7 +161,7 @@ def test_same_seed_gives_the_same_model() -> None:
         ({"ladder": (1.0, 2.0)}, "falling temperatures"),
         ({"ladder": ()}, "falling temperatures"),
         ({"temperature": 3.0}, "not on the ladder"),
-        ({"updates": 0}, "whole number above 0"),
+        ({"updates": 0}, "whole number from 1"),
     ],
 )
 def test_wrong_options_are_refused(options: dict[str, object], fact: str) -> None:

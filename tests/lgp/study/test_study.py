@@ -8,6 +8,7 @@ import pytest
 
 from lgp.errors import LgpError
 from lgp.study.study import run_study
+from reba.checks import shown
 from tests.support.says import says
 
 
@@ -15,7 +16,7 @@ from tests.support.says import says
 def test_logs_are_paths(logs: Any) -> None:
     with pytest.raises(LgpError) as error:
         run_study(logs)
-    says(error, "logs", repr(logs), "path")
+    says(error, "logs", shown(logs), "path")
 
 
 @pytest.mark.parametrize("conditions", ["a,b", None, 3])

@@ -225,7 +225,6 @@ def test_no_line_brings_it_down(lines: list[bytes], opened: bool) -> None:
         (["--hold", "soon"], ("--hold", "soon", "seconds")),
         (["--window", "0"], ("window", "0 s", "more than 0")),
         (["--neutral", "later"], ("later", "first:")),
-        (["--load", "-2"], ("load", "-2", "kilograms")),
     ],
 )
 def test_unusable_options_are_refused(options: list[str], facts: tuple[str, ...]) -> None:

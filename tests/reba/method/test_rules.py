@@ -171,4 +171,4 @@ def test_a_wrong_value_names_its_file(tmp_path: Path, text: str) -> None:
 def test_rules_that_cannot_be_saved_are_one_error(tmp_path: Path) -> None:
     with pytest.raises(reba.RebaError) as caught:
         reba.Rules().save(tmp_path)
-    says(caught, "cannot be written")
+    says(caught, tmp_path, "a folder", "expected one file")
