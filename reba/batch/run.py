@@ -35,6 +35,7 @@ class ScoringOptions:
     topic: str | None = None
     neutral: str = "none"
     strict: bool = False
+    rate: float | None = None
     rules: str | Path | Rules = "measured"
     activity: str = "auto"
     missing: Missing = "range"
@@ -46,7 +47,14 @@ class ScoringOptions:
         Raises:
             RebaError: the recording or an option cannot be used.
         """
-        postures = read(path, profile=self.profile, topic=self.topic, neutral=self.neutral, strict=self.strict)
+        postures = read(
+            path,
+            profile=self.profile,
+            topic=self.topic,
+            neutral=self.neutral,
+            strict=self.strict,
+            rate=self.rate,
+        )
         return score(postures, rules=self.rules, activity=self.activity, missing=self.missing, **self.factors)
 
     def with_files_read(self) -> ScoringOptions:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reba.checks import PATH, TEXT, YES_NO, accepts
+from reba.checks import PATH, POSITIVE, TEXT, YES_NO, accepts
 from reba.errors import RebaError
 from reba.file_stamp import unchanged
 from reba.posture.table import PostureTable
@@ -27,7 +27,9 @@ def is_recording(path: Path) -> bool:
     return formats.is_recording(path)
 
 
-@accepts(RebaError, path=PATH, profile=PROFILE, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO)
+@accepts(
+    RebaError, path=PATH, profile=PROFILE, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO, rate=POSITIVE.or_none()
+)
 def read(
     path: str | Path,
     *,
@@ -35,6 +37,7 @@ def read(
     topic: str | None = None,
     neutral: str = "none",
     strict: bool = False,
+    rate: float | None = None,
 ) -> PostureTable:
     """Read a recording of any known format into a posture table.
 
@@ -43,6 +46,7 @@ def read(
         profile: "auto", the name of a shipped profile (`reba profiles`), a TOML file, or what one of them was read as.
         topic: name of the stream, id of the body, or "<stream>#<id>", where a recording has several.
         neutral: posture to subtract as zero: "none", "first:3s" (median of the first 3 s) or "at:12.5" (around 12.5 s).
+        rate: [Hz] of a table without times, whose rows it numbers.
         strict: refuse a truncated recording, and one of which more than 1 % is lost, instead of reading the rest.
 
     Returns:
@@ -56,6 +60,6 @@ def read(
     parse_neutral(neutral)
     known = profiles() if str(profile) == "auto" else (find_profile(profile),)
     with unchanged(path):
-        recording = open_recording(path, strict=strict)
+        recording = open_recording(path, strict=strict, rate=rate)
         match = choose(recording, known, topic, named=str(profile) != "auto")
         return build_table(recording, match, neutral=neutral, strict=strict)

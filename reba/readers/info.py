@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from reba.checks import PATH, TEXT, YES_NO, accepts
+from reba.checks import PATH, POSITIVE, TEXT, YES_NO, accepts
 from reba.errors import ProfileError, RebaError
 from reba.file_stamp import unchanged
 from reba.posture.columns import COLUMNS
@@ -88,7 +88,9 @@ class Info:
         return result
 
 
-@accepts(RebaError, path=PATH, profile=PROFILE, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO)
+@accepts(
+    RebaError, path=PATH, profile=PROFILE, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO, rate=POSITIVE.or_none()
+)
 def info(
     path: str | Path,
     *,
@@ -96,6 +98,7 @@ def info(
     topic: str | None = None,
     neutral: str = "none",
     strict: bool = False,
+    rate: float | None = None,
 ) -> Info:
     """Return a summary of a recording; arguments as in `reba.read`.
 
@@ -110,13 +113,19 @@ def info(
     named = str(profile) != "auto"
     known = (find_profile(profile),) if named else profiles()
     with unchanged(path):
-        return _inspected(path, known, topic, neutral, named, strict)
+        return _inspected(path, known, topic, neutral, named, strict, rate)
 
 
 def _inspected(
-    path: str | Path, known: tuple[Profile, ...], topic: str | None, neutral: str, named: bool, strict: bool
+    path: str | Path,
+    known: tuple[Profile, ...],
+    topic: str | None,
+    neutral: str,
+    named: bool,
+    strict: bool,
+    rate: float | None,
 ) -> Info:
-    recording = open_recording(path, strict=strict)
+    recording = open_recording(path, strict=strict, rate=rate)
     topics = tuple(asdict(entry) for entry in recording.topics)
     start = Info(str(path), recording.format, topics, warnings=tuple(recording.log.warnings))
     try:

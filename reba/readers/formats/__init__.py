@@ -37,25 +37,36 @@ class Format:
         """Return whether the first bytes are those of this format."""
         return bool(importlib.import_module(self.module).sniff(path, head))
 
-    def open(self, path: Path) -> Recording:
-        """Open a file of this format."""
-        opened: Recording = getattr(importlib.import_module(self.module), self.opener)(path)
+    def open(self, path: Path, rate: float | None = None) -> Recording:
+        """Open a file of this format; `rate` [Hz] is that of a file without times, which only tables can be.
+
+        Raises:
+            ReadError: it has times, and a rate is given; and others of the reader.
+        """
+        timeless = {} if rate is None else {"rate": rate}
+        if timeless and self.module != TABLES:
+            raise ReadError(path, f"{self.name} files have times of their own", hint="leave the rate out")
+        opened: Recording = getattr(importlib.import_module(self.module), self.opener)(path, **timeless)
         return opened
 
 
+TABLES = "reba.readers.formats.table"
 FORMATS: tuple[Format, ...] = (
     Format("C3D", (".c3d",), "reba.readers.formats.c3d", "open_c3d"),
     Format("BVH", (".bvh",), "reba.readers.formats.bvh", "open_bvh"),
     Format("OpenSim motion", (".mot", ".sto"), "reba.readers.formats.opensim", "open_opensim"),
     Format("TRC markers", (".trc",), "reba.readers.formats.trc", "open_trc"),
     Format("Xsens MVNX", (".mvnx",), "reba.readers.formats.mvnx", "open_mvnx"),
-    Format("posture or joint table", (".csv", ".tsv", ".parquet"), "reba.readers.formats.table", "open_table"),
+    Format("posture or joint table", (".csv", ".tsv", ".parquet"), TABLES, "open_table"),
 )
 """Formats beside MCAP, those with the most certain first bytes first."""
 
 
-def open_recording(path: str | Path, *, strict: bool = False) -> Recording:
+def open_recording(path: str | Path, *, strict: bool = False, rate: float | None = None) -> Recording:
     """Open a recording of any known format; a folder counts as a rosbag2 recording of MCAP splits.
+
+    Args:
+        rate: [Hz] of a table without times, whose rows it numbers.
 
     Raises:
         ReadError: the file does not exist, has an unknown format, is damaged, or is truncated and `strict` is set.
@@ -73,6 +84,8 @@ def open_recording(path: str | Path, *, strict: bool = False) -> Recording:
         raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
 
     if place.is_dir() or is_mcap(place):
+        if rate is not None:
+            raise ReadError(place, "MCAP recordings have times of their own", hint="leave the rate out")
         return open_mcap(place, strict=strict)
     try:
         with open_regular(place) as file:
@@ -82,10 +95,10 @@ def open_recording(path: str | Path, *, strict: bool = False) -> Recording:
     by_name = sorted(FORMATS, key=lambda known: place.suffix.lower() not in known.extensions)
     for known in by_name:
         if known.fits(place, head):
-            return known.open(place)
+            return known.open(place, rate)
     named = next((known for known in FORMATS if place.suffix.lower() in known.extensions), None)
     if named is not None and head:
-        return named.open(place)
+        return named.open(place, rate)
     what = "the file is empty" if not head else "the format is unknown"
     readable = ", ".join(
         ["MCAP (.mcap or a rosbag2 folder)", *(f"{form.name} ({' '.join(form.extensions)})" for form in FORMATS)]

@@ -55,7 +55,7 @@ def sniff(path: Path, head: bytes) -> bool:
     return path.suffix.lower() in EXTENSIONS or bool(words & {*COLUMNS, *NAMES})
 
 
-def open_table(path: Path) -> Recording:
+def open_table(path: Path, rate: float | None = None) -> Recording:
     """Open a CSV or Parquet file: `angles` with the complete table, `joints`, or, of Vicon, `points`."""
     log = ReadLog()
     try:
@@ -64,19 +64,19 @@ def open_table(path: Path) -> Recording:
     except OSError as error:
         raise ReadError(path, error.strerror or str(error), hint="give an existing, readable file") from error
     if head.startswith(PARQUET):
-        return _recording(path, "parquet", read_parquet(path), log)
+        return _recording(path, "parquet", read_parquet(path), log, rate)
     if is_vicon(head.removeprefix(b"\xef\xbb\xbf").decode("latin-1").lstrip().partition("\n")[0]):
         return open_vicon(path, log)
-    return _recording(path, "csv", read_csv(path, log), log)
+    return _recording(path, "csv", read_csv(path, log), log, rate)
 
 
-def _recording(path: Path, format: str, file: TableFile, log: ReadLog) -> Recording:
+def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: float | None) -> Recording:
     frame = file.frame
     if not len(frame):
         raise ReadError(path, "the table has no rows", hint="give at least one row of values")
     frame, units = named_units(frame, KNOWN)
     file = replace(file, frame=frame)
-    time, epoch, used = take_time(path, frame, log, file.where)
+    time, epoch, used = take_time(path, frame, log, file.where, rate)
     timed = ~np.isnan(time)
     if not timed.all():
         log.skip(int((~timed).sum()), f"{file.where(int(np.argmin(timed)))}: no time")
@@ -220,7 +220,7 @@ LARGEST_INTEGER = 4e18
 _NAME = re.compile(r"^(.+?)(?:[ _]?[\[(](\w+)[\])]|[ _](\w+))?$")
 
 
-def time_column(path: Path, columns: list[str]) -> tuple[str, float | None, str | None]:
+def time_column(path: Path, columns: list[str], rate: float | None = None) -> tuple[str, float | None, str | None]:
     """Return the name of the time column, its unit [s] if the name states it, and a column of nanoseconds to add."""
     ranked: list[tuple[int, str, float | None, str | None]] = []
     for column in columns:
@@ -236,23 +236,30 @@ def time_column(path: Path, columns: list[str]) -> tuple[str, float | None, str 
             ranked.append((NAMES.index(lower), column, 1.0 if lower == "seconds" else None, None))
         elif match and suffix in SECONDS and match[1] in NAMES:
             ranked.append((NAMES.index(match[1]), column, SECONDS[suffix], None))
+    if rate is not None:
+        if ranked:
+            raise ReadError(path, f"it has times in column {clip(ranked[0][1])}", hint="leave the rate out")
+        return "", None, None
     if not ranked:
         raise ReadError(
             path,
             f"no time column among its {len(columns)} columns ({', '.join(map(clip, columns[:4]))} ...)",
-            hint="add a column 'time' in seconds, or 'time_ms', or rename the column of times to 'time'",
+            hint="add a column 'time' in seconds, rename the column of times, or give the rate (--rate 30)",
         )
     return min(ranked, key=lambda entry: entry[0])[1:]
 
 
 def take_time(
-    path: Path, frame: pd.DataFrame, log: ReadLog, where: Callable[[int], str]
+    path: Path, frame: pd.DataFrame, log: ReadLog, where: Callable[[int], str], rate: float | None = None
 ) -> tuple[Array, float, list[str]]:
     """Return the time (n,) [s], NaN where a row has none, the epoch [s] (0 if not a date), and the columns used.
 
-    `where` names the line of a row in messages.
+    `where` names the line of a row in messages. With a `rate` [Hz] the rows are numbered, and a time column is refused.
     """
-    column, unit, nanoseconds = time_column(path, list(frame.columns))
+    column, unit, nanoseconds = time_column(path, list(frame.columns), rate)
+    if rate is not None:
+        log.time_source = f"rows at {rate:g} Hz, as given"
+        return np.arange(len(frame)) / rate, 0.0, []
     values, dated = _as_numbers(path, frame, column, where)
     if dated:
         unit = 1e-9

@@ -10,6 +10,7 @@ import pytest
 
 import reba
 from tests.support.paths import DATASETS
+from tests.support.says import says
 
 ANGLES = np.linspace(5.0, 60.0, 40)
 
@@ -63,3 +64,20 @@ def test_points_by_their_coordinates(tmp_path: Path, form: str, unit: str, scale
     difference = np.abs(table.data.to_numpy(float) - expected.data.to_numpy(float))
     assert np.nanmedian(difference) < 1e-6
     assert any("unit of the points" in text for text in table.quality.warnings) == (not unit)
+
+
+def test_the_rate_of_a_table_without_times(tmp_path: Path) -> None:
+    pd.DataFrame({"trunk_flexion": ANGLES, "neck_flexion": 5.0}).to_csv(tmp_path / "x.csv", index=False)
+    with pytest.raises(reba.ReadError) as caught:
+        reba.read(tmp_path / "x.csv")
+    says(caught, "no time column", "--rate")
+    table = reba.read(tmp_path / "x.csv", rate=25.0)
+    np.testing.assert_allclose(table.data["time"], np.arange(40) / 25)
+    says(table.quality.time_source, "25 Hz")
+
+
+@pytest.mark.parametrize("name", ["simulated_assembly.csv", "balancing_keypoints.trc", "simulated_palletising.mcap"])
+def test_a_rate_for_a_recording_with_times_is_refused(name: str) -> None:
+    with pytest.raises(reba.ReadError) as caught:
+        reba.read(DATASETS / name, rate=25.0)
+    says(caught, name, "times", "leave the rate out")
