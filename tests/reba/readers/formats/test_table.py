@@ -201,16 +201,16 @@ def test_damage_is_told(tmp_path: Path, text: str | bytes, what: str) -> None:
 
 
 @given(st.lists(st.lists(st.floats(-360, 360) | st.none(), min_size=3, max_size=3), min_size=1, max_size=8))
-def test_numbers_survive_csv_and_parquet_exactly(tmp_path_factory: pytest.TempPathFactory, rows: list) -> None:
+def test_numbers_survive_csv_to_the_last_bits_and_parquet_exactly(tmp_path_factory: pytest.TempPathFactory, rows: list) -> None:
     folder = tmp_path_factory.mktemp("table")
     frame = pd.DataFrame(rows, columns=list(COLUMNS[:3]), dtype=float)
     frame.insert(0, "time", np.arange(len(rows)) / 100)
     frame.to_csv(folder / "a.csv", index=False)
     frame.to_parquet(folder / "a.parquet")
-    for name, tolerance in (("a.csv", 1e-15), ("a.parquet", 0.0)):
+    for name, tolerance in (("a.csv", 1e-14), ("a.parquet", 0.0)):
         stream = open_table(folder / name).streams[0]
         found = np.concatenate([block.values for block in stream.blocks()])
-        # The fast decimal parser of pandas may miss the last bit.
+        # The fast decimal parser of pandas may miss the last bits.
         np.testing.assert_allclose(found, frame[list(COLUMNS[:3])], rtol=tolerance)
 
 
