@@ -121,7 +121,7 @@ def _check_numbers(root: ET.Element, file: Path) -> None:
         if _tag(element) != "float_array":
             continue
         try:
-            finite = np.isfinite(np.array((element.text or "").split(), np.float64)).all()
+            finite = bool(np.isfinite(np.array((element.text or "").split(), np.float64)).all())
         except ValueError:  # words are refused by the library
             finite = True
         if not finite:
