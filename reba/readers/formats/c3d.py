@@ -6,6 +6,7 @@ Source: C3D User Guide. A point is a gap where its fourth word is negative ("Res
 from __future__ import annotations
 
 import itertools
+import math
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -244,7 +245,7 @@ def _value(path: Path, data: bytes, at: int, processor: int) -> Value:
     kind, dimensions = struct.unpack_from("bB", data, at)
     shape = list(data[at + 2 : at + 2 + dimensions])
     first = at + 2 + dimensions
-    count = int(np.prod(shape, dtype=np.float64)) if shape else 1
+    count = math.prod(shape)
     if kind not in (-1, 1, 2, 4) or dimensions > 7 or first + count * abs(kind) > len(data):
         raise ReadError(path, f"a parameter of type {kind} with sizes {shape[:7]}", offset=at, hint=HINT)
     raw = data[first : first + count * abs(kind)]

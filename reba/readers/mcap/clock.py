@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Flags
+from reba.readers.mcap.records import LATEST
 
 Nanoseconds = NDArray[np.int64]
 NO_STAMP: Final = np.iinfo(np.int64).min
@@ -337,7 +338,8 @@ def _chain(passes: Sequence[Pass]) -> list[int]:
             if step <= 0:  # the log time restarts too: one period of the messages
                 step = int((before.log[-1] - before.log[0]) // max(after.start - before.start - 1, 1))
             seams.append(int(before.stamp[-1]) + before.offset + step)
-            after.offset = seams[-1] - int(after.stamp[0])
+            # Times of damaged recordings may be centuries apart.
+            after.offset = max(-LATEST, min(LATEST, seams[-1] - int(after.stamp[0])))
     return seams
 
 

@@ -27,6 +27,7 @@ from reba.readers.mcap.layout import (
     runs,
     take,
 )
+from reba.readers.mcap.records import LATEST
 from reba.readers.recording.stream import ReadLog
 
 _MOST_LAYOUTS: Final = 64
@@ -215,7 +216,7 @@ def _stamp(stamp: Stamp | None, rows: MessageRows) -> NDArray[np.int64]:
         return np.full(len(rows), NO_STAMP)
     seconds, nanos = (_whole(part, rows) for part in stamp)
     total = seconds * _NANO + nanos
-    total[seconds < 0] = NO_STAMP
+    total[(seconds < 0) | (seconds >= LATEST // _NANO)] = NO_STAMP
     return total
 
 
@@ -263,7 +264,8 @@ def _json_stamp(stamp: Stamp | None) -> int:
     seconds, nanos = stamp
     if not isinstance(seconds, int) or not isinstance(nanos, int):
         return NO_STAMP
-    return seconds * _NANO + nanos
+    total = seconds * _NANO + nanos
+    return total if abs(total) < LATEST else NO_STAMP
 
 
 def load_json(message: bytes) -> Any:

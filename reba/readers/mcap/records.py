@@ -16,6 +16,8 @@ MESSAGE_HEAD: Final = 22
 """[bytes] Channel, sequence, log time and publish time before the payload of a message."""
 INDEX_HEAD: Final = 6
 """[bytes] Channel and byte count at the head of a MessageIndex record."""
+LATEST: Final = 4_000_000_000_000_000_000
+"""[ns] Latest time that is read, the year 2096; the sum and difference of two such times are in the range of int64."""
 _HEAD = struct.Struct("<BQ")
 _U16 = struct.Struct("<H")
 _U32 = struct.Struct("<I")
@@ -281,8 +283,7 @@ def _fields_of(
     heads = gather(np.frombuffer(data, np.uint8), starts, HEAD + MESSAGE_HEAD)
     lengths = heads[:, 1:HEAD].copy().view("<u8")[:, 0].astype(np.int64) - MESSAGE_HEAD
     channels = heads[:, HEAD : HEAD + 2].copy().view("<u2")[:, 0].astype(np.uint16)
-    # A log time beyond the year 2262 exceeds int64 and is set to its maximum.
-    times = np.minimum(heads[:, time_at : time_at + 8].copy().view("<u8")[:, 0], np.uint64(2**63 - 1))
+    times = np.minimum(heads[:, time_at : time_at + 8].copy().view("<u8")[:, 0], np.uint64(LATEST))
     return Scan(starts + HEAD + MESSAGE_HEAD, lengths, channels, times.astype(np.int64), definitions, end, count)
 
 
