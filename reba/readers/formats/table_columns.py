@@ -33,7 +33,6 @@ LEAST_POINTS: Final = 4
 """Fewer names with three coordinates are no body."""
 BODY: Final = (0.3, 3.0)
 """[m] Extent of a body in a recording, from a crouching child to a tall person who reaches up; decides the unit."""
-_UNIT = re.compile(r"^(?P<name>.*?\S)\s*[(\[]\s*(?P<unit>[^()\[\]]+?)\s*[)\]]$")
 _AXIS = re.compile(r"^(?P<name>.+?)(?P<gap>[_.: -]?)(?P<axis>[xyzXYZ])$")
 
 
@@ -46,6 +45,20 @@ def is_unit(text: str) -> bool:
     return text.strip(" ()[]").lower() in {*DEGREES, *METRES, *TIMES, *PLAIN}
 
 
+def _split_unit(column: str) -> tuple[str, str]:
+    """Return a name and the unit in brackets behind it, "" without one.
+
+    >>> _split_unit("trunk flexion [deg]"), _split_unit("a (b)"), _split_unit("(deg)")
+    (('trunk flexion', 'deg'), ('a (b)', ''), ('(deg)', ''))
+    """
+    text = column.rstrip()
+    if not text.endswith((")", "]")):
+        return column, ""
+    name = text[: max(text.rfind("("), text.rfind("["))].rstrip()
+    unit = text[len(name) :].strip(" ()[]").lower()
+    return (name, unit) if name and is_unit(unit) else (column, "")
+
+
 def named_units(frame: pd.DataFrame, known: Iterable[str]) -> tuple[pd.DataFrame, dict[str, str]]:
     """Return a table without units in its names or in a first row of units, and the unit of each column that has one.
 
@@ -54,8 +67,7 @@ def named_units(frame: pd.DataFrame, known: Iterable[str]) -> tuple[pd.DataFrame
     spelling = {name.lower(): name for name in known}
     names, units = [], {}
     for column in map(str, frame.columns):
-        match = _UNIT.match(column)
-        name, unit = (match["name"], match["unit"].lower()) if match and is_unit(match["unit"]) else (column, "")
+        name, unit = _split_unit(column)
         # A unit of time stays: the time column is recognised by it.
         name = column if unit in TIMES else spelling.get(re.sub(r"[ -]+", "_", name.lower()), name)
         names.append(name)
