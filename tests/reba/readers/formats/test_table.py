@@ -201,7 +201,7 @@ def test_damage_is_told(tmp_path: Path, text: str | bytes, what: str) -> None:
 
 
 @given(st.lists(st.lists(st.floats(-360, 360) | st.none(), min_size=3, max_size=3), min_size=1, max_size=8))
-def test_numbers_survive_csv_to_the_last_bits_and_parquet_exactly(tmp_path_factory: pytest.TempPathFactory, rows: list) -> None:
+def test_numbers_survive_csv_and_parquet(tmp_path_factory: pytest.TempPathFactory, rows: list) -> None:
     folder = tmp_path_factory.mktemp("table")
     frame = pd.DataFrame(rows, columns=list(COLUMNS[:3]), dtype=float)
     frame.insert(0, "time", np.arange(len(rows)) / 100)
