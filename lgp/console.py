@@ -11,6 +11,9 @@ from reba.terminal import Console, Text
 
 def show_plan(console: Console, summary: dict[str, Any]) -> None:
     """Print a plan: actions with the mean REBA score of each phase, costs, residuals and search statistics."""
+    if not summary["actions"]:
+        console.print(f"{summary['scene']}: the goal holds already; no action is needed")
+        return
     table = Table(title=f"Plan for {summary['scene']}", title_justify="left", header_style="bold")
     table.add_column("action")
     table.add_column("mean REBA", justify="right")
@@ -27,8 +30,10 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
         console.print(f"deepest penetration of two bodies: {residuals['penetration']:.3f} m")
     if summary["reba"]["mean"] is not None:
         console.print(f"REBA: mean {summary['reba']['mean']:.2f}, max {summary['reba']['max']}")
-    gap = search["gap"]
-    best = f"at most {gap:.1%} above the optimum within the depth" if gap else "optimal within the depth"
+    best = {
+        "optimal": "no other sequence within the depth costs less",
+        "given": "no other sequence was planned",
+    }.get(summary["status"], f"the optimum within the depth may cost up to {search['gap']:.1%} less")
     console.print(
         f"search: {search['poses']} poses, {search['sequences']} sequences, {search['paths']} paths in "
         f"{search['seconds']:.1f} s; {best}"

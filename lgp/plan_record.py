@@ -39,7 +39,8 @@ class Plan:
     Attributes:
         scene: the scene, with the heights of its tables.
         feasible: whether there is a plan.
-        status: end of the search: optimal, gap, interrupted, infeasible, unreachable, exhausted.
+        status: optimal, gap or interrupted of a search with a plan, given of a given sequence; infeasible,
+            unreachable or exhausted where there is no plan.
         reason: why there is no plan, "" if there is one.
         actions: one per phase, as in the paper: `grasp(1, baxter.right, screwdriver)`.
         joints: names of the columns of `path`.

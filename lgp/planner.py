@@ -5,8 +5,10 @@ scene -> symbolic task -> search over action sequences with pose, sequence and p
 
 from __future__ import annotations
 
+import math
 import os
 import re
+import time
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
@@ -27,6 +29,7 @@ from lgp.path.costs import Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.keyframes import Solution
 from lgp.plan_record import Plan
+from lgp.scene.consistency import check_first_facts
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton, search
@@ -99,6 +102,7 @@ def plan(
         ('grasp(1, baxter.right, screwdriver)',)
     """
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    check_first_facts(scene)
     task = task_of(scene)
     skeleton = None if sequence is None else parse_sequence(task, sequence)
     world = World(scene) if world is None else world.with_scene(scene)
@@ -167,8 +171,6 @@ def parse_sequence(task: Task, lines: Iterable[str]) -> Skeleton:
 
 def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
     """Solve all bound levels of one sequence, in the order of the search."""
-    import time
-
     begin = time.perf_counter()
     solved = {level: LevelStatistics() for level in bounds.levels}
     steps: list[tuple[str, Skeleton]] = [("pose", skeleton[: end + 1]) for end in range(len(skeleton))]
@@ -180,11 +182,11 @@ def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
         if not result.feasible:
             break
     return SearchResult(
-        status=SearchStatus.OPTIMAL if result.feasible else SearchStatus.INFEASIBLE,
+        status=SearchStatus.GIVEN if result.feasible else SearchStatus.INFEASIBLE,
         skeleton=skeleton if result.feasible else (),
         cost=result.cost,
         payload=result.payload,
-        bound=result.cost,
+        bound=0.0 if result.feasible else math.inf,  # no cost is negative; of other sequences nothing more is known
         nodes=(),
         statistics=solved,
         expanded=0,
@@ -202,6 +204,7 @@ def _initial_configuration(world: World, start: Array | None) -> Array:
         raise LgpError(
             f"start has shape {q.shape}, expected ({world.nq},) finite numbers; give one for each of `Plan.joints`"
         )
+    world.check_limits(q, "`start`")
     return np.clip(q, world.lower, world.upper)
 
 

@@ -24,6 +24,8 @@ from reba.errors import did_you_mean
 from reba.posture.columns import SIDES
 
 AnyAgent = TypeVar("AnyAgent", bound=Agent)
+ROUNDING = 1e-9
+"""[rad, m] A value beyond a joint limit by less counts as at it."""
 
 
 @dataclass(frozen=True)
@@ -205,19 +207,26 @@ class World:
         """Return (nq,) [rad, m]; a joint without an initial value is as near to 0 as its limits allow."""
         configuration = np.clip(np.zeros(self.nq), self.lower, self.upper)
         for name, column in self.column.items():
-            value = self.initial_values.get(name)
-            if value is None:
-                continue
-            low, high = self.lower[column], self.upper[column]
-            if not low - 1e-9 <= value <= high + 1e-9:
+            if name in self.initial_values:
+                configuration[column] = self.initial_values[name]
+        self.check_limits(configuration, "the scene's `joints`")
+        return np.clip(configuration, self.lower, self.upper)
+
+    def check_limits(self, q: Array, where: str) -> None:
+        """Refuse a configuration (nq,) [rad, m] beyond joint limits; `where` says what to change.
+
+        Raises:
+            WorldError: names the joint, its value and its limits.
+        """
+        for name, column in self.column.items():
+            value, low, high = q[column], self.lower[column], self.upper[column]
+            if not low - ROUNDING <= value <= high + ROUNDING:
                 prismatic = slides(self.model.joints[self.model.getJointId(name)])
                 scale, unit = (1.0, "m") if prismatic else (180.0 / np.pi, "deg")
                 raise WorldError(
                     f"{name} starts at {value * scale:g} {unit}, expected {low * scale:g} to {high * scale:g} {unit}; "
-                    "change its value in the scene's `joints`"
+                    f"change its value in {where}"
                 )
-            configuration[column] = min(max(value, low), high)
-        return configuration
 
     def _add_hands(self) -> None:
         """Add the grasping point of each end-effector as a frame under its full name."""

@@ -67,6 +67,11 @@ class PddlDomain:
             kind = self.supertypes[kind]
 
 
+def shipped_domains() -> tuple[str, ...]:
+    """Return the names of the domains in the package."""
+    return tuple(sorted(file.stem for file in SHIPPED.glob("*.pddl")))
+
+
 def load_domain(which: str | Path) -> PddlDomain:
     """Return a shipped domain by name, or the domain in a PDDL file.
 
@@ -81,7 +86,7 @@ def load_domain(which: str | Path) -> PddlDomain:
     if not os.path.isfile(path):
         path = Path(which)
     if not os.path.isfile(path):
-        names = sorted(file.stem for file in SHIPPED.glob("*.pddl"))
+        names = shipped_domains()
         raise LogicError(
             f"domain is {str(which)!r}, expected {', '.join(names)} or the path of a PDDL file"
             f"{did_you_mean(str(which), names)}"

@@ -81,6 +81,11 @@ class PathBounds:
         """Return True: dropping slices, switches and the stop at the end only ever lowers the cost."""
         return level in self.levels
 
+    def displaced(self, skeleton: Skeleton) -> tuple[tuple[str, str], ...]:
+        """Return (object, hand that put it down last): one hand does not put a thing down twice for nothing."""
+        switches = map(switch_of, skeleton)
+        return tuple(sorted({s.object_name: s.hand for s in switches if s.action.attaches_to == "table"}.items()))
+
     def phases(self, skeleton: Skeleton) -> Phases:
         """Return a sequence laid out in time."""
         return Phases.of(self.world.scene, skeleton, self.slices)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from lgp.errors import SceneError
+from lgp.logic.pddl import shipped_domains
 from lgp.scene.body_measures import STATURE, table
 from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
 from reba.checks import PATH, accepts
@@ -22,6 +23,8 @@ SHIPPED = Path(__file__).parents[1] / "scenes"
 ROBOTS = Path(__file__).parent / "data" / "robots.toml"
 FARTHEST = 1000.0
 """[m] Largest coordinate of a position."""
+SHORTEST_PHASE = 0.2
+"""[s] Shortest phase (a choice): no action of a person is done in less."""
 FREEDOMS = ("free", "axis", "jaw", "fixed")
 LEGS = ("planted", "solved", "locked")
 
@@ -64,7 +67,26 @@ def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> S
         raise SceneError(f"{path}: cannot be read ({error}); give a TOML text file") from error
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and deep nesting
         raise SceneError(f"{path}: not TOML: {error}; correct that line") from error
-    return read_scene(values, path.stem, changes)
+    return read_scene(_with_absolute_paths(values, path.parent), path.stem, changes)
+
+
+def _with_absolute_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the values of a file whose relative paths start from its folder, so that they hold everywhere."""
+
+    def absolute(path: Any) -> Any:
+        if isinstance(path, str):
+            for place in (folder, Path()):
+                if os.path.isfile(place / path):
+                    return str((place / path).absolute())
+        return path
+
+    if values.get("domain") not in shipped_domains():
+        values["domain"] = absolute(values.get("domain"))
+    robots = values.get("robots")
+    for robot in robots.values() if isinstance(robots, dict) else ():
+        if isinstance(robot, dict) and str(robot.get("model")).endswith(".urdf"):
+            robot["model"] = absolute(robot["model"])
+    return values
 
 
 def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[str, Any] | None = None) -> Scene:
@@ -79,7 +101,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         domain=entries.text("domain"),
         initial=entries.texts("initial"),
         goal=entries.texts("goal"),
-        phase_seconds=entries.number("phase_seconds", 2.0, low=0.05, high=600.0),
+        phase_seconds=entries.number("phase_seconds", 2.0, low=SHORTEST_PHASE, high=600.0),
         slices=int(entries.number("slices", 10, low=2, high=1000)),
         human=_human(entries.table("human")) if entries.has("human") else None,
         robots={key: _robot(key, entry) for key, entry in entries.tables("robots").items()},

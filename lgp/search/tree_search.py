@@ -17,12 +17,13 @@ from __future__ import annotations
 import heapq
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Protocol
 
 from lgp.logic.heuristic import relaxed_plan, why_unreachable
+from lgp.logic.impossible import exclusive_goals, fewest_actions
 from lgp.logic.task import Action, Task
 
 Skeleton = tuple[Action, ...]
@@ -62,11 +63,18 @@ class Bounds(Protocol):
     def is_lower_bound(self, level: str) -> bool:
         """Whether the cost of a level is a lower bound of later levels and of longer sequences."""
 
+    def displaced(self, skeleton: Skeleton) -> Hashable:
+        """What a sequence changed that symbols do not tell: a thing put elsewhere on the same table.
+
+        A symbolic state is visited again in one sequence only where this differs.
+        """
+
 
 class SearchStatus(Enum):
     """How a search ended, as a sentence."""
 
     OPTIMAL = "no other sequence within the depth can cost less"
+    GIVEN = "the sequence was given; no other was planned"
     GAP = "a plan was found; a budget ran out before the rest was excluded"
     INTERRUPTED = "interrupted; the best plan so far"
     INFEASIBLE = "no sequence within the depth is feasible"
@@ -176,6 +184,14 @@ def search(task: Task, bounds: Bounds, budget: Budget | None = None, first: Skel
     return _Search(task, bounds, budget or Budget(), first).run()
 
 
+def _why_impossible(task: Task) -> str:
+    """Return why no sequence reaches the goal, as far as its atoms and pairs of them tell; "" if they do not."""
+    if relaxed_plan(task, task.initial) is None:
+        return why_unreachable(task)
+    exclusive = exclusive_goals(task)
+    return "" if exclusive is None else "{} and {} are never true together; change the goal".format(*exclusive)
+
+
 class _Search:
     """State of one search: the tree, its open nodes in both orders, conflicts and the incumbent."""
 
@@ -193,8 +209,9 @@ class _Search:
         self.start = time.perf_counter()
 
     def run(self) -> SearchResult:
-        if relaxed_plan(self.task, self.task.initial) is None:
-            return self._result(SearchStatus.UNREACHABLE, math.inf, why_unreachable(self.task))
+        impossible = _why_impossible(self.task)
+        if impossible:
+            return self._result(SearchStatus.UNREACHABLE, math.inf, impossible)
         if self.nodes[0].goal:
             self.incumbent = self.nodes[0]
             self.incumbent.costs[self.bounds.levels[-1]] = 0.0
@@ -223,11 +240,15 @@ class _Search:
         if self.blocked:
             return self._result(SearchStatus.EXHAUSTED, self._open_bound(), "the budget ran out")
         reasons = dict.fromkeys(node.reason for node in self.nodes if node.verdict == "infeasible")
-        if not reasons:
-            return self._result(
-                SearchStatus.INFEASIBLE, math.inf, f"the goal needs more than {self.budget.depth} actions"
-            )
-        return self._result(SearchStatus.INFEASIBLE, math.inf, "; ".join(reasons))
+        if reasons:
+            return self._result(SearchStatus.INFEASIBLE, math.inf, "; ".join(reasons))
+        fewest = fewest_actions(self.task)
+        if fewest is not None and fewest < 0:
+            goal = " and ".join(map(str, self.task.holding(self.task.goal)))
+            return self._result(SearchStatus.UNREACHABLE, math.inf, f"no sequence makes {goal} true together")
+        needed = self.budget.depth + 1 if fewest is None else fewest
+        reason = f"the goal needs at least {needed} actions, the depth is {self.budget.depth}; raise the depth"
+        return self._result(SearchStatus.INFEASIBLE, math.inf, reason)
 
     def _open_bound(self) -> float:
         """Return the lowest bound of all sequences that were not excluded."""
@@ -309,13 +330,13 @@ class _Search:
     def _extend(self, node: Node) -> None:
         """Add the children of a node from which the goal may be reached within the depth."""
         self.expanded += 1
-        visited = {self.task.initial}
+        visited = set()
         state = self.task.initial
-        for action in node.skeleton:
-            state = action.apply(state)
-            visited.add(state)
+        for end, action in enumerate((*node.skeleton, None)):
+            visited.add((state, self.bounds.displaced(node.skeleton[:end])))
+            state = state if action is None else action.apply(state)
         for action, after in self.task.successors(node.state):
-            if after in visited:
+            if (after, self.bounds.displaced((*node.skeleton, action))) in visited:
                 continue
             remaining = relaxed_plan(self.task, after)
             depth = len(node.skeleton) + 1

@@ -15,11 +15,14 @@ from click.testing import CliRunner
 import lgp
 import reba
 from lgp.cli import cli
+from lgp.kinematics.world import World
+from lgp.logic.pddl import SHIPPED
 from lgp.planner import parse_sequence, task_of
 from lgp.scene.scene_file import read_scene
 from lgp.search.tree_figure import draw
 from reba.provenance import parquet_provenance
 from tests.support.lgp_worlds import HUMAN_ONLY, needs_robots, screwdriver_world
+from tests.support.robot_files import URDF
 from tests.support.says import says
 
 pytestmark = pytest.mark.slow
@@ -31,6 +34,26 @@ grasp(1, baxter.right, screwdriver)
 place(2, baxter.right, screwdriver, table.center)
 
 grasp(human.right_hand, screwdriver)
+"""
+
+
+CELL = """
+domain = "own.pddl"
+initial = ["on_table(box)", "free(human.right_hand)", "free(arm.hand)"]
+goal = ["grasped(human.right_hand, box)"]
+[human]
+[robots.arm]
+model = "robots/arm.urdf"
+position = [2.0, 0.0, 0.0]
+hands.hand = { frame = "hand" }
+[tables.near]
+position = [0.5, 0.0]
+size = [0.4, 0.6]
+height = 0.9
+[objects.box]
+size = [0.1, 0.06, 0.12]
+mass = 0.5
+on = "table.near"
 """
 
 
@@ -141,6 +164,8 @@ def test_a_given_sequence_is_followed() -> None:
     found = lgp.plan(scene, cost=None, sequence=SEQUENCE.splitlines(), slices=4, world=screwdriver_world())
     assert found.actions[1] == "place(2, baxter.right, screwdriver, table.center)"
     assert found.search["paths"] == 1
+    # No other sequence was looked at, so nothing is said of the optimum.
+    assert (found.status, found.search["bound"], found.search["gap"]) == ("given", 0.0, 1.0)
     bad = ["grasp(1, baxter.left, screwdriver)", *SEQUENCE.splitlines()[2:]]
     with pytest.raises(lgp.LogicError) as error:
         lgp.plan(scene, cost=None, sequence=bad, world=screwdriver_world())
@@ -179,7 +204,38 @@ def test_bad_input_is_one_line(arguments: list[str], message: str) -> None:
     assert "\n" not in str(done.exception)
 
 
+def test_a_goal_that_holds_is_an_empty_plan(tmp_path: Path) -> None:
+    for goal in (["on_table(box)"], []):
+        found = lgp.plan(human_scene(goal=goal), cost=None)
+        assert (found.feasible, found.status, found.actions, found.costs["total"]) == (True, "optimal", (), 0.0)
+    lgp.plan(human_scene(goal=[]), cost=None, sequence=[]).save(tmp_path)
+    assert lgp.Plan.load(tmp_path).status == "given"
+
+
+def test_paths_of_a_scene_start_from_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, elsewhere = tmp_path / "cell", tmp_path / "elsewhere"
+    for place in (folder / "robots", elsewhere):
+        place.mkdir(parents=True)
+    domain = (SHIPPED / "screwdriver.pddl").read_text(encoding="utf-8")
+    (folder / "own.pddl").write_text(domain, encoding="utf-8")
+    (folder / "robots" / "arm.urdf").write_text(URDF, encoding="utf-8")
+    (folder / "cell.toml").write_text(CELL, encoding="utf-8")
+    monkeypatch.chdir(elsewhere)
+    scene = lgp.load_scene("../cell/cell.toml")
+    found = lgp.plan(scene, cost=None, slices=4, collisions=False)
+    assert found.feasible
+    found.save(tmp_path / "plan")
+    monkeypatch.chdir(tmp_path)
+    again = lgp.Plan.load("plan").scene
+    assert "arm.turn" in World(again).joints
+    assert task_of(again).domain.name == task_of(human_scene()).domain.name
+
+
 def test_bad_starts_are_refused() -> None:
+    beyond = World(human_scene()).upper + 0.1
+    with pytest.raises(lgp.LgpError) as error:
+        lgp.plan(human_scene(), cost=None, start=beyond)
+    says(error, "starts at", "expected", "start")
     with pytest.raises(lgp.LgpError) as error:
         lgp.plan(human_scene(), cost=None, start=np.zeros(3))
     says(error, "start has shape")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-import random
 from functools import cache
 
 import pytest
@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from lgp.logic.pddl import load_domain
 from lgp.logic.task import Task, ground, parse_atom
 from lgp.search.tree_search import BoundResult, Budget, SearchResult, SearchStatus, Skeleton, search
+from tests.support.random_bounds import RandomBounds
 from tests.support.says import says
 
 domain = cache(load_domain)
@@ -24,44 +25,9 @@ def task(hands: int = 2, start: tuple[str, ...] = ("free", "on_table")) -> Task:
     objects = {"human": "human_hand", "tool": "thing", **robots, **dict.fromkeys(TABLES, "table")}
     initial = [f"free({hand})" for hand in ("human", *robots) if "free" in start]
     initial += ["on_table(tool)"] if "on_table" in start else []
+    initial += ["placed(tool, left)"] if "placed" in start else []
     goal = [parse_atom("grasped(human, tool)")]
     return ground(domain("screwdriver"), objects, map(parse_atom, initial), goal)
-
-
-class RandomBounds:
-    """Costs drawn from a seed: each action costs something, later levels cost more, some are infeasible."""
-
-    levels = ("pose", "sequence", "path")
-
-    def __init__(self, seed: int, infeasible: float = 0.2, direct: bool = False) -> None:
-        self.seed, self.infeasible, self.direct = seed, infeasible, direct
-        self.calls: list[tuple[str, Skeleton]] = []
-
-    def is_lower_bound(self, level: str) -> bool:
-        return True
-
-    def _draw(self, *what: object) -> random.Random:
-        return random.Random(repr((self.seed, *what)))
-
-    def _bad(self, skeleton: Skeleton, level: int) -> int:
-        """How many actions it takes until the sequence is infeasible, 0 if never; later levels find more."""
-        for end in range(1, len(skeleton) + 1):
-            words = [str(action) for action in skeleton[:end]]
-            if not self.direct and len(words) == 1 and "human" in words[0]:
-                return end
-            if any(self._draw("bad", stage, words).random() < self.infeasible / 3 for stage in range(level + 1)):
-                return end
-        return 0
-
-    def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
-        self.calls.append((level, skeleton))
-        stage = self.levels.index(level)
-        end = self._bad(skeleton, stage)
-        if end:
-            return BoundResult(False, math.inf, f"{level}: {skeleton[end - 1]} cannot be reached")
-        steps = [str(action) for action in skeleton]
-        cost = sum(self._draw("cost", steps[: i + 1]).uniform(1, 3) for i in range(len(steps)))
-        return BoundResult(True, cost * (0.5, 0.9, 1.0)[stage], payload=tuple(steps))
 
 
 def exhaustive(problem: Task, bounds: RandomBounds, depth: int) -> float:
@@ -142,6 +108,29 @@ def test_same_search_twice_is_the_same() -> None:
     ]
 
 
+def test_a_thing_may_be_put_elsewhere_on_the_table_that_it_is_on() -> None:
+    """The symbols are the same before and after; what can be reached is not."""
+    problem = task(start=("free", "on_table", "placed"))
+
+    class Displaced(RandomBounds):
+        def displaced(self, skeleton: Skeleton) -> tuple[str, ...]:
+            last = [action for action in skeleton if action.name == "place"][-1:]
+            return tuple(f"{action.arguments[1]} by {action.arguments[0]}" for action in last)
+
+        def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
+            if any(action.name == "place" and action.arguments[2] != "left" for action in skeleton):
+                return BoundResult(False, math.inf, "only left can be reached")
+            return super().solve(level, skeleton, warm)
+
+    result = search(problem, Displaced(4, 0.0), Budget(depth=5))
+    assert [action.name for action in result.skeleton] == ["grasp", "place", "grasp"]
+    assert result.skeleton[1].arguments[2] == "left"
+    # One hand does not put it down twice for nothing, another hand may.
+    for node in result.nodes:
+        by = [action.arguments for action in node.skeleton if action.name == "place"]
+        assert all(first != second for first, second in itertools.pairwise(by)), node.skeleton
+
+
 def test_conflicts_prune_other_sequences() -> None:
     problem = task(hands=2)
     bad = problem.action("place(robot.0, tool, left)")
@@ -168,7 +157,7 @@ def test_unreachable_and_too_deep() -> None:
     assert unreachable.gap == math.inf
     shallow = search(task(), RandomBounds(1, 0.0), Budget(depth=0))
     assert shallow.status is SearchStatus.INFEASIBLE
-    says(shallow.reason, "more than 0 actions")
+    says(shallow.reason, "at least 1 action", "raise the depth")
 
 
 def test_budgets_end_the_search_with_a_gap() -> None:
