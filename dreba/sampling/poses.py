@@ -23,7 +23,7 @@ from reba.files import write_atomic_stream
 from reba.open_file import open_regular
 from reba.posture.columns import BEST, COLUMNS, INDEX, columns_named
 from reba.posture.factors import FACTORS, Factors
-from reba.posture.named_angles import LARGEST, checked_poses, read_angles
+from reba.posture.named_angles import LARGEST, check_spelling, checked_poses, read_angles
 from reba.provenance import parquet_metadata, provenance
 
 METADATA: Final = b"dreba"
@@ -188,11 +188,15 @@ def read_poses(
         >>> poses.reba.tolist(), poses.provenance["joints"]
         ([1, 2], ['trunk_flexion'])
     """
-    poses, recorded = (Poses.load(path), None) if _is_sample(path) else _recorded(path, rules)
+    poses, recorded, names = (Poses.load(path), None, ()) if _is_sample(path) else _recorded(path, rules)
     measured = np.asarray(np.isfinite(poses.angles).any(axis=0))
     held = _held(joints, hold, tuple(np.array(COLUMNS)[measured]), str(path))
     missing = [column for column in COLUMNS if column not in held and not measured[INDEX[column]]]
     if missing:
+        try:
+            check_spelling(names, missing, SampleError)
+        except SampleError as error:
+            raise SampleError(f"{path}: {error}") from error
         raise SampleError(
             f"{path}: not measured: {', '.join(missing)}; a model needs every angle, so fit over the measured ones "
             f"(joints 'measured' or a list), or hold the others (hold 'neutral' or COLUMN=DEGREES)"
@@ -246,14 +250,16 @@ def _held(joints: Joints, hold: Hold, measured: tuple[str, ...], path: str) -> d
     return {column: held[column] for column in COLUMNS if column in held}
 
 
-def _recorded(path: str | Path, rules: reba.Rules | str) -> tuple[Poses, Domain]:
-    """Return the frames of a recording, unmeasured angles NaN, and a domain of their rules without limits."""
+def _recorded(path: str | Path, rules: reba.Rules | str) -> tuple[Poses, Domain, tuple[str, ...]]:
+    """Return the frames of a recording, unmeasured angles NaN, a domain of their rules without limits, and the columns
+    of the recording.
+    """
     scores = reba.score(reba.read(path), rules=rules, activity="none", missing="neutral")
     name = Path(path).name
     provenance: dict[str, Any] = {"recording": name, "frames": len(scores.angles), "rules": scores.rules.name}
     domain = Domain(name, {}, scores.rules, source=f"smallest and largest angles in {name}")
     totals = np.asarray(scores.data["reba"], np.uint8)
-    return Poses(scores.angles, totals, scores.factors, provenance), domain
+    return Poses(scores.angles, totals, scores.factors, provenance), domain, tuple(map(str, scores.postures.data))
 
 
 def _is_sample(path: str | Path) -> bool:

@@ -7,7 +7,7 @@ same checks: numbers, finite, within the reach of a joint, and a warning where d
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -180,7 +180,7 @@ def angle_columns(named: Mapping[str, Any], error: type[ValueError] = PostureErr
     return given
 
 
-def check_spelling(names: Mapping[str, Any], missing: Sequence[str], error: type[ValueError]) -> None:
+def check_spelling(names: Iterable[str], missing: Sequence[str], error: type[ValueError]) -> None:
     """Refuse a name that no column has and that is nearly the name of a missing one."""
     known = {*COLUMNS, *COLUMNS_OF, *RAISED}
     for name in names if missing else ():
