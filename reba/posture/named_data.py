@@ -46,7 +46,10 @@ def named_columns(data: Any) -> dict[str, Any] | None:
     if isinstance(frame := getattr(data, "data", None), pd.DataFrame):  # PostureTable
         return named_columns(frame)
     if callable(convert := getattr(data, "to_pandas", None)) and not isinstance(data, type):
-        return named_columns(convert())
+        try:
+            return named_columns(convert())
+        except ValueError:  # such as an array of three dimensions with labels
+            return None
     return None
 
 
