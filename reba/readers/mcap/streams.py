@@ -109,8 +109,8 @@ def _chosen(
             warnings.append(f"frame {name!r} has the parents {first!r} and {parent!r} at once; the first is used")
     signals = [(name, parent) for name, parents in chosen.items() for parent in parents]
     if len(signals) > MOST_SIGNALS:
-        frequent = sorted(signals, key=lambda signal: -present[signal].messages)[:MOST_SIGNALS]
-        signals = [signal for signal in signals if signal in set(frequent)]
+        frequent = {*sorted(signals, key=lambda signal: -present[signal].messages)[:MOST_SIGNALS]}
+        signals = [signal for signal in signals if signal in frequent]
         warnings.append(f"more than {MOST_SIGNALS} signals; the others are left out")
     return tuple(signals), tuple(warnings)
 
