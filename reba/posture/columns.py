@@ -58,6 +58,8 @@ COLUMNS_OF: dict[str, tuple[str, ...]] = {angle.name: angle.columns for angle in
 """Columns of each angle name without a side."""
 BEST: dict[str, float] = {column: angle.best for angle in ANGLES for column in angle.columns}
 """[deg] The angle of the lowest part score of each column."""
+MIRRORED: tuple[str, ...] = tuple(a.name for a in ANGLES if not a.sided and not a.name.endswith("_flexion"))
+"""Angles that change sign in a mirror: side bends and twists of the trunk and neck."""
 GROUP_A: tuple[str, ...] = ("trunk", "neck", "legs")
 """Body parts of Table A, in the order of its indices."""
 GROUP_B: tuple[str, ...] = ("upper_arm", "lower_arm", "wrist")
