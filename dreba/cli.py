@@ -191,9 +191,9 @@ def _evaluation_poses(
     refuse_drawing(poses_file)
     held_angles = hold_of(hold)
     if poses_file is not None:
-        joints = {model.joints_ for model in models_.values()}
+        joints = {frozenset(model.joints_) for model in models_.values()}
         # Columns that a model does not have are held at the angles of its fit.
-        own = next(iter(joints)) if len(joints) == 1 and joints != {COLUMNS} else None
+        own = tuple(next(iter(joints))) if len(joints) == 1 and joints != {frozenset(COLUMNS)} else None
         if own is not None and not isinstance(held_angles, str):
             train = next(iter(models_.values())).about_.provenance.get("train", {})
             held_angles = {**train.get("held", {}), **(held_angles or {})}

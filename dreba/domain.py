@@ -23,7 +23,7 @@ from reba.errors import RebaError, did_you_mean
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
 from reba.open_file import read_settings
-from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF
+from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, columns_named
 from reba.toml_table import TomlTable
 
 DOMAINS: Final = ("human", "human_description", "paper")
@@ -106,17 +106,21 @@ class Domain:
         return np.array([self.limits.get(c, (BEST[c], BEST[c]))[1] for c in COLUMNS])
 
     def hold(self, **angles: float) -> Self:
-        """Return the domain with some columns held at an angle [deg].
+        """Return the domain with some columns held at an angle [deg]; a name without a side stands for both.
 
         Raises:
             DomainError: an unknown column.
         """
-        limits = {**self.limits, **{column: (float(angle), float(angle)) for column, angle in angles.items()}}
+        limits = self.limits | {name: (float(angle), float(angle)) for name, angle in _both_sides(angles).items()}
         return dataclasses.replace(self, limits=limits)
 
     def only(self, joints: Iterable[str]) -> Self:
-        """Return the domain in which only the named columns vary; the others are held at their neutral angle."""
-        moving = set(joints)
+        """Return the domain in which only the named columns vary; the others are held at their neutral angle.
+
+        Raises:
+            DomainError: an unknown column.
+        """
+        moving = columns_named(joints, DomainError)
         return self.hold(**{column: best for column, best in BEST.items() if column not in moving})
 
     def bins_of(self, column: str) -> Bins:

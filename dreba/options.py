@@ -12,11 +12,12 @@ from click.core import ParameterSource
 from dreba.domain import DOMAINS, Domain, domain_of
 from dreba.errors import ModelError, SampleError
 from dreba.sampling.classes import WEIGHTS
-from dreba.sampling.poses import MEASURED, NEUTRAL, Poses, columns_named
+from dreba.sampling.poses import MEASURED, NEUTRAL, Poses
 from dreba.sampling.sample import FACTOR_NAMES, MAX_POSES
 from dreba.sampling.sample import sample as draw
 from reba.command_line import SEED
 from reba.errors import did_you_mean
+from reba.posture.columns import columns_named
 
 if TYPE_CHECKING:
     from dreba.surrogates.base import Surrogate
@@ -123,7 +124,7 @@ def joints_of(text: str | None) -> str | tuple[str, ...] | None:
     """Return the value of `--joints`: "measured", columns, or None."""
     if text is None or text == MEASURED:
         return text
-    return columns_named(name.strip() for name in text.split(",") if name.strip())
+    return columns_named((name.strip() for name in text.split(",") if name.strip()), SampleError)
 
 
 def hold_of(text: str | None) -> str | dict[str, float] | None:
@@ -139,7 +140,7 @@ def hold_of(text: str | None) -> str | dict[str, float] | None:
             raise SampleError(
                 f"hold is {item!r}; expected {NEUTRAL} alone, or COLUMN=DEGREES by commas, such as wrist_twist=0"
             ) from error
-        held |= dict.fromkeys(columns_named([name.strip()]), degrees)
+        held |= dict.fromkeys(columns_named([name.strip()], SampleError), degrees)
     return held
 
 

@@ -35,7 +35,7 @@ from reba.posture.factors import (
     checked,
     expand_sides,
 )
-from reba.posture.named_angles import refuse_infinite
+from reba.posture.named_angles import RADIANS_TEXT, refuse_infinite, warn_if_radians
 from reba.posture.table import PostureTable, angles_of, table_of
 
 
@@ -82,7 +82,7 @@ def score(
         PostureError, RulesError: bad angles, factors or rules.
 
     Warns:
-        RadiansWarning: the angles of data other than a `PostureTable` look like radians.
+        RadiansWarning: the angles look like radians, and no reader has warned before.
 
     Example:
         >>> frames = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})
@@ -93,6 +93,8 @@ def score(
     chosen = rules_of(rules)
     angles = angles_of(table.data)
     refuse_infinite(angles)
+    if RADIANS_TEXT not in table.quality.warnings:  # unless a reader has warned
+        warn_if_radians(angles, stacklevel=4)
     columns = {name: table.data[name].to_numpy() for name in (*FACTORS, *BOTH_SIDES) if name in table.data}
     named = expand_sides(columns)
     named |= expand_sides({name: value for name, value in factors.items() if value is not None})

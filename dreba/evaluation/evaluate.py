@@ -102,9 +102,7 @@ def fit_to(model: Surrogate, train: Poses, held_out: Poses, sample_weight: Array
         >>> model.about_.domain["name"], model.about_.provenance["rmse_on"]
         ('human', 'held-out poses')
     """
-    joints = model.get_params(deep=False).get("joints")
-    angles = train.angles if joints is None else train.angles[:, [INDEX[joint] for joint in joints]]
-    model.fit(angles, train.reba, sample_weight=sample_weight, factors=train.factors)
+    model.fit(train, train.reba, sample_weight=sample_weight, factors=train.factors)
     evaluation = evaluate(model, held_out)
     provenance = {**model.about_.provenance, "train": _origin(train), "held_out": _origin(held_out)}
     provenance = {**provenance, "rmse_on": "held-out poses", **notes}
@@ -165,7 +163,7 @@ def enable(
     """Return the true REBA reached by minimising each model on reach tasks, a row for each model and kind of start.
 
     Args:
-        models: fitted models by name; those without all 22 columns of the posture table are left out.
+        models: fitted models by name; those without all 22 columns of the posture table, in any order, are left out.
         seed: of tasks and starts.
         scheduler: address of a Dask scheduler instead of local processes.
 
@@ -173,7 +171,7 @@ def enable(
         Rows of "model", "start", "mean_reba" (infeasible runs count 12), "share_best" (runs with the best score that
         any model reached on the task), "share_best_of_starts", "infeasible", "evaluations" and "seconds" per run.
     """
-    usable = {name: model for name, model in models.items() if model.joints_ == COLUMNS}
+    usable = {name: model for name, model in models.items() if set(model.joints_) == set(COLUMNS)}
     cases = {(start, name): (start, model) for start in STARTS for name, model in usable.items()}
     results = _in_parallel(partial(_reach, tasks=tasks, seed=seed), cases, jobs, scheduler)
     best = {start: reach.best_known([results[start, name] for name in usable]) for start in STARTS if usable}

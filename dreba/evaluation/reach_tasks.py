@@ -129,14 +129,29 @@ def method_of(model: Surrogate, temperature: float | None = None, name: str = ""
         free_start: of a graduated model.
     """
     if isinstance(model, GraduatedModel) and temperature is None:
-        objectives = [stage.objective() for stage in model.stages_]
+        objectives = [_by_columns(model, stage.objective()) for stage in model.stages_]
         return Method(name or model.kind, objectives, free_start=free_start, effort=Effort(), select_by_score=True)
 
     def objective(angles: Array) -> tuple[float, Array]:
         value, gradient = model.value_and_gradient(angles, temperature=temperature)
         return float(value), gradient
 
-    return Method(name or model.kind, [objective])
+    return Method(name or model.kind, [_by_columns(model, objective)])
+
+
+def _by_columns(model: Surrogate, objective: Objective) -> Objective:
+    """Return an objective of the angles in the order of a model's joints as one of `reba.COLUMNS`."""
+    if model.joints_ == COLUMNS:
+        return objective
+    places = [INDEX[joint] for joint in model.joints_]
+
+    def reordered(angles: Array) -> tuple[float, Array]:
+        value, by_joints = objective(angles[places])
+        gradient = np.zeros(len(COLUMNS))
+        gradient[places] = by_joints
+        return value, gradient
+
+    return reordered
 
 
 @dataclass(frozen=True)

@@ -161,7 +161,10 @@ def values(array: ArrayLike, whole: bool = False) -> str:
 def _soft(model: SoftModel, temperature: float | None) -> dict[str, Any]:
     """Return the fields of the template `_SOFT`; ModelError without all 22 columns or without this temperature."""
     if model.joints_ != COLUMNS:
-        raise ModelError(f"soft tables of {len(model.joints_)} columns cannot be exported; fit on all 22")
+        count = len(model.joints_)
+        raise ModelError(
+            f"soft tables of {count} columns cannot be exported; fit on all 22, in the order of reba.COLUMNS"
+        )
     tables = model.tables(temperature)
     return {
         "what": f"soft REBA tables at {tables.temperature:g} deg",

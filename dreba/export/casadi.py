@@ -44,7 +44,10 @@ def casadi_function(model: Surrogate, *, temperature: float | None = None, name:
     elif isinstance(soft, SoftModel) and soft.joints_ == COLUMNS:
         value = _soft(casadi, soft.tables(temperature), angles, (points, coupling[0], coupling[1]))
     elif isinstance(soft, SoftModel):
-        raise ModelError(f"soft tables of {len(soft.joints_)} columns cannot be exported; fit on all 22")
+        count = len(soft.joints_)
+        raise ModelError(
+            f"soft tables of {count} columns cannot be exported; fit on all 22, in the order of reba.COLUMNS"
+        )
     else:
         raise ModelError(f"kind {model.kind!r} cannot be exported; expected quadratic, convex, soft or graduated")
     value += activity
@@ -55,9 +58,10 @@ def casadi_function(model: Surrogate, *, temperature: float | None = None, name:
 def casadi_json(model: Surrogate, *, temperature: float | None = None, name: str = "dreba") -> str:
     """Return the text of the function for `casadi.Function.deserialize`, which reads to the end of the function.
 
-    The line after it says which version wrote the text.
+    The lines after it say which version wrote the text, and the order of the angles.
     """
-    return f"{casadi_function(model, temperature=temperature, name=name).serialize()}\n{generator()}\n"
+    function = casadi_function(model, temperature=temperature, name=name)
+    return f"{function.serialize()}\n{generator()}\nangles [deg]: {', '.join(model.joints_)}\n"
 
 
 def _convex(casadi: Any, model: ConvexModel, angles: Any) -> Any:

@@ -19,12 +19,11 @@ from dreba.sampling.classes import true_scores
 from dreba.surrogates.task_factors import TaskFactors, task_factors_of
 from reba.arrays import Array
 from reba.checks import PATH, TEXT, Allowed, accepts, shown
-from reba.errors import did_you_mean
 from reba.files import write_atomic_stream
 from reba.open_file import open_regular
-from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, INDEX
+from reba.posture.columns import BEST, COLUMNS, INDEX, columns_named
 from reba.posture.factors import FACTORS, Factors
-from reba.posture.named_angles import LARGEST, read_angles
+from reba.posture.named_angles import LARGEST, check_spelling, checked_poses, read_angles
 from reba.provenance import parquet_metadata, provenance
 
 METADATA: Final = b"dreba"
@@ -36,7 +35,7 @@ class Poses:
     """Poses with their true REBA scores.
 
     Attributes:
-        angles: (n, 22) [deg] in the order of `reba.COLUMNS`.
+        angles: (n, 22) [deg] in the order of `reba.COLUMNS`; of other data with column names the table is made.
         reba: (n,) true scores: exact REBA, or from the bins of the domain.
         factors: load, coupling and activity per pose, or None.
         provenance: domain, distribution, seed and version, from which the same poses can be drawn again.
@@ -46,6 +45,15 @@ class Poses:
     reba: NDArray[np.uint8]
     factors: Factors | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.angles, np.ndarray) or self.angles.dtype != np.float64:
+            object.__setattr__(self, "angles", checked_poses(self.angles, error=SampleError, stacklevel=5)[0])
+        if self.angles.shape != (len(self.reba), len(COLUMNS)):
+            raise SampleError(
+                f"angles have shape {self.angles.shape}; expected ({len(self.reba)}, {len(COLUMNS)}), a row for each "
+                "score, in the order of reba.COLUMNS"
+            )
 
     def __len__(self) -> int:
         return len(self.reba)
@@ -180,11 +188,15 @@ def read_poses(
         >>> poses.reba.tolist(), poses.provenance["joints"]
         ([1, 2], ['trunk_flexion'])
     """
-    poses, recorded = (Poses.load(path), None) if _is_sample(path) else _recorded(path, rules)
+    poses, recorded, names = (Poses.load(path), None, ()) if _is_sample(path) else _recorded(path, rules)
     measured = np.asarray(np.isfinite(poses.angles).any(axis=0))
     held = _held(joints, hold, tuple(np.array(COLUMNS)[measured]), str(path))
     missing = [column for column in COLUMNS if column not in held and not measured[INDEX[column]]]
     if missing:
+        try:
+            check_spelling(names, missing, SampleError)
+        except SampleError as error:
+            raise SampleError(f"{path}: {error}") from error
         raise SampleError(
             f"{path}: not measured: {', '.join(missing)}; a model needs every angle, so fit over the measured ones "
             f"(joints 'measured' or a list), or hold the others (hold 'neutral' or COLUMN=DEGREES)"
@@ -216,30 +228,6 @@ def _within(domain: Domain, angles: Array) -> Domain:
     return dataclasses.replace(domain, limits={column: (lowest, highest) for column, lowest, highest in ranges})
 
 
-def columns_named(names: Iterable[str]) -> tuple[str, ...]:
-    """Return columns by their names in the order of `reba.COLUMNS`; a name without a side stands for both.
-
-    Raises:
-        SampleError: a name is unknown, or there are none.
-
-    Example:
-        >>> columns_named(["knee_flexion", "trunk_flexion"])
-        ('trunk_flexion', 'knee_flexion_left', 'knee_flexion_right')
-    """
-    selected: set[str] = set()
-    for name in names:
-        columns = COLUMNS_OF.get(name, (name,))
-        if columns[0] not in INDEX:
-            known = (*COLUMNS_OF, *COLUMNS)
-            raise SampleError(
-                f"column {name!r} is unknown{did_you_mean(str(name), known)}; expected names of reba.COLUMNS"
-            )
-        selected.update(columns)
-    if not selected:
-        raise SampleError("no joint is named; expected columns such as trunk_flexion,knee_flexion")
-    return tuple(column for column in COLUMNS if column in selected)
-
-
 def _held(joints: Joints, hold: Hold, measured: tuple[str, ...], path: str) -> dict[str, float]:
     """Return the angle [deg] of each held column."""
     if isinstance(joints, str) and joints != MEASURED:
@@ -250,7 +238,7 @@ def _held(joints: Joints, hold: Hold, measured: tuple[str, ...], path: str) -> d
         raise SampleError(f"{path}: no angle is measured; `reba info` says why")
     held: dict[str, float] = {}
     if joints is not None:
-        varying = measured if isinstance(joints, str) else columns_named(joints)
+        varying = measured if isinstance(joints, str) else columns_named(joints, SampleError)
         held = {column: best for column, best in BEST.items() if column not in varying}
     if isinstance(hold, str):
         held |= {column: best for column, best in BEST.items() if column not in measured}
@@ -258,18 +246,20 @@ def _held(joints: Joints, hold: Hold, measured: tuple[str, ...], path: str) -> d
         for name, angle in hold.items():
             if not abs(angle) <= LARGEST:
                 raise SampleError(f"{name} is held at {angle}; expected degrees from -{LARGEST:g} to {LARGEST:g}")
-            held |= dict.fromkeys(columns_named([name]), float(angle))
+            held |= dict.fromkeys(columns_named([name], SampleError), float(angle))
     return {column: held[column] for column in COLUMNS if column in held}
 
 
-def _recorded(path: str | Path, rules: reba.Rules | str) -> tuple[Poses, Domain]:
-    """Return the frames of a recording, unmeasured angles NaN, and a domain of their rules without limits."""
+def _recorded(path: str | Path, rules: reba.Rules | str) -> tuple[Poses, Domain, tuple[str, ...]]:
+    """Return the frames of a recording, unmeasured angles NaN, a domain of their rules without limits, and the columns
+    of the recording.
+    """
     scores = reba.score(reba.read(path), rules=rules, activity="none", missing="neutral")
     name = Path(path).name
     provenance: dict[str, Any] = {"recording": name, "frames": len(scores.angles), "rules": scores.rules.name}
     domain = Domain(name, {}, scores.rules, source=f"smallest and largest angles in {name}")
     totals = np.asarray(scores.data["reba"], np.uint8)
-    return Poses(scores.angles, totals, scores.factors, provenance), domain
+    return Poses(scores.angles, totals, scores.factors, provenance), domain, tuple(map(str, scores.postures.data))
 
 
 def _is_sample(path: str | Path) -> bool:

@@ -30,8 +30,9 @@ from dreba.sampling.classes import WEIGHTS, Weights, true_scores
 from dreba.sampling.distribution import SamplingPlan
 from dreba.sampling.poses import Poses
 from reba.checks import shown
-from reba.posture.columns import ANGLES, SIDES
+from reba.posture.columns import ANGLES, INDEX, SIDES
 from reba.posture.factors import Factors
+from reba.posture.named_angles import warn_if_radians
 from reba.provenance import provenance
 
 Rng = np.random.Generator | int | tuple[int, ...] | None
@@ -80,6 +81,9 @@ def sample(
     Raises:
         SampleError: an argument is wrong, or a class cannot be reached in the domain.
 
+    Warns:
+        RadiansWarning: the limits of the domain are so small that they look like radians.
+
     Example:
         >>> poses = sample(1000, classes=range(1, 11), rng=7)
         >>> poses.counts[1], poses.counts[10]
@@ -99,6 +103,7 @@ def sample(
     plan = SamplingPlan(space, fixed, drawn, weights)
     counts = np.full(len(scores), n // len(scores)) + (np.arange(len(scores)) < n % len(scores))
     angles, drawn_factors = plan.draw(scores, counts, generator, stratified)
+    warn_if_radians(angles[:, [INDEX[column] for column in space.columns]])  # angles that are held may be large
     used = drawn_factors if drawn else (fixed if factors is not None else None)
     origin = {
         "domain": space.to_dict(), "n": int(n), "classes": list(scores), "weights": weights, "stratified": stratified,

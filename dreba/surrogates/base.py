@@ -22,22 +22,26 @@ from dreba.surrogates.metrics import evaluation_of
 from dreba.surrogates.registry import ModelInfo
 from dreba.surrogates.serialization import save
 from dreba.surrogates.task_factors import DEFAULT_FACTORS, TaskFactorArguments, TaskFactors, task_factors_of
-from dreba.surrogates.validation import check_parameters, checked_joints, checked_weights
+from dreba.surrogates.validation import check_parameters, checked_joints, checked_weights, unnamed_joints
 from reba.arrays import Array
 from reba.checks import PATH, Allowed, accepts
 from reba.posture.columns import COLUMNS
-from reba.posture.named_angles import check_angles, named_columns, read_angles, warn_if_radians
+from reba.posture.named_angles import angle_columns, check_angles, checked_poses, read_angles, warn_if_radians
+from reba.posture.named_data import named_columns, refuse_doubtful_order
 from reba.provenance import provenance
 
 
 class Surrogate(RegressorMixin, BaseEstimator):
     """Differentiable REBA score of poses: `fit`, `predict`, `value`, `gradient`, `hessian`, `save`.
 
-    Angles are (n, d) [deg] in the order of `joints_`, or (d,) for a single pose. Kinds that know part tables have the
-    22 columns of `reba.COLUMNS`, or those named by their parameter `joints`; others take any columns.
+    Angles are (n, d) [deg] in the order of `joints_`, or (d,) for a single pose; data with column names are read by
+    name, see `reba.angle_table`. Kinds that know part tables have the 22 columns of `reba.COLUMNS`, or those named by
+    their parameter `joints`; others take any columns.
 
     Attributes:
-        joints_: (d,) column names.
+        joints_: (d,) column names: the parameter `joints`, or columns of `reba.COLUMNS` in their order, whatever the
+            order of the data of the fit.
+        feature_names_in_: (d,) the same, by scikit-learn's name; absent where columns never had a name.
         temperatures_: [deg] temperatures at which the model can be evaluated, () for kinds without.
         about_: `ModelInfo`, origin and error of the model.
     """
@@ -67,7 +71,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
 
     def fit(
         self,
-        X: ArrayLike,
+        X: Any,
         y: ArrayLike,
         sample_weight: ArrayLike | None = None,
         factors: reba.Factors | None = None,
@@ -75,7 +79,8 @@ class Surrogate(RegressorMixin, BaseEstimator):
         """Fit the model to poses and their true scores, and return it.
 
         Args:
-            X: (n, d) [deg].
+            X: (n, d) [deg]. Of data with names those of the parameter `joints` are taken, by default the columns of
+                `reba.COLUMNS`, and every column of a table without any.
             y: (n,) REBA scores.
             sample_weight: (n,) weights, not negative; None for equal ones.
             factors: load, coupling and activity of the poses; None for no load, good coupling, no activity.
@@ -93,7 +98,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
             raise ModelError(" ".join(str(error).split())) from error
         scores = np.asarray(scores, np.float64)
         weights = checked_weights(sample_weight, len(scores))
-        self.joints_ = self._joints(poses.shape[1])
+        self._set_joints(self._joints(poses.shape[1]))
         check_angles(poses, self.joints_, complete=True, error=ModelError)
         warn_if_radians(poses, self.joints_)
         self._fit(poses, scores, weights, task_factors_of(factors, len(scores)))
@@ -101,28 +106,27 @@ class Surrogate(RegressorMixin, BaseEstimator):
         self._note_error(poses, scores, factors)
         return self
 
-    def predict(self, X: ArrayLike) -> Array:
+    def predict(self, X: Any) -> Array:
         """Return the values (n,) of n poses without task factors; the scikit-learn name of `value`.
 
         Raises:
             sklearn.exceptions.NotFittedError: before `fit`.
             ModelError: wrong shape or values that are not finite.
+
+        Warns:
+            RadiansWarning: as `value`.
         """
         check_is_fitted(self, "joints_")
-        try:
-            if set(self.joints_) <= set(COLUMNS) and named_columns(X) is not None:
-                poses, _ = read_angles(X, self.joints_, absent="refuse", error=ModelError)
-            else:
-                poses = validate_data(self, X, dtype=np.float64, reset=False)
-        except ModelError:
-            raise
+        foreign = not set(self.joints_) <= set(COLUMNS)
+        if not foreign or (named_columns(X) is not None and not isinstance(X, pd.DataFrame)):
+            return self._value(self._poses(X)[0], DEFAULT_FACTORS)
+        try:  # as scikit-learn's own estimators
+            poses = validate_data(self, X, dtype=np.float64, reset=False)
         except ValueError as error:
             raise ModelError(" ".join(str(error).split())) from error
-        check_angles(poses, self.joints_, complete=True, error=ModelError)
-        warn_if_radians(poses, self.joints_)
         return self._value(poses, DEFAULT_FACTORS)
 
-    def value(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Any:
+    def value(self, angles: Any, **factors: Unpack[TaskFactorArguments]) -> Any:
         """Return the surrogate score: (n,) for angles (n, d), a float for (d,).
 
         Args:
@@ -140,29 +144,28 @@ class Surrogate(RegressorMixin, BaseEstimator):
             RadiansWarning: all angles of ten poses or more are so small that they look like radians.
         """
         poses, single = self._poses(angles)
-        warn_if_radians(poses, self.joints_)
         value = self._value(poses, TaskFactors.checked(factors, len(poses)))
         return float(value[0]) if single else value
 
-    def gradient(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Array:
+    def gradient(self, angles: Any, **factors: Unpack[TaskFactorArguments]) -> Array:
         """Return the gradient [1/deg]: (n, d), or (d,) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
         gradient = self._value_gradient(poses, TaskFactors.checked(factors, len(poses)))[1]
         return gradient[0] if single else gradient
 
-    def value_and_gradient(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> tuple[Any, Array]:
+    def value_and_gradient(self, angles: Any, **factors: Unpack[TaskFactorArguments]) -> tuple[Any, Array]:
         """Return value and gradient [1/deg] of one pass, for optimisers. Arguments as in `value`."""
         poses, single = self._poses(angles)
         value, gradient = self._value_gradient(poses, TaskFactors.checked(factors, len(poses)))
         return (float(value[0]), gradient[0]) if single else (value, gradient)
 
-    def hessian(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Array:
+    def hessian(self, angles: Any, **factors: Unpack[TaskFactorArguments]) -> Array:
         """Return the Hessian [1/deg^2]: (n, d, d), or (d, d) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
         hessian = self._hessian(poses, TaskFactors.checked(factors, len(poses)))
         return hessian[0] if single else hessian
 
-    def gauss_newton(self, angles: ArrayLike, **factors: Unpack[TaskFactorArguments]) -> Array:
+    def gauss_newton(self, angles: Any, **factors: Unpack[TaskFactorArguments]) -> Array:
         """Return the factor J of the Hessian ~ J^T J: (n, k, d), or (k, d) for one pose. Arguments as in `value`.
 
         Raises:
@@ -241,24 +244,29 @@ class Surrogate(RegressorMixin, BaseEstimator):
         rmse = {str(score): round(error.rmse, 4) for score, error in evaluation.classes.items()}
         self.about_ = ModelInfo({}, rmse, {**self.about_.provenance, "rmse_on": "the poses of the fit"})
 
-    def _poses(self, angles: ArrayLike) -> tuple[Array, bool]:
+    def _poses(self, angles: Any) -> tuple[Array, bool]:
         """Return checked angles (n, d) [deg] and whether they are a single pose (d,)."""
         if not hasattr(self, "joints_"):
             check_is_fitted(self, "joints_")
-        poses, single = read_angles(angles, self.joints_, absent="refuse", error=ModelError)
-        check_angles(poses, self.joints_, complete=True, error=ModelError)
-        return poses, single
+        return checked_poses(angles, self.joints_, absent="refuse", error=ModelError, stacklevel=5)
+
+    def _set_joints(self, joints: tuple[str, ...]) -> None:
+        """Set the column names, and scikit-learn's attributes of the same."""
+        self.joints_, self.n_features_in_ = joints, len(joints)
+        if joints != unnamed_joints(len(joints)):
+            self.feature_names_in_ = np.array(joints, object)
 
     def _named(self, X: Any) -> Any:
         """Return poses to learn from, of named data those of the parameter `joints` as a table in its order."""
-        joints = self.get_params(deep=False).get("joints")
-        if joints is None and isinstance(X, pd.DataFrame):
-            return X
         named = named_columns(X)
         if named is None:
+            refuse_doubtful_order(X, ModelError)
             return X
-        names = [name for name in named if name in COLUMNS] if joints is None else list(joints)
-        angles, _ = read_angles(named, names, absent="refuse", error=ModelError)
+        joints = self.get_params(deep=False).get("joints")
+        names = list(angle_columns(named, ModelError) if joints is None else joints)
+        if not names and isinstance(X, pd.DataFrame):
+            return X
+        angles, _ = read_angles(named, names or list(named), absent="refuse", error=ModelError)
         return pd.DataFrame(angles, columns=names)
 
     def _joints(self, columns: int) -> tuple[str, ...]:

@@ -15,10 +15,9 @@ from dreba.surrogates.validation import check_sample_count
 from reba.arrays import Array, Indices
 from reba.checks import COUNT, POSITIVE, Allowed
 from reba.method.rules import load_points
-from reba.posture.columns import ANGLES, BEST
+from reba.posture.columns import ANGLES, BEST, MIRRORED
 from reba.posture.factors import load_kg
 
-_SIGNED = ("trunk_side_bend", "trunk_twist", "neck_side_bend", "neck_twist")
 RIDGE: Final = 1e-9
 """Ridge of the normal equations as a share of their mean diagonal, which keeps them positive definite."""
 CHUNK: Final = 2048
@@ -211,7 +210,7 @@ def _profiles(joints: tuple[str, ...]) -> Indices:
     Left and right share weights, and so do both directions of side bends and twists of the trunk and neck.
     """
     names = {column: angle.name for angle in ANGLES for column in angle.columns}
-    keys = [f"{names[j]}{'' if names[j] in _SIGNED else sense}" for j in joints for sense in ("+", "-")]
+    keys = [f"{names[j]}{'' if names[j] in MIRRORED else sense}" for j in joints for sense in ("+", "-")]
     return np.asarray(np.unique(keys, return_inverse=True)[1])
 
 

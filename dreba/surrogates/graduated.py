@@ -111,8 +111,7 @@ class GraduatedModel(Surrogate):
             first.kind,  # type: ignore[arg-type]
             tuple(soft.ladder), soft.temperature, soft.updates, soft.seed, soft.joints,
         )  # fmt: skip
-        model.joints_ = soft.joints_
-        model.n_features_in_ = len(soft.joints_)
+        model._set_joints(soft.joints_)
         model._set_fitted(first, soft)
         model.about_ = soft.about_
         return model
@@ -123,8 +122,7 @@ class GraduatedModel(Surrogate):
             SoftModel(self.ladder, self.temperature, updates=self.updates, seed=self.seed, joints=self.joints_),
         )
         for part in parts:
-            part.joints_ = self.joints_
-            part.n_features_in_ = len(self.joints_)
+            part._set_joints(self.joints_)
             part._fit(poses, scores, weights, factors)
             part.about_ = ModelInfo()
         self._set_fitted(*parts)

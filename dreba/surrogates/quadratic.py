@@ -16,10 +16,7 @@ from dreba.surrogates.task_factors import OMEGA_LOAD, PAYLOADS, Payload, TaskFac
 from dreba.surrogates.validation import check_sample_count
 from reba.arrays import Array, Flags
 from reba.checks import NOT_NEGATIVE, POSITIVE, YES_NO, Allowed, one_of
-from reba.posture.columns import ANGLES, COLUMNS
-
-_SIGNED = ("trunk_side_bend", "trunk_twist", "neck_side_bend", "neck_twist")
-"""Angles of the trunk and neck that change sign in a mirror: a symmetric body has no linear term in them."""
+from reba.posture.columns import ANGLES, COLUMNS, MIRRORED
 
 
 @register
@@ -137,7 +134,8 @@ class QuadraticModel(Surrogate):
     def _free_features(self, poses: Array, groups: list[list[int]]) -> tuple[Array, Flags]:
         """Return features (n, 2g), angle and squared angle of each group, and which coefficients are >= 0."""
         linear = np.stack([poses[:, group].sum(axis=1) for group in groups], axis=1)
-        linear[:, [self.joints_[group[0]] in _SIGNED for group in groups]] = 0.0
+        # A symmetric body has no linear term in angles that change sign in a mirror.
+        linear[:, [self.joints_[group[0]] in MIRRORED for group in groups]] = 0.0
         squared = np.stack([(poses[:, group] ** 2).sum(axis=1) for group in groups], axis=1)
         bounded = np.repeat([False, self.curvature == "nonnegative"], len(groups))
         return np.hstack([linear, squared]), bounded

@@ -131,8 +131,7 @@ def _build(data: dict[str, Any]) -> Any:
     check_parameters(model.allowed, model.get_params(deep=False))
     if options.get("joints") not in (None, names):
         raise ModelError("option 'joints' does not agree with the names of the joints; the file is damaged")
-    model.joints_ = tuple(names)
-    model.n_features_in_ = len(names)
+    model._set_joints(tuple(names))
     model._restore(learned)
     if json.loads(as_json(model._payload())) != data["payload"]:
         raise ModelError("'payload' does not agree with the parameters; the file is damaged")

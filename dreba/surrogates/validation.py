@@ -39,6 +39,11 @@ def check_sample_count(n: int) -> None:
         raise ModelError(f"{n} sample is too few for a fit; expected 1000 or more poses")
 
 
+def unnamed_joints(columns: int) -> tuple[str, ...]:
+    """Return the names x0, x1 ... of d columns without names."""
+    return tuple(f"x{index}" for index in range(columns))
+
+
 def checked_joints(named: Any, columns: int, kind: str, any_columns: bool) -> tuple[str, ...]:
     """Return the names of d columns: `named`, or by default those of the posture table for d = 22, else x0, x1 ...
 
@@ -48,7 +53,7 @@ def checked_joints(named: Any, columns: int, kind: str, any_columns: bool) -> tu
         ModelError: another number of names, an unknown name, or one twice.
     """
     if named is None:
-        joints = COLUMNS if columns == len(COLUMNS) else tuple(f"x{index}" for index in range(columns))
+        joints = COLUMNS if columns == len(COLUMNS) else unnamed_joints(columns)
     elif isinstance(named, str) or not isinstance(named, Sequence | np.ndarray):
         raise ModelError(f"joints is {named!r}; expected column names such as ('trunk_flexion', 'neck_flexion')")
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -56,7 +57,7 @@ def _name(element: ET.Element, path: Path) -> str:
 
 
 def _once(names: list[str], tag: str, path: Path) -> None:
-    twice = next((name for at, name in enumerate(sorted(names)[1:]) if name == sorted(names)[at]), None)
+    twice = next((name for name, after in pairwise(sorted(names)) if name == after), None)
     if twice is not None:
         raise WorldError(f"{path}: {tag} {twice!r} is there twice, expected once; rename one of them")
 

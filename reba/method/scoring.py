@@ -103,7 +103,8 @@ def score_array(
 
     Args:
         angles: (n, 22) degrees in the order of `reba.COLUMNS`, or (22,) for one posture; NaN = not measured. Data with
-            column names, such as a DataFrame, are read by name, see `reba.angle_table`.
+            column names, such as a DataFrame, are read by name, see `reba.angle_table`; their other columns, those of
+            factors too, are not used.
         factors: a `Factors` record or a mapping of some of its fields; scalars or (n,) arrays.
         rules: a preset's name or a `Rules` record.
         missing: what stands for a score that unmeasured angles leave open: `UNKNOWN` ("range"), the score of the

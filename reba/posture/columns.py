@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+
+from reba.errors import PostureError, did_you_mean
 
 SIDES: tuple[str, str] = ("left", "right")
 
@@ -55,6 +58,8 @@ COLUMNS_OF: dict[str, tuple[str, ...]] = {angle.name: angle.columns for angle in
 """Columns of each angle name without a side."""
 BEST: dict[str, float] = {column: angle.best for angle in ANGLES for column in angle.columns}
 """[deg] The angle of the lowest part score of each column."""
+MIRRORED: tuple[str, ...] = tuple(a.name for a in ANGLES if not a.sided and not a.name.endswith("_flexion"))
+"""Angles that change sign in a mirror: side bends and twists of the trunk and neck."""
 GROUP_A: tuple[str, ...] = ("trunk", "neck", "legs")
 """Body parts of Table A, in the order of its indices."""
 GROUP_B: tuple[str, ...] = ("upper_arm", "lower_arm", "wrist")
@@ -73,3 +78,25 @@ PART_COLUMNS: dict[str, tuple[str, ...]] = {
     **{f"{part}_{side}": tuple(f"{name}_{side}" for name in PARTS[part]) for side in SIDES for part in GROUP_B},
 }
 """Column of a body part's score -> the angle columns that it depends on."""
+
+
+def columns_named(names: Iterable[str], error: type[ValueError] = PostureError) -> tuple[str, ...]:
+    """Return columns by their names in the order of `COLUMNS`; a name without a side stands for both.
+
+    Raises:
+        PostureError: a name is unknown, or there are none.
+
+    Example:
+        >>> columns_named(["knee_flexion", "trunk_flexion"])
+        ('trunk_flexion', 'knee_flexion_left', 'knee_flexion_right')
+    """
+    selected: set[str] = set()
+    for name in names:
+        columns = COLUMNS_OF.get(name, (name,))
+        if columns[0] not in INDEX:
+            near = did_you_mean(str(name), (*COLUMNS_OF, *COLUMNS))
+            raise error(f"column {name!r} is unknown{near}; expected names of reba.COLUMNS")
+        selected.update(columns)
+    if not selected:
+        raise error("no joint is named; expected columns such as trunk_flexion,knee_flexion")
+    return tuple(column for column in COLUMNS if column in selected)

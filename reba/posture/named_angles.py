@@ -7,16 +7,17 @@ same checks: numbers, finite, within the reach of a joint, and a warning where d
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
 import pandas as pd
 
 from reba.arrays import Array
-from reba.errors import PostureError, RadiansWarning, did_you_mean
+from reba.errors import PostureError, RadiansWarning, did_you_mean, join_names
 from reba.posture.columns import ANGLES, COLUMNS, COLUMNS_OF, INDEX, SIDES
 from reba.posture.factors import flag
+from reba.posture.named_data import named_columns, refuse_doubtful_order
 
 Absent = Literal["nan", "refuse"]
 LARGEST: Final = 360.0
@@ -40,6 +41,7 @@ _ELEVATION: Final = next(angle for angle in ANGLES if angle.name == "shoulder_el
 _TILE: Final = 1000  # rows looked at together
 _PLAIN: Final = (float, int, type(None))
 _FLOAT: Final = np.dtype(np.float64)
+_NO_NUMBERS: Final = {"b": "truth values", "c": "complex numbers", "m": "dates", "M": "dates"}
 
 
 def angle_table(
@@ -52,15 +54,17 @@ def angle_table(
     """Return angles as (n, d) float64 degrees, in the order of `columns`.
 
     Args:
-        data: by name: a DataFrame, a Series, a mapping, a list of mappings, a `PostureTable`, `Scores` or
-            `dreba.Poses`; a name without a side ("knee_flexion") stands for both. By position: anything else that
-            NumPy reads as (n, d), or (d,) for one pose.
+        data: by name: a DataFrame, a Series, a mapping, a structured array, a table of Arrow or Polars, a list of
+            mappings, a `PostureTable`, `Scores` or `dreba.Poses`; other columns are ignored, and a name without a side
+            ("knee_flexion") stands for both. By position: anything else that NumPy reads as (n, d), or (d,) for one
+            pose.
         columns: (d,) names.
         absent: "nan": a column that the data lack is not measured; "refuse": it is an error, and so is NaN.
         error: class of the errors.
 
     Raises:
-        PostureError: values that are no numbers, another shape, infinite or beyond 360 deg, or a misspelt name.
+        PostureError: values that are no numbers, another shape, infinite or beyond 360 deg, a misspelt name, a name
+            that stands twice, or labels in doubtful order.
 
     Warns:
         RadiansWarning: ten poses or more of angles so small that they look like radians.
@@ -69,16 +73,28 @@ def angle_table(
         >>> angle_table({"knee_flexion": [30.0, 90.0]}, ("knee_flexion_left", "knee_flexion_right")).tolist()
         [[30.0, 30.0], [90.0, 90.0]]
     """
-    angles, _ = read_angles(data, columns, absent=absent, error=error)
+    return checked_poses(data, columns, absent=absent, error=error)[0]
+
+
+def checked_poses(
+    data: Any,
+    columns: Sequence[str] = COLUMNS,
+    *,
+    absent: Absent = "nan",
+    error: type[ValueError] = PostureError,
+    stacklevel: int = 4,
+) -> tuple[Array, bool]:
+    """Return checked angles (n, d) and whether the data are a single pose; otherwise as `angle_table`."""
+    angles, single = read_angles(data, columns, absent=absent, error=error)
     check_angles(angles, columns, complete=absent == "refuse", error=error)
-    warn_if_radians(angles, columns)
-    return angles
+    warn_if_radians(angles, columns, stacklevel=stacklevel)
+    return angles, single
 
 
 def read_angles(
     data: Any, columns: Sequence[str], *, absent: Absent = "nan", error: type[ValueError] = PostureError
 ) -> tuple[Array, bool]:
-    """Return angles (n, d) before the checks of their size, and whether the data are a single pose; as `angle_table`.
+    """Return angles (n, d) before the checks of their size, and whether the data are a single pose; as `checked_poses`.
 
     An array of the right type and shape is not copied.
     """
@@ -95,40 +111,17 @@ def read_angles(
     return _by_name(named, columns, absent, error)
 
 
-def named_columns(data: Any) -> dict[str, Any] | None:
-    """Return the columns of named data, or None for data without names."""
-    if isinstance(data, pd.DataFrame):
-        if not any(isinstance(name, str) for name in data.columns):
-            return None
-        return {str(name): data[name] for name in data.columns}
-    if isinstance(data, pd.Series):
-        return {str(name): value for name, value in data.items()} if data.index.inferred_type == "string" else None
-    if isinstance(data, Mapping):  # also a sparse matrix by (row, column)
-        return dict(data) if all(isinstance(name, str) for name in data) else None
-    if isinstance(data, Sequence) and len(data) and all(isinstance(row, Mapping) for row in data):
-        return {str(name): [row.get(name) for row in data] for name in dict.fromkeys(n for row in data for n in row)}
-    if isinstance(angles := getattr(data, "angles", None), np.ndarray):  # Scores, Poses
-        return dict(zip(COLUMNS, angles.T, strict=True))
-    if isinstance(frame := getattr(data, "data", None), pd.DataFrame):  # PostureTable
-        return named_columns(frame)
-    return None
-
-
 def _by_position(data: Any, columns: Sequence[str], error: type[ValueError]) -> tuple[Array, bool]:
+    refuse_doubtful_order(data, error)
     try:
-        if isinstance(data, np.ma.MaskedArray):
-            data = np.where(np.ma.getmaskarray(data), np.nan, np.ma.getdata(data))
-        array = np.asarray(data)
-        if array.dtype.kind in "mMc":
-            raise TypeError("complex numbers" if array.dtype.kind == "c" else "dates")
-        angles = np.asarray(array, np.float64)
+        angles = np.asarray(_numeric(_unmasked(data)), np.float64)
     except (TypeError, ValueError, OverflowError) as cause:
         raise error(f"angles hold a value that is not a number ({cause}); expected degrees") from cause
     single = angles.ndim == 1
     if single:
         angles = angles[None]
     if angles.ndim != 2 or angles.shape[1] != len(columns):
-        order = "reba.COLUMNS" if tuple(columns) == COLUMNS else "joints_"
+        order = "reba.COLUMNS" if tuple(columns) == COLUMNS else join_names(list(columns), 3)
         raise error(
             f"angles have shape {np.shape(data)}; expected (n, {len(columns)}) or ({len(columns)},) degrees in the "
             f"order of {order}, or data with column names"
@@ -175,7 +168,19 @@ def _both(column: str) -> str:
     return name if side in SIDES else column
 
 
-def check_spelling(names: Mapping[str, Any], missing: Sequence[str], error: type[ValueError]) -> None:
+def angle_columns(named: Mapping[str, Any], error: type[ValueError] = PostureError) -> tuple[str, ...]:
+    """Return the columns that named data give, in the order of `COLUMNS`; none where no name is one of a posture.
+
+    Raises:
+        PostureError: a misspelt name.
+    """
+    given = tuple(c for c in COLUMNS if c in named or _both(c) in named or _RAISED_OF.get(c) in named)
+    if given:
+        check_spelling(named, [column for column in COLUMNS if column not in given], error)
+    return given
+
+
+def check_spelling(names: Iterable[str], missing: Sequence[str], error: type[ValueError]) -> None:
     """Refuse a name that no column has and that is nearly the name of a missing one."""
     known = {*COLUMNS, *COLUMNS_OF, *RAISED}
     for name in names if missing else ():
@@ -191,12 +196,25 @@ def column_numbers(name: str, values: Any, error: type[ValueError] = PostureErro
     try:
         if isinstance(values, list) and all(type(value) in _PLAIN for value in values):
             return np.array(values, np.float64)
-        series = values if isinstance(values, pd.Series) else pd.Series(np.atleast_1d(np.asarray(values)))
-        if series.dtype.kind in "mMc":
-            raise TypeError("complex numbers" if series.dtype.kind == "c" else "dates")
-        return pd.to_numeric(series).to_numpy(np.float64, na_value=np.nan)
+        series = values if isinstance(values, pd.Series) else pd.Series(np.atleast_1d(np.asarray(_unmasked(values))))
+        return pd.to_numeric(_numeric(series)).to_numpy(np.float64, na_value=np.nan)
     except (TypeError, ValueError, OverflowError) as cause:
         raise error(f"column {name} holds a value that is not a number ({cause}); expected {expected}") from cause
+
+
+def _unmasked(data: Any) -> Any:
+    """Return data with NaN in masked places."""
+    if isinstance(data, np.ma.MaskedArray):
+        return np.where(np.ma.getmaskarray(data), np.nan, np.ma.getdata(data))
+    return data
+
+
+def _numeric(data: Any) -> Any:
+    """Return data as an array or a Series; TypeError for what NumPy would turn into numbers that are no angles."""
+    array = data if isinstance(data, pd.Series) else np.asarray(data)
+    if array.dtype.kind in _NO_NUMBERS:
+        raise TypeError(_NO_NUMBERS[array.dtype.kind])
+    return array
 
 
 def check_angles(
@@ -275,5 +293,5 @@ def warn_if_radians(angles: Array, columns: Sequence[str] = COLUMNS, *, stacklev
     Warns:
         RadiansWarning: they do.
     """
-    if all(column in INDEX for column in columns) and look_like_radians(angles):
+    if look_like_radians(angles) and all(column in INDEX for column in columns):
         warnings.warn(RADIANS_TEXT, RadiansWarning, stacklevel=stacklevel)

@@ -20,10 +20,9 @@ from reba.posture.named_angles import (
     RAISED,
     check_angles,
     column_numbers,
-    named_columns,
     read_angles,
-    warn_if_radians,
 )
+from reba.posture.named_data import named_columns
 
 
 @dataclass(frozen=True)
@@ -95,6 +94,13 @@ class PostureTable:
     quality: Quality = field(default_factory=Quality)
     epoch: float = 0.0
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.data, pd.DataFrame) or "time" not in self.data:
+            raise PostureError(
+                f"data of a posture table is a {type(self.data).__name__} without time; expected a DataFrame with the "
+                "columns time [s] and angles [deg] by name"
+            )
+
 
 def table_of(data: Any) -> PostureTable:
     """Return named data as a posture table.
@@ -106,9 +112,6 @@ def table_of(data: Any) -> PostureTable:
     Raises:
         PostureError: no column is known, one stands twice, is not a number or holds an angle that no body has, or time
             does not increase.
-
-    Warns:
-        RadiansWarning: the angles look like radians.
     """
     frame = _frame(data)
     known = {"time", *COLUMNS, *COLUMNS_OF, *FACTORS, *BOTH_SIDES, *RAISED}
@@ -138,7 +141,6 @@ def table_of(data: Any) -> PostureTable:
     table = dataclasses.replace(table, quality=dataclasses.replace(table.quality, warnings=tuple(wrong)))
     angles = angles_of(table.data)
     check_angles(angles)
-    warn_if_radians(angles, stacklevel=5)
     empty = np.isnan(angles).all(axis=0)
     return dataclasses.replace(table, unmeasured=tuple(np.array(COLUMNS)[empty].tolist()))
 

@@ -128,6 +128,12 @@ def test_files_that_name_a_shipped_domain_without_its_bins_are_read() -> None:
 
 
 def test_only_some_columns_move() -> None:
+    with pytest.raises(dreba.DomainError) as error:
+        dreba.domain_of("human").only(["trunk_flexoin"])
+    says(error, "'trunk_flexoin'", "did you mean 'trunk_flexion'")
+    assert dreba.domain_of("human").only(["knee_flexion"]).columns == ("knee_flexion_left", "knee_flexion_right")
+    held = dreba.domain_of("human").hold(knee_flexion=3.0)
+    assert held.limits["knee_flexion_left"] == held.limits["knee_flexion_right"] == (3.0, 3.0)
     legs = dreba.domain_of("human").only(["knee_flexion_left", "trunk_flexion"])
     assert legs.columns == ("trunk_flexion", "knee_flexion_left")
     assert legs.limits["lower_arm_flexion_left"] == (80.0, 80.0)

@@ -64,7 +64,7 @@ def open_table(path: Path, rate: float | None = None) -> Recording:
     except OSError as error:
         raise ReadError(path, error.strerror or str(error), hint="give an existing, readable file") from error
     if head.startswith(PARQUET):
-        return _recording(path, "parquet", read_parquet(path), log, rate)
+        return _recording(path, "parquet", read_parquet(path, log), log, rate)
     if is_vicon(head.removeprefix(b"\xef\xbb\xbf").decode("latin-1").lstrip().partition("\n")[0]):
         return open_vicon(path, log)
     return _recording(path, "csv", read_csv(path, log), log, rate)

@@ -6,7 +6,7 @@ import csv
 import io
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 from reba.cells import text_of, texts_of
 from reba.errors import ReadError
 from reba.open_file import open_regular
+from reba.posture.columns import COLUMNS
+from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.text import decode, file_bytes
 from reba.readers.recording.stream import ReadLog, Topic, clip, unique_names
 
@@ -83,7 +85,7 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
     return TableFile(frame.reset_index(drop=True), lambda row: f"line {lines[row]}")
 
 
-def read_parquet(path: Path) -> TableFile:
+def read_parquet(path: Path, log: ReadLog) -> TableFile:
     """Read a Parquet file; columns of lists or records are left out."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -104,6 +106,7 @@ def read_parquet(path: Path) -> TableFile:
     # Text that is not UTF-8 passes the reading and fails much later.
     attempt(lambda: table.validate(full=True))
     frame = attempt(lambda: table.to_pandas(ignore_metadata=True))
+    frame.columns = list(_distinct(path, [str(name) for name in frame.columns], log))
     for name in [name for name in frame.columns if frame[name].dtype == "category"]:
         frame[name] = frame[name].astype(object)
     left_out = tuple(
@@ -139,6 +142,14 @@ def _names(path: Path, header: str, separator: str, line: int, log: ReadLog) -> 
         raise ReadError(
             path, f"line {line} has numbers, expected column names", hint="write the column names in the first line"
         )
+    return _distinct(path, names, log)
+
+
+def _distinct(path: Path, names: Sequence[str], log: ReadLog) -> tuple[str, ...]:
+    """Return names without repetition; an angle or a factor that stands twice is refused: one of them is wrong."""
+    for name in (*COLUMNS, *FACTORS, *BOTH_SIDES):
+        if (times := names.count(name)) > 1:
+            raise ReadError(path, f"column {name!r} stands {times} times", hint="keep one of them")
     return unique_names(names, log)
 
 

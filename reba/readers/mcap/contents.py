@@ -250,9 +250,10 @@ class Contents:
 
     def _kept(self, pieces: list[Piece]) -> list[Piece] | None:
         """Return the pieces if values are still kept, else None; beyond `KEPT_BYTES` none are."""
+        if self._kept_bytes > KEPT_BYTES:
+            return None
         self._kept_bytes += sum(piece.values.nbytes + 3 * piece.log.nbytes for piece in pieces)
         if self._kept_bytes <= KEPT_BYTES:
             return pieces
-        if any(place.pieces for place in self._places.values()):
-            self._places = {key: replace(place, pieces=None) for key, place in self._places.items()}
+        self._places = {key: replace(place, pieces=None) for key, place in self._places.items()}
         return None

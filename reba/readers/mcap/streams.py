@@ -79,9 +79,10 @@ def stream_header(parts: Sequence[DecodableChannel], kind: Kind, contents: Conte
             present.setdefault(signal, Presence())
     spans = {signal: united(one.intervals) for signal, one in present.items()}
     signals, warnings = _chosen(spans, present)
-    intervals: dict[str, list[Interval]] = {}
+    spans_by_name: dict[str, list[Interval]] = {}
     for name, parent in signals:
-        intervals[name] = united([*intervals.get(name, []), *spans[name, parent]])
+        spans_by_name.setdefault(name, []).extend(spans[name, parent])
+    intervals = {name: united(all_spans) for name, all_spans in spans_by_name.items()}
     messages: Counter[str] = Counter()
     for name, parent in signals:
         messages[name] += present[name, parent].messages
@@ -99,20 +100,27 @@ def _chosen(
     """Return the signals that are read, and warnings: at most `MOST_SIGNALS`, and one parent of a frame at a time."""
     chosen: dict[str, list[str]] = {}
     warnings = []
-    for name, parent in spans:
+    named = list(spans)
+    if len(named) > MOST_SIGNALS:
+        frequent = {*sorted(named, key=lambda signal: -present[signal].messages)[:MOST_SIGNALS]}
+        named = [signal for signal in named if signal in frequent]
+        warnings.append(f"more than {MOST_SIGNALS} signals; the others are left out")
+    for name, parent in named:
         others = chosen.setdefault(name, [])
-        rival = next((other for other in others if at_once(spans[name, parent], spans[name, other]) > TOGETHER), None)
+        mine = spans[name, parent]
+        rival = next((other for other in others if _meet(mine, spans[name, other])), None)
         if rival is None and not (others and not spans[name, parent]):
             others.append(parent)
         else:
             first = others[0] if rival is None else rival
             warnings.append(f"frame {name!r} has the parents {first!r} and {parent!r} at once; the first is used")
-    signals = [(name, parent) for name, parents in chosen.items() for parent in parents]
-    if len(signals) > MOST_SIGNALS:
-        frequent = sorted(signals, key=lambda signal: -present[signal].messages)[:MOST_SIGNALS]
-        signals = [signal for signal in signals if signal in set(frequent)]
-        warnings.append(f"more than {MOST_SIGNALS} signals; the others are left out")
-    return tuple(signals), tuple(warnings)
+    return tuple((name, parent) for name, parents in chosen.items() for parent in parents), tuple(warnings)
+
+
+def _meet(one: Sequence[Interval], other: Sequence[Interval]) -> bool:
+    """Return whether two parents of a frame are there at once for longer than a hand-over takes."""
+    separate = not one or not other or one[-1][1] <= other[0][0] or other[-1][1] <= one[0][0]
+    return not separate and at_once(one, other) > TOGETHER
 
 
 class McapBlockDecoder:

@@ -75,6 +75,17 @@ def test_tasks_and_starts_repeat_with_their_seed() -> None:
         assert np.array_equal(found, reach.starts(kind, 10, 1))
 
 
+def test_models_of_all_columns_in_another_order_solve_the_same_tasks() -> None:
+    poses = dreba.sample(300, rng=1)
+    model, other = (
+        dreba.QuadraticModel(joints=joints).fit(poses, poses.reba) for joints in (None, tuple(reversed(reba.COLUMNS)))
+    )
+    (one,), (two,) = reach.method_of(model).objectives, reach.method_of(other).objectives
+    for pose in poses.angles[:5]:
+        assert two(pose)[0] == pytest.approx(one(pose)[0], abs=1e-6)
+        assert two(pose)[1] == pytest.approx(one(pose)[1], abs=1e-6)
+
+
 def test_graduated_solves_tasks_better_than_a_sharp_cost_alone() -> None:
     given = reach.tasks(4, 5)
     starts = reach.starts("random", 4, 5).reshape(4, 1, 22)

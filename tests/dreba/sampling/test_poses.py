@@ -12,8 +12,7 @@ import dreba
 import reba
 from dreba.domain import Domain
 from dreba.sampling.classes import true_scores
-from dreba.sampling.poses import columns_named
-from reba.posture.columns import BEST, COLUMNS, INDEX
+from reba.posture.columns import BEST, COLUMNS, INDEX, columns_named
 from tests.support.paths import RECORDINGS
 from tests.support.says import says
 
@@ -183,3 +182,7 @@ def test_recordings_become_poses(tmp_path: Path) -> None:
     with pytest.raises(dreba.SampleError) as error:
         dreba.read_poses(tmp_path / "part.csv")
     says(error, "wrist_twist_left", "joints", "hold")
+    data.rename(columns={"wrist_twist_left": "wrist_twst_left"}).to_csv(tmp_path / "near.csv", index=False)
+    with pytest.raises(dreba.SampleError) as error:
+        dreba.read_poses(tmp_path / "near.csv")
+    says(error, "'wrist_twst_left'", "did you mean 'wrist_twist_left'")

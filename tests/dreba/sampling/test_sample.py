@@ -192,3 +192,12 @@ def test_wrong_types_are_refused_in_one_line(arguments: dict[str, object]) -> No
 def test_shared_factors_are_kept_in_the_provenance() -> None:
     poses = dreba.sample(20, [5], factors=reba.Factors(load=7.0), rng=1)
     assert poses.provenance["shared_factors"]["load"] == 7.0
+
+
+def test_domains_in_radians_are_told() -> None:
+    human = dreba.domain_of("human")
+    small = {column: (low / 57.3, high / 57.3) for column, (low, high) in human.limits.items()}
+    domain = dataclasses.replace(human, limits=small).hold(lower_arm_flexion=80.0)
+    with pytest.warns(reba.RadiansWarning, match="degrees") as caught:
+        dreba.sample(20, [1], domain=domain, rng=1)
+    assert [warning.filename for warning in caught] == [__file__]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import dreba
+import reba
 from lgp.path.ergonomics import Ergonomics
 from tests.support.lgp_worlds import human_world
 
@@ -28,6 +29,19 @@ def test_the_ergonomic_hessian_has_convex_blocks(kind: str, sums: bool) -> None:
         step[column] = 1e-6
         difference = (cost.value(q + step, np.zeros(6)) - cost.value(q - step, np.zeros(6))) / 2e-6
         assert gradient[:, at] == pytest.approx(difference, abs=1e-3 * max(1.0, np.abs(gradient).max()))
+
+
+def test_the_order_of_the_joints_of_a_model_changes_nothing() -> None:
+    world = human_world("solved")
+    poses = dreba.sample(300, rng=1)
+    q = np.tile(world.initial_configuration, (6, 1))
+    joints = tuple(reversed(reba.COLUMNS))
+    models = (dreba.ConvexModel(joints=names).fit(poses, poses.reba) for names in (None, joints))
+    one, other = (Ergonomics(world, model) for model in models)
+    q[:, one.columns] += 0.1 * np.random.default_rng(1).normal(size=(6, len(one.columns)))
+    assert other.value(q, np.zeros(6)) == pytest.approx(one.value(q, np.zeros(6)), abs=1e-6)
+    assert other.lower_bound == pytest.approx(one.lower_bound, abs=1e-6)
+    assert other.quadratic_model(q, np.zeros(6))[1] == pytest.approx(one.quadratic_model(q, np.zeros(6))[1], abs=1e-5)
 
 
 def test_the_hessian_of_a_sum_holds_the_curvature_of_the_angles() -> None:

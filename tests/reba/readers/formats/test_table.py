@@ -6,6 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.csv as arrow_csv
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -164,6 +167,24 @@ def test_what_is_odd_is_noted(tmp_path: Path) -> None:
     assert recording.streams[0].names == ("knee", "größe")
     assert np.isnan(next(recording.streams[0].blocks()).values[1, 0])
     assert len(recording.log.warnings) == 2
+
+
+@pytest.mark.parametrize("name", ["twice.csv", "twice.parquet"])
+def test_an_angle_or_a_factor_that_stands_twice_is_refused(tmp_path: Path, name: str) -> None:
+    def write(columns: list[str]) -> None:
+        data = pa.table([[0.0, 1.0]] * len(columns), names=columns)
+        if name.endswith(".csv"):
+            arrow_csv.write_csv(data, tmp_path / name)
+        else:
+            pq.write_table(data, tmp_path / name)
+
+    for column in ("neck_twist", "load", "coupling"):
+        write(["time", "neck_twist", "load", "coupling", column])
+        with pytest.raises(ReadError) as error:
+            open_table(tmp_path / name)
+        says(error, repr(column), "2 times", "keep one")
+    write(["time", "neck_twist", "speed", "speed"])
+    assert open_table(tmp_path / name).streams[0].names == ("neck_twist",)
 
 
 def test_a_truncated_last_line_is_left_out(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import textwrap
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import pytest
 from reba.errors import ReadError
 from reba.readers.mcap import open_mcap
 from reba.readers.mcap.contents import KEPT_BYTES
-from reba.readers.mcap.merge import HOLD
+from reba.readers.mcap.merge import HOLD, MOST_SIGNALS
 from reba.readers.recording.stream import Block, ReadLog, Recording
 from tests.support import hostile_mcap as hostile
 from tests.support import mcap_builder as make
@@ -142,6 +143,18 @@ def test_a_frame_may_change_its_parent_but_not_have_two_at_once(tmp_path: Path, 
         assert block.parents == ("a", "b")
         assert not log.warnings or "held" in log.warnings[0]
         np.testing.assert_array_equal(np.isfinite(block.values[:, 1, 6]), np.arange(300) >= 200)
+
+
+@pytest.mark.slow
+def test_a_parent_that_is_renamed_with_every_message_is_read_in_time(tmp_path: Path) -> None:
+    pose = [0.0, 0, 0, 0, 0, 0, 1]
+    stamps = [EPOCH_NS + at * 2_000_000_000 for at in range(5000)]
+    rows = [(1, stamp, tf_message(transform(stamp, f"p{stamp}", "s", pose))) for stamp in stamps]
+    start = time.process_time()
+    opened = write(tmp_path / "tf.mcap", rows, c1=("/tf", TF))
+    assert time.process_time() - start < 15.0, "the time grows with the square of the number of names"
+    (stream,) = opened.streams
+    assert len(stream.names) == MOST_SIGNALS
 
 
 def test_a_quaternion_of_zeros_is_no_value(tmp_path: Path) -> None:
