@@ -32,6 +32,8 @@ CLOCKS_DIFFER: Final = 5_000_000_000
 """[ns] Stamps of two channels that differ by more at one log time are of clocks that were not set alike; a choice."""
 UNSTAMPED: Final = 0.1
 """Largest share of the messages of a channel without a usable stamp, for its stamps to be used; one always may be."""
+ABOUT_MOST: Final = 0.9
+"""Share of the messages of the largest channel from which on an earlier one decides in its place; a choice."""
 MESSAGES_PER_PASS: Final = 10
 """Stamps that run back more often than once in so many messages are no clock; a choice."""
 
@@ -59,24 +61,34 @@ def joined(parts: Sequence[Points]) -> Points:
     )
 
 
+MOST_POINTS: Final = 2048
+"""Points of a recording that is being written beyond which those of even advance are thinned."""
+
+
 class Trace:
-    """Times of all messages of one channel in the order of the file, without those that advance evenly."""
+    """Times of all messages of one channel in the order of the file, without those that advance evenly.
+
+    Attributes:
+        count: messages.
+        stamped: of these, those with a stamp.
+        jumped: number of the newest message that is uneven, -1 without one.
+    """
 
     def __init__(self) -> None:
         self.count = 0
         self.stamped = 0
+        self.jumped = -1
         self._parts: list[Points] = []
+        self._stored = 0
+        self._most = MOST_POINTS
         self._last: tuple[int, int] | None = None
+        self._last_is_zero = False
 
     def add(self, log: Nanoseconds, stamp: Nanoseconds) -> None:
         """Add (n,) log times and stamps [ns] of the next messages."""
         if not len(log):
             return
-        zero = stamp == 0
-        if zero.any():
-            # One 0 may be the time at which a simulator starts; repeated ones were never set.
-            alike = zero[1:] & zero[:-1]
-            stamp = np.where(np.append(alike, False) | np.insert(alike, 0, False), NO_STAMP, stamp)
+        stamp = self._without_zeros(stamp)
         there = stamp != NO_STAMP
         lag = np.where(there, stamp - log, 0)
         latest = np.maximum.accumulate(np.where(there, np.arange(len(log)), -1))
@@ -89,14 +101,43 @@ class Trace:
         # The earliest stamp is time 0 of the recording.
         keep[[0, -1, int(np.argmin(np.where(there, stamp, np.iinfo(np.int64).max)))]] = True
         self._parts.append(Points(self.count + np.flatnonzero(keep), log[keep], stamp[keep], jump[keep]))
+        self._stored += len(self._parts[-1].number)
         self._last = int(filled[-1]), int(log[-1])
+        if jump.any():
+            self.jumped = self.count + int(np.flatnonzero(jump)[-1])
         self.count += len(log)
         self.stamped += int(np.count_nonzero(there))
+
+    def _without_zeros(self, stamp: Nanoseconds) -> Nanoseconds:
+        """Return stamps without repeated zeros: one may be the time at which a simulator starts, more were not set."""
+        zero = np.concatenate([[self._last_is_zero], stamp == 0])
+        self._last_is_zero = bool(zero[-1])
+        if not zero.any():
+            return stamp
+        alike = zero[1:] & zero[:-1]
+        if alike[0] and self._parts[-1].stamp[-1] == 0:
+            self._parts[-1].stamp[-1] = NO_STAMP
+            self.stamped -= 1
+        return np.where(np.append(alike[1:], False) | alike, NO_STAMP, stamp)
 
     def points(self) -> Points:
         """Return the points of all messages so far."""
         none = np.zeros(0, np.int64)
         return joined(self._parts or [Points(none, none, none, none.astype(bool))])
+
+    def thin(self) -> None:
+        """Keep every second point of even advance if there are many: the memory of an endless recording stays flat."""
+        if self._stored <= self._most:
+            return
+        points = self.points()
+        keep = points.jump.copy()
+        keep[:-1] |= points.jump[1:]
+        keep[::2] = True
+        there = np.where(points.stamp != NO_STAMP, points.stamp, np.iinfo(np.int64).max)
+        keep[[0, -1, int(np.argmin(there))]] = True
+        self._parts = [points[keep]]
+        self._stored = len(self._parts[0].number)
+        self._most = max(MOST_POINTS, 2 * self._stored)
 
 
 @dataclass
@@ -293,15 +334,21 @@ class RecordingClock:
         self.source = ("publish_time" if published else "log_time") if self.why else "header.stamp"
         self.channels = clocks
         self.seams = _set_offsets([clock for clock in clocks if clock.by_stamp != bool(self.why)])
-        reference = max(clocks, key=lambda clock: (clock.by_stamp, clock.trace.count), default=None)
+        reference = _largest([clock for clock in clocks if clock.by_stamp] or clocks)
         for clock in clocks:
             if clock.by_stamp == bool(self.why) and reference is not None:
                 clock.line = reference.as_line()
 
 
+def _largest(clocks: Sequence[ChannelClock]) -> ChannelClock | None:
+    """Return the channel that decides: of those with about the most messages the first, whichever is ahead by a few."""
+    most = max((clock.trace.count for clock in clocks), default=0)
+    return next((clock for clock in clocks if clock.trace.count >= ABOUT_MOST * most), None)
+
+
 def _difference(clocks: Sequence[ChannelClock]) -> float:
     """Return the largest median difference [ns] between the stamps of two channels at one log time."""
-    largest = max(clocks, key=lambda clock: clock.trace.count, default=None)
+    largest = _largest(clocks)
     if largest is None or largest.restarts:
         return 0.0
     line = largest.as_line()
@@ -312,12 +359,14 @@ def _difference(clocks: Sequence[ChannelClock]) -> float:
 
 
 def _set_offsets(clocks: Sequence[ChannelClock]) -> tuple[int, ...]:
-    """Set the offsets of all passes; the channel with the most messages decides. Return the times of its restarts."""
-    if not clocks:
+    """Set the offsets of all passes; the largest channel decides. Return the times of its restarts."""
+    main = _largest(clocks)
+    if main is None:
         return ()
-    main, *others = sorted(clocks, key=lambda clock: -clock.trace.count)
     seams = _chain(main.passes)
-    for clock in others:
+    for clock in clocks:
+        if clock is main:
+            continue
         _chain(clock.passes)
         if len(clock.passes) == len(main.passes):
             pairs = list(zip(clock.passes, main.passes, strict=True))
