@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import replace
 
+import numpy as np
+
 from reba.errors import ProfileError
-from reba.readers.mcap.contents import Contents, Interval, at_once, united
+from reba.readers.mcap.contents import PAUSE, Contents, Interval, at_once, united
 from reba.readers.recognise import AT_ONCE, Match, alike, candidates_in, in_turn, may_concern
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import Recording
@@ -35,6 +38,8 @@ class FollowedBody:
         self._profile, self._topic = profile, topic
         self._mentioned: set[str] = set()
         self._alone = False
+        self._seen: Counter[str] = Counter()
+        self._last: dict[str, float] = {}
         self._note_ids([match])
 
     def concerns(self, name: str) -> bool:
@@ -43,18 +48,37 @@ class FollowedBody:
         frames = self.match.stream.kind == "frames" and name in {*self.match.stream.names, *self.match.stream.parents}
         return roots or frames or may_concern(self._profile, name)
 
+    def unsettled_since(self, contents: Contents) -> int | None:
+        """Return the log time [ns] from which on an id other than the current one is there (again), None without one.
+
+        The next messages show whether both are there at once.
+        """
+        spans = self._spans(contents)
+        starts = [first for label, (first, _) in spans.items() if label != self.current and first > self._seen[label]]
+        return min(starts, default=None)
+
     def overlap(self, contents: Contents) -> bool:
         """Return whether two ids that were taken for one body are now there at once."""
-        if self._alone or len(set(self.ids.values())) < 2:
-            return False
+        spans = list(self._spans(contents).values())
+        return any(
+            at_once([one], [other]) > AT_ONCE * 1e9 for at, one in enumerate(spans) for other in spans[at + 1 :]
+        )
+
+    def _spans(self, contents: Contents) -> dict[str, Interval]:
+        """Return id -> first and last log time [ns] of its newest presence; empty for a body with one id."""
+        if len(set(self.ids.values())) < 2:
+            return {}
         spans: dict[str, list[Interval]] = {}
         for groups in contents.presence.values():
             for signals, presence in groups.items():
-                body = self.ids.get(signals[0][0])
-                if body is not None and presence.intervals:
-                    spans.setdefault(body, []).append(presence.intervals[-1])
-        newest = [united(intervals) for intervals in spans.values()]
-        return any(at_once(one, other) > AT_ONCE * 1e9 for at, one in enumerate(newest) for other in newest[at + 1 :])
+                label = self.ids.get(signals[0][0])
+                if label is not None and presence.intervals:
+                    spans.setdefault(label, []).append(presence.intervals[-1])
+        return {label: united(intervals)[-1] for label, intervals in spans.items()}
+
+    def settle(self, contents: Contents) -> None:
+        """Take the ids that are there now as settled."""
+        self._seen.update({label: first for label, (first, _) in self._spans(contents).items()})
 
     def renew(self, recording: Recording) -> list[str]:
         """Find the signals of the body in the recording so far; return what is said of bodies beside it."""
@@ -78,6 +102,14 @@ class FollowedBody:
         new = [label for label in others if label not in self._mentioned]
         self._mentioned.update(new)
         return new
+
+    def follows(self, label: str, moment: float) -> bool:
+        """Note that an id is there at a time [s]; return whether the body has it from then on."""
+        before, self._last[label] = self._last.get(label, -np.inf), moment
+        if label == self.current or moment - before <= PAUSE / 1e9:
+            return False
+        self.current = label
+        return True
 
     def others(self) -> list[str]:
         """Return the bodies that were there beside it."""

@@ -168,7 +168,9 @@ class Follower:
         if body is not None:
             first = [log for (name, _), log in recording.appeared.items() if body.concerns(name)]
             self._since = min([self._since, *first])
-            if body.overlap(recording.contents):
+            if (since := body.unsettled_since(recording.contents)) is not None:
+                self._since = min(self._since, since)
+            elif body.overlap(recording.contents):
                 self._since = min(self._since, recording.newest_log - UNSETTLED)
         if recording.uneven:
             self._since = min(self._since, recording.uneven_since)
@@ -197,6 +199,7 @@ class Follower:
         body = self._body
         if body is not None and isinstance(self.converter, BodyFollower):
             recording = self._recording.recording()
+            body.settle(self._recording.contents)
             for other in body.renew(recording):
                 text = f"{other} is there at once with {body.current}, which is followed"
                 yield self._notice("second_body", f"{text}; to follow {other}, start again with --topic {other}")
@@ -286,11 +289,10 @@ class Follower:
         if body is None or self.converter is None or not self.converter.decoder.origins:
             return
         for moment, signal in sorted(self.converter.decoder.origins):
-            label = body.ids.get(signal, body.current)
-            if label != body.current:
-                text = f"{label} follows {body.current}, never both at once: one person from {moment:.2f} s on"
+            before, label = body.current, body.ids.get(signal, body.current)
+            if body.follows(label, moment):
+                text = f"{label} follows {before} at {moment:.2f} s, never both at once: one person"
                 self._cuts.append((moment, Notice("new_id", text, segment=True)))
-                body.current = label
         self.converter.decoder.origins.clear()
 
     def _split(self, several: Iterable[Frames], *, chunked: bool = False) -> Iterator[Frames | Notice]:

@@ -44,7 +44,8 @@ class LineClock:
     """Log times of lines, which have none of their own.
 
     They advance as the stamps do, so that a file can be piped at once. Where the stamps jump back, or ahead of the
-    time of arrival although lines arrive as fast as they are stamped, the log time goes on by the time of arrival.
+    time of arrival although lines arrive as fast as they are stamped, the log time goes on by the time of arrival, by
+    one period at least.
 
     >>> clock = LineClock()
     >>> arrivals = [(5, 90), (6, 91), (0, 94), (1, 95)]
@@ -55,7 +56,7 @@ class LineClock:
     def __init__(self) -> None:
         self._lines = 0
         self._first = (0, 0)
-        self._last = self._arrived = self._shift = self._before = 0
+        self._last = self._arrived = self._shift = self._before = self._period = 0
 
     def log_time(self, stamp: int, arrival: int) -> int:
         """Return the log time [ns] of a line with a stamp that arrives at a Unix time [ns]."""
@@ -69,7 +70,9 @@ class LineClock:
             if 0 <= stamp + self._before - self._last <= passed + RETURN:
                 self._shift, self._before = self._before, self._shift  # one damaged stamp lies between
             elif step < -JITTER or not at_once:
-                self._shift, self._before = self._last + passed - stamp, self._shift
+                self._shift, self._before = self._last + max(passed, self._period) - stamp, self._shift
+        else:
+            self._period = max(step, 0)
         self._lines += 1
         self._last, self._arrived = stamp + self._shift, arrival
         return self._last
