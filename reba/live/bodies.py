@@ -60,9 +60,7 @@ class FollowedBody:
     def overlap(self, contents: Contents) -> bool:
         """Return whether two ids that were taken for one body are now there at once."""
         spans = list(self._spans(contents).values())
-        return any(
-            at_once([one], [other]) > AT_ONCE * 1e9 for at, one in enumerate(spans) for other in spans[at + 1 :]
-        )
+        return any(at_once([one], [other]) > AT_ONCE * 1e9 for at, one in enumerate(spans) for other in spans[at + 1 :])
 
     def _spans(self, contents: Contents) -> dict[str, Interval]:
         """Return id -> first and last log time [ns] of its newest presence; empty for a body with one id."""

@@ -109,7 +109,7 @@ def _follow(follower: Follower, scorer: LiveScorer, latency: Latency, server: An
     stream = sys.stdout.buffer
     for frames in follower.follow(options.until_idle):
         if isinstance(frames, Notice):
-            _report_notice(frames, scorer, server, follower)
+            _report_notice(frames, scorer, server)
             continue
         if not scorer.frames:
             _report_stream(follower)
@@ -127,7 +127,7 @@ def _follow(follower: Follower, scorer: LiveScorer, latency: Latency, server: An
             server.publish(frames, records, scores, follower.epoch)
 
 
-def _report_notice(notice: Notice, scorer: LiveScorer, server: Any, follower: Follower) -> None:
+def _report_notice(notice: Notice, scorer: LiveScorer, server: Any) -> None:
     """Write a notice as a line of its own, and report it as text."""
     line = scorer.notice(notice)
     write_lines(sys.stdout.buffer, [line])
@@ -135,7 +135,7 @@ def _report_notice(notice: Notice, scorer: LiveScorer, server: Any, follower: Fo
     if line["alert"]["event"] is not None:
         _report("alert cleared: " + ("a new segment begins" if notice.segment else "no signal"))
     if server is not None:
-        server.publish_notice(line, follower.epoch)
+        server.publish_notice(line)
 
 
 def _report_stream(follower: Follower) -> None:
