@@ -22,6 +22,7 @@ class FollowedBody:
     """The body that is followed, under all ids that it has had.
 
     Args:
+        recording: the first seconds.
         match: as decided from the first seconds.
         topic: that the user gave; a body that was named so has one id.
 
@@ -31,9 +32,9 @@ class FollowedBody:
         current: id at the newest frame.
     """
 
-    def __init__(self, match: Match, profile: Profile, topic: str | None) -> None:
+    def __init__(self, recording: Recording, match: Match, profile: Profile, topic: str | None) -> None:
         self.match = match
-        self.current = match.label
+        self.current = match.ids[0] if match.ids else match.label
         self.ids: dict[str, str] = {}
         self._profile, self._topic = profile, topic
         self._mentioned: set[str] = set()
@@ -41,6 +42,7 @@ class FollowedBody:
         self._seen: Counter[str] = Counter()
         self._last: dict[str, float] = {}
         self._note_ids([match])
+        self.renew(recording)
 
     def concerns(self, name: str) -> bool:
         """Return whether a signal may be one of a body, its pelvis, or a frame that these hang on."""

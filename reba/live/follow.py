@@ -22,7 +22,7 @@ from reba.live.table_rows import TableFollower
 from reba.posture.factors import Factors, checked, expand_sides
 from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.mcap.growing import GrowingRecording
-from reba.readers.recognise import choose
+from reba.readers.recognise import NoMatch, SeveralBodies, choose
 from reba.readers.recording.profile import find_profile, profiles
 
 POLL_SECONDS: Final = 0.002
@@ -250,7 +250,8 @@ class Follower:
             self.converter = self._converter_for(final or many)
         except (NotEnoughData, ProfileError, ReadError) as error:
             self._attempts += 1
-            if final or self.source.ready or (type(error) is ProfileError and self._is_late()):
+            unclear = isinstance(error, ProfileError) and not isinstance(error, NoMatch) and self._is_late()
+            if final or self.source.ready or unclear or isinstance(error, SeveralBodies):
                 raise
             if not isinstance(error, NotEnoughData) and (self._is_late() or many):
                 if not self._waiting:
@@ -328,7 +329,8 @@ class Follower:
             converter = BodyFollower(
                 recording, match, match.profile, self.reading, self._checked, final, self._on_warning
             )
-            self._body = FollowedBody(match, match.profile, self.reading.topic)
+            self._body = FollowedBody(recording, match, match.profile, self.reading.topic)
+            self._body.settle(self._recording.contents)
         self.epoch = match.stream.epoch
         self.recognised = match.why
         return converter

@@ -113,7 +113,7 @@ def choose(recording: Recording, known: tuple[Profile, ...], topic: str | None =
         if one_person is not None:
             return one_person
         options = ", ".join(f"{match.label}{seconds_text(match)}" for match in same)
-        raise ProfileError(
+        raise SeveralBodies(
             f"{recording.path}: {len(ids)} bodies or streams fit profile {_name(best)}: {options}; "
             f"choose one with --topic, like --topic {next(iter(ids))}"
         )
@@ -125,6 +125,10 @@ def choose(recording: Recording, known: tuple[Profile, ...], topic: str | None =
             f"choose with --profile {_name(best)} or --profile {_name(other)}, or with --topic"
         )
     return best
+
+
+class SeveralBodies(ProfileError):
+    """The recording has several bodies, of which the user has to choose one."""
 
 
 class NoMatch(ProfileError):

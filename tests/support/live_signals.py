@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from reba.live.follow import Follower
@@ -37,20 +38,28 @@ def angles(time: float) -> list[float]:
 
 @dataclass(frozen=True)
 class Message:
-    """A message: seconds after the start at which it is logged and written, time in it [s], content."""
+    """A message: log time and time in it [s after the start], content."""
 
     log: float
     stamp: float
     topic: str
     payload: bytes
+    at: float | None = None
+
+    @property
+    def written(self) -> float:
+        """Seconds after the start at which it is written: the log time, unless `at` says another."""
+        return self.log if self.at is None else self.at
 
 
-def joints(log: float, stamp: float | None = None, prefix: str = "", names: Sequence[str] = NAMES) -> Message:
-    """Return a joint state of a body with a prefix; its stamp is the log time unless given."""
+def joints(
+    log: float, stamp: float | None = None, prefix: str = "", names: Sequence[str] = NAMES, epoch: int = START
+) -> Message:
+    """Return a joint state of a body with a prefix; its stamp is the log time unless given, after `epoch` [ns]."""
     stamp = log if stamp is None else stamp
     full = dict(zip(NAMES, angles(log), strict=True))
     values = np.array([full.get(name, 0.5) for name in names])
-    text = make.joint_state(START + round(stamp * 1e9), [prefix + name for name in names], values)
+    text = make.joint_state(epoch + round(stamp * 1e9), [prefix + name for name in names], values)
     return Message(log, stamp, "/joint_states", text)
 
 
@@ -136,12 +145,17 @@ class LiveRun:
 
 
 def run(
-    path: Path, messages: Sequence[Message], monkeypatch: pytest.MonkeyPatch, *, silent_end: float = 0.0
+    path: Path,
+    messages: Sequence[Message],
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    silent_end: float = 0.0,
+    chunked: bool = False,
 ) -> LiveRun:
     """Follow a file to which each message is written at its log time; it ends some time [s] after the last one."""
-    recorder = Recorder(path)
-    acts: list[tuple[float, Act]] = [(message.log, partial(recorder.write, message)) for message in messages]
-    acts.append((max(message.log for message in messages) + silent_end, recorder.finish))
+    recorder = Recorder(path, chunked=chunked)
+    acts: list[tuple[float, Act]] = [(message.written, partial(recorder.write, message)) for message in messages]
+    acts.append((max(message.written for message in messages) + silent_end, recorder.finish))
     try:
         return follow(open_growing(path, 0.0), acts, monkeypatch)
     finally:
@@ -173,10 +187,21 @@ def follow(
     return result
 
 
+def messages_of(path: Path, first: float, last: float) -> list[Message]:
+    """Return the messages of a recording that are logged between two times [s] after its start."""
+    result: list[Message] = []
+    start = 0
+    with path.open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages():
+            start = message.log_time if not result else start
+            result.append(Message((message.log_time - start) / 1e9, 0.0, channel.topic, message.data))
+    return [message for message in result if first <= message.log < last]
+
+
 def written(path: Path, messages: Sequence[Message]) -> Path:
     """Write the same messages to a file at once."""
     recorder = Recorder(path)
-    for message in sorted(messages, key=lambda message: message.log):
+    for message in sorted(messages, key=lambda message: message.written):
         recorder.write(message)
     recorder.finish()
     return path

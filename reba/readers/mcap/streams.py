@@ -146,7 +146,9 @@ class McapBlockDecoder:
             wanted = frozenset(name for name, _ in header.signals if renamed.get(name, name) in wanted)
         self._wanted = wanted
         signals = dict.fromkeys(
-            (renamed.get(name, name), parent) for name, parent in header.signals if wanted is None or name in wanted
+            (renamed.get(name, name), renamed.get(parent, parent))
+            for name, parent in header.signals
+            if wanted is None or name in wanted
         )
         self._merger = Merger(list(signals), log, frames=kind == "frames")
         self._decoders = {id(part): part.make(wanted) for part in self._parts}
@@ -202,7 +204,10 @@ class McapBlockDecoder:
             if self.origins is not None:
                 self.origins.append(((int(time.min()) - self._header.zero) / 1e9, piece.names[0]))
         if self._renamed:
-            piece = replace(piece, names=tuple(self._renamed.get(name, name) for name in piece.names))
+            names, parents = (
+                tuple(self._renamed.get(name, name) for name in texts) for texts in (piece.names, piece.parents)
+            )
+            piece = replace(piece, names=names, parents=parents)
         if piece.names:
             self._merger.add(np.asarray((time - self._header.zero) / 1e9), piece)
 
@@ -299,7 +304,10 @@ class StreamReader:
         counts = [part.container.counts[part.channel] for part in self._parts if not part.static]
         formats = dict.fromkeys(part.format for part in self._parts if not part.static)
         header, start = self._header, self._contents.start
-        signals = dict.fromkeys((self._renamed.get(signal, signal), parent) for signal, parent in header.signals)
+        renamed = self._renamed
+        signals = dict.fromkeys(
+            (renamed.get(signal, signal), renamed.get(parent, parent)) for signal, parent in header.signals
+        )
         return Stream(
             name,
             self._kind,

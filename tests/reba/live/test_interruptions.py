@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from mcap.writer import Writer
 import reba
 from reba.live.json_lines import LineStore
 from reba.live.sources import open_growing
+from tests.support.encode_motion import write_xsens_tf
 from tests.support.live_signals import (
     NAMES,
     ROBOT,
@@ -23,12 +25,14 @@ from tests.support.live_signals import (
     Recorder,
     follow,
     joints,
+    messages_of,
     run,
     ticks,
     transform,
     written,
 )
-from tests.support.live_sources import assert_same
+from tests.support.live_sources import assert_same, moving_body
+from tests.support.says import says
 
 pytestmark = pytest.mark.slow
 
@@ -81,7 +85,53 @@ def pausing() -> list[Message]:
     return [joints(at) for at in [*ticks(0, 5), *ticks(9, 14)]]
 
 
+def restarting_with_the_log_time() -> list[Message]:
+    messages = [joints(at) for at in ticks(0, 5)]
+    return messages + [replace(joints(at), at=at + 5) for at in ticks(0, 5)]
+
+
+def restarting_at_once() -> list[Message]:
+    return [joints(at, at if at < 1 else at - 1) for at in ticks(0, 8)]
+
+
+def slow_simulation() -> list[Message]:
+    return [joints(at, at / 3 if at < 12 else (at - 12) / 3) for at in ticks(0, 20)]
+
+
+def once_a_second() -> list[Message]:
+    return [joints(float(at), float(at if at < 20 else at - 18)) for at in range(40)]
+
+
+def restart_with_another_id() -> list[Message]:
+    return [joints(at, at if at < 6 else at - 6, prefix="a_" if at < 6 else "b_") for at in ticks(0, 12)]
+
+
+def new_id_at_once() -> list[Message]:
+    return [joints(at, prefix="a_" if at < 1 else "b_") for at in ticks(0, 6)]
+
+
+def two_publishers() -> list[Message]:
+    messages = []
+    for at in ticks(0, 12):
+        stamp = at if at < 6 else at - 5
+        messages += [joints(at, stamp, names=NAMES[:5]), joints(at + 0.003, stamp, names=NAMES[5:])]
+    return messages
+
+
+def simulator_that_starts_at_zero() -> list[Message]:
+    messages = [joints(at, max(at - 0.4, 0.0), epoch=0) for at in ticks(0, 8)]
+    return messages + [joints(at, at - 8, epoch=0) for at in ticks(8, 12)]
+
+
 SAME = {
+    "restart of the log time": (restarting_with_the_log_time(), ["restarted"]),
+    "restart in the first seconds": (restarting_at_once(), ["restarted"]),
+    "slow simulation": (slow_simulation(), ["restarted"]),
+    "one frame a second": (once_a_second(), ["restarted"]),
+    "restart with another id": (restart_with_another_id(), ["restarted", "new_id"]),
+    "new id in the first seconds": (new_id_at_once(), ["new_id"]),
+    "two publishers": (two_publishers(), ["restarted"]),
+    "clock from zero": (simulator_that_starts_at_zero(), ["restarted"]),
     "restart": (restarting(), ["restarted"]),
     "restarts with pelvis": (restarting_twice_with_pelvis(), ["restarted", "restarted"]),
     "restart after a pause": (restarting_after_a_pause(), ["silent", "restarted", "resumed"]),
@@ -114,6 +164,20 @@ def test_a_silent_signal_is_reported_within_two_seconds_and_ends_the_alert(
     before = [line for line in live.scores if line["time"] < 5]
     assert silent["alert"]["event"] == ("cleared" if before[-1]["alert"]["active"] else None)
     assert any(line["alert"]["active"] for line in before)
+
+
+def test_a_recorder_that_collects_chunks_is_silent_only_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    messages = [joints(at) for at in ticks(0, 16)]
+    live = run(tmp_path / "live.mcap", messages, monkeypatch, chunked=True)
+    as_batch(live, tmp_path / "whole.mcap", messages)
+    assert live.kinds in ([], ["silent", "resumed"])
+
+
+def test_two_bodies_from_the_start_are_a_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    messages = [joints(at + shift, prefix=prefix) for at in ticks(0, 9) for prefix, shift in (("a_", 0), ("b_", 0.001))]
+    with pytest.raises(reba.ProfileError) as error:
+        run(tmp_path / "live.mcap", messages, monkeypatch)
+    says(error, "2 bodies", "--topic")
 
 
 @pytest.mark.parametrize("silent_end", [0.0, 5.0])
@@ -225,6 +289,19 @@ def test_ids_with_a_pelvis_each_are_followed(tmp_path: Path, monkeypatch: pytest
     assert live.kinds == ["new_id"]
     as_batch(live, tmp_path / "whole.mcap", messages)
     assert live.scores[-1]["trunk"] is not None or live.scores[-1]["reba_low"] != live.scores[-1]["reba_high"]
+
+
+def test_a_tree_of_frames_with_another_id_is_the_same_body(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    motion, messages = moving_body(500), []
+    for model, first, last in (("one", 0, 5), ("two", 5, 10)):
+        write_xsens_tf(tmp_path / f"{model}.mcap", motion, model=model)
+        messages += messages_of(tmp_path / f"{model}.mcap", first, last)
+    write_xsens_tf(tmp_path / "whole.mcap", motion)
+    live = run(tmp_path / "live.mcap", messages, monkeypatch)
+    assert live.kinds == ["new_id"]
+    as_batch(live, tmp_path / "renewed.mcap", messages)
+    expected = reba.read(tmp_path / "whole.mcap").data
+    np.testing.assert_allclose(reba.read(tmp_path / "renewed.mcap").data, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("change", ["replaced", "cut", "removed"])
