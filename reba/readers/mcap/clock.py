@@ -100,6 +100,9 @@ class Trace:
         keep[:-1] |= jump[1:]
         # The earliest stamp is time 0 of the recording.
         keep[[0, -1, int(np.argmin(np.where(there, stamp, np.iinfo(np.int64).max)))]] = True
+        keep[np.flatnonzero(there)[[0, -1]] if there.any() else 0] = True
+        stamped_before = latest[np.flatnonzero(jump[1:])]
+        keep[stamped_before[stamped_before >= 0]] = True
         self._parts.append(Points(self.count + np.flatnonzero(keep), log[keep], stamp[keep], jump[keep]))
         self._stored += len(self._parts[-1].number)
         self._last = int(filled[-1]), int(log[-1])
@@ -203,8 +206,9 @@ class ChannelClock:
         if not self.by_stamp:
             return log + offsets, 0
         usable = stamp != NO_STAMP
-        if (stamp == 0).any() and not any((one.stamp == 0).any() for one in self.passes):
-            usable &= stamp != 0
+        if (stamp == 0).any():
+            points = self.trace.points()
+            usable &= (stamp != 0) | np.isin(number, points.number[points.stamp == 0])
         if len(self.damaged):
             usable &= ~np.isin(number, self.damaged)
         result = np.where(usable, stamp, 0) + offsets

@@ -119,7 +119,7 @@ def two_publishers() -> list[Message]:
 
 
 def simulator_that_starts_at_zero() -> list[Message]:
-    messages = [joints(at, max(at - 0.4, 0.0), epoch=0) for at in ticks(0, 8)]
+    messages = [joints(at, max(at - 0.1, 0.0), epoch=0) for at in ticks(0, 8)]
     return messages + [joints(at, at - 8, epoch=0) for at in ticks(8, 12)]
 
 
