@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -36,6 +36,7 @@ class LiveScorer:
         self.max_low = self.max_high = 0
         self.first = self.last = float("nan")
         self.missing = 0.0
+        self.notices: Counter[str] = Counter()
         self._window = Window(window)
         self._totals = ExposureTotals()
         self._durations = FrameDurations()
@@ -104,6 +105,7 @@ class LiveScorer:
     def notice(self, notice: Notice) -> dict[str, Any]:
         """Return the line of a change of the signal; without a signal, and in a new segment, no alert is active."""
         event = None
+        self.notices[notice.kind] += 1
         if notice.segment or not notice.followed:
             event = self.alert.stop()
         if notice.segment:
@@ -134,6 +136,7 @@ class LiveScorer:
                 "max_low": self.max_low or None,
                 "max_high": self.max_high or None,
                 "exposure": self.exposure(missing),
+                "notices": dict(self.notices),
                 "alerts": {"score": self.alert.score, "hold": self.alert.hold, "raised": self.alert.raised},
             }
         )

@@ -53,12 +53,8 @@ class Points:
 
 def joined(parts: Sequence[Points]) -> Points:
     """Return the points of one or more parts."""
-    return Points(
-        np.concatenate([part.number for part in parts]),
-        np.concatenate([part.log for part in parts]),
-        np.concatenate([part.stamp for part in parts]),
-        np.concatenate([part.jump for part in parts]),
-    )
+    fields = ("number", "log", "stamp", "jump")
+    return Points(*(np.concatenate([getattr(part, name) for part in parts]) for name in fields))
 
 
 MOST_POINTS: Final = 2048
@@ -129,7 +125,7 @@ class Trace:
         return joined(self._parts or [Points(none, none, none, none.astype(bool))])
 
     def thin(self) -> None:
-        """Keep every second point of even advance if there are many: the memory of an endless recording stays flat."""
+        """Keep every second of many points of even advance: the memory of an endless recording stays flat."""
         if self._stored <= self._most:
             return
         points = self.points()
