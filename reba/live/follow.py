@@ -302,6 +302,7 @@ class Follower:
             last = self._watch.last
             cuts = sorted(self._cuts, key=lambda cut: cut[0])
             cuts += self._watch.gaps(frames.time, self._now(), chunked=chunked)
+            cuts += self._watch.columns(frames.time, frames.angles)
             self._cuts = [cut for cut in cuts if cut[0] > frames.time[-1]]
             start = 0
             for moment, notice in sorted(cuts, key=lambda cut: cut[0]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -11,6 +12,9 @@ from typing import Any, Final
 import numpy as np
 
 from reba.arrays import Array
+from reba.errors import join_names
+from reba.posture.columns import COLUMNS
+from reba.readers.mapping.joints import MOST_NAMES
 
 SILENT_SECONDS: Final = 1.5
 """[s] Without a frame after which a notice says so; a choice, within two seconds."""
@@ -59,6 +63,7 @@ KINDS: Final = {
     "second_body": "another body is there at once, and not followed",
     "appeared": "names that were not there before are used from here on",
     "not_used": "names that were not there before are not used",
+    "columns": "angles that were measured are not any more, or are again",
     "new_file": "the file was replaced, removed or cut",
 }
 """Kind of a notice -> meaning."""
@@ -78,6 +83,8 @@ class FrameWatch:
         self._arrived = 0.0
         self._steps: deque[float] = deque(maxlen=STEPS)
         self._delivery = 0.0
+        self._seen = np.full(len(COLUMNS), np.nan)
+        self._unseen = np.zeros(len(COLUMNS), bool)
 
     @property
     def limit(self) -> float:
@@ -108,6 +115,27 @@ class FrameWatch:
         usual = steps[(steps > 0) & (steps <= limit)]
         self._steps.extend(usual[-STEPS:].tolist())
         self.last, self.lost, self._arrived = float(time[-1]), "", now
+
+    def columns(self, time: Array, angles: Array) -> Iterator[tuple[float, Notice]]:
+        """Yield notices of columns of (n, 22) angles [deg] without a value for longer than the limit, or with one again."""
+        for rows in np.array_split(np.arange(len(time)), max(1, math.ceil((time[-1] - time[0]) / SILENT_SECONDS))):
+            if not len(rows):
+                continue
+            there = np.isfinite(angles[rows])
+            seen = np.where(there.any(axis=0), time[rows[-1] - np.argmax(there[::-1], axis=0)], self._seen)
+            now = float(time[rows[-1]])
+            with np.errstate(invalid="ignore"):
+                lost = now - seen > self.limit
+            self._seen = seen
+            for flags, text in (
+                (lost & ~self._unseen, "not measured since"),
+                (self._unseen & ~lost, "measured again at"),
+            ):
+                if flags.any():
+                    names = join_names([COLUMNS[at] for at in np.flatnonzero(flags)], MOST_NAMES)
+                    moment = float(seen[flags].max()) if text.startswith("not") else now
+                    yield now, Notice("columns", f"{text} {moment:.2f} s: {names}")
+            self._unseen = lost
 
     def silent_for(self, now: float) -> float:
         """Return how long no frame has arrived [s], 0.0 if that is no interruption."""

@@ -64,6 +64,7 @@ class TableFollower:
         present = dict.fromkeys(name for row in first[:1] for name in row if name in KNOWN)
         self._columns = ["time", *present]
         self._ignored: set[str] = set()
+        self.unmeasured: list[str] = []
         if first:
             for warning in table_of(pd.DataFrame(first[:1])).quality.warnings:
                 on_warning(warning)
@@ -152,6 +153,7 @@ class TableFollower:
         """Add angle columns that appear later; a factor must be in every row from the first one on."""
         new = [name for name in row if name in KNOWN and name not in self._columns]
         self._columns += [name for name in new if name in COLUMNS]
+        self.unmeasured = [column for column in self.unmeasured if column not in new]
         for name in new:
             if name not in COLUMNS and name not in self._ignored:
                 self._ignored.add(name)

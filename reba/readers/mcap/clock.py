@@ -67,13 +67,14 @@ class Trace:
     Attributes:
         count: messages.
         stamped: of these, those with a stamp.
-        jumped: number of the newest message that is uneven, -1 without one.
+        jumped: number of the newest message that may be a restart or damaged, -1 without one.
     """
 
     def __init__(self) -> None:
         self.count = 0
         self.stamped = 0
         self.jumped = -1
+        self._jumps = 0
         self._parts: list[Points] = []
         self._stored = 0
         self._most = MOST_POINTS
@@ -102,8 +103,10 @@ class Trace:
         self._parts.append(Points(self.count + np.flatnonzero(keep), log[keep], stamp[keep], jump[keep]))
         self._stored += len(self._parts[-1].number)
         self._last = int(filled[-1]), int(log[-1])
-        if jump.any():
-            self.jumped = self.count + int(np.flatnonzero(jump)[-1])
+        uneven = np.flatnonzero((steps > JITTER) | (np.diff(log, prepend=log_before) < -JITTER))
+        if len(uneven) and not self.erratic:
+            self._jumps += len(uneven)
+            self.jumped = self.count + int(uneven[-1])
         self.count += len(log)
         self.stamped += int(np.count_nonzero(there))
 
@@ -119,6 +122,11 @@ class Trace:
             self.stamped -= 1
         return np.where(np.append(alike[1:], False) | alike, NO_STAMP, stamp)
 
+    @property
+    def erratic(self) -> bool:
+        """Whether so many messages are uneven that none of them is news."""
+        return self._jumps > MOST_POINTS and self._jumps * MESSAGES_PER_PASS > self.count
+
     def points(self) -> Points:
         """Return the points of all messages so far."""
         none = np.zeros(0, np.int64)
@@ -129,8 +137,8 @@ class Trace:
         if self._stored <= self._most:
             return
         points = self.points()
-        keep = points.jump.copy()
-        keep[:-1] |= points.jump[1:]
+        keep = points.jump & (not self.erratic)
+        keep[:-1] |= keep[1:]
         keep[::2] = True
         there = np.where(points.stamp != NO_STAMP, points.stamp, np.iinfo(np.int64).max)
         keep[[0, -1, int(np.argmin(there))]] = True

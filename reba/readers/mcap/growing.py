@@ -12,7 +12,7 @@ from reba.errors import ReadError
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify
 from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.mcap.contents import Contents, Signal, Track
-from reba.readers.mcap.decode import Decoder
+from reba.readers.mcap.decode import Decoder, Piece
 from reba.readers.mcap.gather import recording_of
 from reba.readers.recording.stream import ReadLog, Recording
 
@@ -43,6 +43,7 @@ class GrowingRecording:
         self._presence_size = 0
         self._known: set[Signal] = set()
         self._settled: dict[int, int] = {}
+        self._static: dict[Signal, bytes] = {}
 
     def add(self, store: Store, segment: ChunkRef) -> None:
         """Take in a segment.
@@ -60,10 +61,26 @@ class GrowingRecording:
                 self._classify(store, number)
             if key in self._decoders:
                 part, decoder = self._decoders[key]
-                count = self.contents.take(part, segment, decoder)
-                self.uneven |= part.static and count > 0
+                pieces = self.contents.static.get((part.kind, part.group), [])
+                known = len(pieces)
+                self.contents.take(part, segment, decoder)
+                if part.static:
+                    pieces = self.contents.static[part.kind, part.group]
+                    pieces[known:] = [piece for piece in pieces[known:] if self._is_new(piece)]
+                    self.uneven |= len(pieces) > known
         self.uneven |= bool(self._uneven_tracks())
         self._find_new_signals()
+
+    def _is_new(self, piece: Piece) -> bool:
+        """Return whether a piece of static transforms says more than those before: many are sent again and again."""
+        width = piece.values.shape[1] // max(len(piece.names), 1)
+        new = {
+            signal: piece.values[-1, at * width : (at + 1) * width].tobytes()
+            for at, signal in enumerate(zip(piece.names, piece.parents, strict=True))
+        }
+        differs = any(self._static.get(signal) != value for signal, value in new.items())
+        self._static |= new
+        return differs
 
     def _classify(self, store: Store, number: int) -> None:
         key = (id(store), number)

@@ -304,6 +304,36 @@ def test_a_tree_of_frames_with_another_id_is_the_same_body(tmp_path: Path, monke
     np.testing.assert_allclose(reba.read(tmp_path / "renewed.mcap").data, expected, atol=1e-6)
 
 
+def test_joints_and_a_pelvis_that_stay_away_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wrists = [name for name in NAMES if "wrist" in name]
+    messages = []
+    for at in ticks(0, 16):
+        messages.append(joints(at, names=[name for name in NAMES if name not in wrists]))
+        if not 4 <= at < 8:
+            messages.append(joints(at, names=wrists))
+        if at < 10:
+            messages.append(transform(at + 0.001, "map", "middle_pelvis", 10.0))
+    live = run(tmp_path / "live.mcap", sorted(messages, key=lambda message: message.log), monkeypatch)
+    lost, again, pelvis = live.notices("columns")
+    assert "not measured since 4." in lost["notice"]["text"]
+    assert "wrist_flexion_left" in lost["notice"]["text"]
+    assert lost["at"] < 6.5
+    assert "measured again at 8." in again["notice"]["text"]
+    assert "trunk_flexion" in pelvis["notice"]["text"]
+    assert pelvis["at"] < 12.5
+    as_batch(live, tmp_path / "whole.mcap", messages)
+
+
+def test_a_static_transform_that_is_sent_again_delays_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    messages = leaning("odom")
+    for at in range(16):
+        messages.append(transform(at + 0.5, "map", "odom", 25.0, topic="/tf_static"))
+    live = run(tmp_path / "live.mcap", messages, monkeypatch)
+    delays = [at - line["time"] for line, at in zip(live.lines, live.at, strict=True) if line["time"] > 3]
+    assert max(delays) < 0.1
+    as_batch(live, tmp_path / "whole.mcap", messages)
+
+
 @pytest.mark.parametrize("change", ["replaced", "cut", "removed"])
 def test_the_next_file_under_the_name_is_followed(change: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, later = tmp_path / "live.mcap", tmp_path / "later.mcap"
