@@ -103,7 +103,7 @@ class Follower:
             try:
                 segment = self.source.grow()
             except SourceChanged as change:
-                yield from self._file_ended(str(change))
+                yield from self._file_ended(change.what)
                 if not self._has_next_file(last_data, until_idle):
                     break
                 continue

@@ -117,7 +117,7 @@ class FrameWatch:
         self.last, self.lost, self._arrived = float(time[-1]), "", now
 
     def columns(self, time: Array, angles: Array) -> Iterator[tuple[float, Notice]]:
-        """Yield notices of columns of (n, 22) angles [deg] without a value for longer than the limit, or with one again."""
+        """Yield notices of columns of (n, 22) angles [deg] without a value beyond the limit, and of their return."""
         for rows in np.array_split(np.arange(len(time)), max(1, math.ceil((time[-1] - time[0]) / SILENT_SECONDS))):
             if not len(rows):
                 continue

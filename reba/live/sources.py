@@ -29,7 +29,10 @@ def block_decoder(stream: Stream, names: Sequence[str] | None, log: ReadLog) -> 
     return stream.follow(log, names)
 
 
-class SourceChanged(Exception):
+AGAIN = "start again to follow what is there now"
+
+
+class SourceChanged(ReadError):
     """The file under the path is another one, or none any more: what was followed has ended."""
 
 
@@ -106,7 +109,7 @@ class GrowingMcap(Container):
             raise self._damaged(error) from error
         if len(self.segments) == known:
             if self._changed:
-                raise SourceChanged(self._changed)
+                raise SourceChanged(self.path, self._changed, hint=AGAIN)
             return None
         self._count_one(self.segments[-1])
         return self.segments[-1]
@@ -146,7 +149,9 @@ class GrowingMcap(Container):
         if self.source.refresh():
             self._ahead = (0, b"")
         if self.source.size < self._at:
-            raise SourceChanged(f"the file became shorter ({self.source.size} bytes, {self._at} were read)")
+            raise SourceChanged(
+                self.path, f"the file became shorter ({self.source.size} bytes, {self._at} were read)", hint=AGAIN
+            )
 
     def _check_tail(self) -> None:
         """Refuse a record that declares more bytes than a record may have, as it would never be complete."""
