@@ -117,7 +117,7 @@ class Follower:
                 break
             if self._pending and idle > IDLE:
                 yield from self._release()
-            yield from self._silence()
+            yield from self._silence(idle)
             self.source.wait(POLL_SECONDS)
         yield from self._finish()
 
@@ -146,10 +146,15 @@ class Follower:
             self.source.wait(POLL_SECONDS)
         return False
 
-    def _silence(self) -> Iterator[Notice]:
+    def _silence(self, idle: float) -> Iterator[Notice]:
+        """Yield a notice if no frame has arrived for too long; `idle`: time without any data [s]."""
         silence = self._watch.silent_for(self._now())
-        if silence and not self._watch.lost:
-            text = f"no frame for {silence:.1f} s: the newest score, of {self._watch.last:.2f} s, is out of date"
+        if not silence or self._watch.lost:
+            return
+        if idle < self._watch.limit:
+            yield self._left(silence)
+        else:
+            text = f"no data for {silence:.1f} s: the newest score, of {self._watch.last:.2f} s, is out of date"
             yield self._watch.lose("silent", text, silence)
 
     def _take(self, segment: ChunkRef) -> Iterator[Frames | Notice]:
@@ -201,7 +206,7 @@ class Follower:
             recording = self._recording.recording()
             body.settle(self._recording.contents)
             for other in body.renew(recording):
-                text = f"{other} is there at once with {body.current}, which is followed"
+                text = f"{other} is there beside {body.current}, which is followed"
                 yield self._notice("second_body", f"{text}; to follow {other}, start again with --topic {other}")
             for text in self.converter.renew(recording, body.match):
                 yield self._notice("appeared", f"{text} from here on")
@@ -224,12 +229,16 @@ class Follower:
         since = (self._recording.newest_log - self.converter.decoder.newest_log) / 1e9
         if self._watch.lost or self._watch.last is None or since <= self._watch.limit:
             return
+        yield self._left(since)
+
+    def _left(self, since: float) -> Notice:
+        """Return the notice that the source goes on, but not with the body."""
         name = self._body.current if self._body is not None else self.recognised
         others = self._body.others() if self._body is not None else []
-        text = f"{name} is not there any more since {self._watch.last:.2f} s, other messages arrive"
+        text = f"no frame of {name} since {self._watch.last:.2f} s, other messages arrive"
         if others:
-            text += f"; {', '.join(others)} was there at once and is not followed: choose with --topic {others[0]}"
-        yield self._watch.lose("left", text, since)
+            text += f"; {', '.join(others)} was there beside it and is not followed: choose with --topic {others[0]}"
+        return self._watch.lose("left", text, since)
 
     def _has_enough(self) -> bool:
         """Return whether there are enough data for an attempt to decide."""

@@ -15,6 +15,7 @@ from reba.arrays import Array
 from reba.errors import join_names
 from reba.posture.columns import COLUMNS
 from reba.readers.mapping.joints import MOST_NAMES
+from reba.readers.quality_control import GAP, PERIODS
 
 SILENT_SECONDS: Final = 1.5
 """[s] Without a frame after which a notice says so; a choice, within two seconds."""
@@ -56,7 +57,7 @@ class Notice:
 KINDS: Final = {
     "waiting": "no profile fits what arrives so far",
     "silent": "the source sends nothing",
-    "left": "the source sends, but not of this body",
+    "left": "the source sends, but nothing of this body",
     "resumed": "frames go on",
     "restarted": "the clock of the source jumped",
     "new_id": "the body has another id",
@@ -102,12 +103,15 @@ class FrameWatch:
         before = time[0] if self.last is None else self.last
         steps = np.diff(time, prepend=before)
         limit = self.limit
-        for at in np.flatnonzero(steps > limit).tolist():
-            missing = max(float(steps[at]) - (median(self._steps) if self._steps else 0.0), 0.0)
+        period = median(self._steps) if self._steps else 0.0
+        gaps = steps > limit
+        gaps[0] |= bool(self.lost) and steps[0] > max(GAP, PERIODS * period)
+        for at in np.flatnonzero(gaps).tolist():
+            missing = max(float(steps[at]) - period, 0.0)
             start = float(time[at] - steps[at])
             text = f"frames go on at {time[at]:.2f} s: {missing:.1f} s after {start:.2f} s are missing"
             yield float(time[at]), Notice("resumed", text, start, missing=missing)
-        if self.lost and not steps[0] > limit:
+        if self.lost and not gaps[0]:
             yield float(time[0]), Notice("resumed", f"frames go on at {time[0]:.2f} s: none is missing", self.last)
             if self.lost == "silent" and chunked:
                 # A recorder that collects chunks is silent between two of them.

@@ -224,6 +224,15 @@ def test_a_body_that_leaves_is_reported_while_others_go_on(tmp_path: Path, monke
     assert live.summary["exposure"]["missing"] == pytest.approx(5.0, abs=0.1)
 
 
+def test_a_body_that_leaves_as_others_come_is_not_a_silent_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    messages = [joints(at) for at in ticks(0, 4)] + [joints(at, names=ROBOT) for at in ticks(4, 9)]
+    live = run(tmp_path / "live.mcap", messages, monkeypatch)
+    assert live.kinds == ["left"]
+    assert live.summary["exposure"]["missing"] == pytest.approx(5.0, abs=0.1)
+
+
 def test_a_person_who_enters_late_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = [joints(at + 0.002, names=ROBOT) for at in ticks(0, 40)]
     person = [joints(at) for at in ticks(32, 40)]
