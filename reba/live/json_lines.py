@@ -20,12 +20,12 @@ import numpy as np
 
 from reba.errors import ReadError, did_you_mean
 from reba.posture.columns import COLUMNS
-from reba.readers.mcap.clock import JITTER
 from reba.readers.mcap.container import ChunkRef, Loaded
 from reba.readers.mcap.decode import load_json
 from reba.readers.mcap.extract import extract_angles, kind_of_json, stamp_of
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.records import Channel, Scan, Schema
+from reba.readers.mcap.trace import JITTER
 from reba.readers.recording.stream import clip
 
 NAME: Final = "standard input"

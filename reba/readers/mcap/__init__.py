@@ -14,10 +14,10 @@ from reba.errors import ReadError
 from reba.open_file import open_regular
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
-from reba.readers.mcap.clock import JITTER
 from reba.readers.mcap.container import Container, Store
 from reba.readers.mcap.contents import Contents
 from reba.readers.mcap.gather import recording_of
+from reba.readers.mcap.trace import JITTER
 from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording
 
 __all__ = ["MAX_CHUNK", "open_mcap", "sniff"]

@@ -16,9 +16,10 @@ import numpy as np
 
 from reba.errors import ReadError
 from reba.readers.mcap.channels import DecodableChannel, batch_of
-from reba.readers.mcap.clock import NO_STAMP, ChannelClock, RecordingClock, Trace
+from reba.readers.mcap.clock import ChannelClock, RecordingClock
 from reba.readers.mcap.container import ChunkRef, Container, Store
 from reba.readers.mcap.decode import Decoder, Piece
+from reba.readers.mcap.trace import NO_STAMP, Trace
 from reba.readers.recording.stream import Kind, ReadLog
 
 KEPT_BYTES: Final = 1 << 25

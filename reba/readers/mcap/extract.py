@@ -12,8 +12,8 @@ from typing import Any, Final
 
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import FACTORS
-from reba.readers.mcap.clock import NO_STAMP
 from reba.readers.mcap.layout import FieldSpan, Undecodable
+from reba.readers.mcap.trace import NO_STAMP
 from reba.readers.recording.stream import Kind
 
 Value = FieldSpan | float | None

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from reba.readers.mcap.channels import DecodableChannel, batch_of
-from reba.readers.mcap.clock import NO_STAMP, RecordingClock
+from reba.readers.mcap.clock import RecordingClock
 from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.mcap.contents import (
     TOGETHER,
@@ -31,6 +31,7 @@ from reba.readers.mcap.extract import row_stamp
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.merge import MOST_SIGNALS, Merger
 from reba.readers.mcap.records import LATEST
+from reba.readers.mcap.trace import NO_STAMP
 from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
 
 if TYPE_CHECKING:

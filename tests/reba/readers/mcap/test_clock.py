@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reba.readers.mcap.clock import MOST_POINTS, ChannelClock, Nanoseconds, Trace, channel_clock
+from reba.readers.mcap.clock import ChannelClock, channel_clock
+from reba.readers.mcap.trace import MOST_POINTS, Nanoseconds, Trace
 
 SECOND = 10**9
 LOG = 1_700_000_000 * SECOND + np.arange(600) * SECOND // 50
