@@ -18,6 +18,7 @@ from reba.interrupts import exit_code
 from reba.live.follow import Follower
 from reba.live.frames import ReadingOptions, neutral_until
 from reba.live.json_lines import LineStore
+from reba.live.notices import Notice
 from reba.live.output import Latency, write_lines
 from reba.live.session import Alert, LiveScorer, score_of_level
 from reba.live.sources import GrowingStore, open_growing
@@ -106,7 +107,10 @@ def run_live(source_name: str, options: LiveOptions) -> int:
 
 def _follow(follower: Follower, scorer: LiveScorer, latency: Latency, server: Any, options: LiveOptions) -> None:
     stream = sys.stdout.buffer
-    for frames in follower.frames(options.until_idle):
+    for frames in follower.follow(options.until_idle):
+        if isinstance(frames, Notice):
+            _report_notice(frames, scorer, server)
+            continue
         if not scorer.frames:
             _report_stream(follower)
         records, scores = scorer.add(frames)
@@ -123,6 +127,17 @@ def _follow(follower: Follower, scorer: LiveScorer, latency: Latency, server: An
             server.publish(frames, records, scores, follower.epoch)
 
 
+def _report_notice(notice: Notice, scorer: LiveScorer, server: Any) -> None:
+    """Write a notice as a line of its own, and report it as text."""
+    line = scorer.notice(notice)
+    write_lines(sys.stdout.buffer, [line])
+    _report(f"{notice.kind}: {notice.text}")
+    if line["alert"]["event"] is not None:
+        _report("alert cleared: " + ("a new segment begins" if notice.segment else "no signal"))
+    if server is not None:
+        server.publish_notice(line)
+
+
 def _report_stream(follower: Follower) -> None:
     """Report the recognised stream, unmeasured angles and assumptions."""
     _report(f"{follower.source.path}: {follower.recognised}")
@@ -136,7 +151,7 @@ def _report_stream(follower: Follower) -> None:
 def _write_summary(follower: Follower, scorer: LiveScorer, latency: Latency, code: int) -> None:
     """Write the summary as the last line, and report it as text."""
     converter = follower.converter
-    totals = scorer.summary()
+    totals = scorer.summary(follower.missing)
     skipped = follower.source.skipped + (converter.log.skipped if converter is not None else 0)
     late = converter.late if converter is not None else 0
     summary = {
@@ -155,7 +170,8 @@ def _write_summary(follower: Follower, scorer: LiveScorer, latency: Latency, cod
     mean = exposure["mean_low"]
     scores = "" if mean is None else f", REBA at least {mean:.2f} on average and {totals['max_low']} at most"
     end = "interrupted after" if code else "ended after"
-    _report(f"{end} {totals['frames']} frames ({exposure['seconds']:.1f} s){left_out}{scores}")
+    missing = f", {exposure['missing']:.1f} s missing" if exposure["missing"] >= SHORTEST_MISSING else ""
+    _report(f"{end} {totals['frames']} frames ({exposure['seconds']:.1f} s){missing}{left_out}{scores}")
 
 
 def _foxglove_server(port: int | None) -> Any:
@@ -172,6 +188,8 @@ def _report(text: str) -> None:
     echo(f"reba: {' '.join(text.split())}", err=True)
 
 
+SHORTEST_MISSING = 0.05
+"""[s] Missing time that the last message mentions: what its digits can show."""
 ALERT_SCORE = 8
 """Default score from which on an alert is raised: high risk, action necessary soon (Hignett & McAtamney 2000)."""
 FACTORS = ("load", "coupling", "support")

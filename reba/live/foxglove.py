@@ -1,14 +1,14 @@
 """WebSocket server of scores and a coloured skeleton for Foxglove and Lichtblick.
 
-Topics: `/ergonomics/reba`, the records as JSON with a schema, for plots and alerts; `/ergonomics/figure`, a
-`foxglove.SceneUpdate` in the frame `reba`, for the 3D panel.
+Topics: `/ergonomics/reba`, the records as JSON with a schema, for plots and alerts; `/ergonomics/notice`, what happens
+to the signal; `/ergonomics/figure`, a `foxglove.SceneUpdate` in the frame `reba`, for the 3D panel.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +17,7 @@ from reba.arrays import Array
 from reba.errors import RebaError
 from reba.extras import missing
 from reba.live.frames import Frames
+from reba.live.notices import KINDS
 from reba.live.output import encoder
 from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays
 from reba.method.tables import PART_MAXIMA
@@ -26,7 +27,7 @@ from reba.posture.skeleton import LENGTHS, LIMBS, joints
 from reba.provenance import MEMBER
 
 PORT: Final = 8765
-TOPICS: Final = {"scores": "/ergonomics/reba", "figure": "/ergonomics/figure"}
+TOPICS: Final = {"scores": "/ergonomics/reba", "notices": "/ergonomics/notice", "figure": "/ergonomics/figure"}
 FRAME: Final = "reba"
 """Name of the coordinate frame of the skeleton."""
 SCENE_PERIOD: Final = 1.0 / 30.0
@@ -54,6 +55,8 @@ class FoxgloveServer:
         context = self._context = foxglove.Context()
         schema = foxglove.Schema(name="reba.Live", encoding="jsonschema", data=encoder()(record_schema()))
         self._scores = foxglove.Channel(TOPICS["scores"], schema=schema, message_encoding="json", context=context)
+        schema = foxglove.Schema(name="reba.Notice", encoding="jsonschema", data=encoder()(notice_schema()))
+        self._notices = foxglove.Channel(TOPICS["notices"], schema=schema, message_encoding="json", context=context)
         self._skeletons = SceneUpdateChannel(TOPICS["figure"], context=context)
         try:
             self._server = foxglove.start_server(name="reba live", host=host, port=port, context=context)
@@ -61,6 +64,7 @@ class FoxgloveServer:
             raise RebaError(f"port {port} cannot be used ({error}); choose another with --foxglove PORT") from error
         self.address = f"ws://{host}:{self._server.port}"
         self._next_scene = -np.inf
+        self._newest: tuple[SkeletonMarkers, Mapping[str, Any], int] | None = None
 
     def publish(self, frames: Frames, records: Sequence[Mapping[str, Any]], scores: ScoreArrays, epoch: float) -> None:
         """Send one record per scored frame, and the skeleton of the newest frame once per `SCENE_PERIOD`.
@@ -78,13 +82,27 @@ class FoxgloveServer:
             support = np.broadcast_to(frames.factors.support, len(frames.time))[-1]
             skeleton = skeleton_markers(frames.angles[-1], scores, len(stamps) - 1, sitting=support == SUPPORTS[3])
             self._skeletons.log(self.scene(skeleton, records[-1], stamps[-1]), log_time=stamps[-1])
+            self._newest = skeleton, records[-1], stamps[-1]
+
+    def publish_notice(self, line: Mapping[str, Any]) -> None:
+        """Send a notice; without a signal the newest skeleton turns grey, as its score is out of date."""
+        stamp = self._newest[2] if self._newest is not None else time.time_ns()
+        self._notices.log(encoder()(line), log_time=stamp)
+        if self._newest is not None and not line["notice"]["followed"]:
+            skeleton, record, _ = self._newest
+            grey = replace(skeleton, colours=(GREY,) * len(skeleton.colours), head_colour=GREY)
+            self._skeletons.log(self.scene(grey, record, stamp, signal=False), log_time=stamp)
+            self._next_scene = -np.inf
 
     def close(self) -> None:
         """Stop serving."""
         self._server.stop()
 
-    def scene(self, skeleton: SkeletonMarkers, record: Mapping[str, Any], stamp: int) -> Any:
-        """Return the `foxglove.SceneUpdate` of a skeleton with its REBA score; `stamp` [ns since 1970]."""
+    def scene(self, skeleton: SkeletonMarkers, record: Mapping[str, Any], stamp: int, *, signal: bool = True) -> Any:
+        """Return the `foxglove.SceneUpdate` of a skeleton with its REBA score; `stamp` [ns since 1970].
+
+        Without a `signal` the text says so.
+        """
         make = self._messages
 
         def colour(rgba: Colour) -> Any:
@@ -100,6 +118,7 @@ class FoxgloveServer:
         points = [make.Point3(x=x, y=y, z=z) for x, y, z in skeleton.lines.reshape(-1, 3).tolist()]
         size = STATURE * LENGTHS["head"]
         low, high = record["reba_low"], record["reba_high"]
+        text = f"REBA {low}" if low == high else f"REBA {low} to {high}"
         entity = make.SceneEntity(
             timestamp=make.Timestamp(sec=stamp // 10**9, nsec=stamp % 10**9),
             frame_id=FRAME,
@@ -126,7 +145,7 @@ class FoxgloveServer:
                     billboard=True,
                     font_size=0.12,
                     color=colour((1.0, 1.0, 1.0, 1.0)),
-                    text=f"REBA {low}" if low == high else f"REBA {low} to {high}",
+                    text=text if signal else f"no signal, last {text}",
                 )
             ],
         )
@@ -139,7 +158,12 @@ def record_schema() -> dict[str, Any]:
     score = {"type": ["integer", "null"], "description": "null = not determined by what was measured"}
     means = {"mean": number, "mean_low": number, "mean_high": number}
     window = {"seconds": number, **means, "share_above": number}
-    exposure = {"seconds": number, **means, "action_levels": {"type": "object", "additionalProperties": number}}
+    exposure = {
+        "seconds": number,
+        "missing": number,
+        **means,
+        "action_levels": {"type": "object", "additionalProperties": number},
+    }
     origin = {"version": {"type": "string"}}
     alert = {"active": {"type": "boolean"}, "since": number, "event": {"type": ["string", "null"]}}
     return {
@@ -152,6 +176,31 @@ def record_schema() -> dict[str, Any]:
                 name: {"type": "object", "properties": fields}
                 for name, fields in {"window": window, "exposure": exposure, "alert": alert, MEMBER: origin}.items()
             },
+        },
+    }
+
+
+def notice_schema() -> dict[str, Any]:
+    """Return the JSON schema of the line of a notice; every property has one plain type, as viewers need it."""
+    number = {"type": "number"}
+    notice = {
+        "kind": {"type": "string", "description": "; ".join(f"{kind}: {text}" for kind, text in KINDS.items())},
+        "text": {"type": "string"},
+        "followed": {"type": "boolean", "description": "whether frames follow; if not, the scores are out of date"},
+        "missing": number,
+    }
+    members = {
+        "notice": notice,
+        "exposure": {"seconds": number, "missing": number},
+        "alert": {"active": {"type": "boolean"}},
+        MEMBER: {"version": {"type": "string"}},
+    }
+    return {
+        "title": "reba.Notice",
+        "type": "object",
+        "properties": {
+            "time": {"type": "number", "description": "seconds, of the last frame before"},
+            **{name: {"type": "object", "properties": fields} for name, fields in members.items()},
         },
     }
 

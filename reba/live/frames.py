@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -24,6 +24,15 @@ class Frames:
     time: Array
     angles: Array
     factors: Factors
+
+    def part(self, rows: slice) -> Frames:
+        """Return some of the frames."""
+        factors = {
+            field.name: value[rows]
+            for field in fields(self.factors)
+            if isinstance(value := getattr(self.factors, field.name), np.ndarray) and len(value) == len(self.time)
+        }
+        return Frames(self.time[rows], self.angles[rows], replace(self.factors, **factors))
 
 
 def is_later(time: Array, last: float) -> Flags:

@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from reba.arrays import Array, Flags
-from reba.errors import ProfileError, ReadError
+from reba.errors import ProfileError, ReadError, join_names
+from reba.live.decision_monitor import DecisionMonitor
 from reba.live.frames import Frames, NotEnoughData, ReadingOptions, is_later, neutral_until
-from reba.live.sources import GrowingStore, block_decoder
+from reba.live.sources import block_decoder
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import Factors
 from reba.readers.build_table import pelvis_streams
-from reba.readers.mapping import Mapper, Samples, block_angles, collect, mapper_for
+from reba.readers.mapping import (
+    Mapper,
+    Samples,
+    block_angles,
+    collect,
+    extend,
+    mapper_for,
+    obtainable_columns,
+)
 from reba.readers.mapping.gap_codes import GapCodes
-from reba.readers.mapping.joints import JointMapper
+from reba.readers.mapping.joints import MOST_NAMES, JointMapper
 from reba.readers.mapping.reference_frames import HOLD, FrameTree, PelvisPose, pelvis_samples, read_pelvis_pose
 from reba.readers.mapping.segments import AXES
-from reba.readers.mcap.container import ChunkRef
+from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.quality_control import (
     Corrections,
     apply_neutral,
@@ -32,7 +39,10 @@ from reba.readers.quality_control import (
 )
 from reba.readers.recognise import Match
 from reba.readers.recording.profile import Profile
-from reba.readers.recording.stream import Block, Kind, ReadLog, Recording, Stream
+from reba.readers.recording.stream import Block, ReadLog, Recording, Stream
+
+SHORT = 0.9
+"""Share of `ReadingOptions.settle` that the frames of the body must last for the decision."""
 
 
 class BodyFollower:
@@ -51,6 +61,10 @@ class BodyFollower:
         NotEnoughData: the interval of the neutral posture has not ended.
         ReadError, ProfileError, RebaError: as `reba.read`.
     """
+
+    unmeasured: list[str]
+    assumed: list[str]
+    _corrections: Corrections
 
     def __init__(
         self,
@@ -76,7 +90,8 @@ class BodyFollower:
         if not len(samples.table):
             first = f": {samples.log.first_skipped}" if samples.log.first_skipped else ""
             raise ReadError(recording.path, f"no sample can be used{first}", hint="see `reba info`")
-        if not final and samples.time[-1] <= neutral_until(reading.neutral, float(samples.time[0])):
+        until = neutral_until(reading.neutral, float(samples.time[0]))
+        if not final and (samples.time[-1] <= until or samples.seconds < SHORT * reading.settle):
             raise NotEnoughData
         self._decide(samples, mapper, match, profile, reading, recording.path)
         mapper.begin()
@@ -85,7 +100,41 @@ class BodyFollower:
         self._monitor = DecisionMonitor(
             mapper, profile, match.stream.kind, reading.neutral, self._corrections, on_warning
         )
-        self._decoder = block_decoder(match.stream, mapper.wanted, self.log)
+        self.decoder = block_decoder(match.stream, mapper.wanted, self.log)
+        self.decoder.origins = []
+        self._profile, self._names = profile, dict(match.names or {})
+
+    def renew(self, recording: Recording, match: Match) -> list[str]:
+        """Go on with what appeared since the decision: joints, segments, ids, parents, the pelvis.
+
+        Returns:
+            What is used from here on, as sentences.
+        """
+        names = dict(match.names or {})
+        before = obtainable_columns(self._profile, self._names)
+        gained = [column for column in obtainable_columns(self._profile, names) if column not in before]
+        added = [slot for slot in names if slot not in self._names]
+        self._names = names
+        extend(self._mapper, names, match.stream)
+        decoder = block_decoder(match.stream, self._mapper.wanted, ReadLog())
+        decoder.go_on(self.decoder)
+        decoder.origins = []
+        self.decoder = decoder
+        reasons = {name: why for name, why in self._corrections.reasons.items() if name not in gained}
+        hidden = tuple(at for at in self._corrections.hidden if COLUMNS[at] not in gained)
+        self._corrections = replace(self._corrections, hidden=hidden, reasons=reasons)
+        self._monitor.go_on(self._corrections)
+        self.unmeasured = [column for column in self.unmeasured if column not in gained]
+        texts = [f"{join_names(added, MOST_NAMES)} appear: {join_names(gained, MOST_NAMES)} measured"] if gained else []
+        return texts + self._renew_pelvis(recording, match)
+
+    def _renew_pelvis(self, recording: Recording, match: Match) -> list[str]:
+        if self.pelvis is None:
+            self.pelvis, pose = self._pelvis_follower(recording, match, self._profile)
+            return [f"{pose.assumed}; it was assumed upright"] if pose is not None else []
+        for stream, name in pelvis_streams(recording, match, self._profile)[:1]:
+            self.pelvis.renew(stream, name)
+        return []
 
     def _decide(
         self, samples: Samples, mapper: Mapper, match: Match, profile: Profile, reading: ReadingOptions, path: str
@@ -117,19 +166,20 @@ class BodyFollower:
                 return PelvisFollower(pose, stream, name), pose
         return None, None
 
-    def frames_of(self, source: GrowingStore, segment: ChunkRef) -> Iterator[Frames]:
+    def frames_of(self, source: Store, segment: ChunkRef) -> Iterator[Frames]:
         """Yield the frames that a segment completes."""
-        self._decoder.take(source, segment)
+        self.decoder.take(source, segment)
+        self.decoder.note(self.log)
         if self.pelvis is not None:
             self.pelvis.add_segment(source, segment)
-        block = self._decoder.flush_whole()
+        block = self.decoder.flush_whole()
         if block is not None:
             self._waiting.append(block)
         yield from self._release()
 
     def remaining_frames(self) -> Iterator[Frames]:
         """Yield the waiting frames at the end of the source."""
-        block = self._decoder.flush(last=True)
+        block = self.decoder.flush(last=True)
         if block is not None:
             self._waiting.append(block)
         yield from self._release(last=True)
@@ -195,7 +245,14 @@ class PelvisFollower:
         self._stream, self._name = stream, name
         self.pose = replace(pose, time=np.empty(0), quaternions=np.empty((0, 4)))
 
-    def add_segment(self, source: GrowingStore, segment: ChunkRef) -> None:
+    def renew(self, stream: Stream, name: str) -> None:
+        """Go on with a frame of the pelvis in a stream with further frames or parents."""
+        self._poses, self._stream, self._name = FrameTree(stream, (name,)), stream, name
+        decoder = block_decoder(stream, self._poses.wanted, ReadLog())
+        decoder.go_on(self._decoder)
+        self._decoder = decoder
+
+    def add_segment(self, source: Store, segment: ChunkRef) -> None:
         """Add the samples of a segment."""
         self._decoder.take(source, segment)
         block = self._decoder.flush_whole()
@@ -224,90 +281,3 @@ class PelvisFollower:
         """Remove samples that no frame from time `before` [s] on needs."""
         first = max(int(np.searchsorted(self.pose.time, before - MARGIN)) - 1, 0)
         self.pose = replace(self.pose, time=self.pose.time[first:], quaternions=self.pose.quaternions[first:])
-
-
-CHECK_SECONDS: Final = 10.0
-"""[s] Of the recording between two checks."""
-MAX_FRAMES: Final = 1024
-"""Frames of the history: all at first, later every second, fourth, ... frame of the recording."""
-
-
-class DecisionMonitor:
-    """Repeats the decisions of the first seconds on a thinned history of angles, and warns once of a different one.
-
-    Args:
-        mapper: from samples to angles; it stores the ranges of its joints.
-        profile, kind, neutral: as for `reba.readers.quality_control.quality_control`.
-        decided: corrections decided from the first seconds.
-    """
-
-    def __init__(
-        self,
-        mapper: Mapper,
-        profile: Profile,
-        kind: Kind,
-        neutral: str,
-        decided: Corrections,
-        on_warning: Callable[[str], None],
-    ) -> None:
-        self._mapper, self._profile, self._kind, self._neutral = mapper, profile, kind, neutral
-        self._decided = decided
-        self._on_warning = on_warning
-        self._table = np.empty((MAX_FRAMES, 1 + len(COLUMNS)))
-        self._stored = self._added = 0
-        self._step = 1
-        self._next_check: float | None = None
-        self.reported = False
-
-    def add(self, time: Array, angles: Array) -> None:
-        """Add (n,) times [s] and (n, 22) uncorrected angles [deg]."""
-        if self.reported:
-            return
-        first = -self._added % self._step
-        for at in range(first, len(time), self._step):
-            if self._stored == MAX_FRAMES:
-                self._table[: MAX_FRAMES // 2] = self._table[::2]
-                self._stored, self._step = MAX_FRAMES // 2, self._step * 2
-            self._table[self._stored, 0] = time[at]
-            self._table[self._stored, 1:] = angles[at]
-            self._stored += 1
-        self._added += len(time)
-        if self._next_check is None:
-            self._next_check = float(time[0]) + CHECK_SECONDS
-        if time[-1] >= self._next_check:
-            self._next_check = float(time[-1]) + CHECK_SECONDS
-            self.check()
-
-    def check(self) -> None:
-        """Decide again from the history, and report a different decision once."""
-        if self.reported or not self._stored:
-            return
-        mapper = self._mapper_copy()
-        before = len(mapper.warnings)
-        consistent = mapper.is_consistent()
-        corrections = quality_control(
-            Samples(self._table[: self._stored].copy(), ReadLog()), mapper, self._profile, self._kind, self._neutral
-        )
-        if not consistent:
-            contradiction = "; ".join(mapper.warnings[before:][:1]) or "the unit or the vertical differs"
-        elif shown := set(self._decided.hidden) - set(corrections.hidden):
-            name = COLUMNS[min(shown)]
-            contradiction = f"{name} counted as not measured ({self._decided.reasons[name]}), but it moves"
-        elif hidden := set(corrections.hidden) - set(self._decided.hidden):
-            name = COLUMNS[min(hidden)]
-            contradiction = f"{name} counted as measured, but it is not ({corrections.reasons[name]})"
-        elif corrections.turned != self._decided.turned:
-            names = ", ".join(COLUMNS[at] for at in corrections.turned or self._decided.turned)
-            contradiction = f"the sign of {names} is the opposite"
-        else:
-            return
-        self.reported = True
-        self._on_warning(
-            f"later frames contradict the first seconds: {contradiction}; give a longer --settle, or use `reba score`, "
-            "which decides from the complete recording"
-        )
-
-    def _mapper_copy(self) -> Mapper:
-        """Return a copy of the mapper: a decision changes its state. Profile, stream and root are shared."""
-        shared = [getattr(self._mapper, name, None) for name in ("profile", "stream", "root")]
-        return copy.deepcopy(self._mapper, {id(value): value for value in shared if value is not None})

@@ -25,14 +25,57 @@ from reba.readers.mcap.decode import load_json
 from reba.readers.mcap.extract import extract_angles, kind_of_json, stamp_of
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.records import Channel, Scan, Schema
+from reba.readers.mcap.trace import JITTER
 from reba.readers.recording.stream import clip
 
 NAME: Final = "standard input"
 CHANNEL: Final = 1
 MAX_LINE_BYTES: Final = 1 << 20
 """[bytes] Longest line; a frame of a person has a few kilobytes."""
+FEW_LINES: Final = 10
+"""Lines after which it shows whether they arrive as fast as they are stamped."""
+RETURN: Final = 2_500_000_000
+"""[ns] After a single damaged stamp the next one is at most so far from the one before it."""
 READ_BYTES: Final = 1 << 16
 """[bytes] Read at a time: the capacity of a pipe on Linux."""
+
+
+class LineClock:
+    """Log times of lines, which have none of their own.
+
+    They advance as the stamps do, so that a file can be piped at once. Where the stamps jump back, or ahead of the
+    time of arrival although lines arrive as fast as they are stamped, the log time goes on by the time of arrival, by
+    one period at least.
+
+    >>> clock = LineClock()
+    >>> arrivals = [(5, 90), (6, 91), (0, 94), (1, 95)]
+    >>> [clock.log_time(stamp * 10**9, arrival * 10**9) // 10**9 for stamp, arrival in arrivals]
+    [5, 6, 9, 10]
+    """
+
+    def __init__(self) -> None:
+        self._lines = 0
+        self._first = (0, 0)
+        self._last = self._arrived = self._shift = self._before = self._period = 0
+
+    def log_time(self, stamp: int, arrival: int) -> int:
+        """Return the log time [ns] of a line with a stamp that arrives at a Unix time [ns]."""
+        if not self._lines:
+            self._first = arrival, stamp
+            self._last, self._arrived = stamp, arrival
+        passed = max(arrival - self._arrived, 0)
+        step = stamp + self._shift - self._last
+        at_once = self._lines < FEW_LINES or 2 * (arrival - self._first[0]) < self._last - self._first[1]
+        if step < -JITTER or step > passed + JITTER:
+            if 0 <= stamp + self._before - self._last <= passed + RETURN:
+                self._shift, self._before = self._before, self._shift  # one damaged stamp lies between
+            elif step < -JITTER or not at_once:
+                self._shift, self._before = self._last + max(passed, self._period) - stamp, self._shift
+        else:
+            self._period = max(step, 0)
+        self._lines += 1
+        self._last, self._arrived = stamp + self._shift, arrival
+        return self._last
 
 
 @dataclass
@@ -68,6 +111,7 @@ class LineStore:
         self._incomplete = b""
         self._line_number = 0
         self._any_accepted = False
+        self._clock = LineClock()
         self._loaded: dict[int, LoadedLines] = {}
 
     def grow(self) -> ChunkRef | None:
@@ -128,7 +172,7 @@ class LineStore:
         return lines
 
     def _stamp(self, line: bytes) -> int | None:
-        """Return the time of a line [ns], its arrival if the line has no time; None for a line that cannot be used."""
+        """Return the log time of a line [ns], see `LineClock`, or None for a line that cannot be used."""
         try:
             tree = load_json(line)
             if not isinstance(tree, dict):
@@ -152,9 +196,10 @@ class LineStore:
         self._any_accepted = True
         self.ready |= kind[1] is extract_angles
         seconds, nanos = stamp if stamp is not None else (None, None)
+        arrival = time.time_ns()
         if not isinstance(seconds, int) or not isinstance(nanos, int):
-            return time.time_ns()
-        return seconds * 1_000_000_000 + nanos
+            return arrival
+        return self._clock.log_time(seconds * 1_000_000_000 + nanos, arrival)
 
     def skip(self, why: str) -> None:
         """Count a skipped line; the first one is reported."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from reba.errors import RebaError
 from reba.live.frames import Frames
+from reba.live.notices import Notice
 from reba.method.rules import Rules, rules_of
 from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays, score_angles
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
@@ -34,10 +35,13 @@ class LiveScorer:
         self.frames = 0
         self.max_low = self.max_high = 0
         self.first = self.last = float("nan")
+        self.missing = 0.0
+        self.notices: Counter[str] = Counter()
         self._window = Window(window)
         self._totals = ExposureTotals()
         self._durations = FrameDurations()
         self._current: TimedScore | None = None
+        self._begins = False
 
     def add(self, frames: Frames) -> tuple[list[dict[str, Any]], ScoreArrays]:
         """Return one record for each of n frames, and their scores."""
@@ -79,7 +83,9 @@ class LiveScorer:
         if self._current is not None:
             step = time - self.last
             gap = self._durations.add(step)
-            self._close(self._durations.period() if gap else step, time)
+            period = self._durations.period()
+            self.missing += step - period if gap else 0.0
+            self._close(period if gap else step, time)
         self.last = time
         return gap
 
@@ -87,14 +93,38 @@ class LiveScorer:
         if self._current is not None:
             timed = dataclasses.replace(self._current, span=round(seconds * 1e9))
             self._totals.add(timed)
-            self._window.push(timed, now)
+            if not self._begins:
+                self._window.push(timed, now)
+            self._begins = False
 
-    def exposure(self) -> dict[str, Any]:
-        """Return exposure up to the newest frame."""
-        return {"seconds": self._totals.total / 1e9, **self._totals.mean(), "action_levels": self._totals.seconds()}
+    def exposure(self, missing: float = 0.0) -> dict[str, Any]:
+        """Return exposure up to the newest frame; `missing`: time since then [s]."""
+        seconds = {"seconds": self._totals.total / 1e9, "missing": round(self.missing + missing, 9)}
+        return {**seconds, **self._totals.mean(), "action_levels": self._totals.seconds()}
 
-    def summary(self) -> dict[str, Any]:
-        """Return the exposure of all frames, the last one counted for the median period, and end the scoring."""
+    def notice(self, notice: Notice) -> dict[str, Any]:
+        """Return the line of a change of the signal; without a signal, and in a new segment, no alert is active."""
+        event = None
+        self.notices[notice.kind] += 1
+        if notice.segment or not notice.followed:
+            event = self.alert.stop()
+        if notice.segment:
+            self._window, self._begins = Window(self._window.length), True
+        time = {} if notice.time is None else {"time": notice.time}
+        return with_provenance(
+            {
+                **time,
+                "notice": notice.to_dict(),
+                "exposure": self.exposure(notice.missing),
+                "alert": self.alert.to_dict(event),
+            }
+        )
+
+    def summary(self, missing: float = 0.0) -> dict[str, Any]:
+        """Return the exposure of all frames, the last one counted for the median period, and end the scoring.
+
+        `missing`: time since the last frame [s].
+        """
         self._close(self._durations.period(), self.last)
         self._current = None
         return with_provenance(
@@ -105,7 +135,8 @@ class LiveScorer:
                 "rules": self.rules.name,
                 "max_low": self.max_low or None,
                 "max_high": self.max_high or None,
-                "exposure": self.exposure(),
+                "exposure": self.exposure(missing),
+                "notices": dict(self.notices),
                 "alerts": {"score": self.alert.score, "hold": self.alert.hold, "raised": self.alert.raised},
             }
         )
@@ -244,6 +275,12 @@ class Alert:
         self.active, self.since, self._changed_at = above, time if above else None, None
         self.raised += above
         return "raised" if above else "cleared"
+
+    def stop(self) -> str | None:
+        """End the alert without a signal; return "cleared" if it was active."""
+        was_active = self.active
+        self.active, self.since, self._changed_at = False, None, None
+        return "cleared" if was_active else None
 
     def to_dict(self, event: str | None) -> dict[str, Any]:
         """Return the member `alert` of a record."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -14,7 +16,7 @@ from reba.errors import ReadError
 from reba.open_file import open_regular
 from reba.readers.mcap import MAX_CHUNK
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
-from reba.readers.mcap.container import ChunkRef, Container, Store
+from reba.readers.mcap.container import ChunkRef, Container, Loaded, Store
 from reba.readers.mcap.records import HEAD, BadRecord
 from reba.readers.mcap.summary import Summary
 from reba.readers.recording.stream import BlockDecoder, ReadLog, Stream
@@ -25,6 +27,13 @@ def block_decoder(stream: Stream, names: Sequence[str] | None, log: ReadLog) -> 
     if stream.follow is None:
         raise ReadError(stream.name, "this kind of stream cannot be followed", hint="give MCAP or JSON lines")
     return stream.follow(log, names)
+
+
+AGAIN = "start again to follow what is there now"
+
+
+class SourceChanged(ReadError):
+    """The file under the path is another one, or none any more: what was followed has ended."""
 
 
 class GrowingStore(Store, Protocol):
@@ -46,7 +55,8 @@ class GrowingStore(Store, Protocol):
         """Return the next complete segment and append it to `segments`; None if there is none yet.
 
         Raises:
-            ReadError: the source is damaged, replaced, removed or cut.
+            ReadError: the source is damaged.
+            SourceChanged: it is replaced, removed or cut.
         """
 
     def forget(self) -> None:
@@ -61,16 +71,23 @@ EMPTY_FILE_SECONDS = 0.05
 
 
 class GrowingMcap(Container):
-    """One growing MCAP file, which has at least the magic bytes; satisfies `GrowingStore`."""
+    """One growing MCAP file, which has at least the magic bytes; satisfies `GrowingStore`.
+
+    Attributes:
+        before: first and last log time [ns] of the file under this name before; if this one begins with the same
+            message, it is that file again, cut, and messages that were read are not read twice.
+    """
 
     ready = False
     skipped = 0
+    before: tuple[int, int] | None = None
 
     def __init__(self, path: Path) -> None:
         self.finished = False
         self._summary = Summary()
         super().__init__(path, check_crc=True, limit_bytes=MAX_CHUNK)
         self._inode = os.stat(path).st_ino
+        self._changed = ""
 
     def _index(self) -> None:
         """Index nothing on opening: `grow` reads the records."""
@@ -91,9 +108,26 @@ class GrowingMcap(Container):
         except BadRecord as error:
             raise self._damaged(error) from error
         if len(self.segments) == known:
+            if self._changed:
+                raise SourceChanged(self.path, self._changed, hint=AGAIN)
             return None
         self._count_one(self.segments[-1])
         return self.segments[-1]
+
+    def load(self, segment: ChunkRef) -> Loaded:
+        """Return the records of a segment, checked, without messages that were read from this file before."""
+        loaded = super().load(segment)
+        if self.before is None or self.span is None or self.span[0] != self.before[0]:
+            return loaded
+        scan, new = loaded.scan, loaded.scan.times > self.before[1]
+        rest = replace(
+            scan,
+            payloads=scan.payloads[new],
+            lengths=scan.lengths[new],
+            channels=scan.channels[new],
+            times=scan.times[new],
+        )
+        return replace(loaded, scan=rest)
 
     def forget(self) -> None:
         """Remove all segments from memory."""
@@ -105,22 +139,18 @@ class GrowingMcap(Container):
         time.sleep(seconds)
 
     def _refresh(self) -> None:
-        """Read the size of the file again."""
+        """Read the size of the file again; of one that was replaced or removed the rest is read first."""
         try:
-            status = os.stat(self.path)
-        except OSError as error:
-            raise ReadError(
-                self.path, f"the file was removed ({error.strerror})", hint="start again with the new file"
-            ) from error
-        if status.st_ino != self._inode:
-            raise ReadError(self.path, "the file was replaced by another", hint="start again to follow the new one")
+            same = os.stat(self.path).st_ino == self._inode
+        except OSError:
+            self._changed = "the file was removed"
+        else:
+            self._changed = "" if same else "the file was replaced by another"
         if self.source.refresh():
             self._ahead = (0, b"")
         if self.source.size < self._at:
-            raise ReadError(
-                self.path,
-                f"the file became shorter ({self.source.size} bytes, {self._at} were read)",
-                hint="start again; a recorder only appends",
+            raise SourceChanged(
+                self.path, f"the file became shorter ({self.source.size} bytes, {self._at} were read)", hint=AGAIN
             )
 
     def _check_tail(self) -> None:
@@ -128,6 +158,16 @@ class GrowingMcap(Container):
         head = self._window(self._at, HEAD)
         if len(head) == HEAD and head[0]:
             self._check_size(self._at, int.from_bytes(head[1:], "little"))
+
+
+def opened_again(before: GrowingMcap) -> GrowingMcap | None:
+    """Return the file that is now under the path of a file, None as long as there is none with the magic bytes."""
+    with suppress(OSError, ReadError):
+        if len(_first_bytes(before.path)) == len(MAGIC):
+            after = open_growing(before.path, 0.0)
+            after.before = before.span
+            return after
+    return None
 
 
 def open_growing(path: Path, until_idle: float | None) -> GrowingMcap:

@@ -15,7 +15,7 @@ from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import BOTH_SIDES, FACTORS, Factors, checked, expand_sides
 from reba.posture.named_angles import RAISED, read_angles, refuse_infinite
 from reba.posture.table import table_of
-from reba.readers.mcap.container import ChunkRef
+from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.quality_control import apply_neutral, neutral_offsets, parse_neutral, subtract
 from reba.readers.recognise import Match
 from reba.readers.recording.stream import ReadLog
@@ -54,16 +54,17 @@ class TableFollower:
     ) -> None:
         self.log = ReadLog()
         self.late = 0
-        self._decoder = block_decoder(match.stream, None, self.log)
+        self.decoder = block_decoder(match.stream, None, self.log)
         self._fixed_factors, self._activity = factors, activity
         self._on_warning = on_warning
         self._constant = self._factors({}, 1)
         self._last = -np.inf
         self._offsets: dict[int, float] = {}
-        first = [row for segment in source.segments for row in self._decoder.rows(source, segment)]
+        first = [row for segment in source.segments for row in self.decoder.rows(source, segment)]
         present = dict.fromkeys(name for row in first[:1] for name in row if name in KNOWN)
         self._columns = ["time", *present]
         self._ignored: set[str] = set()
+        self.unmeasured: list[str] = []
         if first:
             for warning in table_of(pd.DataFrame(first[:1])).quality.warnings:
                 on_warning(warning)
@@ -87,9 +88,9 @@ class TableFollower:
         self.assumed.append(apply_neutral(time, angles.copy(), reading.neutral))
         self._offsets = neutral_offsets(angles[window(time)])
 
-    def frames_of(self, source: GrowingStore, segment: ChunkRef) -> Iterator[Frames]:
+    def frames_of(self, source: Store, segment: ChunkRef) -> Iterator[Frames]:
         """Yield the frames of a segment."""
-        rows = self._decoder.rows(source, segment)
+        rows = self.decoder.rows(source, segment)
         self.log.messages += len(rows)
         yield from self._frames(rows)
 
@@ -152,6 +153,7 @@ class TableFollower:
         """Add angle columns that appear later; a factor must be in every row from the first one on."""
         new = [name for name in row if name in KNOWN and name not in self._columns]
         self._columns += [name for name in new if name in COLUMNS]
+        self.unmeasured = [column for column in self.unmeasured if column not in new]
         for name in new:
             if name not in COLUMNS and name not in self._ignored:
                 self._ignored.add(name)

@@ -24,10 +24,11 @@ def accounts_of(
     """
     _name_other_bodies(match, log)
     result = [{"stream": match.stream.name, **log.account(), "seconds": _seconds(match.stream, seconds)}]
+    read_too = {(stream.name, stream.kind) for stream in helpers}
     for stream in recording.streams:
         if stream.name != match.stream.name or stream.kind != match.stream.kind:
             read = max(stream.messages.values(), default=stream.count or 0)
-            used = read if stream in helpers else 0
+            used = read if (stream.name, stream.kind) in read_too else 0
             result.append(
                 {
                     "stream": stream.name,

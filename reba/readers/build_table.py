@@ -126,16 +126,23 @@ def _pelvis_pose(recording: Recording, match: Match, profile: Profile) -> Pelvis
 
 
 def pelvis_streams(recording: Recording, match: Match, profile: Profile) -> list[tuple[Stream, str]]:
-    """Return the streams of frames that have the pelvis of a joints profile, and its name in each."""
-    if profile.kind != "joints" or not profile.root:
+    """Return the streams of frames that have the pelvis of a joints profile, and its name in each.
+
+    The frames of a body that had several ids have the name of the first.
+    """
+    if profile.kind != "joints":
         return []
-    wanted = [name.replace("{id}", match.body) for name in profile.root if match.body or "{id}" not in name]
-    return [
-        (stream, name)
-        for stream in recording.streams
-        for name in wanted
-        if stream.kind == "frames" and name in stream.names
-    ]
+    ids = match.ids or (match.body,)
+    result = []
+    for stream in (stream for stream in recording.streams if stream.kind == "frames"):
+        for root in profile.root:
+            names = dict.fromkeys(root.replace("{id}", body) for body in ids if body or "{id}" not in root)
+            first, *others = [name for name in names if name in stream.names] or [""]
+            if others and stream.join is not None:
+                result.append((stream.join(dict.fromkeys(others, first)), first))
+            elif first:
+                result.append((stream, first))
+    return result
 
 
 def _check_samples(recording: Recording, log: ReadLog, frames: int, strict: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -30,6 +30,7 @@ class Match:
         missing: joints, segments or points of the profile that are absent.
         fits: whether the recording can be read by it.
         note: an assumption about the bodies, "" without one.
+        ids: of a body that had several, in the order of time.
     """
 
     stream: Stream
@@ -40,6 +41,12 @@ class Match:
     missing: tuple[str, ...] = ()
     fits: bool = True
     note: str = ""
+    ids: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The id of the body, or the stream of a body without one."""
+        return self.body or self.stream.name
 
     @property
     def present(self) -> int:
@@ -94,21 +101,19 @@ def choose(recording: Recording, known: tuple[Profile, ...], topic: str | None =
     Raises:
         ProfileError: no profile fits, two fit equally, or the recording has several bodies.
     """
-    candidates = [match for match in matches(recording, known) if match.profile or not named]
-    if topic is not None:
-        candidates = _of_topic(recording, candidates, topic)
+    candidates = candidates_in(recording, known, topic, named)
     fitting = [match for match in candidates if match.fits]
     if not fitting:
-        raise ProfileError(_no_match(recording, candidates, known if named else ()))
+        raise NoMatch(_no_match(recording, candidates, known if named else ()))
     best = fitting[0]
-    same = [match for match in fitting if match.profile is best.profile and match.present >= 0.8 * best.present]
-    ids = dict.fromkeys((match.body or match.stream.name) for match in same)
+    same = alike(fitting)
+    ids = dict.fromkeys(match.label for match in same)
     if len(ids) > 1:
-        one_person = _in_turn(same)
+        one_person = in_turn(same)
         if one_person is not None:
             return one_person
-        options = ", ".join(f"{match.body or match.stream.name}{_seconds(match)}" for match in same)
-        raise ProfileError(
+        options = ", ".join(f"{match.label}{seconds_text(match)}" for match in same)
+        raise SeveralBodies(
             f"{recording.path}: {len(ids)} bodies or streams fit profile {_name(best)}: {options}; "
             f"choose one with --topic, like --topic {next(iter(ids))}"
         )
@@ -120,6 +125,28 @@ def choose(recording: Recording, known: tuple[Profile, ...], topic: str | None =
             f"choose with --profile {_name(best)} or --profile {_name(other)}, or with --topic"
         )
     return best
+
+
+class SeveralBodies(ProfileError):
+    """The recording has several bodies, of which the user has to choose one."""
+
+
+class NoMatch(ProfileError):
+    """No profile fits a stream of the recording."""
+
+
+def candidates_in(
+    recording: Recording, known: Iterable[Profile], topic: str | None = None, named: bool = False
+) -> list[Match]:
+    """Return the matches among which `choose` chooses, best first; arguments and errors are its own."""
+    candidates = [match for match in matches(recording, known) if match.profile or not named]
+    return candidates if topic is None else _of_topic(recording, candidates, topic)
+
+
+def alike(fitting: Sequence[Match]) -> list[Match]:
+    """Return the matches of the profile of the first one with about as many names as that."""
+    best = fitting[0]
+    return [match for match in fitting if match.profile is best.profile and match.present >= 0.8 * best.present]
 
 
 QUALIFIED = ("/{name}", "{id}/{name}", "{id}::{name}", "{id}:{name}", "{id}.{name}")
@@ -148,7 +175,7 @@ def presence(match: Match) -> list[tuple[float, float]]:
     return result
 
 
-def _in_turn(same: list[Match]) -> Match | None:
+def in_turn(same: Sequence[Match]) -> Match | None:
     """Return one match of bodies of one stream that follow each other and are never there at once, else None."""
     first = min(same, key=lambda match: min(presence(match), default=(0.0, 0.0)))
     stream, profile = first.stream, first.profile
@@ -166,7 +193,8 @@ def _in_turn(same: list[Match]) -> Match | None:
         for slot, signals in (match.names or {}).items():
             kept = names.setdefault(slot, signals)
             renamed |= {other: name for other, name in zip(signals, kept, strict=True) if other != name}
-    ids = ", ".join(f"{match.body}{_seconds(match)}" for match in sorted(same, key=presence))
+    ordered = sorted(same, key=presence)
+    ids = ", ".join(f"{match.body}{seconds_text(match)}" for match in ordered)
     return replace(
         first,
         stream=stream.join(renamed),
@@ -174,10 +202,11 @@ def _in_turn(same: list[Match]) -> Match | None:
         columns=obtainable_columns(profile, names),
         missing=tuple(slot for slot in profile.slots if slot not in names),
         note=f"bodies that follow each other are one person: {ids}",
+        ids=tuple(match.body for match in ordered),
     )
 
 
-def _seconds(match: Match) -> str:
+def seconds_text(match: Match) -> str:
     """Return when a body is there, as text for a message."""
     spans = presence(match)
     return f" ({spans[0][0]:.1f} to {spans[-1][1]:.1f} s)" if spans else ""
@@ -201,6 +230,12 @@ def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
         if len(names) > len(best.get(body, {})):
             best[body] = names
     return best
+
+
+def may_concern(profile: Profile, signal: str) -> bool:
+    """Return whether a signal may be one of a profile, of any body."""
+    patterns = (*profile.patterns, *(QUALIFIED if "{name}" in profile.patterns else ()))
+    return any(_expression(profile.names, pattern).fullmatch(signal) for pattern in patterns)
 
 
 @cache

@@ -81,7 +81,7 @@ def write_human_urdf(path: Path, motion: BodyMotion, hinges: Hinges = "angles", 
                 bag.transforms("/tf", stamp, [Transform("map", "middle_pelvis", pose)])
 
 
-def write_xsens_tf(path: Path, motion: BodyMotion, grouped: bool = False) -> None:
+def write_xsens_tf(path: Path, motion: BodyMotion, grouped: bool = False, model: str = MODEL) -> None:
     """Write /tf as the Xsens ROS 2 driver: a TFMessage per segment, or one per frame if grouped."""
     poses = {name: _poses(*motion.relative(name, parent)) for name, parent in PARENTS.items()}
     poses["pelvis"] = _poses(motion.of("pelvis"), motion.at("pelvis"))
@@ -91,7 +91,7 @@ def write_xsens_tf(path: Path, motion: BodyMotion, grouped: bool = False) -> Non
         for index, stamp in enumerate(stamps(motion)):
             transforms = [
                 Transform(
-                    f"{MODEL}_{PARENTS[name]}" if name in PARENTS else "world", f"{MODEL}_{name}", poses[name][index]
+                    f"{model}_{PARENTS[name]}" if name in PARENTS else "world", f"{model}_{name}", poses[name][index]
                 )
                 for name in names
             ]

@@ -56,6 +56,14 @@ def mapper_for(profile: Profile, names: Names, stream: Stream, root: PelvisPose 
     return JointMapper(profile, single, stream, root)
 
 
+def extend(mapper: Mapper, names: Names, stream: Stream) -> None:
+    """Let a mapper go on with a stream that has further `names`, or known ones in other parents."""
+    if isinstance(mapper, PointMapper):
+        mapper.extend(names, stream)
+    elif isinstance(mapper, JointMapper | FrameMapper):
+        mapper.extend({slot: signals[0] for slot, signals in names.items()}, stream)
+
+
 def block_angles(mapper: Mapper, block: Block) -> Array:
     """Return the (n, 22) angles [deg] of a block, to 1e-9 deg.
 

@@ -64,6 +64,14 @@ class JointMapper:
         """Start a pass over the recording."""
         self.ranges = JointRanges(len(self.names))
 
+    def extend(self, names: Mapping[str, str], stream: Stream) -> None:
+        """Go on with signals of further joints; the ranges of the others are kept."""
+        ranges = JointRanges(len(names))
+        for index, joint in enumerate(names):
+            if joint in self.names:
+                ranges.take_from(index, self.ranges, list(self.names).index(joint))
+        self.names, self.wanted, self.ranges = dict(names), tuple(names.values()), ranges
+
     def segment_frames(self, block: Block) -> SegmentFrames:
         """Return the segment frames (n, 3, 3) of a block of n samples."""
         values = self._values(block)
@@ -223,6 +231,12 @@ class JointRanges:
         self.low, self.high = np.full(size, np.inf), np.full(size, -np.inf)
         self.seen, self.beyond = np.zeros(size), np.zeros(size)
         self.outliers = 0
+
+    def take_from(self, index: int, other: JointRanges, at: int) -> None:
+        """Take over the range of a joint from other ranges."""
+        for name in ("low", "high", "seen", "beyond"):
+            getattr(self, name)[index] = getattr(other, name)[at]
+        self.outliers = other.outliers
 
     def add(self, index: int, data: Array, radians: bool) -> Array:
         """Extend the range of a joint by (n,) values and return them, damaged ones as NaN."""

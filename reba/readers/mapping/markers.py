@@ -47,8 +47,8 @@ class PointMapper:
     """
 
     def __init__(self, profile: Profile, names: Mapping[str, tuple[str, ...]], stream: Stream) -> None:
-        self.profile, self.names = profile, dict(names)
-        self.wanted = tuple(dict.fromkeys(marker for group in names.values() for marker in group))
+        self.profile = profile
+        self.extend(names, stream)
         self.vertical = VerticalAxis(stream.up, profile.up)
         self.assumed: list[str] = list(profile.assumed)
         self.warnings: list[str] = []
@@ -56,6 +56,11 @@ class PointMapper:
     def begin(self) -> None:
         """Start a pass over the recording."""
         self.vertical.begin()
+
+    def extend(self, names: Mapping[str, tuple[str, ...]], stream: Stream) -> None:
+        """Go on with further points."""
+        self.names = dict(names)
+        self.wanted = tuple(dict.fromkeys(marker for group in names.values() for marker in group))
 
     def segment_frames(self, block: Block) -> SegmentFrames:
         """Return the segment frames (n, 3, 3) and long axes (n, 3) of a block of n samples."""

@@ -19,11 +19,16 @@ class FrameTree:
 
     def __init__(self, stream: Stream, names: Sequence[str]) -> None:
         self._parent = dict(zip(stream.names, stream.parents or ("",) * len(stream.names), strict=False))
+        parents: dict[str, list[str]] = {}
+        for name, parent in zip(stream.names, stream.parents or ("",) * len(stream.names), strict=False):
+            parents.setdefault(name, []).append(parent)
         wanted: dict[str, None] = {}
-        for name in names:
-            while name in self._parent and name not in wanted:
+        waiting = list(names)[::-1]
+        while waiting:
+            name = waiting.pop()
+            if name in parents and name not in wanted:
                 wanted[name] = None
-                name = self._parent[name]
+                waiting += parents[name][::-1]
         self.wanted = tuple(wanted)
         self._block: Block | None = None
         self._known: dict[str, tuple[Array, Array]] = {}

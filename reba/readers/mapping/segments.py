@@ -53,6 +53,13 @@ class FrameMapper:
         self.vertical.begin()
         self.lines = 0
 
+    def extend(self, names: Mapping[str, str], stream: Stream) -> None:
+        """Go on with frames of further segments, or with other parents of the frames."""
+        self.names, self.stream = dict(names), stream
+        self.poses = FrameTree(stream, tuple(names.values()))
+        self.wanted = self.poses.wanted
+        self.axes = self._axes()
+
     def segment_frames(self, block: Block) -> SegmentFrames:
         """Return the segment frames (n, 3, 3) of a block of n samples."""
         poses = {segment: self.poses.world(block, frame) for segment, frame in self.names.items()}

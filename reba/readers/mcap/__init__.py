@@ -7,20 +7,20 @@ Summary, indexes and declared lengths are checked before use: see `container`. F
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 from reba.errors import ReadError
 from reba.open_file import open_regular
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
-from reba.readers.mcap.clock import JITTER
 from reba.readers.mcap.container import Container, Store
 from reba.readers.mcap.contents import Contents
-from reba.readers.mcap.streams import StreamReader, stream_header
-from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording, Stream, Topic
+from reba.readers.mcap.gather import recording_of
+from reba.readers.mcap.trace import JITTER
+from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording
 
-__all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
+__all__ = ["MAX_CHUNK", "open_mcap", "sniff"]
 MAX_CHUNK = 1 << 30
 """[bytes] Largest chunk, record or unpacked file that is accepted: protects memory from declared lengths."""
 
@@ -58,15 +58,13 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
         channels += channels_of_file
     if strict and log.ended_abnormally:
         raise ReadError(path, log.ended_abnormally, hint="read it without strict to use the messages before")
-    recording = gathered(path, channels, log, strict=strict)
+    recording = _gathered(path, channels, log, strict=strict)
     if strict and log.lost:
         raise ReadError(path, log.lost, hint=LOST_HINT)
     return recording
 
 
-def gathered(
-    path: Path, channels: Iterable[DecodableChannel | Unused], log: ReadLog, *, strict: bool = False
-) -> Recording:
+def _gathered(path: Path, channels: Iterable[DecodableChannel | Unused], log: ReadLog, *, strict: bool) -> Recording:
     """Return the recording of the channels of one or more files."""
     parts: list[DecodableChannel] = []
     unused: list[Unused] = []
@@ -75,9 +73,10 @@ def gathered(
             parts.append(channel)
         else:
             unused.append(channel)
-    streams, topics = _streams(parts, log, strict)
-    topics += [Topic(item.topic, item.type, item.container.counts[item.channel], False, item.why) for item in unused]
-    return Recording(str(path), "mcap", tuple(streams), tuple(_by_topic(topics)), log)
+    contents = Contents(parts, strict=strict)
+    for text in contents.lost:
+        log.lose(text)
+    return recording_of(path, parts, unused, contents, log)
 
 
 def _open_files(
@@ -89,7 +88,7 @@ def _open_files(
     for file in files:
         try:
             container = Container(file, check_crc=check_crc, limit_bytes=limit_bytes)
-            opened.append((container, classified(container)))
+            opened.append((container, _classified(container)))
             container.release()
         except ReadError as error:
             if strict or len(files) == 1:
@@ -107,7 +106,7 @@ def _open_files(
     return opened if repeat else by_time
 
 
-def classified(container: Store) -> list[DecodableChannel | Unused]:
+def _classified(container: Store) -> list[DecodableChannel | Unused]:
     """Return the content of each channel of a file.
 
     Raises:
@@ -128,47 +127,3 @@ def _note(container: Container, log: ReadLog, named: bool) -> None:
         log.warn(prefix + warning)
     for number in container.counts.keys() - container.channels.keys():
         log.warn(f"{prefix}{container.counts[number]} messages name channel {number}, which the file does not define")
-
-
-def _streams(parts: Sequence[DecodableChannel], log: ReadLog, strict: bool) -> tuple[list[Stream], list[Topic]]:
-    """Return a stream for each group of channels with usable messages, and the use of each topic."""
-    contents = Contents(parts, strict=strict)
-    for text in contents.lost:
-        log.lose(text)
-    streams, topics = [], []
-    for kind, group in dict.fromkeys((part.kind, part.group) for part in parts):
-        mine = [part for part in parts if (part.kind, part.group) == (kind, group)]
-        header = stream_header(mine, kind, contents)
-        why = {"joints": "joint positions", "frames": "poses of frames", "angles": "a posture table"}.get(kind, "")
-        if header is None:
-            why = "only static transforms" if all(part.static for part in mine) else "none of its messages is usable"
-            skipped = [track.log.first_skipped for part in mine if (track := contents.tracks.get(id(part)))]
-            why += "".join(f" ({place})" for place in skipped[:1] if place)
-        else:
-            streams.append(StreamReader(mine, kind, header, contents, log).stream(_main_topic(mine)))
-        topics += [
-            Topic(part.topic, part.type, part.container.counts[part.channel], header is not None, why) for part in mine
-        ]
-    return streams, topics
-
-
-def _main_topic(parts: Sequence[DecodableChannel]) -> str:
-    moving = [part for part in parts if not part.static]
-    return max(moving, key=lambda part: part.container.counts[part.channel]).topic
-
-
-def _by_topic(topics: Sequence[Topic]) -> list[Topic]:
-    """Return one entry for each topic and type; counts of several publishers and files are added."""
-    joined: dict[tuple[str, str], Topic] = {}
-    for topic in topics:
-        known = joined.get((topic.name, topic.type))
-        if known is not None:
-            topic = Topic(
-                topic.name,
-                topic.type,
-                (known.count or 0) + (topic.count or 0),
-                known.usable or topic.usable,
-                known.why if known.usable else topic.why,
-            )
-        joined[topic.name, topic.type] = topic
-    return list(joined.values())

@@ -20,83 +20,16 @@ from numpy.typing import NDArray
 
 from reba.arrays import Flags
 from reba.readers.mcap.records import LATEST
+from reba.readers.mcap.trace import JITTER, MESSAGES_PER_PASS, NO_STAMP, Nanoseconds, Points, Trace, joined
 
-Nanoseconds = NDArray[np.int64]
-NO_STAMP: Final = np.iinfo(np.int64).min
-"""Stamp of a message without one."""
-JITTER: Final = 500_000_000
-"""[ns] By which stamps may run back, or differ from those of both neighbours, without a restart; a choice."""
 LEAP: Final = 60_000_000_000
 """[ns] By which stamps may advance more than the log time: a larger step is a clock that was set; a choice."""
 CLOCKS_DIFFER: Final = 5_000_000_000
 """[ns] Stamps of two channels that differ by more at one log time are of clocks that were not set alike; a choice."""
 UNSTAMPED: Final = 0.1
 """Largest share of the messages of a channel without a usable stamp, for its stamps to be used; one always may be."""
-MESSAGES_PER_PASS: Final = 10
-"""Stamps that run back more often than once in so many messages are no clock; a choice."""
-
-
-@dataclass(frozen=True)
-class Points:
-    """Messages of a channel by number: (m,) log times and stamps [ns]; `jump`: uneven since the message before."""
-
-    number: NDArray[np.int64]
-    log: Nanoseconds
-    stamp: Nanoseconds
-    jump: Flags
-
-    def __getitem__(self, chosen: NDArray[np.intp] | Flags | slice) -> Points:
-        return Points(self.number[chosen], self.log[chosen], self.stamp[chosen], self.jump[chosen])
-
-
-def joined(parts: Sequence[Points]) -> Points:
-    """Return the points of one or more parts."""
-    return Points(
-        np.concatenate([part.number for part in parts]),
-        np.concatenate([part.log for part in parts]),
-        np.concatenate([part.stamp for part in parts]),
-        np.concatenate([part.jump for part in parts]),
-    )
-
-
-class Trace:
-    """Times of all messages of one channel in the order of the file, without those that advance evenly."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.stamped = 0
-        self._parts: list[Points] = []
-        self._last: tuple[int, int] | None = None
-
-    def add(self, log: Nanoseconds, stamp: Nanoseconds) -> None:
-        """Add (n,) log times and stamps [ns] of the next messages."""
-        if not len(log):
-            return
-        zero = stamp == 0
-        if zero.any():
-            # One 0 may be the time at which a simulator starts; repeated ones were never set.
-            alike = zero[1:] & zero[:-1]
-            stamp = np.where(np.append(alike, False) | np.insert(alike, 0, False), NO_STAMP, stamp)
-        there = stamp != NO_STAMP
-        lag = np.where(there, stamp - log, 0)
-        latest = np.maximum.accumulate(np.where(there, np.arange(len(log)), -1))
-        lag_before, log_before = self._last or (int(lag[there][0]) if there.any() else 0, int(log[0]))
-        filled = np.where(latest >= 0, lag[latest], lag_before)
-        steps = np.abs(np.diff(filled, prepend=lag_before))
-        jump = (steps > JITTER // 2) | (np.diff(log, prepend=log_before) < -JITTER)
-        keep = jump.copy()
-        keep[:-1] |= jump[1:]
-        # The earliest stamp is time 0 of the recording.
-        keep[[0, -1, int(np.argmin(np.where(there, stamp, np.iinfo(np.int64).max)))]] = True
-        self._parts.append(Points(self.count + np.flatnonzero(keep), log[keep], stamp[keep], jump[keep]))
-        self._last = int(filled[-1]), int(log[-1])
-        self.count += len(log)
-        self.stamped += int(np.count_nonzero(there))
-
-    def points(self) -> Points:
-        """Return the points of all messages so far."""
-        none = np.zeros(0, np.int64)
-        return joined(self._parts or [Points(none, none, none, none.astype(bool))])
+ABOUT_MOST: Final = 0.9
+"""Share of the messages of the largest channel from which on an earlier one decides in its place; a choice."""
 
 
 @dataclass
@@ -162,8 +95,9 @@ class ChannelClock:
         if not self.by_stamp:
             return log + offsets, 0
         usable = stamp != NO_STAMP
-        if (stamp == 0).any() and not any((one.stamp == 0).any() for one in self.passes):
-            usable &= stamp != 0
+        if (stamp == 0).any():
+            points = self.trace.points()
+            usable &= (stamp != 0) | np.isin(number, points.number[points.stamp == 0])
         if len(self.damaged):
             usable &= ~np.isin(number, self.damaged)
         result = np.where(usable, stamp, 0) + offsets
@@ -293,15 +227,21 @@ class RecordingClock:
         self.source = ("publish_time" if published else "log_time") if self.why else "header.stamp"
         self.channels = clocks
         self.seams = _set_offsets([clock for clock in clocks if clock.by_stamp != bool(self.why)])
-        reference = max(clocks, key=lambda clock: (clock.by_stamp, clock.trace.count), default=None)
+        reference = _largest([clock for clock in clocks if clock.by_stamp] or clocks)
         for clock in clocks:
             if clock.by_stamp == bool(self.why) and reference is not None:
                 clock.line = reference.as_line()
 
 
+def _largest(clocks: Sequence[ChannelClock]) -> ChannelClock | None:
+    """Return the channel that decides: of those with about the most messages the first, whichever is ahead by a few."""
+    most = max((clock.trace.count for clock in clocks), default=0)
+    return next((clock for clock in clocks if clock.trace.count >= ABOUT_MOST * most), None)
+
+
 def _difference(clocks: Sequence[ChannelClock]) -> float:
     """Return the largest median difference [ns] between the stamps of two channels at one log time."""
-    largest = max(clocks, key=lambda clock: clock.trace.count, default=None)
+    largest = _largest(clocks)
     if largest is None or largest.restarts:
         return 0.0
     line = largest.as_line()
@@ -312,12 +252,14 @@ def _difference(clocks: Sequence[ChannelClock]) -> float:
 
 
 def _set_offsets(clocks: Sequence[ChannelClock]) -> tuple[int, ...]:
-    """Set the offsets of all passes; the channel with the most messages decides. Return the times of its restarts."""
-    if not clocks:
+    """Set the offsets of all passes; the largest channel decides. Return the times of its restarts."""
+    main = _largest(clocks)
+    if main is None:
         return ()
-    main, *others = sorted(clocks, key=lambda clock: -clock.trace.count)
     seams = _chain(main.passes)
-    for clock in others:
+    for clock in clocks:
+        if clock is main:
+            continue
         _chain(clock.passes)
         if len(clock.passes) == len(main.passes):
             pairs = list(zip(clock.passes, main.passes, strict=True))

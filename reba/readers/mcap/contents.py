@@ -1,7 +1,8 @@
 """Contents of a recording: what all of its messages name and when, before anything is decided about them.
 
 Every message with postures is decoded once, on opening. Names, parents and times are kept of all of them, the decoded
-values as long as they are small: a longer recording is decoded again when it is read.
+values as long as they are small: a longer recording is decoded again when it is read. A recording that is being written
+is taken in segment by segment.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ import numpy as np
 
 from reba.errors import ReadError
 from reba.readers.mcap.channels import DecodableChannel, batch_of
-from reba.readers.mcap.clock import NO_STAMP, ChannelClock, RecordingClock, Trace
+from reba.readers.mcap.clock import ChannelClock, RecordingClock
 from reba.readers.mcap.container import ChunkRef, Container, Store
 from reba.readers.mcap.decode import Decoder, Piece
+from reba.readers.mcap.trace import NO_STAMP, Trace
 from reba.readers.recording.stream import Kind, ReadLog
 
 KEPT_BYTES: Final = 1 << 25
@@ -127,27 +129,33 @@ class Contents:
     """
 
     def __init__(self, parts: Sequence[DecodableChannel], *, strict: bool) -> None:
-        self.containers = list(dict.fromkeys(part.container for part in parts))
+        self.clocks: dict[str, RecordingClock] = {}
         self._read_all(parts, strict)
         if self._has_no_log_time():
             for container in self.containers:
                 if isinstance(container, Container):
                     container.publish_time = True
             self._read_all(parts, strict)
+        self.set_clocks()
+
+    def set_clocks(self) -> None:
+        """Set the clocks by all messages so far."""
         logs = [one.intervals[0][0] for group in self.presence.values() for one in group.values() if one.intervals]
         self.start = min(logs, default=0)
         of_clock: dict[str, dict[int, Track]] = {}
-        for part in parts:
+        for part in self._parts:
             if (track := self.tracks.get(id(part))) is not None and track.trace.count:
                 of_clock.setdefault(clock_name(part.kind, part.group), {})[id(track)] = track
         published = any(isinstance(store, Container) and store.publish_time for store in self.containers)
-        self.clocks: dict[str, RecordingClock] = {}
         for name, tracks in of_clock.items():
             self.clocks[name] = clock = RecordingClock([track.trace for track in tracks.values()], published=published)
             for track, one in zip(tracks.values(), clock.channels, strict=True):
                 track.clock = one
 
     def _read_all(self, parts: Sequence[DecodableChannel], strict: bool) -> None:
+        self.containers: list[Store] = []
+        self._parts: list[DecodableChannel] = []
+        self._by_key: dict[tuple[str, str, str, int], Track] = {}
         self.tracks: dict[int, Track] = {}
         self.presence: dict[tuple[str, str], dict[tuple[Signal, ...], Presence]] = {}
         self.static: dict[tuple[str, str], list[Piece]] = {}
@@ -156,9 +164,29 @@ class Contents:
         self._places: dict[tuple[int, int], Place] = {}
         self._kept_bytes = 0
         self._names = 0
-        self._group(parts)
+        for part in parts:
+            self.include(part)
         for container in self.containers:
             self._read(container, [part for part in parts if part.container is container], strict)
+
+    def include(self, part: DecodableChannel) -> None:
+        """Add a channel; its track is that of the same topic, type and publisher (by order) in every file."""
+        if part.container not in self.containers:
+            self.containers.append(part.container)
+        self._parts.append(part)
+        if part.static:
+            return
+        key = (part.kind, part.topic, part.type)
+        same = [other for other in self._parts if other.container is part.container and not other.static]
+        place = sum((other.kind, other.topic, other.type) == key for other in same)
+        self.tracks[id(part)] = self._by_key.setdefault((*key, place), Track())
+
+    def forget(self) -> None:
+        """Remove the decoded values of all segments so far from memory."""
+        self._places.clear()
+        self._kept_bytes = 0
+        for track in self._by_key.values():
+            track.trace.thin()
 
     def _has_no_log_time(self) -> bool:
         """Return whether all messages with postures, more than one, have one log time: a converter left it empty."""
@@ -185,17 +213,6 @@ class Contents:
                 ordered.append((min(passes), segment.start, segment.offset, segment))
         return [segment for *_, segment in sorted(ordered, key=lambda row: row[:3])]
 
-    def _group(self, parts: Sequence[DecodableChannel]) -> None:
-        """Find the track of each channel: the same topic, type and publisher (by order) in every file."""
-        by_key: dict[tuple[str, str, str, int], Track] = {}
-        for container in self.containers:
-            seen: Counter[tuple[str, str, str]] = Counter()
-            for part in parts:
-                if part.container is container and not part.static:
-                    key = (part.kind, part.topic, part.type)
-                    seen[key] += 1
-                    self.tracks[id(part)] = by_key.setdefault((*key, seen[key]), Track())
-
     def _read(self, container: Store, parts: Sequence[DecodableChannel], strict: bool) -> None:
         """Decode all messages of a file; of several files a damaged one is read up to its damage."""
         decoders = [(part, part.make(None)) for part in parts]
@@ -210,7 +227,7 @@ class Contents:
                 self.warnings.append(f"{error}; the rest of this file is left out")
                 break
             for part, decoder in decoders:
-                read[part.channel] += self._take(part, segment, decoder)
+                read[part.channel] += self.take(part, segment, decoder)
         else:
             for part in parts:
                 count = container.counts[part.channel]
@@ -219,7 +236,7 @@ class Contents:
                     self.lost.append(f"{missing} that {container.path.name} states are missing")
         container.release()
 
-    def _take(self, part: DecodableChannel, segment: ChunkRef, decoder: Decoder) -> int:
+    def take(self, part: DecodableChannel, segment: ChunkRef, decoder: Decoder) -> int:
         """Decode the messages of a channel in a segment, and return how many they are."""
         track = self.tracks.get(id(part), Track())
         first = track.trace.count

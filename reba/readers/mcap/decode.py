@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Array, Flags
-from reba.readers.mcap.clock import NO_STAMP
 from reba.readers.mcap.container import Loaded
 from reba.readers.mcap.extract import Extractor, SignalGroup, Stamp, Value
 from reba.readers.mcap.layout import (
@@ -28,6 +27,7 @@ from reba.readers.mcap.layout import (
     take,
 )
 from reba.readers.mcap.records import LATEST
+from reba.readers.mcap.trace import NO_STAMP
 from reba.readers.recording.stream import ReadLog
 
 _MOST_LAYOUTS: Final = 64

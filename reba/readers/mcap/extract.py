@@ -13,6 +13,7 @@ from typing import Any, Final
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import FACTORS
 from reba.readers.mcap.layout import FieldSpan, Undecodable
+from reba.readers.mcap.trace import NO_STAMP
 from reba.readers.recording.stream import Kind
 
 Value = FieldSpan | float | None
@@ -203,12 +204,16 @@ def extract_angles(tree: Any) -> list[SignalGroup]:
     names = tuple(name for name in TABLE_COLUMNS if name in fields)
     if not names:
         raise Undecodable("it has none of the posture columns")
-    time = number(fields.get("time"))
-    stamp: Stamp | None = None
-    if isinstance(time, float) and abs(time) < 1e9:
-        stamp = (0, round(time * 1e9))
+    nanos = row_stamp(fields)
+    stamp: Stamp | None = None if nanos == NO_STAMP else (0, nanos)
     values = tuple(float(v) if isinstance(v := fields[name], bool) else number(v) for name in names)
     return [SignalGroup(stamp, names, (), values)]
+
+
+def row_stamp(row: Mapping[str, Any]) -> int:
+    """Return the time [ns] of a row of a posture table, `NO_STAMP` without one."""
+    time = number(row.get("time"))
+    return round(time * 1e9) if isinstance(time, float) and abs(time) < 1e9 else NO_STAMP
 
 
 TABLE_COLUMNS: Final = (*COLUMNS, "shoulder_raised_left", "shoulder_raised_right", *FACTORS)

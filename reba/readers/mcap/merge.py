@@ -55,6 +55,15 @@ class Merger:
         """Whether enough rows are collected for a block."""
         return self._rows >= self._wait_for
 
+    def include(self, signals: Sequence[tuple[str, str]], static: Merger) -> None:
+        """Add columns of signals, also of known names with another parent, and the values of a `static` merger."""
+        for signal in signals:
+            if len(self._columns) < MOST_SIGNALS:
+                self._columns.setdefault(signal, len(self._columns))
+        for signal, column in static._columns.items():
+            if column in static._static and signal in self._columns:
+                self._static[self._columns[signal]] = static._static[column]
+
     def add(self, time: Array, piece: Piece) -> None:
         """Add a piece with its (n,) times [s]."""
         columns, values = self._placed(piece)

@@ -26,9 +26,12 @@ from reba.readers.mcap.contents import (
     clock_name,
     united,
 )
-from reba.readers.mcap.decode import Piece, load_json
+from reba.readers.mcap.decode import Batch, Piece, load_json
+from reba.readers.mcap.extract import row_stamp
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.merge import MOST_SIGNALS, Merger
+from reba.readers.mcap.records import LATEST
+from reba.readers.mcap.trace import NO_STAMP
 from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
 
 if TYPE_CHECKING:
@@ -137,25 +140,45 @@ class McapBlockDecoder:
         renamed: Mapping[str, str],
     ) -> None:
         self._parts = [part for part in parts if not part.static]
+        self._clock = clock_name(kind, parts[0].group)
         self._renamed = renamed
         self.used = 0
         """Messages with a wanted signal."""
+        self.newest_log = -LATEST
+        """Log time [ns] of the newest message with a wanted signal."""
+        self.origins: list[tuple[float, str]] | None = None
+        """Time [s] and first wanted signal, by its name in the file, of each piece; None: not noted."""
         self._header = header
         self._contents = contents
         self._log = log
-        self._wanted = None
         if wanted is not None:
-            self._wanted = wanted = wanted | {other for other, name in renamed.items() if name in wanted}
+            wanted = frozenset(name for name, _ in header.signals if renamed.get(name, name) in wanted)
+        self._wanted = wanted
         signals = dict.fromkeys(
-            (renamed.get(name, name), parent) for name, parent in header.signals if wanted is None or name in wanted
+            (renamed.get(name, name), renamed.get(parent, parent))
+            for name, parent in header.signals
+            if wanted is None or name in wanted
         )
         self._merger = Merger(list(signals), log, frames=kind == "frames")
         self._decoders = {id(part): part.make(wanted) for part in self._parts}
         self._tracks = {id(part): contents.tracks[id(part)] for part in self._parts}
         self._read = dict.fromkeys(map(id, self._tracks.values()), 0)
+        self._signals = tuple(signals)
         self._newest = {id(track): track.clock.first for track in self._tracks.values() if track.clock}
         for piece in contents.static.get((kind, parts[0].group), []):
             self._merger.add_static(selected(piece, wanted))
+
+    def go_on(self, before: McapBlockDecoder) -> None:
+        """Go on where the decoder `before` is: with its time 0, its columns, and what it has not yet returned."""
+        self._header = replace(self._header, zero=before._header.zero)
+        static, self._merger = self._merger, before._merger
+        self._merger.include(self._signals, static)
+        self.used, self.newest_log = before.used, before.newest_log
+
+    @property
+    def seams(self) -> list[float]:
+        """Times [s] of the first message after each restart of the clock so far."""
+        return [(seam - self._header.zero) / 1e9 for seam in self._contents.clocks[self._clock].seams]
 
     def take(self, container: Store, segment: ChunkRef) -> None:
         """Decode the messages of a segment."""
@@ -168,17 +191,11 @@ class McapBlockDecoder:
                 self.used += len(used[0]) if len(used) == 1 else len(np.unique(np.concatenate(used or [NONE])))
 
     def _pieces(self, part: DecodableChannel, segment: ChunkRef) -> list[Piece]:
-        """Return the messages of a channel in a segment, kept ones or decoded again; or new ones of a live source."""
+        """Return the messages of a channel in a segment, kept ones or decoded again."""
         track, place = self._tracks[id(part)], self._contents.place(part, segment)
-        if place is None:
-            first = self._read[id(track)] = max(self._read[id(track)], track.trace.count)
-            batch = batch_of(part.container, segment, part.channel, first)
-            self._read[id(track)] += len(batch.starts)
-            self._log.messages += len(batch.starts)
-            return self._decoders[id(part)].decode(batch, self._log)
-        self._read[id(track)] += place.count
-        if not place.count:
+        if place is None or not place.count:
             return []
+        self._read[id(track)] += place.count
         if place.pieces is not None:
             return [selected(piece, self._wanted) for piece in place.pieces]
         batch = batch_of(part.container, segment, part.channel, place.first)
@@ -191,8 +208,15 @@ class McapBlockDecoder:
         if unstamped:
             self._log.warn("some messages have no usable time stamp; theirs follows from the log time")
         self._newest[id(track)] = max(self._newest[id(track)], int(time.max()))
+        if piece.names:
+            self.newest_log = max(self.newest_log, int(piece.log.max()))
+            if self.origins is not None:
+                self.origins.append(((int(time.min()) - self._header.zero) / 1e9, piece.names[0]))
         if self._renamed:
-            piece = replace(piece, names=tuple(self._renamed.get(name, name) for name in piece.names))
+            names, parents = (
+                tuple(self._renamed.get(name, name) for name in texts) for texts in (piece.names, piece.parents)
+            )
+            piece = replace(piece, names=names, parents=parents)
         if piece.names:
             self._merger.add(np.asarray((time - self._header.zero) / 1e9), piece)
 
@@ -211,6 +235,13 @@ class McapBlockDecoder:
         """Return the decoded messages as a block, without the newest row unless this is the `last`, see `Merger`."""
         return self._merger.flush(last=last)
 
+    def note(self, log: ReadLog) -> None:
+        """Count the messages so far in the log of a recording that is being written."""
+        tracks = list({id(track): track.log for track in self._tracks.values()}.values())
+        log.messages = sum(track.messages for track in tracks)
+        log.skipped = sum(track.skipped for track in tracks)
+        log.first_skipped = next((track.first_skipped for track in tracks if track.first_skipped), None)
+
     def flush_whole(self) -> Block | None:
         """Return the decoded messages as a block, with the newest row only if it has every signal."""
         return self._merger.flush(last=self._merger.newest_whole())
@@ -219,18 +250,37 @@ class McapBlockDecoder:
         """Return the rows of posture tables in a segment, text columns included."""
         rows = []
         for part in self._parts:
-            if part.container is container:
-                batch = batch_of(container, segment, part.channel)
-                for index, time in enumerate(batch.times.tolist()):
-                    try:
-                        row = load_json(batch.payload(index))
-                    except Undecodable:
-                        continue
-                    if isinstance(row, dict):
-                        if self._header.source != "time":
-                            row["time"] = (time - self._header.zero) / 1e9
-                        rows.append(row)
+            place = self._contents.place(part, segment) if part.container is container else None
+            if place is not None:
+                batch = batch_of(container, segment, part.channel, place.first)
+                trees = [self._row(batch, index) for index in range(len(batch.times))]
+                there = np.array([row is not None for row in trees], bool)
+                mine = [row for row in trees if row is not None]
+                self._set_times(self._tracks[id(part)], batch[there], mine)
+                rows += mine
+                if mine:
+                    self.newest_log = max(self.newest_log, int(batch.times.max()))
         return rows
+
+    @staticmethod
+    def _row(batch: Batch, index: int) -> dict[str, Any] | None:
+        try:
+            row = load_json(batch.payload(index))
+        except Undecodable:
+            return None
+        return row if isinstance(row, dict) else None
+
+    def _set_times(self, track: Track, batch: Batch, rows: list[dict[str, Any]]) -> None:
+        """Set the times [s] of rows: their own as they are written, unless the clock restarts or one is damaged."""
+        if self._header.source != "time":
+            for row, log in zip(rows, batch.times.tolist(), strict=True):
+                row["time"] = (log - self._header.zero) / 1e9
+        elif track.clock is not None and (track.clock.restarts or len(track.clock.damaged)):
+            stamps = np.array([row_stamp(row) for row in rows], np.int64)
+            times, _ = track.clock.times(batch.numbers, batch.times, stamps)
+            for row, stamp, time in zip(rows, stamps.tolist(), times.tolist(), strict=True):
+                if stamp not in (NO_STAMP, time):
+                    row["time"] = (time - self._header.zero) / 1e9
 
 
 class StreamReader:
@@ -263,7 +313,10 @@ class StreamReader:
         counts = [part.container.counts[part.channel] for part in self._parts if not part.static]
         formats = dict.fromkeys(part.format for part in self._parts if not part.static)
         header, start = self._header, self._contents.start
-        signals = dict.fromkeys((self._renamed.get(signal, signal), parent) for signal, parent in header.signals)
+        renamed = self._renamed
+        signals = dict.fromkeys(
+            (renamed.get(signal, signal), renamed.get(parent, parent)) for signal, parent in header.signals
+        )
         return Stream(
             name,
             self._kind,

@@ -35,7 +35,18 @@ class BlockDecoder(Protocol):
     """Decodes a recording that is still being written to blocks, segment by segment of its file.
 
     `container` and `segment` have types of the reader that made the decoder.
+
+    Attributes:
+        newest_log: log time [ns] of the newest message with a wanted signal.
+        origins: time [s] and first wanted signal, by its name in the file, of what was decoded; None: not noted.
     """
+
+    newest_log: int
+    origins: list[tuple[float, str]] | None
+
+    @property
+    def seams(self) -> list[float]:
+        """Times [s] of the first message after each restart of the clock so far."""
 
     @property
     def full(self) -> bool:
@@ -49,6 +60,12 @@ class BlockDecoder(Protocol):
 
     def flush_whole(self) -> Block | None:
         """Return the decoded messages as a block, with the newest row only if it has every signal."""
+
+    def go_on(self, before: Any) -> None:
+        """Go on where the decoder `before` is: with its time 0, its columns, and what it has not yet returned."""
+
+    def note(self, log: ReadLog) -> None:
+        """Count the messages so far in the log of a recording that is being written."""
 
     def rows(self, container: Any, segment: Any) -> list[dict[str, Any]]:
         """Return the rows of posture tables in a segment, text columns included."""

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from reba.errors import RebaError
+from reba.live.notices import FrameWatch
 from reba.live.session import Alert, LiveScorer
 from tests.reba.live.test_session import frames
 from tests.support.says import says
@@ -63,6 +64,32 @@ def test_a_client_gets_scores_and_a_skeleton(server: FoxgloveServer) -> None:
         assert set(record) >= {"time", "window", "exposure", "alert"}
         assert b"person" in got[1]
         assert b"REBA " in got[1]
+    finally:
+        client.close()
+
+
+def test_a_notice_is_sent_and_turns_the_skeleton_grey(server: FoxgloveServer) -> None:
+    client = websocket.create_connection(server.address, subprotocols=PROTOCOLS, timeout=20)
+    try:
+        channels = _channels(client)
+        notices, figure = (channels[TOPICS[name]] for name in ("notices", "figure"))
+        members = list(json.loads(notices["schema"])["properties"].values())
+        types = [member["type"] for member in members]
+        types += [one["type"] for member in members for one in member.get("properties", {}).values()]
+        assert {type(one) for one in types} == {str}
+        subscriptions = [{"id": number, "channelId": channel["id"]} for number, channel in enumerate((notices, figure))]
+        client.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+        scorer = LiveScorer("measured", 1.0, Alert(8, 1.0))
+        block = frames([9])
+        server.publish(block, *scorer.add(block), epoch=1_700_000_000.0)
+        line = scorer.notice(FrameWatch().lose("silent", "no frame for 1.5 s", 1.5))
+        got: dict[int, bytes] = {}
+        client.settimeout(0.2)
+        while len(got) < 2:
+            server.publish_notice(line)
+            got |= _messages(client)
+        assert json.loads(got[0])["notice"]["followed"] is False
+        assert b"no signal, last REBA" in got[1]
     finally:
         client.close()
 

@@ -204,7 +204,7 @@ def test_no_line_brings_it_down(lines: list[bytes], opened: bool) -> None:
     scorer = LiveScorer("measured", 1.0, Alert(8, 1.0))
     message = ""
     try:
-        for frames in follower.frames():
+        for frames in follower.follow():
             scorer.add(frames)
     except reba.RebaError as error:
         message = str(error)

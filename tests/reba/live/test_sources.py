@@ -12,7 +12,7 @@ import pytest
 
 import reba
 from reba.live.follow import Follower
-from reba.live.frames import ReadingOptions
+from reba.live.frames import Frames, ReadingOptions
 from reba.live.joint_frames import BodyFollower
 from reba.live.session import FrameDurations
 from reba.live.sources import GrowingMcap, open_growing
@@ -61,7 +61,7 @@ def read_live(path: Path, reading: ReadingOptions | None = None) -> tuple[list[f
     """Return the times of all frames of a file, the warnings, and the follower."""
     warnings: list[str] = []
     follower = Follower(GrowingMcap(path), reading or ReadingOptions(), {}, {}, warnings.append)
-    times = [time for frames in follower.frames(0.0) for time in frames.time.tolist()]
+    times = [time for frames in follower.follow(0.0) if isinstance(frames, Frames) for time in frames.time.tolist()]
     return times, warnings, follower
 
 

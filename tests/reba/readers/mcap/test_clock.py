@@ -1,0 +1,58 @@
+"""The clock of a channel: taken in at once or message by message, thinned or not, it is the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reba.readers.mcap.clock import ChannelClock, channel_clock
+from reba.readers.mcap.trace import MOST_POINTS, Nanoseconds, Trace
+
+SECOND = 10**9
+LOG = 1_700_000_000 * SECOND + np.arange(600) * SECOND // 50
+
+
+def restart(stamp: Nanoseconds, at: int) -> Nanoseconds:
+    return np.concatenate([stamp[:at], stamp[:-at]])
+
+
+STAMPS = {
+    "even": LOG - LOG[0],
+    "restart": restart(LOG - LOG[0], 400),
+    "unset at first": np.maximum(LOG - LOG[5], 0),
+    "unset at first, and a restart": restart(np.maximum(LOG - LOG[20], 0), 400),
+}
+
+
+def clock_of(stamp: Nanoseconds, size: int, *, thin: bool = False) -> ChannelClock:
+    trace = Trace()
+    for at in range(0, len(stamp), size):
+        trace.add(LOG[at : at + size], stamp[at : at + size].copy())
+        if thin:
+            trace.thin()
+    return channel_clock(trace, use_stamps=True)
+
+
+@pytest.mark.parametrize("name", STAMPS)
+@pytest.mark.parametrize("size", [1, 7])
+def test_how_messages_arrive_changes_nothing(name: str, size: int) -> None:
+    stamp = STAMPS[name]
+    whole, parts = clock_of(stamp, len(stamp)), clock_of(stamp, size)
+    assert [(one.start, one.restarted) for one in whole.passes] == [(one.start, one.restarted) for one in parts.passes]
+    numbers = np.arange(len(stamp))
+    np.testing.assert_array_equal(whole.times(numbers, LOG, stamp)[0], parts.times(numbers, LOG, stamp)[0])
+
+
+def test_a_restart_after_stamps_that_were_not_set_is_one() -> None:
+    assert clock_of(STAMPS["unset at first, and a restart"], 600).restarts == 1
+
+
+def test_an_endless_recording_takes_bounded_memory() -> None:
+    trace = Trace()
+    for at in range(3 * MOST_POINTS):
+        log = LOG[:1] + at * SECOND // 50
+        trace.add(log, log - LOG[0] - (0 if at < MOST_POINTS else 30 * SECOND))
+        trace.thin()
+    assert len(trace.points().number) <= MOST_POINTS + 1
+    clock = channel_clock(trace, use_stamps=True)
+    assert [one.start for one in clock.passes] == [0, MOST_POINTS]
