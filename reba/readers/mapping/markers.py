@@ -10,7 +10,7 @@ from reba.arrays import Array
 from reba.posture.angles import SegmentFrames, frame_across, frame_from_y_z
 from reba.posture.columns import SIDES
 from reba.readers.mapping.reference_frames import VerticalAxis
-from reba.readers.recording.profile import Profile
+from reba.readers.recording.profile import ZEROLESS, Profile
 from reba.readers.recording.stream import Block, Stream
 
 Points = dict[str, Array]
@@ -34,10 +34,9 @@ HARRINGTON = {"back": (-0.24, -0.0099), "down": (-0.30, -0.0109), "out": (0.33, 
 """Hip centre from the middle of the ASIS: slope times pelvis depth (back) or width (down, out), plus an offset [m].
 
 Regression of Harrington et al. 2007, J Biomech 40, 595-602."""
-HEAD_LINE_NOTE = (
-    "neck flexion is the inclination of the line from neck to head, about 20 deg forward in an upright person: "
-    "use a neutral posture (neutral='first:3s')"
-)
+
+COMPUTED_NECK = 0.01
+"""A neck that is never further from the middle of the shoulders, as a share of their distance, was computed from it."""
 
 
 class PointMapper:
@@ -56,6 +55,7 @@ class PointMapper:
     def begin(self) -> None:
         """Start a pass over the recording."""
         self.vertical.begin()
+        self._neck_height = 0.0
 
     def segment_frames(self, block: Block) -> SegmentFrames:
         """Return the segment frames (n, 3, 3) and long axes (n, 3) of a block of n samples."""
@@ -67,13 +67,12 @@ class PointMapper:
         }
         _add_centres(points)
         self._add_directions(points)
+        self._measure_neck(points)
         body = SegmentFrames(up=self.vertical.up)
         _add_trunk(points, body)
         _add_head(points, body)
         for side, outward in zip(SIDES, (-1.0, 1.0), strict=True):
             _add_limbs(points, body, side, outward)
-        if "head" in body.axes:
-            self._note_head_line()
         return body
 
     def is_consistent(self) -> bool:
@@ -84,12 +83,17 @@ class PointMapper:
         return consistent
 
     def unmeasured_columns(self, seconds: float) -> dict[str, str]:
-        """Return the columns that no point measures -> the reason; points leave this to the data."""
-        return {}
+        """Return the columns that no point measures -> the reason; points leave the others to the data."""
+        computed = "neck" in self.names and "notch" not in self.names and self._neck_height < COMPUTED_NECK
+        return dict.fromkeys(ZEROLESS, "the neck was computed as the middle of the shoulders") if computed else {}
 
-    def _note_head_line(self) -> None:
-        if HEAD_LINE_NOTE not in self.assumed:
-            self.assumed.append(HEAD_LINE_NOTE)
+    def _measure_neck(self, points: Points) -> None:
+        middle, across = _midpoint(points, "shoulder"), _left_to_right(points, "shoulder")
+        if "neck" in points and middle is not None and across is not None:
+            off = np.linalg.norm(points["neck"] - middle, axis=1) / np.linalg.norm(across, axis=1)
+            self._neck_height = max(self._neck_height, float(np.nanmax(off, initial=0.0)))
+        else:
+            self._neck_height = np.inf
 
     def _sided(self, point: str) -> str:
         if not self.vertical.swapped:
