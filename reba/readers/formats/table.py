@@ -256,7 +256,8 @@ def take_time(
 
     `where` names the line of a row in messages. With a `rate` [Hz] the rows are numbered, and a time column is refused.
     """
-    column, unit, nanoseconds = time_column(path, list(frame.columns), rate)
+    filled = [column for column in frame.columns if rate is None or frame[column].notna().any()]
+    column, unit, nanoseconds = time_column(path, filled, rate)
     if rate is not None:
         log.time_source = f"rows at {rate:g} Hz, as given"
         return np.arange(len(frame)) / rate, 0.0, []
@@ -265,7 +266,7 @@ def take_time(
         unit = 1e-9
     valid = values[np.isfinite(values)] if values.dtype.kind == "f" else values
     if not len(valid):
-        raise ReadError(path, f"no row has a value in the time column {clip(column)}", hint="give times in seconds")
+        raise ReadError(path, f"no row has a value in the time column {clip(column)}", hint="give times in seconds, or their rate (--rate 30)")
     largest = float(np.abs(valid.astype(np.float64)).max())
     if largest > LARGEST_INTEGER:
         raise ReadError(path, f"column {clip(column)} has {largest:.3g}, which is not a time", hint="give seconds")
