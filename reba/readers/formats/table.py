@@ -266,7 +266,11 @@ def take_time(
         unit = 1e-9
     valid = values[np.isfinite(values)] if values.dtype.kind == "f" else values
     if not len(valid):
-        raise ReadError(path, f"no row has a value in the time column {clip(column)}", hint="give times in seconds, or their rate (--rate 30)")
+        raise ReadError(
+            path,
+            f"no row has a value in the time column {clip(column)}",
+            hint="give times in seconds, or their rate (--rate 30)",
+        )
     largest = float(np.abs(valid.astype(np.float64)).max())
     if largest > LARGEST_INTEGER:
         raise ReadError(path, f"column {clip(column)} has {largest:.3g}, which is not a time", hint="give seconds")
