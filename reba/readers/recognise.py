@@ -225,10 +225,11 @@ def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
             if parsed:
                 groups = parsed.groupdict()
                 # Two patterns may read one body in two ways, so an id belongs to its pattern.
-                found = result.setdefault(f"{index} {(groups.get('id') or '').strip('/:.')}", {})
-                name = spelling[_folded(groups["name"])] if loose else groups["name"]
-                if name not in found or groups["name"] == name:
-                    found[name] = signal
+                by_name = result.setdefault(f"{index} {(groups.get('id') or '').strip('/:.')}", {})
+                word = groups["name"]
+                name = word if word in profile.names else spelling[_folded(word)]
+                if name not in by_name or word == name:
+                    by_name[name] = signal
     best: dict[str, dict[str, str]] = {}
     for key, names in result.items():
         body = key.partition(" ")[2]
@@ -255,9 +256,9 @@ def _match(stream: Stream, profile: Profile, body: str, signals: Mapping[str, st
     names: dict[str, tuple[str, ...]] = {}
     for slot, words in profile.slots.items():
         if profile.kind == "points":  # the mean of all
-            found = tuple(next((signals[name] for name in word.split("|") if name in signals), "") for word in words)
-            if all(found):
-                names[slot] = found
+            markers = tuple(next((signals[name] for name in word.split("|") if name in signals), "") for word in words)
+            if all(markers):
+                names[slot] = markers
         elif present := tuple(signals[word] for word in words if word in signals):
             names[slot] = present[:1]
     complete = all(any(slot in names for slot in group) for group in profile.required)

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from reba.errors import ReadError
+from reba.open_file import read_settings
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class NotRead:
 @cache
 def not_read() -> tuple[NotRead, ...]:
     """Return the formats that are not read."""
-    text = Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+    text = read_settings(Path(__file__).with_suffix(".toml"))
     return tuple(
         NotRead(entry["what"], entry["hint"], tuple(entry.get("starts", ())), tuple(entry["endings"]))
         for entry in tomllib.loads(text)["format"]

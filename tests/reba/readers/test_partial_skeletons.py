@@ -13,7 +13,7 @@ from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.table import PostureTable
 from reba.readers.mapping.segments import AXES
 from reba.readers.recognise import bodies, choose
-from reba.readers.recording.profile import find_profile, profiles
+from reba.readers.recording.profile import find_profile, parse_profile, profiles
 from tests.support.says import says
 from tests.support.synthetic_bodies import (
     check_movement,
@@ -218,6 +218,13 @@ def test_points_that_give_no_angle_are_no_skeleton(names: tuple[str, ...]) -> No
     with pytest.raises(ProfileError) as caught:
         choose(recording_of(stream), profiles())
     says(caught, "no profile fits", names[0])
+
+
+def test_names_of_a_profile_that_differ_in_case_stay_apart() -> None:
+    mine = parse_profile(
+        {"name": "a", "title": "b", "source": "c", "kind": "points", "points": {"neck": "n", "head": "N"}}, "mine.toml"
+    )
+    assert bodies(mine, stream_of("s", "points", ("N", "n"), np.zeros((1, 2, 3))))[""] == {"N": "N", "n": "n"}
 
 
 def test_the_exact_spelling_comes_first() -> None:
