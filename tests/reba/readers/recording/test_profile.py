@@ -75,7 +75,8 @@ MOVES: dict[str, list[tuple[dict[str, float], dict[str, float]]]] = {
         ({"right_elbow_z": 20}, {"wrist_twist_right": 20}),
         ({"left_elbow_z": -20}, {"wrist_twist_left": 20}),
         ({"right_wrist_y": -20}, {"wrist_flexion_right": 20}),
-        ({"left_wrist_x": 20}, {"wrist_deviation_left": 20}),
+        ({"left_wrist_x": 20}, {"wrist_deviation_left": -20}),
+        ({"right_wrist_x": 20}, {"wrist_deviation_right": 20}),
         ({"left_knee_y": 60}, {"knee_flexion_left": 60}),
     ],
     "mvnx_joints": [
@@ -89,6 +90,8 @@ MOVES: dict[str, list[tuple[dict[str, float], dict[str, float]]]] = {
         ({"jLeftElbow_z": 80}, {"lower_arm_flexion_left": 80}),
         ({"jRightElbow_y": 20}, {"wrist_twist_right": 20}),
         ({"jRightWrist_z": 20}, {"wrist_flexion_right": 20}),
+        ({"jRightWrist_x": 20}, {"wrist_deviation_right": -20}),
+        ({"jLeftWrist_x": 20}, {"wrist_deviation_left": -20}),
         ({"jRightKnee_z": 60}, {"knee_flexion_right": 60}),
     ],
     "human_gazebo": [
