@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from reba.arrays import Array
+from reba.errors import join_names
 from reba.posture.angles import SegmentFrames, frame_across, frame_from_y_z
 from reba.posture.columns import SIDES
 from reba.readers.mapping.reference_frames import VerticalAxis
@@ -35,6 +36,17 @@ HARRINGTON = {"back": (-0.24, -0.0099), "down": (-0.30, -0.0109), "out": (0.33, 
 
 Regression of Harrington et al. 2007, J Biomech 40, 595-602."""
 
+NEEDED = {
+    "knee_flexion": ("hip", "knee", "ankle"),
+    "upper_arm_flexion": ("shoulder", "elbow"),
+    "upper_arm_abduction": ("shoulder", "elbow"),
+    "lower_arm_flexion": ("shoulder", "elbow", "wrist"),
+    "wrist_flexion": ("elbow", "wrist_radial", "wrist_ulnar", "hand"),
+    "wrist_deviation": ("elbow", "wrist_radial", "wrist_ulnar", "hand"),
+    "wrist_twist": ("elbow_lateral", "elbow_medial", "wrist_radial", "wrist_ulnar"),
+}
+"""Angle of a limb -> points, measured or between others, without which it is not measured."""
+NECK = ("neck_flexion", "neck_side_bend", "neck_twist")
 COMPUTED_NECK = 0.01
 """A neck that is never further from the middle of the shoulders, as a share of their distance, was computed from it."""
 
@@ -56,6 +68,7 @@ class PointMapper:
         """Start a pass over the recording."""
         self.vertical.begin()
         self._neck_height = 0.0
+        self._present: set[str] = set()
 
     def segment_frames(self, block: Block) -> SegmentFrames:
         """Return the segment frames (n, 3, 3) and long axes (n, 3) of a block of n samples."""
@@ -68,6 +81,7 @@ class PointMapper:
         _add_centres(points)
         self._add_directions(points)
         self._measure_neck(points)
+        self._present |= points.keys()
         body = SegmentFrames(up=self.vertical.up)
         _add_trunk(points, body)
         _add_head(points, body)
@@ -84,8 +98,20 @@ class PointMapper:
 
     def unmeasured_columns(self, seconds: float) -> dict[str, str]:
         """Return the columns that no point measures -> the reason; points leave the others to the data."""
-        computed = "neck" in self.names and "notch" not in self.names and self._neck_height < COMPUTED_NECK
-        return dict.fromkeys(ZEROLESS, "the neck was computed as the middle of the shoulders") if computed else {}
+        present, reasons = self._present, {}
+        for name, needed in NEEDED.items():
+            for side in SIDES:
+                absent = [f"{point}_{side}" for point in needed if f"{point}_{side}" not in present]
+                if absent:
+                    reasons[f"{name}_{side}"] = f"no point {join_names(absent)}"
+        if "notch" not in present:
+            if "neck" in present and self._neck_height < COMPUTED_NECK:
+                reasons |= dict.fromkeys(ZEROLESS, "the neck was computed as the middle of the shoulders")
+            elif not present & {"neck", "c7"}:
+                reasons |= dict.fromkeys(ZEROLESS, "no point on the neck between the shoulders")
+        if not present & {"head", "ear_left", "ear_right"}:
+            reasons |= dict.fromkeys(NECK, "no point on the head")
+        return reasons
 
     def _measure_neck(self, points: Points) -> None:
         middle, across = _midpoint(points, "shoulder"), _left_to_right(points, "shoulder")

@@ -4,22 +4,7 @@ A profile states for one kind of source the names of its joints, frames or point
 they rotate, which columns it cannot measure and why. The shipped ones are the TOML files in `profiles/`; for other
 names, write a file like them and pass its path (`--profile FILE.toml`).
 
-A TOML file has `name`, `title`, `source`, `kind` and, as far as they apply:
-
-    patterns   how names are written: "{name}", "{name}_{id}", "{id}_{name}"; `{id}` is a body, `*` any text
-    required   names (or segments, points) without which it is not this source, `{side}` on one side at least; all
-               others may be missing, and without it any names that give a column are sufficient
-    [chains]   joints: segment = ["<sign><axis> <joint>", ...], rotations in this order about the ISB axes of the
-               segment (x forward, y up, z right); a number instead of a joint is a constant rotation [deg],
-               "a|b" a joint that is called a or b
-    [columns]  joints: column = ["<sign><joint>", ..., <degrees>], a sum that is the angle of the column
-    [segments] frames: segment = ["<frame>", ...], the first of them that is present
-    [points]   points: point = ["<marker>", ...], the mean of them; "a|b" a marker that is called a or b
-    [dummies]  joint (or column) = constant value [deg] of one that is not measured
-    [cannot]   column (or "trunk", "neck", "arms", "wrists", "legs") = reason
-
-`{side}`, `{Side}`, `{s}`, `{S}` stand for left/right, Left/Right, l/r, L/R; the entry then holds for both sides.
-Chains are written for the right side; on the left the rotations about x and y change sign, unless `mirror = false`.
+docs/profiles.md describes every key with examples; `_FIELDS` is the list of them.
 """
 
 from __future__ import annotations

@@ -180,6 +180,16 @@ def test_plug_in_gait_without_some_markers(leave: Iterable[str], lost: set[str])
         np.testing.assert_allclose(part.data[column], whole.data[column], atol=1e-9, err_msg=column)
 
 
+def test_absent_points_are_named() -> None:
+    table = _read(
+        PLUG_IN_GAIT, ("left_elbow", "left_wrist", *(f"{side}_{name}" for side in SIDES for name in ("front", "back")))
+    )
+    says(table.why_unmeasured["lower_arm_flexion_left"], "no point elbow_left and wrist_left")
+    says(table.why_unmeasured["neck_flexion"], "no point on the head")
+    says(_read(POSE2SIM).why_unmeasured["shoulder_elevation_right"], "no point on the neck")
+    says(_read(POSE2SIM, ("right_knee",)).why_unmeasured["knee_flexion_right"], "no point knee_right")
+
+
 def test_one_marker_on_the_sacrum_stands_for_two() -> None:
     sacrum = (PERSON["left_psis"] + PERSON["right_psis"]) / 2.0
     chosen = {word: PERSON[name] for name, word in PLUG_IN_GAIT.items() if "psis" not in name} | {"SACR": sacrum}
