@@ -16,6 +16,8 @@ PREFERENCE = {"joints": 0, "points": 1, "frames": 2}
 """Rank of the kinds: frames have the world and full orientations, so they win where joints give no more columns."""
 ENOUGH = 0.5
 """Share of a joints profile that suffices without all required joints; columns of absent joints are not measured."""
+NEARLY_ALL = 0.8
+"""Share of the names of the best body that another body has; of points, which may lack many, `ENOUGH` is one."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,8 @@ def choose(recording: Recording, known: tuple[Profile, ...], topic: str | None =
     if not fitting:
         raise ProfileError(_no_match(recording, candidates, known if named else ()))
     best, rivals = _explaining_most(fitting)
-    same = [match for match in fitting if match.profile is best.profile and match.present >= 0.8 * best.present]
+    least = (ENOUGH if best.explained else NEARLY_ALL) * best.present
+    same = [match for match in fitting if match.profile is best.profile and match.present >= least]
     ids = dict.fromkeys((match.body or match.stream.name) for match in same)
     if len(ids) > 1:
         one_person = _in_turn(same)

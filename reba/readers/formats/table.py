@@ -20,6 +20,7 @@ from reba.errors import ReadError, did_you_mean
 from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
+from reba.readers.formats.long_points import wide_points
 from reba.readers.formats.table_columns import DEGREES, LEAST_POINTS, coordinates, metres_of, named_units
 from reba.readers.formats.table_file import PARQUET, SEPARATORS, TableFile, read_csv, read_parquet
 from reba.readers.formats.text import LARGEST
@@ -74,6 +75,8 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
     frame = file.frame
     if not len(frame):
         raise ReadError(path, "the table has no rows", hint="give at least one row of values")
+    if (wide := wide_points(frame)) is not None:
+        frame, file = wide, replace(file, where=lambda row: f"frame {row + 1}")
     frame, units = named_units(frame, KNOWN)
     file = replace(file, frame=frame)
     time, epoch, used = take_time(path, frame, log, file.where, rate)

@@ -180,6 +180,15 @@ def test_plug_in_gait_without_some_markers(leave: Iterable[str], lost: set[str])
         np.testing.assert_allclose(part.data[column], whole.data[column], atol=1e-9, err_msg=column)
 
 
+def test_a_second_person_seen_in_part_is_a_question() -> None:
+    whole = {f"P1_{word}": PERSON[name] for name, word in COCO.items()}
+    part = {f"P2_{word}": PERSON[name] + [0.0, 2.0, 0.0] for name, word in list(COCO.items())[:8]}
+    both = whole | part
+    with pytest.raises(ProfileError) as caught:
+        read_stream(stream_of("s", "points", tuple(both), np.stack(list(both.values()), axis=1)))
+    says(caught, "2 bodies", "P1, P2", "--topic P1")
+
+
 def test_absent_points_are_named() -> None:
     table = _read(
         PLUG_IN_GAIT, ("left_elbow", "left_wrist", *(f"{side}_{name}" for side in SIDES for name in ("front", "back")))
