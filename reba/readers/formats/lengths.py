@@ -58,7 +58,7 @@ def metres_by_size(points: Array, log: ReadLog, usual: str) -> float:
     extent = float(np.median(np.nanmax(extents, axis=1)))
     for unit in ("m", "cm", "mm"):
         if BODY[0] <= extent * METRES[unit] <= BODY[1]:
-            log.warn(f"the unit of the points is not stated; read as {unit}, in which the body is {extent:.3g} tall")
+            log.warn(f"the unit of the points is not stated; read as {unit}, in which the body is {extent:.4g} tall")
             return METRES[unit]
     log.warn(
         f"the unit of the points is not stated, and no unit gives the size of a body; {usual} was assumed, "
