@@ -7,6 +7,7 @@ vertical axis is not stated: y for OpenSim, z for most cameras.
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -34,13 +35,13 @@ def open_trc(path: Path) -> Recording:
     """Open a TRC file: points in metres, NaN in gaps."""
     log = ReadLog(time_source="time column")
     lines = read_lines(path, log)
-    filled = [index for index, line in enumerate(lines) if line.strip(" \t,")]
+    filled = list(islice((index for index, line in enumerate(lines) if line.strip(" \t,")), 5))
     if not filled or not sniff(path, lines[filled[0]].encode()):
         raise ReadError(path, "line 1: 'PathFileType' expected", hint="export it as .trc again")
     if len(filled) < 5:
         at = filled[-1] + 1
         raise ReadError(path, f"the header ends at line {at} of 5", hint="the file is cut: export it again")
-    _, keys_at, values_at, names_at, first = filled[:5]
+    _, keys_at, values_at, names_at, first = filled
     header = _keys(lines[keys_at], lines[values_at])
     coordinates = _fields(lines[first])
     if _is_numeric(coordinates):
@@ -49,7 +50,7 @@ def open_trc(path: Path) -> Recording:
         first += 1
     names = _names(path, lines[names_at], coordinates, f"line {names_at + 1}", f"line {filled[4] + 1}")
     width = 2 + 3 * len(names)
-    separator = _separator(lines[first:], width)
+    separator = _separator(lines[first : first + LOOK], width)
     rows, numbers = number_rows(path, lines, first, width, log, separator=separator, gaps=True)
     if not len(rows):
         raise ReadError(path, "no row of numbers after the header", hint="export it again with its frames")
@@ -111,7 +112,7 @@ def _names(path: Path, line: str, coordinates: list[str], where: str, below: str
 
 def _separator(lines: list[str], width: int) -> str | None:
     """Return what separates the fields of most of the first rows of numbers."""
-    rows = [line.strip() for line in lines[:LOOK] if line.strip(" \t,")]
+    rows = [line.strip() for line in lines if line.strip(" \t,")]
     return max(SEPARATORS, key=lambda separator: sum(len(row.split(separator)) == width for row in rows))
 
 
