@@ -293,7 +293,7 @@ def _columns(info: Info) -> Table:
 
 
 def describe_profile(profile: Profile) -> dict[str, Any]:
-    """Return a profile as plain data: source, measured columns, those that need a neutral posture, and why not others."""
+    """Return a profile as plain data: source, measured columns, which need a neutral posture, why not the others."""
     measures = measurable_columns(profile)
     return {
         "name": profile.name,
