@@ -197,27 +197,38 @@ def _bodies(q: dict[str, Array]) -> dict[str, tuple[Array, Array]]:
     return bodies
 
 
+def _write_motion(path: Path, time: Array, columns: Mapping[str, Array]) -> None:
+    """Write coordinates [deg] as OpenSim does."""
+    rows = np.column_stack([time, *columns.values()])
+    header = f"lift\nversion=1\nnRows={len(rows)}\nnColumns={rows.shape[1]}\ninDegrees=yes\nendheader\n"
+    lines = ["\t".join(["time", *columns]), *("\t".join(f"{value:.8f}" for value in row) for row in rows)]
+    path.write_text(header + "\n".join(lines) + "\n")
+
+
+def _write_markers(path: Path, time: Array, places: Mapping[str, Array]) -> None:
+    """Write positions [m] in mm as OpenSim does."""
+    keys = "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"
+    axes = "\t".join(f"{axis}{number + 1}" for number in range(len(places)) for axis in "XYZ")
+    lines = [f"PathFileType\t4\t(X/Y/Z)\t{path.name}", keys]
+    lines += [f"50\t50\t{len(time)}\t{len(places)}\tmm\t50\t1\t{len(time)}"]
+    lines += ["Frame#\tTime\t" + "\t\t\t".join(places) + "\t\t", f"\t\t{axes}", ""]
+    rows = 1000.0 * np.stack(list(places.values()), axis=1).reshape(len(time), -1)
+    lines += [
+        f"{number + 1}\t{time[number]:.5f}\t" + "\t".join(f"{value:.5f}" for value in row)
+        for number, row in enumerate(rows)
+    ]
+    path.write_text("\n".join(lines) + "\n")
+
+
 def test_opensim_coordinates_and_markers_of_one_motion(tmp_path: Path) -> None:
     time = np.arange(100) / 50.0
     q = _coordinates(time)
     bodies = _bodies(q)
     places = {name: bodies[body][1] + bodies[body][0] @ place for name, (body, place) in POINTS.items()}
     motion, markers = tmp_path / "lift.mot", tmp_path / "lift.trc"
-    columns = q | {f"wrist_{name}_{side}": np.zeros(100) for name in ("flex", "dev") for side in "rl"}
-    rows = np.column_stack([time, *columns.values()])
-    header = f"lift\nversion=1\nnRows={len(rows)}\nnColumns={rows.shape[1]}\ninDegrees=yes\nendheader\n"
-    lines = ["\t".join(["time", *columns]), *("\t".join(f"{value:.8f}" for value in row) for row in rows)]
-    motion.write_text(header + "\n".join(lines) + "\n")
-    keys = "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"
-    axes = "\t".join(f"{axis}{number + 1}" for number in range(len(places)) for axis in "XYZ")
-    lines = ["PathFileType\t4\t(X/Y/Z)\tlift.trc", keys, f"50\t50\t100\t{len(places)}\tmm\t50\t1\t100"]
-    lines += ["Frame#\tTime\t" + "\t\t\t".join(places) + "\t\t", f"\t\t{axes}", ""]
-    rows = 1000.0 * np.stack(list(places.values()), axis=1).reshape(100, -1)
-    lines += [
-        f"{number + 1}\t{time[number]:.5f}\t" + "\t".join(f"{value:.5f}" for value in row)
-        for number, row in enumerate(rows)
-    ]
-    markers.write_text("\n".join(lines) + "\n")
+    still = {f"wrist_{name}_{side}": np.zeros(100) for name in ("flex", "dev") for side in "rl"}
+    _write_motion(motion, time, q | still)
+    _write_markers(markers, time, places)
     by_coordinates, by_markers = read(motion), read(markers)
     assert (by_coordinates.profile, by_markers.profile) == ("opensim", "markers_opencap")
     check_agreement(
@@ -251,3 +262,53 @@ def test_inverse_kinematics_and_markers_of_a_real_trial() -> None:
         else:
             # No markers on head and hands drove the model, and the girdle has no zero in either.
             assert column in solved.unmeasured, column
+
+
+def test_pose2sim_coordinates_and_markers_of_one_motion(tmp_path: Path) -> None:
+    time = np.arange(100) / 50.0
+    q = _coordinates(time)
+    bodies = _bodies(q)
+    wave = {
+        "neck_flexion": -15.0 + 10.0 * np.sin(time),
+        "neck_bending": 8.0 * np.cos(time),
+        "neck_rotation": 20.0 * np.sin(2 * time),
+    }
+    head = (
+        bodies["torso"][0] @ Rotation.from_euler("ZXY", np.stack(list(wave.values()), axis=1), degrees=True).as_matrix()
+    )
+    neck = bodies["torso"][1] + bodies["torso"][0] @ [0.0, 0.5, 0.0]
+    places = {name: bodies[body][1] + bodies[body][0] @ place for name, (body, place) in POINTS.items()}
+    named = {
+        "Hip": "HJC_study",
+        "Shoulder": "shoulder_study",
+        "Ankle": "ankle_study",
+        "BigToe": "toe_study",
+        "Heel": "calc_study",
+    }
+    points = {"Neck": neck}
+    for side, key in (("R", "r"), ("L", "L")):
+        for name, marker in named.items():
+            points[side + name] = places.get(f"{side}{marker}", places.get(f"{key}_{marker}"))
+        for name, marker in (("Elbow", "elbow"), ("Wrist", "wrist")):
+            points[side + name] = (places[f"{key}_l{marker}_study"] + places[f"{key}_m{marker}_study"]) / 2.0
+        points[side + "Knee"] = (places[f"{key}_knee_study"] + places[f"{key}_mknee_study"]) / 2.0
+        points[side + "Ankle"] = (places[f"{key}_ankle_study"] + places[f"{key}_mankle_study"]) / 2.0
+        points[side + "Ear"] = neck + head @ [0.0, 0.2, 0.08 if side == "R" else -0.08]
+    renamed = {
+        "lumbar_extension": "L5_S1_Flex_Ext",
+        "lumbar_bending": "L5_S1_Lat_Bending",
+        "lumbar_rotation": "L5_S1_axial_rotation",
+    }
+    motion, markers = tmp_path / "lift.mot", tmp_path / "lift.trc"
+    _write_motion(motion, time, {renamed.get(name, name): values for name, values in (q | wave).items()})
+    _write_markers(markers, time, points)
+    by_coordinates, by_markers = read(motion), read(markers)
+    assert (by_coordinates.profile, by_markers.profile) == ("opensim_pose2sim", "keypoints_openpose")
+    check_agreement(
+        by_coordinates,
+        by_markers,
+        {
+            **dict.fromkeys(columns_of("shoulder_elevation"), "the shoulder"),
+            **dict.fromkeys(columns_of("wrist"), "no two points across the wrist"),
+        },
+    )
