@@ -293,7 +293,7 @@ def _columns(info: Info) -> Table:
 
 
 def describe_profile(profile: Profile) -> dict[str, Any]:
-    """Return a profile as plain data: source, measured columns, and the reason for each column it cannot measure."""
+    """Return a profile as plain data: source, measured columns, which need a neutral posture, why not the others."""
     measures = measurable_columns(profile)
     return {
         "name": profile.name,
@@ -302,6 +302,7 @@ def describe_profile(profile: Profile) -> dict[str, Any]:
         "formats": list(profile.formats),
         "source": profile.source,
         "measures": list(measures),
+        "needs_neutral": [name for name in profile.needs_neutral if name in measures],
         "cannot": {name: profile.cannot.get(name, "no such signal") for name in COLUMNS if name not in measures},
     }
 
@@ -313,7 +314,10 @@ def show_profiles(console: Console, profiles: list[dict[str, Any]]) -> None:
         table.add_column(name, overflow="fold")
     for profile in profiles:
         reasons: dict[str, list[str]] = {}
-        for column, why in profile["cannot"].items():
+        for column, why in [
+            *profile["cannot"].items(),
+            *((column, "only with --neutral") for column in profile["needs_neutral"]),
+        ]:
             reasons.setdefault(why, []).append(column)
         cannot = "; ".join(f"{', '.join(short_columns(columns))}: {why}" for why, columns in reasons.items())
         origin = f"{profile['kind']} in {', '.join(profile['formats'])}" if profile["formats"] else profile["kind"]

@@ -87,7 +87,7 @@ class FollowedBody:
         except ProfileError:
             return []
         fitting = [match for match in candidates if match.fits]
-        same = alike(fitting) if fitting else []
+        same = alike(fitting, fitting[0]) if fitting else []
         mine = [match for match in same if match.label == self.current and self._same_stream(match)]
         one = in_turn(same) if len(same) > 1 and not self._alone else None
         if one is not None:

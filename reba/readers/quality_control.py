@@ -171,6 +171,11 @@ def empty_columns(angles: Array) -> list[str]:
     return [column for column, index in INDEX.items() if not np.isfinite(angles[:, index]).any()]
 
 
+NO_ZERO = "it has no zero without a neutral posture: give one (--neutral first:3s)"
+UNCALIBRATED = (
+    "not calibrated: no neutral posture is given, so angles have their zero where the points are on the body "
+    "(neck_flexion by the line from neck to head: about 20 deg in an upright person); give one (--neutral first:3s)"
+)
 MAX_HYPEREXTENSION = 10.0
 """[deg] Largest hyperextension of a hinge; a larger negative flexion means that the sign is inverted."""
 
@@ -207,9 +212,11 @@ def quality_control(samples: Samples, mapper: Mapper, profile: Profile, kind: Ki
         **constant_columns(angles, samples.seconds, kind, profile.dummies),
         **mapper.unmeasured_columns(samples.seconds),
     }
-    if neutral == "none":
-        for column in profile.needs_neutral:
-            reasons[column] = "it has no zero without a neutral posture: give one (neutral='first:3s')"
+    if neutral == "none" and profile.needs_neutral:
+        empty = empty_columns(angles)
+        reasons |= {column: NO_ZERO for column in profile.needs_neutral if column not in empty}
+        if kind == "points" and np.isfinite(angles[:, INDEX["neck_flexion"]]).any():
+            mapper.warnings.append(UNCALIBRATED)
     turned = _upright_sign(angles, profile.sign_from_range, mapper)
     if kind != "joints":
         reasons |= impossible_columns(angles)

@@ -16,6 +16,8 @@ PREFERENCE = {"joints": 0, "points": 1, "frames": 2}
 """Rank of the kinds: frames have the world and full orientations, so they win where joints give no more columns."""
 ENOUGH = 0.5
 """Share of a joints profile that suffices without all required joints; columns of absent joints are not measured."""
+NEARLY_ALL = 0.8
+"""Share of the names of the best body that another body has; of points, which may lack many, `ENOUGH` is one."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,12 @@ class Match:
     def present(self) -> int:
         """Number of joints, segments or points that are present."""
         return len(self.names or ())
+
+    @property
+    def explained(self) -> int:
+        """Number of points that are read; 0 for other kinds."""
+        points = self.profile is not None and self.profile.kind == "points"
+        return len({signal for group in (self.names or {}).values() for signal in group}) if points else 0
 
     @property
     def share(self) -> float:
@@ -105,26 +113,47 @@ def choose(recording: Recording, known: tuple[Profile, ...], topic: str | None =
     fitting = [match for match in candidates if match.fits]
     if not fitting:
         raise NoMatch(_no_match(recording, candidates, known if named else ()))
-    best = fitting[0]
-    same = alike(fitting)
+    best, rivals = _explaining_most(fitting)
+    same = alike(fitting, best)
     ids = dict.fromkeys(match.label for match in same)
     if len(ids) > 1:
         one_person = in_turn(same)
         if one_person is not None:
-            return one_person
+            return replace(one_person, note="; ".join(filter(None, (one_person.note, rivals))))
         options = ", ".join(f"{match.label}{seconds_text(match)}" for match in same)
         raise SeveralBodies(
             f"{recording.path}: {len(ids)} bodies or streams fit profile {_name(best)}: {options}; "
             f"choose one with --topic, like --topic {next(iter(ids))}"
         )
-    equal = [match for match in fitting[1:] if match.rank == best.rank and match.profile is not best.profile]
+    equal = [match for match in fitting if match.rank == best.rank and match.profile is not best.profile]
     if equal:
         other = equal[0]
         raise ProfileError(
             f"{recording.path}: {_name(best)} ({best.why}) and {_name(other)} ({other.why}) fit equally; "
             f"choose with --profile {_name(best)} or --profile {_name(other)}, or with --topic"
         )
-    return best
+    return replace(best, note=rivals)
+
+
+def _explaining_most(fitting: list[Match]) -> tuple[Match, str]:
+    """Return the best match; of several profiles of one stream of points that which explains most of them, and a note.
+
+    A file may have the points of two sets, as those of a video and the markers that were derived from them.
+    """
+    best = fitting[0]
+    ranked = sorted(
+        (match for match in fitting if match.stream is best.stream),
+        key=lambda match: (match.explained, len(match.columns)),
+        reverse=True,
+    )
+    other = next((match for match in ranked if match.profile is not ranked[0].profile), None)
+    if not best.explained or other is None:
+        return best, ""
+    first, total = ranked[0], len(best.stream.names)
+    return first, (
+        f"profiles {_name(first)} and {_name(other)} both fit; "
+        f"taken is {_name(first)}, which explains {first.explained} of {total} points, not {other.explained}"
+    )
 
 
 class SeveralBodies(ProfileError):
@@ -143,10 +172,10 @@ def candidates_in(
     return candidates if topic is None else _of_topic(recording, candidates, topic)
 
 
-def alike(fitting: Sequence[Match]) -> list[Match]:
-    """Return the matches of the profile of the first one with about as many names as that."""
-    best = fitting[0]
-    return [match for match in fitting if match.profile is best.profile and match.present >= 0.8 * best.present]
+def alike(fitting: Sequence[Match], best: Match) -> list[Match]:
+    """Return the matches of the profile of the best one with about as many names as that."""
+    least = (ENOUGH if best.explained else NEARLY_ALL) * best.present
+    return [match for match in fitting if match.profile is best.profile and match.present >= least]
 
 
 QUALIFIED = ("/{name}", "{id}/{name}", "{id}::{name}", "{id}:{name}", "{id}.{name}")
@@ -213,17 +242,25 @@ def seconds_text(match: Match) -> str:
 
 
 def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
-    """Return body id -> profile name -> signal, for every id under which names of the profile occur in a stream."""
+    """Return body id -> profile name -> signal, for every id under which names of the profile occur in a stream.
+
+    Points are found in other spellings too ("LEFT_HIP", "leftHip"): they have no signs that could hang on the spelling.
+    """
     result: dict[str, dict[str, str]] = {}
     patterns = (*profile.patterns, *(QUALIFIED if "{name}" in profile.patterns else ()))
+    loose = profile.kind == "points"
+    spelling = {_folded(name): name for name in profile.names}
     for index, pattern in enumerate(patterns):
         for signal in stream.names:
-            parsed = _expression(profile.names, pattern).fullmatch(signal)
+            parsed = _expression(profile.names, pattern, loose).fullmatch(signal)
             if parsed:
                 groups = parsed.groupdict()
                 # Two patterns may read one body in two ways, so an id belongs to its pattern.
-                key = f"{index} {(groups.get('id') or '').strip('/:.')}"
-                result.setdefault(key, {})[groups["name"]] = signal
+                by_name = result.setdefault(f"{index} {(groups.get('id') or '').strip('/:.')}", {})
+                word = groups["name"]
+                name = word if word in profile.names else spelling[_folded(word)]
+                if name not in by_name or word == name:
+                    by_name[name] = signal
     best: dict[str, dict[str, str]] = {}
     for key, names in result.items():
         body = key.partition(" ")[2]
@@ -235,23 +272,34 @@ def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
 def may_concern(profile: Profile, signal: str) -> bool:
     """Return whether a signal may be one of a profile, of any body."""
     patterns = (*profile.patterns, *(QUALIFIED if "{name}" in profile.patterns else ()))
-    return any(_expression(profile.names, pattern).fullmatch(signal) for pattern in patterns)
+    loose = profile.kind == "points"
+    return any(_expression(profile.names, pattern, loose).fullmatch(signal) for pattern in patterns)
 
 
 @cache
-def _expression(names: tuple[str, ...], pattern: str) -> re.Pattern[str]:
-    longest_first = sorted(names, key=len, reverse=True)
-    text = re.escape(pattern).replace(re.escape("{name}"), f"(?P<name>{'|'.join(map(re.escape, longest_first))})")
-    return re.compile(text.replace(re.escape("{id}"), "(?P<id>.+?)").replace(re.escape("*"), ".+?"))
+def _expression(names: tuple[str, ...], pattern: str, loose: bool) -> re.Pattern[str]:
+    words = [re.escape(name) for name in sorted(names, key=len, reverse=True)]
+    if loose:
+        words = [word.replace("_", "[ _-]?") for word in words]
+    text = re.escape(pattern).replace(re.escape("{name}"), f"(?P<name>{'|'.join(words)})")
+    text = text.replace(re.escape("{id}"), "(?P<id>.+?)").replace(re.escape("*"), ".+?")
+    return re.compile(text, re.IGNORECASE if loose else 0)
+
+
+def _folded(name: str) -> str:
+    return re.sub("[ _-]", "", name.lower())
 
 
 def _match(stream: Stream, profile: Profile, body: str, signals: Mapping[str, str]) -> Match:
     names: dict[str, tuple[str, ...]] = {}
     for slot, words in profile.slots.items():
-        present = tuple(signals[word] for word in words if word in signals)
-        if present and (profile.kind != "points" or len(present) == len(words)):
-            names[slot] = present if profile.kind == "points" else present[:1]
-    complete = all(slot in names for slot in profile.required)
+        if profile.kind == "points":  # the mean of all
+            markers = tuple(next((signals[name] for name in word.split("|") if name in signals), "") for word in words)
+            if all(markers):
+                names[slot] = markers
+        elif present := tuple(signals[word] for word in words if word in signals):
+            names[slot] = present[:1]
+    complete = all(any(slot in names for slot in group) for group in profile.required)
     marked = set(profile.marks) <= set(stream.names)
     partial = profile.kind == "joints" and len(names) >= ENOUGH * len(profile.slots)
     missing = tuple(slot for slot in profile.slots if slot not in names)

@@ -173,7 +173,11 @@ def test_info_and_profiles(run: Run) -> None:
     assert json.loads(out)
     code, out, _ = run("profiles", "--json")
     assert code == 0
-    assert {"human_description", "ros4hri"} <= {p["name"] for p in json.loads(out)["profiles"]}
+    known = {p["name"]: p for p in json.loads(out)["profiles"]}
+    assert {"human_description", "ros4hri"} <= known.keys()
+    girdle = ["shoulder_elevation_left", "shoulder_elevation_right"]
+    assert known["keypoints_openpose"]["needs_neutral"] == girdle
+    assert known["human_description"]["needs_neutral"] == known["keypoints_coco"]["needs_neutral"] == []
     code, out, _ = run("profiles")
     assert code == 0
     assert "ros4hri" in out

@@ -9,6 +9,7 @@ from pathlib import Path
 from reba.errors import ReadError
 from reba.files import sha256_of
 from reba.open_file import open_regular
+from reba.readers.formats.not_read import refuse_by_content, refuse_by_name
 from reba.readers.mcap import open_mcap
 from reba.readers.mcap import sniff as is_mcap
 from reba.readers.recording.stream import Recording
@@ -92,6 +93,7 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
             head = file.read(HEAD)
     except OSError as error:
         raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
+    refuse_by_content(place, head)
     by_name = sorted(FORMATS, key=lambda known: place.suffix.lower() not in known.extensions)
     for known in by_name:
         if known.fits(place, head):
@@ -99,6 +101,8 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
     named = next((known for known in FORMATS if place.suffix.lower() in known.extensions), None)
     if named is not None and head:
         return named.open(place, rate)
+    if head:
+        refuse_by_name(place)
     what = "the file is empty" if not head else "the format is unknown"
     readable = ", ".join(
         ["MCAP (.mcap or a rosbag2 folder)", *(f"{form.name} ({' '.join(form.extensions)})" for form in FORMATS)]

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError
-from reba.readers.formats.marker_sets import marker_recording, metres
+from reba.readers.formats.lengths import metres, metres_by_size
+from reba.readers.formats.marker_sets import marker_recording
 from reba.readers.formats.text import file_bytes
 from reba.readers.recording.stream import ReadLog, Recording, Topic
 
@@ -42,11 +43,9 @@ def open_c3d(path: Path) -> Recording:
     rate = layout.number("POINT", "RATE") or layout.rate
     if not 0 < rate < MAX_RATE:
         raise ReadError(path, f"the frame rate is {rate:g} Hz, expected above 0", offset=20, hint=HINT)
-    units = layout.texts("POINT", "UNITS")
-    if not units or not units[0]:
-        log.warn("the file states no unit of length; mm was assumed")
-    scale = metres(path, units[0] if units and units[0] else "mm", "POINT:UNITS")
-    points = _points(path, data, layout, log) * scale
+    points = _points(path, data, layout, log)
+    unit = next(iter(layout.texts("POINT", "UNITS")), "")
+    points *= metres(path, unit, "POINT:UNITS") if unit else metres_by_size(points, log, "mm")
     far = np.abs(points).max(axis=2, initial=0.0) > FARTHEST
     if far.any():
         log.warn(f"{int(far.sum())} positions are more than {FARTHEST:g} m from the origin; they were read as gaps")

@@ -12,23 +12,7 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.errors import ReadError
-from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, clip, unique_names
-
-METRES: dict[str, float] = {
-    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
-    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
-    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
-    **dict.fromkeys(("in", "inch", "inches"), 0.0254),
-}
-"""Length of one unit [m] by its name in lower case."""
-
-
-def metres(path: Path, unit: str, where: str) -> float:
-    """Return the length [m] of one unit; `where` names its place in the file for an unknown unit."""
-    scale = METRES.get(unit.strip().lower())
-    if scale is None:
-        raise ReadError(path, f"{where}: unit {clip(unit)} is unknown", hint="write mm, cm or m there")
-    return scale
+from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, unique_names
 
 
 def marker_recording(

@@ -20,6 +20,7 @@ from reba.errors import ReadError, did_you_mean
 from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
+from reba.readers.formats.long_points import wide_points
 from reba.readers.formats.table_columns import DEGREES, LEAST_POINTS, coordinates, metres_of, named_units
 from reba.readers.formats.table_file import PARQUET, SEPARATORS, TableFile, read_csv, read_parquet
 from reba.readers.formats.text import LARGEST
@@ -74,6 +75,8 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
     frame = file.frame
     if not len(frame):
         raise ReadError(path, "the table has no rows", hint="give at least one row of values")
+    if (wide := wide_points(frame)) is not None:
+        frame, file = wide, replace(file, where=lambda row: f"frame {row + 1}")
     frame, units = named_units(frame, KNOWN)
     file = replace(file, frame=frame)
     time, epoch, used = take_time(path, frame, log, file.where, rate)
@@ -256,7 +259,8 @@ def take_time(
 
     `where` names the line of a row in messages. With a `rate` [Hz] the rows are numbered, and a time column is refused.
     """
-    column, unit, nanoseconds = time_column(path, list(frame.columns), rate)
+    filled = [column for column in frame.columns if rate is None or frame[column].notna().any()]
+    column, unit, nanoseconds = time_column(path, filled, rate)
     if rate is not None:
         log.time_source = f"rows at {rate:g} Hz, as given"
         return np.arange(len(frame)) / rate, 0.0, []
@@ -265,7 +269,11 @@ def take_time(
         unit = 1e-9
     valid = values[np.isfinite(values)] if values.dtype.kind == "f" else values
     if not len(valid):
-        raise ReadError(path, f"no row has a value in the time column {clip(column)}", hint="give times in seconds")
+        raise ReadError(
+            path,
+            f"no row has a value in the time column {clip(column)}",
+            hint="give times in seconds, or their rate (--rate 30)",
+        )
     largest = float(np.abs(valid.astype(np.float64)).max())
     if largest > LARGEST_INTEGER:
         raise ReadError(path, f"column {clip(column)} has {largest:.3g}, which is not a time", hint="give seconds")

@@ -7,9 +7,8 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from reba.arrays import Array
+from reba.readers.formats.lengths import METRES, metres_by_size
 from reba.readers.recording.stream import ReadLog
 
 if TYPE_CHECKING:
@@ -20,19 +19,11 @@ DEGREES: Final[Mapping[str, float]] = {
     **dict.fromkeys(("rad", "rads", "radian", "radians"), math.degrees(1.0)),
 }
 """Units of angles [deg]."""
-METRES: Final[Mapping[str, float]] = {
-    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
-    **dict.fromkeys(("cm", "centimeter", "centimeters"), 0.01),
-    **dict.fromkeys(("mm", "millimeter", "millimeters"), 0.001),
-}
-"""Units of length [m]."""
 TIMES: Final = frozenset({"s", "sec", "secs", "second", "seconds", "ms", "us", "ns"})
 PLAIN: Final = frozenset({"kg", "n", "-", "1", "bool"})
 """Units of columns that are neither angles nor lengths nor times."""
 LEAST_POINTS: Final = 4
 """Fewer names with three coordinates are no body."""
-BODY: Final = (0.3, 3.0)
-"""[m] Extent of a body in a recording, from a crouching child to a tall person who reaches up; decides the unit."""
 _AXIS = re.compile(r"^(?P<name>.+?)(?P<gap>[_.: -]?)(?P<axis>[xyzXYZ])$")
 
 
@@ -107,18 +98,4 @@ def coordinates(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
 def metres_of(points: Array, units: set[str], log: ReadLog) -> float:
     """Return the unit of length [m] of points (n, k, 3): the one that is named, else by the extent of the body."""
     named = {METRES[unit] for unit in units if unit in METRES}
-    if len(named) == 1:
-        return named.pop()
-    finite = np.where((points == 0).all(axis=-1, keepdims=True), np.nan, points)
-    if np.isnan(finite).all():
-        return 1.0
-    with np.errstate(invalid="ignore"):
-        known = ~np.isnan(finite).all(axis=(1, 2))
-        extents = np.nanmax(finite[known], axis=1) - np.nanmin(finite[known], axis=1)
-    extent = float(np.median(np.nanmax(extents, axis=1)))
-    for unit in ("m", "cm", "mm"):
-        if BODY[0] <= extent * METRES[unit] <= BODY[1]:
-            log.warn(f"the unit of the points is not stated; read as {unit}, in which the body is {extent:.3g} tall")
-            return METRES[unit]
-    log.warn("the unit of the points is not stated, and no unit gives the size of a body; angles do not depend on it")
-    return 1.0
+    return named.pop() if len(named) == 1 else metres_by_size(points, log, "m")

@@ -74,7 +74,7 @@ def number_rows(
         lines: every line of the file, which is at `path`.
         first: index of the first line with numbers.
         separator: None for any white space.
-        gaps: blank fields and "nan" are NaN, and short rows are filled with NaN.
+        gaps: blank fields and "nan" are NaN, and short rows are filled with NaN, but not where blanks separate.
 
     Raises:
         ReadError: a word is not a finite number, or a row has too many or too few.
@@ -95,7 +95,7 @@ def number_rows(
                         f"line {index + 1} ends after {len(row)} of {width} numbers; the rows before it were read"
                     )
                     continue
-                if len(row) > width or not gaps:
+                if len(row) > width or not gaps or separator is None:
                     raise ReadError(
                         path,
                         f"line {index + 1} has {len(row)} numbers, expected {width}",
@@ -115,10 +115,13 @@ def _is_row(line: str, separator: str | None) -> bool:
 
 
 def _row(line: str, width: int, separator: str | None) -> list[str]:
-    """Return the fields of a line without empty ones beyond the width."""
+    """Return the fields of a line without empty ones beyond the width, or between fields that fill it."""
     row = line.split(separator)
     while len(row) > width and not row[-1].strip():
         row.pop()
+    if len(row) > width:
+        filled = [field for field in row if field.strip()]
+        return filled if len(filled) == width else row
     return row
 
 

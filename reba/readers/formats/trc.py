@@ -1,11 +1,13 @@
 """TRC (track row column) marker files: three header lines, names every third column, rows of numbers.
 
-Source: OpenSim documentation, "Marker (.trc) files". Fields are separated by tabs, or by commas after a spreadsheet. A
-blank field or "nan" is a gap. The vertical axis is not stated: y for OpenSim, z for most cameras.
+Source: OpenSim documentation, "Marker (.trc) files". Fields are separated by tabs; other programs write commas, blanks
+or two tabs, leave out the tabs at the end of a line, or put blank lines between. A blank field or "nan" is a gap. The
+vertical axis is not stated: y for OpenSim, z for most cameras.
 """
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +15,15 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError
-from reba.readers.formats.marker_sets import marker_recording, metres
+from reba.readers.formats.lengths import metres, metres_by_size
+from reba.readers.formats.marker_sets import marker_recording
 from reba.readers.formats.text import number_rows, read_lines
 from reba.readers.recording.stream import ReadLog, Recording, check_time, clip
 
-NAMES_AT = 3
-"""Index of the line with the marker names."""
+SEPARATORS: tuple[str | None, ...] = ("\t", "\t\t", ",", None)
+"""What may stand between two fields, the likeliest first; None for any blanks, which leave no gap."""
+LOOK = 200
+"""Lines of numbers that decide the separator."""
 
 
 def sniff(path: Path, head: bytes) -> bool:
@@ -30,49 +35,85 @@ def open_trc(path: Path) -> Recording:
     """Open a TRC file: points in metres, NaN in gaps."""
     log = ReadLog(time_source="time column")
     lines = read_lines(path, log)
-    if not sniff(path, lines[0].encode()):
+    filled = list(islice((index for index, line in enumerate(lines) if line.strip(" \t,")), 5))
+    if not filled or not sniff(path, lines[filled[0]].encode()):
         raise ReadError(path, "line 1: 'PathFileType' expected", hint="export it as .trc again")
-    if len(lines) <= NAMES_AT + 1:
-        raise ReadError(path, f"the header ends at line {len(lines)} of 5", hint="the file is cut: export it again")
-    separator = "," if lines[NAMES_AT].count(",") > lines[NAMES_AT].count("\t") else "\t"
-    header = _keys(lines[1], lines[2], separator)
-    scale = metres(path, header.get("units", ""), "line 3, Units")
-    names = _names(path, lines, separator)
-    rows, numbers = number_rows(path, lines, NAMES_AT + 2, 2 + 3 * len(names), log, separator=separator, gaps=True)
+    if len(filled) < 5:
+        at = filled[-1] + 1
+        raise ReadError(path, f"the header ends at line {at} of 5", hint="the file is cut: export it again")
+    _, keys_at, values_at, names_at, first = filled
+    header = _keys(lines[keys_at], lines[values_at])
+    coordinates = _fields(lines[first])
+    if _is_numeric(coordinates):
+        coordinates = []
+    else:
+        first += 1
+    names = _names(path, lines[names_at], coordinates, f"line {names_at + 1}", f"line {filled[4] + 1}")
+    width = 2 + 3 * len(names)
+    separator = _separator(lines[first : first + LOOK], width)
+    rows, numbers = number_rows(path, lines, first, width, log, separator=separator, gaps=True)
     if not len(rows):
         raise ReadError(path, "no row of numbers after the header", hint="export it again with its frames")
     stated = header.get("numframes")
     if stated is not None and stated.removesuffix(".0") != str(len(rows)):
         log.warn(f"the header states {clip(stated)} frames and the file has {len(rows)}; those were read")
     time, rows = _time(path, rows, numbers, header, log)
-    points = rows[:, 2:].reshape(len(rows), len(names), 3) * scale
+    points = rows[:, 2:].reshape(len(rows), len(names), 3)
     # A marker with a missing coordinate is a gap.
     points[np.isnan(points).any(axis=2)] = np.nan
+    unit = header.get("units", "")
+    points *= metres(path, unit, f"line {values_at + 1}, Units") if unit else metres_by_size(points, log, "mm")
     return marker_recording(path, ("trc", "TRC markers"), names, time, points, log)
 
 
-def _keys(keys: str, values: str, separator: str) -> dict[str, str]:
-    pairs = zip(keys.split(separator), values.split(separator), strict=False)
-    return {key.strip().lower(): value.strip() for key, value in pairs if key.strip()}
+def _split(line: str) -> list[str]:
+    """Return the fields of a header line, blank ones included where tabs or commas separate them."""
+    separator = max(("\t", ","), key=line.count)
+    return [field.strip() for field in (line.split(separator) if separator in line else line.split())]
 
 
-def _names(path: Path, lines: list[str], separator: str) -> list[str]:
-    """Return the marker names, "" where a column of coordinates has none."""
-    fields = [field.strip() for field in lines[NAMES_AT].split(separator)]
-    coordinates = [field for field in lines[NAMES_AT + 1].split(separator) if field.strip()]
-    count = len(coordinates) // 3
-    placed = {index: name for index, name in enumerate(fields[2:]) if name}
-    if coordinates and len(coordinates) % 3 == 0 and placed:
-        if all(index % 3 == 0 and index < 3 * count for index in placed):
-            return [placed.get(3 * marker, "") for marker in range(count)]
+def _fields(line: str) -> list[str]:
+    return [field for field in _split(line) if field]
+
+
+def _keys(keys: str, values: str) -> dict[str, str]:
+    """Return the header; a blank value keeps its place where the tabs tell it."""
+    named, given = _fields(keys), _fields(values)
+    if len(named) != len(given):
+        named, given = _split(keys), _split(values)
+    return {key.lower(): value for key, value in zip(named, given, strict=False) if key}
+
+
+def _is_numeric(fields: list[str]) -> bool:
+    try:
+        return bool([float(field) for field in fields])
+    except ValueError:
+        return False
+
+
+def _names(path: Path, line: str, coordinates: list[str], where: str, below: str) -> list[str]:
+    """Return the marker names of a line, "" where a column of coordinates has none; `coordinates` has three of each."""
+    fields = _split(line)
+    start = next((at + 1 for at, field in enumerate(fields) if field.lower().startswith("time")), 2)
+    placed = {index: name for index, name in enumerate(fields[start:]) if name}
+    count = len(coordinates) // 3 if coordinates else len(placed)
+    if len(coordinates) % 3 == 0 and placed:
         if len(placed) == count:
             return list(placed.values())
+        if all(index % 3 == 0 and index < 3 * count for index in placed):
+            return [placed.get(3 * marker, "") for marker in range(count)]
     raise ReadError(
         path,
-        f"line {NAMES_AT + 1} names {len(placed)} markers and line {NAMES_AT + 2} has {len(coordinates)} coordinates,"
+        f"{where} names {len(placed)} markers and {below} has {len(coordinates)} coordinates,"
         " expected three for each marker",
         hint="export it as .trc again",
     )
+
+
+def _separator(lines: list[str], width: int) -> str | None:
+    """Return what separates the fields of most of the first rows of numbers."""
+    rows = [line.strip() for line in lines if line.strip(" \t,")]
+    return max(SEPARATORS, key=lambda separator: sum(len(row.split(separator)) == width for row in rows))
 
 
 def _time(

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from reba.errors import ReadError
-from reba.readers.formats.marker_sets import marker_recording, metres
+from reba.readers.formats.lengths import metres
+from reba.readers.formats.marker_sets import marker_recording
 from reba.readers.formats.text import number_rows, read_lines
 from reba.readers.recording.stream import ReadLog, Recording, Topic, check_time, clip
 

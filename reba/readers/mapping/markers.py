@@ -7,10 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from reba.arrays import Array
+from reba.errors import join_names
 from reba.posture.angles import SegmentFrames, frame_across, frame_from_y_z
 from reba.posture.columns import SIDES
 from reba.readers.mapping.reference_frames import VerticalAxis
-from reba.readers.recording.profile import Profile
+from reba.readers.recording.profile import ZEROLESS, Profile
 from reba.readers.recording.stream import Block, Stream
 
 Points = dict[str, Array]
@@ -34,10 +35,20 @@ HARRINGTON = {"back": (-0.24, -0.0099), "down": (-0.30, -0.0109), "out": (0.33, 
 """Hip centre from the middle of the ASIS: slope times pelvis depth (back) or width (down, out), plus an offset [m].
 
 Regression of Harrington et al. 2007, J Biomech 40, 595-602."""
-HEAD_LINE_NOTE = (
-    "neck flexion is the inclination of the line from neck to head, about 20 deg forward in an upright person: "
-    "use a neutral posture (neutral='first:3s')"
-)
+
+NEEDED = {
+    "knee_flexion": ("hip", "knee", "ankle"),
+    "upper_arm_flexion": ("shoulder", "elbow"),
+    "upper_arm_abduction": ("shoulder", "elbow"),
+    "lower_arm_flexion": ("shoulder", "elbow", "wrist"),
+    "wrist_flexion": ("elbow", "wrist_radial", "wrist_ulnar", "hand"),
+    "wrist_deviation": ("elbow", "wrist_radial", "wrist_ulnar", "hand"),
+    "wrist_twist": ("elbow_lateral", "elbow_medial", "wrist_radial", "wrist_ulnar"),
+}
+"""Angle of a limb -> points, measured or between others, without which it is not measured."""
+NECK = ("neck_flexion", "neck_side_bend", "neck_twist")
+COMPUTED_NECK = 0.01
+"""A neck that is never further from the middle of the shoulders, as a share of their distance, was computed from it."""
 
 
 class PointMapper:
@@ -56,6 +67,8 @@ class PointMapper:
     def begin(self) -> None:
         """Start a pass over the recording."""
         self.vertical.begin()
+        self._neck_height = 0.0
+        self._present: set[str] = set()
 
     def extend(self, names: Mapping[str, tuple[str, ...]], stream: Stream) -> None:
         """Go on with further points."""
@@ -72,13 +85,13 @@ class PointMapper:
         }
         _add_centres(points)
         self._add_directions(points)
+        self._measure_neck(points)
+        self._present |= points.keys()
         body = SegmentFrames(up=self.vertical.up)
         _add_trunk(points, body)
         _add_head(points, body)
         for side, outward in zip(SIDES, (-1.0, 1.0), strict=True):
             _add_limbs(points, body, side, outward)
-        if "head" in body.axes:
-            self._note_head_line()
         return body
 
     def is_consistent(self) -> bool:
@@ -89,12 +102,29 @@ class PointMapper:
         return consistent
 
     def unmeasured_columns(self, seconds: float) -> dict[str, str]:
-        """Return the columns that no point measures -> the reason; points leave this to the data."""
-        return {}
+        """Return the columns that no point measures -> the reason; points leave the others to the data."""
+        present, reasons = self._present, {}
+        for name, needed in NEEDED.items():
+            for side in SIDES:
+                absent = [f"{point}_{side}" for point in needed if f"{point}_{side}" not in present]
+                if absent:
+                    reasons[f"{name}_{side}"] = f"no point {join_names(absent)}"
+        if "notch" not in present:
+            if "neck" in present and self._neck_height < COMPUTED_NECK:
+                reasons |= dict.fromkeys(ZEROLESS, "the neck was computed as the middle of the shoulders")
+            elif not present & {"neck", "c7"}:
+                reasons |= dict.fromkeys(ZEROLESS, "no point on the neck between the shoulders")
+        if not present & {"head", "ear_left", "ear_right"}:
+            reasons |= dict.fromkeys(NECK, "no point on the head")
+        return reasons
 
-    def _note_head_line(self) -> None:
-        if HEAD_LINE_NOTE not in self.assumed:
-            self.assumed.append(HEAD_LINE_NOTE)
+    def _measure_neck(self, points: Points) -> None:
+        middle, across = _midpoint(points, "shoulder"), _left_to_right(points, "shoulder")
+        if "neck" in points and middle is not None and across is not None:
+            off = np.linalg.norm(points["neck"] - middle, axis=1) / np.linalg.norm(across, axis=1)
+            self._neck_height = max(self._neck_height, float(np.nanmax(off, initial=0.0)))
+        else:
+            self._neck_height = np.inf
 
     def _sided(self, point: str) -> str:
         if not self.vertical.swapped:

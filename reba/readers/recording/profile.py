@@ -4,21 +4,7 @@ A profile states for one kind of source the names of its joints, frames or point
 they rotate, which columns it cannot measure and why. The shipped ones are the TOML files in `profiles/`; for other
 names, write a file like them and pass its path (`--profile FILE.toml`).
 
-A TOML file has `name`, `title`, `source`, `kind` and, as far as they apply:
-
-    patterns   how names are written: "{name}", "{name}_{id}", "{id}_{name}"; `{id}` is a body, `*` any text
-    required   names (or segments, points) that identify this source; all others may be missing
-    [chains]   joints: segment = ["<sign><axis> <joint>", ...], rotations in this order about the ISB axes of the
-               segment (x forward, y up, z right); a number instead of a joint is a constant rotation [deg],
-               "a|b" a joint that is called a or b
-    [columns]  joints: column = ["<sign><joint>", ..., <degrees>], a sum that is the angle of the column
-    [segments] frames: segment = ["<frame>", ...], the first of them that is present
-    [points]   points: point = ["<marker>", ...], the mean of them
-    [dummies]  joint (or column) = constant value [deg] of one that is not measured
-    [cannot]   column (or "trunk", "neck", "arms", "wrists", "legs") = reason
-
-`{side}`, `{Side}`, `{s}`, `{S}` stand for left/right, Left/Right, l/r, L/R; the entry then holds for both sides.
-Chains are written for the right side; on the left the rotations about x and y change sign, unless `mirror = false`.
+docs/profiles.md describes every key with examples; `_FIELDS` is the list of them.
 """
 
 from __future__ import annotations
@@ -74,12 +60,13 @@ class Profile:
         up: vertical axis of the world in the source's own axes, "" where the body decides.
         mirror: chains are written for the right side and mirrored for the left.
         trunk: "line" (hips to shoulders) or "thorax" (orientation of the chest).
-        required: names, segments or points that must be present.
+        required: groups of names, segments or points; one of each group must be present.
         marks: further names that identify this source; all must be present.
         turns: constant rotations of frames.
         root: frames with the pose of the pelvis of a joints profile, if they are recorded too, with axes `root_axes`.
         sign_from_range: columns whose sign differs between models and is determined from the data.
-        needs_neutral: columns without anatomical zero, measured only with a neutral posture.
+        needs_neutral: columns without anatomical zero, measured only with a neutral posture; of points, where the file
+            does not say, `ZEROLESS`.
         cannot: column -> why it is not measured.
         assumed: assumptions to report with the result.
     """
@@ -95,7 +82,7 @@ class Profile:
     up: str = ""
     mirror: bool = True
     trunk: str = "line"
-    required: tuple[str, ...] = ()
+    required: tuple[tuple[str, ...], ...] = ()
     marks: tuple[str, ...] = ()
     chains: Mapping[str, tuple[ElementaryRotation, ...]] = field(default_factory=dict)
     columns: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
@@ -113,7 +100,10 @@ class Profile:
     @property
     def names(self) -> tuple[str, ...]:
         """All joint, frame or marker names, each once."""
-        return tuple(dict.fromkeys(name for group in self.slots.values() for name in group))
+        words = [word for group in self.slots.values() for word in group]
+        if self.kind == "points":
+            words = [name for word in words for name in word.split("|")]
+        return tuple(dict.fromkeys(words))
 
     @property
     def slots(self) -> dict[str, tuple[str, ...]]:
@@ -183,7 +173,9 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "arms": ("upper_arm_flexion", "upper_arm_abduction", "lower_arm_flexion"),
     "wrists": ("wrist_flexion", "wrist_deviation", "wrist_twist"),
 }
-"""Short names for several columns in `[cannot]`."""
+"""Short names for several columns in `[cannot]` and `needs_neutral`."""
+ZEROLESS = tuple(f"shoulder_elevation_{side}" for side in SIDES)
+"""Columns whose zero depends on where points are on the body; of the others it is anatomical, or nearly."""
 
 
 def load_profile(path: Path) -> Profile:
@@ -208,17 +200,20 @@ def parse_profile(content: Mapping[str, Any], where: str) -> Profile:
     for key in ("name", "title", "source"):
         table.text(key)
     kind = table.text("kind", choices=KINDS)
-    profile = Profile(**{key: _FIELDS[key](table, key) for key in keys})
+    values = {key: _FIELDS[key](table, key) for key in keys}
+    if kind == "points":
+        values.setdefault("needs_neutral", ZEROLESS)
+    profile = Profile(**values)
     needed = {"joints": ("chains", "columns"), "frames": ("segments",), "points": ("points",)}[kind]
     if not any(getattr(profile, section) for section in needed):
         raise ProfileError(f"{table.where}: kind '{kind}' needs a section [{'] or ['.join(needed)}]; add it")
     for pattern in profile.patterns:
         if pattern.count("{name}") != 1 or pattern.count("{id}") > 1:
             raise ProfileError(f"{table.where}: pattern {pattern!r}, expected one {{name}}, like '{{id}}_{{name}}'")
-    for name in profile.required:
-        if name not in profile.slots:
-            hint = did_you_mean(name, profile.slots) or "; describe it in a section"
-            raise ProfileError(f"{table.where}: required {name!r} is in no section{hint}")
+    for group in profile.required:
+        if not set(group) & set(profile.slots):
+            hint = did_you_mean(group[0], profile.slots) or "; describe it in a section"
+            raise ProfileError(f"{table.where}: required {group[0]!r} is in no section{hint}")
     return profile
 
 
@@ -264,8 +259,8 @@ def _column_names(table: TomlTable, key: str) -> tuple[str, ...]:
     return columns
 
 
-def _sided_names(table: TomlTable, key: str) -> tuple[str, ...]:
-    return tuple(word for name in table.names(key) for word in _both(name))
+def _groups(table: TomlTable, key: str) -> tuple[tuple[str, ...], ...]:
+    return tuple(_both(name) for name in table.names(key))
 
 
 _FIELDS: dict[str, Callable[[TomlTable, str], Any]] = {
@@ -277,7 +272,7 @@ _FIELDS: dict[str, Callable[[TomlTable, str], Any]] = {
     "up": _text("", "x", "y", "z", "-x", "-y", "-z"),
     "mirror": TomlTable.flag,
     "trunk": _text("line", "thorax"),
-    "required": _sided_names,
+    "required": _groups,
     "chains": _chains,
     "columns": _columns,
     "segments": _segments,

@@ -57,11 +57,11 @@ def test_unknown_files_are_refused_with_what_is_read(tmp_path: Path) -> None:
     with pytest.raises(ReadError) as caught:
         read(tmp_path / "missing.mcap")
     says(caught, "missing.mcap", "no such file")
-    strange = tmp_path / "film.mp4"
+    strange = tmp_path / "walk.xyz"
     strange.write_bytes(b"\x00\x00\x00\x18ftypmp42" * 10)
     with pytest.raises(ReadError) as caught:
         read(strange)
-    says(caught, "film.mp4", "format is unknown", "MCAP", "BVH", "C3D")
+    says(caught, "walk.xyz", "format is unknown", "MCAP", "BVH", "C3D")
     assert not is_recording(strange)
     empty = tmp_path / "empty.xyz"
     empty.write_bytes(b"")

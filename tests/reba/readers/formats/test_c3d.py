@@ -47,11 +47,40 @@ def test_time_starts_at_the_first_frame(tmp_path: Path) -> None:
     np.testing.assert_allclose(next(recording.streams[0].blocks()).time, [3.5, 3.505, 3.51, 3.515])
 
 
-@pytest.mark.parametrize(("unit", "metre"), [("mm", 0.001), ("cm", 0.01), ("m", 1.0), ("", 0.001)])
+@pytest.mark.parametrize(
+    ("unit", "metre"),
+    [
+        ("mm", 0.001), ("cm", 0.01), ("m", 1.0), ("METERS", 1.0), ("mete", 1.0), ("mill", 0.001), ("cent", 0.01),
+        ("mm  ", 0.001), ("mm\0\0", 0.001), ("Metre", 1.0), ("millimet", 0.001), ("(mm)", 0.001), ("inch", 0.0254),
+    ],
+)  # fmt: skip
 def test_units(tmp_path: Path, unit: str, metre: float) -> None:
     recording = opened(tmp_path, c3d_bytes(["A", "B"], POINTS, unit=unit))
     np.testing.assert_allclose(values(recording), POINTS * metre, rtol=1e-6)
-    assert bool(recording.log.warnings) == (not unit)
+    assert recording.log.warnings == []
+
+
+@pytest.mark.parametrize("unit", ["furlong", "k", "mi", "xy"])
+def test_unknown_units_are_refused(tmp_path: Path, unit: str) -> None:
+    with pytest.raises(ReadError) as caught:
+        opened(tmp_path, c3d_bytes(["A", "B"], POINTS, unit=unit))
+    says(caught, "POINT:UNITS", repr(unit), "write mm, cm or m there")
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "m"), (100.0, "cm"), (1000.0, "mm")])
+@pytest.mark.parametrize("blank", ["", "  ", "\0\0\0\0"])
+def test_without_a_unit_the_size_of_the_body_decides(tmp_path: Path, factor: float, unit: str, blank: str) -> None:
+    person = np.array([[[4.0, 2.0, 0.1], [4.1, 2.0, 1.7]]] * 3)
+    person[1, 0] = np.nan
+    recording = opened(tmp_path, c3d_bytes(["FOOT", "HEAD"], person * factor, unit=blank))
+    np.testing.assert_allclose(values(recording), person, rtol=1e-6)
+    says(recording.log.warnings[0], "not stated", f"read as {unit},")
+
+
+def test_without_a_unit_and_a_body_millimetres_are_assumed(tmp_path: Path) -> None:
+    recording = opened(tmp_path, c3d_bytes(["A", "B"], np.ones((2, 2, 3)), unit=""))
+    np.testing.assert_allclose(values(recording), 0.001, rtol=1e-6)
+    says(recording.log.warnings[0], "mm was assumed")
 
 
 def test_gaps_are_nan(tmp_path: Path) -> None:

@@ -145,6 +145,14 @@ def test_ros_stamps_in_two_columns(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diff(times(recording)), 0.5)
 
 
+def test_an_empty_time_column_needs_the_rate(tmp_path: Path) -> None:
+    table = "timestamp,timestamp_by_camera,trunk_flexion\n,{},10\n,{},11\n"
+    with pytest.raises(ReadError) as error:
+        opened(tmp_path, table)
+    says(error, "no row has a value", "timestamp", "--rate 30")
+    assert times(open_table(tmp_path / "small.csv", rate=10.0)).tolist() == [0.0, 0.1]
+
+
 def test_dates_in_parquet(tmp_path: Path) -> None:
     stamps = pd.to_datetime([1700000000_000000001, 1700000000_000000003], unit="ns", utc=True)
     pd.DataFrame({"timestamp": stamps, "knee": [1.0, 2.0]}).to_parquet(tmp_path / "a.parquet")

@@ -54,11 +54,49 @@ def test_units(tmp_path: Path, unit: str, metre: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "change", [("\t", ","), ("\n", "\r\n"), ("\n\n", "\n"), ("RHip\t\t\tNeck\t\t", "RHip\tNeck"), ("-32\n", "-32")]
-)
+    "change",
+    [
+        ("\t", ","), ("\n", "\r\n"), ("\n\n", "\n"), ("RHip\t\t\tNeck\t\t", "RHip\tNeck"), ("-32\n", "-32"),
+        ("\t", "\t\t"), ("\n", "\n\n"), ("\n", "\r\r\n"), ("\n", "\t\t\n"), ("\n", "  \n"), ("\t", " \t "),
+        ("RHip\t\t\tNeck\t\t", "RHip\t\t\tNeck"), ("RHip\t\t\tNeck\t\t", "RHip\t\tNeck\t"),
+        ("Frame#\tTime\t", "Frame#\t\tTime\t\t"), ("Frame#\tTime\t", "Frame\tTime (s)\t"), ("Frame#\tTime\t", "\t\t"),
+        ("\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n", "X1\tY1\tZ1\tX2\tY2\tZ2\n"), ("\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n", ""),
+        ("\tmm\t", "\tMM \t"), ("\tmm\t", "\tmillimeter\t"), ("PathFileType", "\n\nPathFileType"),
+        ("1\t0.00\t100\t200\t300\t10\t1400\t-30", "1\t\t0.00\t\t100\t\t200\t\t300\t\t10\t\t1400\t\t-30"),
+    ],
+)  # fmt: skip
 def test_writing_variants_give_the_same(tmp_path: Path, change: tuple[str, str]) -> None:
     expected = values(write(tmp_path, SMALL))
     np.testing.assert_array_equal(values(write(tmp_path, SMALL.replace(*change))), expected)
+
+
+def test_blanks_may_separate_where_no_value_is_missing(tmp_path: Path) -> None:
+    whole = SMALL.replace("\t\t\t\t11", "\t101\t201\t301\t11")
+    expected = values(write(tmp_path, whole))
+    for separator in (" ", "   ", " \t "):
+        np.testing.assert_array_equal(values(write(tmp_path, whole.replace("\t", separator))), expected)
+    with pytest.raises(ReadError) as caught:
+        open_trc(write(tmp_path, whole.replace("\t201", "").replace("\t", " ")))
+    says(caught, "line 8 has 7 numbers, expected 8")
+
+
+def test_doubled_tabs_between_some_fields_only(tmp_path: Path) -> None:
+    whole = SMALL.replace("\t\t\t\t11", "\t101\t201\t301\t11").replace("NaN", "202")
+    rows = whole.index("1\t0.00")
+    mixed = whole[:rows] + whole[rows:].replace("\t3", "\t\t3").replace("\t1", "\t\t1")
+    np.testing.assert_array_equal(values(write(tmp_path, mixed)), values(write(tmp_path, whole)))
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "mm"), (0.1, "cm"), (0.001, "m")])
+@pytest.mark.parametrize("blank", ["", " "])
+def test_without_a_unit_the_size_of_the_body_decides(tmp_path: Path, factor: float, unit: str, blank: str) -> None:
+    lines = SMALL.splitlines()
+    for at in (6, 7, 8):
+        fields = lines[at].split("\t")
+        lines[at] = "\t".join(fields[:2] + [str(float(field) * factor) if field else "" for field in fields[2:]])
+    path = write(tmp_path, "\n".join(lines).replace("\tmm\t", f"\t{blank}\t"))
+    assert values(path)[0, 1, 1] == pytest.approx(1.4)
+    says(open_trc(path).log.warnings[0], "not stated", f"read as {unit},")
 
 
 def test_gaps_at_the_end_of_a_row_may_lack_their_fields(tmp_path: Path) -> None:
@@ -103,7 +141,7 @@ def test_rows_without_a_time_are_skipped(tmp_path: Path) -> None:
         ("1401", "inf", "line 8: 'inf' is not a finite number"),
         ("1401", "1401\t5", "line 8 has 9 numbers, expected 8"),
         (SMALL[SMALL.index("1\t0.00") :], "", "no row of numbers"),
-        (SMALL[SMALL.index("Frame#") :], "", "the header ends at line 4 of 5"),
+        (SMALL[SMALL.index("Frame#") :], "", "the header ends at line 3 of 5"),
         ("RHip\t\t\tNeck", "*1\t\t\t*2", "none of its 2 markers has a label"),
     ],
 )

@@ -41,8 +41,8 @@ def _points(world: Array, swap: bool = False) -> Stream:
 def test_keypoints_find_their_vertical_in_the_body(world: Array) -> None:
     table = read_stream(_points(world))
     check_movement(table, leave=("neck_flexion", "neck_side_bend", "neck_twist"))
-    says(" ".join(table.assumed), "neck flexion", "20 deg", "neutral posture")
-    says(table.why_unmeasured["shoulder_elevation_left"], "neutral posture", "first:3s")
+    says(" ".join(table.quality.warnings), "not calibrated", "neck_flexion", "20 deg", "--neutral first:3s")
+    says(table.why_unmeasured["shoulder_elevation_left"], "no zero", "--neutral first:3s")
 
 
 def test_exchanged_sides_are_reported_and_corrected() -> None:
@@ -54,3 +54,13 @@ def test_exchanged_sides_are_reported_and_corrected() -> None:
 def test_the_girdle_of_keypoints_has_a_zero_only_by_a_neutral_posture() -> None:
     measured = read_stream(_points(np.eye(3)), neutral="first:0.1s")
     assert "shoulder_elevation_left" not in measured.unmeasured
+    assert not [text for text in measured.quality.warnings if "calibrated" in text]
+
+
+def test_a_neck_computed_from_the_shoulders_shows_no_raised_girdle() -> None:
+    stream = _points(np.eye(3))
+    block = next(stream.blocks())
+    at = {name: block.values[:, index] for index, name in enumerate(block.names)}
+    at["Neck"] = (at["LShoulder"] + at["RShoulder"]) / 2.0
+    measured = read_stream(stream_of("s", "points", tuple(at), np.stack(list(at.values()), axis=1)), neutral="at:0")
+    says(measured.why_unmeasured["shoulder_elevation_right"], "middle of the shoulders")
