@@ -20,7 +20,7 @@ from reba.readers.mcap.contents import Contents
 from reba.readers.mcap.streams import StreamReader, stream_header
 from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording, Stream, Topic
 
-__all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
+__all__ = ["MAX_CHUNK", "classified", "gathered", "open_files", "open_mcap", "sniff"]
 MAX_CHUNK = 1 << 30
 """[bytes] Largest chunk, record or unpacked file that is accepted: protects memory from declared lengths."""
 
@@ -53,7 +53,9 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
     """
     log = ReadLog()
     channels: list[DecodableChannel | Unused] = []
-    for container, channels_of_file in _open_files(path, strict, check_crc, limit_bytes, log):
+    for container, channels_of_file in open_files(
+        path, log, strict=strict, check_crc=check_crc, limit_bytes=limit_bytes
+    ):
         _note(container, log, path.is_dir())
         channels += channels_of_file
     if strict and log.ended_abnormally:
@@ -80,10 +82,14 @@ def gathered(
     return Recording(str(path), "mcap", tuple(streams), tuple(_by_topic(topics)), log)
 
 
-def _open_files(
-    path: Path, strict: bool, check_crc: bool, limit_bytes: int, log: ReadLog
+def open_files(
+    path: Path, log: ReadLog, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK
 ) -> list[tuple[Container, list[DecodableChannel | Unused]]]:
-    """Open all files by start time; a damaged one of several is noted and left out."""
+    """Return the files of a recording and their channels by start time; a damaged one of several is noted and left out.
+
+    Raises:
+        ReadError: no file can be read, or the recording is one file or `strict` and that is damaged.
+    """
     files = recording_files(path)
     opened = []
     for file in files:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -28,6 +29,7 @@ from reba.readers.mcap.contents import (
 )
 from reba.readers.mcap.decode import Piece, load_json
 from reba.readers.mcap.layout import Undecodable
+from reba.readers.mcap.log_times import log_times
 from reba.readers.mcap.merge import MOST_SIGNALS, Merger
 from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
 
@@ -268,6 +270,7 @@ class StreamReader:
             count=sum(counts) if self._kind != "frames" and len(counts) == 1 else None,
             table=self.table if self._kind == "angles" else None,
             follow=self.follow,
+            logged=partial(log_times, self._parts, self._contents, header.zero),
             seams=tuple((seam - header.zero) / 1e9 for seam in header.clock.seams),
             present={
                 signal: [((first - start) / 1e9, (last - start) / 1e9) for first, last in intervals]
