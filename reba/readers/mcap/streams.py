@@ -143,7 +143,8 @@ class McapBlockDecoder:
         signals = dict.fromkeys(
             (renamed.get(name, name), parent) for name, parent in header.signals if wanted is None or name in wanted
         )
-        self._merger = Merger(list(signals), log, frames=kind == "frames")
+        self._rows = kind == "angles"
+        self._merger = Merger(list(signals), log, frames=kind == "frames", hold=not self._rows)
         self._decoders = {id(part): part.make(wanted) for part in self._parts}
         self._tracks = {id(part): contents.tracks[id(part)] for part in self._parts}
         self._read = dict.fromkeys(map(id, self._tracks.values()), 0)
@@ -158,7 +159,7 @@ class McapBlockDecoder:
                 pieces = self._pieces(part, segment)
                 for piece in pieces:
                     self._add(self._tracks[id(part)], piece)
-                used = [piece.number for piece in pieces if piece.names]
+                used = [piece.number for piece in pieces if piece.names or self._rows]
                 self.used += len(used[0]) if len(used) == 1 else len(np.unique(np.concatenate(used or [NONE])))
 
     def _pieces(self, part: DecodableChannel, segment: ChunkRef) -> list[Piece]:

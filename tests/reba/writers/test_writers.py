@@ -91,6 +91,21 @@ def test_posture_table_round_trip(tmp_path: Path) -> None:
         np.testing.assert_allclose(again["time"], expected["time"], atol=1e-6)
 
 
+def test_gaps_of_a_posture_table_are_the_same_in_every_format(tmp_path: Path) -> None:
+    time = np.arange(0, 4, 0.02)
+    frame = pd.DataFrame({"time": time, "trunk_flexion": 30 + 20 * np.sin(time), "neck_flexion": 5.0, "load": 3.0})
+    frame.loc[:9, ["trunk_flexion", "neck_flexion"]] = np.nan  # no angle at all
+    frame.loc[50:59, "neck_flexion"] = np.nan  # shorter than values are held between messages
+    frame.to_csv(tmp_path / "in.csv", index=False)
+    postures = reba.read(tmp_path / "in.csv")
+    reba.write_postures(postures, tmp_path / "out.mcap")
+    again = reba.read(tmp_path / "out.mcap", strict=True)
+    pd.testing.assert_frame_equal(again.data[["time", *frame.columns[1:]]], frame, atol=1e-8)
+    assert again.quality.warnings == postures.quality.warnings
+    (account,) = again.quality.accounts
+    assert (account["read"], account["used"], account["not_used"]) == (200, 200, {})
+
+
 def test_nothing_is_left_or_lost_on_failure(scores: Scores, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "scores.parquet"
     path.write_bytes(b"earlier result")
