@@ -57,11 +57,12 @@ def json_rows(data: pd.DataFrame, order: Indices) -> Iterator[bytes]:
     """Yield the JSON text of rows in an order; `time`, the first column, always has a value."""
     mixed = [name for name, column in data.items() if column.dtype == object and json_type(column) == "string"]
     for first in range(0, len(order), BLOCK_ROWS):
-        rows = data.iloc[order[first : first + BLOCK_ROWS]]
+        rows = data.iloc[order[first : first + BLOCK_ROWS]].dropna(axis="columns", how="all")
         if mixed:
-            rows = rows.assign(**{str(name): rows[name].map(str, na_action="ignore") for name in mixed})
+            texts = {str(name): rows[name].map(str, na_action="ignore") for name in mixed if name in rows}
+            rows = rows.assign(**texts)
         lines = rows.to_json(orient="records", lines=True, double_precision=9).splitlines()
-        yield from (_MISSING.sub("", line).encode() for line in lines)
+        yield from ((_MISSING.sub("", line) if ":null" in line else line).encode() for line in lines)
 
 
 def without_missing(value: Any) -> Any:
