@@ -82,6 +82,7 @@ class PostureTable:
         recognised: why this profile was chosen.
         quality: what was read and how regular it is.
         epoch: Unix time [s] of time 0, 0.0 where the source does not say.
+        signals: names of the joints, frames or points that were read, none for a posture table.
     """
 
     data: pd.DataFrame
@@ -94,6 +95,7 @@ class PostureTable:
     recognised: str = ""
     quality: Quality = field(default_factory=Quality)
     epoch: float = 0.0
+    signals: tuple[str, ...] = ()
 
 
 def table_of(data: Any) -> PostureTable:

@@ -148,7 +148,7 @@ def _open_copy(source: Path, postures: PostureTable, times: Times) -> tuple[Mcap
     for stream in recording.streams:
         if stream.name == postures.topic and stream.logged is not None:
             rows = postures.data["time"].to_numpy(np.float64) + (postures.epoch - stream.epoch)
-            times = stream.logged(rows)
+            times = stream.logged(rows, frozenset(postures.signals))
             break
     return McapCopy([file for file, _ in files]), times
 

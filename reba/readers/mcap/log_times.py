@@ -22,12 +22,14 @@ from reba.readers.recording.stream import ReadLog
 Nanoseconds = NDArray[np.int64]
 ROUNDING: Final = 2000
 """[ns] Difference between the times of a row and of its message: floating-point errors of seconds since 1970."""
+OTHER: Final = 0.5
+"""[ns] By which a message of other signals, as of another person, counts as farther away."""
 _TIMES: Final = 16
 """[bytes] Log time and publish time, directly before the payload of a message."""
 
 
 def log_times(
-    parts: Sequence[DecodableChannel], contents: Contents, zero: int, rows: Array
+    parts: Sequence[DecodableChannel], contents: Contents, zero: int, rows: Array, signals: frozenset[str]
 ) -> tuple[Nanoseconds, Nanoseconds]:
     """Return (n,) log and publish times [ns] of the messages that rows come from: of several at one time, of the last.
 
@@ -39,6 +41,7 @@ def log_times(
         contents: of the recording.
         zero: time of the recording [ns] at time 0 of the rows.
         rows: (n,) times [s], increasing.
+        signals: names of those that the rows were made of; of messages at one time those with one of them are chosen.
     """
     log, publish, away = (np.zeros(len(rows), np.int64) for _ in range(3))
     distance = np.full(len(rows), np.inf)
@@ -59,12 +62,13 @@ def log_times(
                     seconds = (time - zero) / 1e9
                     at = _nearest(rows, seconds)
                     offset = np.rint((rows[at] - seconds) * 1e9)
+                    cost = np.abs(offset) + (0.0 if signals.intersection(piece.names) else OTHER)
                     # The best of each row comes last, of equal ones the last that was recorded.
-                    order = np.argsort(-np.abs(offset), kind="stable")
-                    order = order[np.abs(offset[order]) <= distance[at[order]]]
+                    order = np.argsort(-cost, kind="stable")
+                    order = order[cost[order] <= distance[at[order]]]
                     raw = _raw_times(batch, piece, place.first)
                     log[at[order]], publish[at[order]] = raw[order, 0], raw[order, 1]
-                    distance[at[order]], away[at[order]] = np.abs(offset[order]), offset[order]
+                    distance[at[order]], away[at[order]] = cost[order], offset[order]
         container.release()
     away[distance <= ROUNDING] = 0
     publish[publish == 0] = log[publish == 0]

@@ -59,6 +59,26 @@ def test_frames_of_several_messages_stand_at_the_last_of_them(tmp_path: Path) ->
     assert len({number for number, _ in copy.messages["/joint_states"]}) == 2, "two publishers stay two channels"
 
 
+def test_of_two_people_at_one_time_the_message_of_the_one_who_is_scored(tmp_path: Path) -> None:
+    rows = []
+    for at in range(100):
+        for person in ("bob", "alice", "carol"):
+            names = tuple(f"{person}_{name}" for name in JOINTS)
+            payload = make.joint_state(EPOCH_NS + at * STEP_NS, names, np.array(angles(at)))
+            rows.append((1, EPOCH_NS + at * STEP_NS + len(rows) % 3 * 1_000_000, payload))
+    definitions = (
+        make.schema(1, JOINT_STATE, "ros2msg", make.definition(JOINT_STATE)),
+        make.channel(1, 1, "/joint_states", "cdr"),
+    )
+    source = tmp_path / "in.mcap"
+    source.write_bytes(make.build(make.Plan(make.split(rows), definitions)))
+    for late, person in enumerate(("bob", "alice", "carol")):
+        scores = reba.score(reba.read(source, topic=person), activity="none")
+        reba.write_scores(scores, tmp_path / "out.mcap")
+        expected = [EPOCH_NS + at * STEP_NS + late * 1_000_000 for at in range(100)]
+        assert checked(tmp_path / "out.mcap").logged(TOPIC) == expected
+
+
 def test_a_clock_that_restarts(tmp_path: Path) -> None:
     rows = [
         (1, EPOCH_NS + at * STEP_NS, make.joint_state(EPOCH_NS + at % 200 * STEP_NS, JOINTS, np.array(angles(at))))
