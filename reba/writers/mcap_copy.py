@@ -14,7 +14,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Channel, MetadataIndex, Schema
 
-from reba.errors import ReadError, RebaError
+from reba.errors import RebaError
 from reba.provenance import generator
 from reba.readers.mcap import records
 from reba.readers.mcap.bytes import ByteSource
@@ -87,7 +87,7 @@ class McapCopy:
         """Copy everything but the header; `between` is called with the latest log time [ns] after each chunk.
 
         Raises:
-            ReadError: a chunk is damaged, and the recording is one file.
+            ReadError: a chunk is damaged.
         """
         for schema in self.schemas.values():
             file.define(schema)
@@ -97,16 +97,10 @@ class McapCopy:
             others = [(at, (opcode, length)) for opcode, at, length in source.others if opcode != Opcode.HEADER]
             places: list[tuple[int, Any]] = [*others, *((one.offset, one) for one in source.segments)]
             for at, one in sorted(places, key=lambda place: place[0]):
-                if not isinstance(one, ChunkRef):
+                if isinstance(one, ChunkRef):
+                    between(self._copy_chunk(file, source, source.load(one), numbers))
+                else:
                     _copy_other(file, source.source, at, *one)
-                    continue
-                try:
-                    loaded = source.load(one)
-                except ReadError:
-                    if len(self._files) == 1:
-                        raise
-                    break  # the rest of this file was left out when it was read
-                between(self._copy_chunk(file, source, loaded, numbers))
             source.release()
 
     def _copy_chunk(self, file: McapFile, source: Container, loaded: Loaded, numbers: dict[int, int]) -> int:

@@ -83,6 +83,21 @@ def test_a_compressed_recording(tmp_path: Path) -> None:
     assert copy.logged(TOPIC) == copy.logged("/joint_states")
 
 
+def test_a_folder_of_compressed_files_of_which_one_is_damaged(tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    for number in range(3):
+        data = recorded(tmp_path / "part.mcap", 100, first=100 * number).read_bytes()
+        if number == 1:
+            at = len(data) // 2
+            data = data[:at] + bytes(byte ^ 1 for byte in data[at : at + 4]) + data[at + 4 :]
+        (folder / f"bag_{number}.mcap.zstd").write_bytes(zstandard.compress(data))
+    scores, copy = scored(folder, tmp_path / "out.mcap")
+    assert any("left out" in text for text in scores.postures.quality.warnings)
+    assert 200 < len(scores.data) < 300
+    assert copy.logged(TOPIC) == copy.logged("/joint_states")
+
+
 DAMAGES: dict[str, Callable[[bytes], bytes]] = {
     "truncated": lambda data: data[: len(data) * 2 // 3],
     "no end": lambda data: data[: data.rindex(b"\x0f\x04\0\0\0\0\0\0\0")],
