@@ -69,7 +69,7 @@ def write_mcap(
         ReadError: the recording changed after it was read.
     """
     source = Path(postures.source)
-    copied = kind == "scores" and source.exists() and sniff(source)
+    copied = kind == "scores" and postures.topic != "" and source.exists() and sniff(source)
     guard: AbstractContextManager[None] = unchanged(source) if copied else nullcontext()
     with guard, path.open("wb") as stream:
         copy, times = None, _own_times(data, postures)

@@ -54,7 +54,7 @@ class McapFile:
         self.channels: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()
         self._span: tuple[int, int] | None = None
-        self._chunks: list[ChunkIndex] = []
+        self._chunks: list[bytes] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._write(MAGIC)
@@ -96,19 +96,18 @@ class McapFile:
             mine = entries[scanned.channels == number]
             self._counts[number] += len(mine)
             places[number] = self._record(Opcode.MESSAGE_INDEX, struct.pack("<HI", number, mine.nbytes), mine.tobytes())
-        self._chunks.append(
-            ChunkIndex(
-                chunk_length=end - start,
-                chunk_start_offset=start,
-                compression=compression,
-                compressed_size=len(packed),
-                message_end_time=last,
-                message_index_length=self._at - end,
-                message_index_offsets=places,
-                message_start_time=first,
-                uncompressed_size=len(data),
-            )
+        index = ChunkIndex(
+            chunk_length=end - start,
+            chunk_start_offset=start,
+            compression=compression,
+            compressed_size=len(packed),
+            message_end_time=last,
+            message_index_length=self._at - end,
+            message_index_offsets=places,
+            message_start_time=first,
+            uncompressed_size=len(data),
         )
+        self._chunks.append(_bytes_of(index))
         self._span = (first, last) if self._span is None else (min(first, self._span[0]), max(last, self._span[1]))
         return last
 
@@ -147,17 +146,17 @@ class McapFile:
             metadata_count=len(self._metadata),
             schema_count=len(self.schemas),
         )
-        groups: dict[Opcode, Iterable[McapRecord]] = {
-            Opcode.SCHEMA: self.schemas.values(),
-            Opcode.CHANNEL: self.channels.values(),
-            Opcode.STATISTICS: [statistics],
+        groups: dict[Opcode, Iterable[bytes]] = {
+            Opcode.SCHEMA: map(_bytes_of, self.schemas.values()),
+            Opcode.CHANNEL: map(_bytes_of, self.channels.values()),
+            Opcode.STATISTICS: [_bytes_of(statistics)],
             Opcode.CHUNK_INDEX: self._chunks,
-            Opcode.ATTACHMENT_INDEX: self._attachments,
-            Opcode.METADATA_INDEX: self._metadata,
+            Opcode.ATTACHMENT_INDEX: map(_bytes_of, self._attachments),
+            Opcode.METADATA_INDEX: map(_bytes_of, self._metadata),
         }
         summary, offsets = b"", b""
         for opcode, group in groups.items():
-            data = b"".join(map(_bytes_of, group))
+            data = b"".join(group)
             if data:
                 at = start + len(summary)
                 offsets += _bytes_of(SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(data)))

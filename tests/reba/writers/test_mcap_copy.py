@@ -177,8 +177,19 @@ def scores_of(source: Path) -> reba.Scores:
     """Return scores that say that they come from a recording."""
     frame = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})
     scores = reba.score(frame, activity="none")
-    postures = dataclasses.replace(scores.postures, source=str(source), epoch=EPOCH_NS / 1e9)
+    postures = dataclasses.replace(scores.postures, source=str(source), topic="/any", epoch=EPOCH_NS / 1e9)
     return dataclasses.replace(scores, postures=postures)
+
+
+def test_scores_of_a_table_copy_nothing_that_happens_to_be_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded(tmp_path / "in.mcap")
+    monkeypatch.chdir(tmp_path)
+    frame = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})
+    for postures in (frame, reba.PostureTable(frame)):
+        reba.write_scores(reba.score(postures, activity="none"), tmp_path / "out" / "scores.mcap")
+        assert set(checked(tmp_path / "out" / "scores.mcap").messages) == {TOPIC}
 
 
 @pytest.mark.parametrize(
