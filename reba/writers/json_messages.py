@@ -14,7 +14,6 @@ import pandas as pd
 from pandas.api import types
 
 from reba.arrays import Indices
-from reba.files import plain_data
 from reba.posture.columns import COLUMNS
 
 BLOCK_ROWS: Final = 16_384
@@ -65,16 +64,14 @@ def json_rows(data: pd.DataFrame, order: Indices) -> Iterator[bytes]:
         yield from ((_MISSING.sub("", line) if ":null" in line else line).encode() for line in lines)
 
 
-def without_missing(value: Any) -> Any:
-    """Return plain data without members that have no value, NaN included.
+def without_missing(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return plain data without members that have no value, also those of the objects in it.
 
-    >>> without_missing({"mean": None, "window": {"low": 3, "high": float("nan")}})
+    >>> without_missing({"mean": None, "window": {"low": 3, "high": None}})
     {'window': {'low': 3}}
     """
-    return _present(plain_data(value))
-
-
-def _present(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _present(item) for key, item in value.items() if item is not None}
-    return [_present(item) for item in value] if isinstance(value, list) else value
+    return {
+        key: without_missing(value) if isinstance(value, dict) else value
+        for key, value in record.items()
+        if value is not None
+    }
