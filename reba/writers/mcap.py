@@ -89,7 +89,7 @@ def write_mcap(
         if copy is not None:
             copy.write(file, rows.until)
         rows.until(None)
-        for name, record in {**(records or {}), "reba": metadata}.items():
+        for name, record in {"reba": metadata, **(records or {})}.items():
             file.metadata(name, {key: _text(value) for key, value in record.items()})
         file.finish()
 
