@@ -36,7 +36,7 @@ from reba.command_line import (
 )
 from reba.method.tables import ACTION_LEVELS
 from reba.posture.factors import COUPLINGS, SUPPORTS
-from reba.writers import table_output
+from reba.writers import check_as_ros, table_output
 
 LEVEL_NAMES = [risk.replace(" ", "-") for risk, _ in ACTION_LEVELS]
 """Names of the action levels as values of options, such as very-high."""
@@ -104,21 +104,24 @@ def cli() -> None:
     "-o", "--output", type=OutputType(scores_output), metavar="OUT",
     help="Score table (.parquet .csv .mcap), or the folder of a growing dataset.",
 )  # fmt: skip
+@click.option("--as-ros", is_flag=True, help="Scores in an .mcap as ROS messages, not as JSON: for rosbags, ROS tools.")
 @click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
 @scoring_options
 @parallel_options
 @json_option
 def score(
-    inputs: tuple[str, ...], output: str | None, report: str | None, jobs: int, scheduler: str | None, as_json: bool,
-    **values: Any,
+    inputs: tuple[str, ...], output: str | None, as_ros: bool, report: str | None, jobs: int, scheduler: str | None,
+    as_json: bool, **values: Any,
 ) -> None:  # fmt: skip
     """Score recordings: files, or folders of them.
 
     A folder as output is a Parquet dataset with one partition per recording. Recordings whose scores it contains are
-    not scored again unless they, the rules or the options changed; an interrupted run is continued.
+    not scored again unless they, the rules or the options changed; an interrupted run is continued. An .mcap of an MCAP
+    recording is a copy of it with a topic of scores.
     """
     from reba import score_command
 
+    check_as_ros(as_ros, output)
     options = options_of(values).with_files_read()
     paths = find_inputs(inputs)
     file, folder = plan_outputs(inputs, paths, output, report)
@@ -127,7 +130,7 @@ def score(
         failed = score_command.into_dataset(folder, paths, options, report, as_json, _progress(len(paths)), where)
     else:
         with _progress(len(paths)) as advance:
-            results = score_many(paths, file, options, on_done=advance, **where)
+            results = score_many(paths, file, options, as_ros=as_ros, on_done=advance, **where)
         failed = score_command.show(results, file, report, as_json)
     if failed:
         raise Stop(1)

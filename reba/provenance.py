@@ -3,7 +3,8 @@
     JSON      member `provenance`, with `version`
     Parquet   metadata key `provenance`, the same as JSON
     CSV       the JSON beside it (`<name>.meta.json`): a column or a line of its own would break readers of numbers
-    MCAP      `library` of the header, and key `provenance` of the metadata record
+    MCAP      `library` of the header (a copy has that of the recording behind it), and key `provenance` of the
+              metadata record
     HTML      <meta name="generator">
     SVG       <metadata>
     code      a line of its own with the generator

@@ -47,21 +47,29 @@ from lgp.kinematics.world import World
 from lgp.logic.task import Atom
 from lgp.motion import human_joints
 from lgp.plan_record import Plan
-from reba.files import as_json
+from reba.files import as_json, plain_data
 from reba.posture.columns import COLUMNS
 from reba.provenance import MEMBER, generator, provenance
 
 CHUNK: Final = 16_384
 """[bytes] Size at which a chunk is written: about 0.25 s of a run."""
-JSON_SCHEMAS: Final = {
-    "/plan": "lgp.Plan",
-    "/scene": "lgp.Scene",
-    "/events": "lgp.Event",
-    "/predicates": "lgp.Predicates",
-    "/state": "lgp.Checkpoint",
-    "/comparison": "lgp.Comparison",
-    "/ergonomics/posture": "reba.Posture",
+_TEXT, _WHOLE, _NUMBER = {"type": "string"}, {"type": "integer"}, {"type": "number"}
+_TEXTS, _NUMBERS = {"type": "array", "items": _TEXT}, {"type": "array", "items": _NUMBER}
+_COSTS = dict.fromkeys(("greedy", "anew", "extra", "share"), _NUMBER)
+_AT = {"number": _WHOLE, "time": _NUMBER, "action": _WHOLE}
+JSON_SCHEMAS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
+    "/plan": ("lgp.Plan", {"folder": _TEXT, "actions": _TEXTS, "columns": _TEXTS, "time": _NUMBERS}),
+    "/scene": ("lgp.Scene", {"name": _TEXT}),
+    "/events": ("lgp.Event", {**_AT, "state": _TEXT, "kind": _TEXT, "text": _TEXT, "plan": _WHOLE}),
+    "/predicates": ("lgp.Predicates", {"time": _NUMBER, "action": _WHOLE}),
+    "/state": ("lgp.Checkpoint", {"time": _NUMBER, "q": _NUMBERS, "closed": _TEXTS, "replans": _WHOLE}),
+    "/comparison": (
+        "lgp.Comparison",
+        {"action": _TEXT, **_COSTS, "actions": _TEXTS, "same_actions": {"type": "boolean"}},
+    ),
+    "/ergonomics/posture": ("reba.Posture", dict.fromkeys(("time", *COLUMNS, "load"), _NUMBER)),
 }
+"""Topic -> type and the properties that viewers can show; each has one plain type, see `reba.writers.json_messages`."""
 
 
 class RunLog:
@@ -98,10 +106,12 @@ class RunLog:
         self.close()
 
     def json(self, topic: str, time: float, value: Mapping[str, Any]) -> None:
-        """Write plain data on one of the JSON topics."""
-        name = JSON_SCHEMAS[topic]
-        channel = self._channel(topic, "json", name, "jsonschema", json.dumps({"title": name, "type": "object"}))
-        self.raw(channel, self.stamp(time), as_json(value).encode())
+        """Write plain data on one of the JSON topics, without members that have no value."""
+        name, properties = JSON_SCHEMAS[topic]
+        schema = json.dumps({"title": name, "type": "object", "properties": properties})
+        channel = self._channel(topic, "json", name, "jsonschema", schema)
+        known = {key: item for key, item in plain_data(value).items() if item is not None}
+        self.raw(channel, self.stamp(time), as_json(known).encode())
 
     def message(self, topic: str, kind: str, time: float, value: dict[str, Any]) -> None:
         """Write a ROS 2 message of a type in `ros_messages.DEFINITIONS`."""

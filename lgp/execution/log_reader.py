@@ -103,7 +103,7 @@ def read_logged_run(file: Path) -> LoggedRun | None:
     for message in messages(file):
         last = max(last, message.stamp)
         if message.topic == "/events":
-            events.append(Event(**json.loads(message.data)))
+            events.append(Event(**{"action": None, **json.loads(message.data)}))
         elif message.topic == "/state":
             state = json.loads(message.data)
     if state is None:

@@ -180,12 +180,14 @@ def _searched(folder: Path, names: Sequence[str]) -> bool:
     return any(Path(name).is_dir() and Path(name).resolve() in (folder, *folder.parents) for name in names)
 
 
-def score_one(path: str, output: Path | None, options: ScoringOptions, keep_scores: bool = False) -> RecordingResult:
+def score_one(
+    path: str, output: Path | None, options: ScoringOptions, keep_scores: bool = False, as_ros: bool = False
+) -> RecordingResult:
     """Score one recording; an error of the recording is a result, not an exception."""
     try:
         scores = options.read_and_score(path)
         if output is not None:
-            write_scores(scores, output)
+            write_scores(scores, output, as_ros=as_ros)
         summary = {"input": path, **scores.summary(), "output": None if output is None else str(output)}
     except RebaError as error:
         return RecordingResult(path, error=str(error))
@@ -206,6 +208,7 @@ def score_many(
     jobs: int = 1,
     scheduler: str | None = None,
     keep_scores: bool = False,
+    as_ros: bool = False,
     on_done: Callable[[str], None] = lambda name: None,
 ) -> list[RecordingResult]:
     """Score every input and return the results in the order of the inputs.
@@ -214,12 +217,13 @@ def score_many(
         output: file for the scores, if there is one input.
         jobs, scheduler: see `reba.batch.parallel.run_parallel`.
         keep_scores: return the scores themselves (for a report), not only their summaries.
+        as_ros: write scores of an .mcap as ROS messages.
         on_done: called with the name of each finished input.
     """
     remote = scheduler is not None
     target = output.resolve() if remote and output is not None else output
     options = options.with_files_read()
-    work = partial(_score_numbered, output=target, options=options, keep_scores=keep_scores)
+    work = partial(_score_numbered, output=target, options=options, keep_scores=keep_scores, as_ros=as_ros)
     tasks = [(number, str(Path(name).resolve()) if remote else name) for number, name in enumerate(inputs)]
     results: dict[int, RecordingResult] = {}
     probe = partial(access_problem, tasks[0][1], "" if target is None else str(target.parent)) if tasks else None
@@ -255,6 +259,6 @@ def access_problem(recording: str, folder: str = "", mark: str = "", text: str =
 
 
 def _score_numbered(
-    task: tuple[int, str], *, output: Path | None, options: ScoringOptions, keep_scores: bool
+    task: tuple[int, str], *, output: Path | None, options: ScoringOptions, keep_scores: bool, as_ros: bool
 ) -> RecordingResult:
-    return score_one(task[1], output, options, keep_scores)
+    return score_one(task[1], output, options, keep_scores, as_ros)

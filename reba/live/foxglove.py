@@ -19,12 +19,14 @@ from reba.extras import missing
 from reba.live.frames import Frames
 from reba.live.notices import KINDS
 from reba.live.output import encoder
+from reba.live.session import LEVELS
 from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays
 from reba.method.tables import PART_MAXIMA
 from reba.posture.columns import INDEX
 from reba.posture.factors import SUPPORTS
 from reba.posture.skeleton import LENGTHS, LIMBS, joints
 from reba.provenance import MEMBER
+from reba.writers.json_messages import without_missing
 
 PORT: Final = 8765
 TOPICS: Final = {"scores": "/ergonomics/reba", "notices": "/ergonomics/notice", "figure": "/ergonomics/figure"}
@@ -75,7 +77,7 @@ class FoxgloveServer:
         encode = encoder()
         stamps = [round((epoch + moment) * 1e9) if epoch > 0 else now for moment in frames.time.tolist()]
         for record, stamp in zip(records, stamps, strict=True):
-            self._scores.log(encode(record), log_time=stamp)
+            self._scores.log(encode(without_missing(record)), log_time=stamp)
         newest = float(frames.time[-1])
         if newest >= self._next_scene:
             self._next_scene = newest + SCENE_PERIOD - 1e-6
@@ -153,29 +155,28 @@ class FoxgloveServer:
 
 
 def record_schema() -> dict[str, Any]:
-    """Return the JSON schema of a record."""
-    number = {"type": ["number", "null"]}
-    score = {"type": ["integer", "null"], "description": "null = not determined by what was measured"}
-    means = {"mean": number, "mean_low": number, "mean_high": number}
-    window = {"seconds": number, **means, "share_above": number}
-    exposure = {
-        "seconds": number,
-        "missing": number,
-        **means,
-        "action_levels": {"type": "object", "additionalProperties": number},
+    """Return the JSON schema of a record: one plain type per property, see `reba.writers.json_messages`."""
+    number, score = {"type": "number"}, {"type": "integer", "description": "absent: not determined by the measured"}
+    means = dict.fromkeys(("mean", "mean_low", "mean_high"), number)
+    levels = dict.fromkeys((*map(str, range(LEVELS)), "undetermined"), number)
+    members = {
+        "window": {"seconds": number, **means, "share_above": number},
+        "exposure": {
+            "seconds": number,
+            "missing": number,
+            **means,
+            "action_levels": {"type": "object", "properties": levels},
+        },
+        "alert": {"active": {"type": "boolean"}, "since": number, "event": {"type": "string"}},
+        MEMBER: {"version": {"type": "string"}},
     }
-    origin = {"version": {"type": "string"}}
-    alert = {"active": {"type": "boolean"}, "since": number, "event": {"type": ["string", "null"]}}
     return {
         "title": "reba.Live",
         "type": "object",
         "properties": {
             "time": {"type": "number", "description": "seconds"},
             **dict.fromkeys(SCORE_COLUMNS, score),
-            **{
-                name: {"type": "object", "properties": fields}
-                for name, fields in {"window": window, "exposure": exposure, "alert": alert, MEMBER: origin}.items()
-            },
+            **{name: {"type": "object", "properties": fields} for name, fields in members.items()},
         },
     }
 

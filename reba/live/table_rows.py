@@ -61,14 +61,16 @@ class TableFollower:
         self._last = -np.inf
         self._offsets: dict[int, float] = {}
         first = [row for segment in source.segments for row in self.decoder.rows(source, segment)]
-        present = dict.fromkeys(name for row in first[:1] for name in row if name in KNOWN)
+        # Rows leave out what is missing: the first one with an angle shows which columns there are.
+        shown = [row for row in first if any(name in COLUMNS or name in RAISED for name in row)][:1] or first[:1]
+        present = dict.fromkeys(name for row in shown for name in row if name in KNOWN)
         self._columns = ["time", *present]
         self._ignored: set[str] = set()
         self.unmeasured: list[str] = []
-        if first:
-            for warning in table_of(pd.DataFrame(first[:1])).quality.warnings:
+        if shown:
+            for warning in table_of(pd.DataFrame(shown)).quality.warnings:
                 on_warning(warning)
-            self._convert(first[:1])
+            self._convert(shown)
         self._set_neutral(first, reading, final)
         self._last = -np.inf
         self.unmeasured = [column for column in COLUMNS if column not in present]

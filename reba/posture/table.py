@@ -81,6 +81,7 @@ class PostureTable:
         recognised: why this profile was chosen.
         quality: what was read and how regular it is.
         epoch: Unix time [s] of time 0, 0.0 where the source does not say.
+        signals: names of the joints, frames or points that were read, none for a posture table.
     """
 
     data: pd.DataFrame
@@ -93,6 +94,7 @@ class PostureTable:
     recognised: str = ""
     quality: Quality = field(default_factory=Quality)
     epoch: float = 0.0
+    signals: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.data, pd.DataFrame) or "time" not in self.data:

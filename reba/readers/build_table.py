@@ -77,6 +77,7 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
         recognised=_recognised(match, reasons, unmeasured),
         quality=_quality(recording, match, start, samples.log, samples.time, samples.angles, warnings, strict, helpers),
         epoch=match.stream.epoch + start,
+        signals=tuple(mapper.wanted),
     )
 
 

@@ -18,7 +18,7 @@ import pandas as pd
 
 from reba.analysis.score_table import SCORES
 from reba.cells import cells_of
-from reba.checks import PATH, accepts, instance
+from reba.checks import PATH, YES_NO, accepts, instance
 from reba.errors import RebaError
 from reba.files import as_json, write_atomic, write_atomic_stream, write_text
 from reba.outputs import FileOutput, check_outputs
@@ -40,20 +40,35 @@ def table_output(path: str | Path) -> FileOutput:
     return FileOutput(path, SUFFIXES, (ABOUT,) if Path(path).suffix.lower() == ".csv" else ())
 
 
-@accepts(RebaError, scores=SCORES, path=PATH)
-def write_scores(scores: Scores, path: str | Path) -> None:
+@accepts(RebaError, scores=SCORES, path=PATH, as_ros=YES_NO)
+def write_scores(scores: Scores, path: str | Path, *, as_ros: bool = False) -> None:
     """Write the score table; the ending of `path` chooses .parquet, .csv or .mcap.
 
-    An .mcap also contains the original topics if the scored recording was MCAP.
+    An .mcap is a copy of the scored recording if that was MCAP, with a topic of scores at the log times of its
+    messages.
 
     Args:
         scores: scores of one recording.
         path: file to write; its folder is created if missing.
+        as_ros: scores of an .mcap as ROS messages, which come with their definition, instead of JSON.
 
     Raises:
-        RebaError: unknown ending, the file cannot be written, or it is the recording itself.
+        RebaError: unknown ending, `as_ros` with another one than .mcap, the file cannot be written, or it is the
+            recording itself.
     """
-    _write(scores.data, _score_metadata(scores), Path(path), scores.postures, "scores")
+    check_as_ros(as_ros, path)
+    _write(scores.data, _score_metadata(scores), Path(path), scores.postures, "scores", as_ros=as_ros)
+
+
+def check_as_ros(as_ros: bool, path: str | Path | None) -> None:
+    """Check that scores to be written as ROS messages go into an .mcap.
+
+    Raises:
+        RebaError: they do not.
+    """
+    if as_ros and (path is None or Path(path).suffix.lower() != ".mcap"):
+        given = f"{path}: " if path is not None else ""
+        raise RebaError(f"{given}ROS messages (--as-ros) are written into an .mcap; give an output that ends in .mcap")
 
 
 @accepts(RebaError, postures=instance("what reba.read returns", PostureTable), path=PATH)
@@ -115,6 +130,8 @@ def _write(
     postures: PostureTable,
     kind: str,
     records: Mapping[str, Mapping[str, str]] | None = None,
+    *,
+    as_ros: bool = False,
 ) -> None:
     check_outputs(table_output(path), inputs=[postures.source])
     suffix = path.suffix.lower()
@@ -128,7 +145,8 @@ def _write(
             beside={ABOUT: lambda part: write_text(part, text)},
         )
     else:
-        write_atomic(path, lambda part: write_mcap(data, with_provenance(metadata), part, postures, kind, records))
+        about = with_provenance(metadata)
+        write_atomic(path, lambda part: write_mcap(data, about, part, postures, kind, records, as_ros=as_ros))
 
 
 def _write_parquet(data: pd.DataFrame, metadata: dict[str, Any], stream: BinaryIO) -> None:

@@ -1,138 +1,175 @@
-"""Scores and postures as MCAP channels that Foxglove, Lichtblick and Rerun plot.
+"""Scores and postures as an MCAP channel that Foxglove, Lichtblick, PlotJuggler and Rerun plot.
 
-One JSON message per frame on `/ergonomics/reba` (or `/ergonomics/posture`) with a JSON schema, at the time stamps of
-the recording; the rules as a metadata record named `reba`, the version in the header. A file of scores also contains
-the topics of the original recording if that was MCAP.
+One message per frame on `/ergonomics/reba` (or `/ergonomics/posture`): JSON with a schema, or a ROS message; the rules
+as a metadata record named `reba`, the version in the header. Scores of an MCAP recording come in a copy of it, each at
+the log time of the message that its frame comes from, so that the file has one clock.
 """
 
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from mcap.records import Channel, Schema
+from numpy.typing import NDArray
 
+from reba.arrays import Indices
 from reba.errors import ReadError
 from reba.file_stamp import TRY_AGAIN, unchanged
 from reba.files import as_json, sha256_of
-from reba.open_file import open_regular
-from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
 from reba.provenance import generator
-from reba.readers.mcap.container import Container
+from reba.readers.mcap import gathered, open_files, sniff
+from reba.readers.mcap.records import LATEST
+from reba.readers.recording.stream import ReadLog
+from reba.writers.json_messages import json_rows, schema_of
+from reba.writers.mcap_copy import McapCopy, free_id
+from reba.writers.mcap_file import McapFile, message
+from reba.writers.ros_messages import ENCODINGS, NAMES, ROS1, ROS2, definition, ros_rows
 
-if TYPE_CHECKING:
-    from mcap.writer import Writer
-
+Times = tuple[NDArray[np.int64], NDArray[np.int64]]
+JSON: Final = ("json", "jsonschema")
+"""Encoding of messages and of their schema."""
 TOPICS: Final = {"scores": "/ergonomics/reba", "postures": "/ergonomics/posture"}
 SCHEMAS: Final = {"scores": "reba.Scores", "postures": "reba.Posture"}
-BLOCK_ROWS: Final = 16_384
-"""Frames converted to JSON text at a time; bounds the memory for text."""
-MAX_CHUNK_BYTES: Final = 1 << 30
-"""[bytes] Largest decompressed chunk of a source; protects against decompression bombs."""
-_MESSAGE_HEADER: Final = struct.Struct("<IQQ")
-"""Sequence, log time and publish time: the fields directly before the payload of a message (MCAP specification)."""
+CHUNK_BYTES: Final = 1 << 20
+"""[bytes] Of messages in a chunk, before compression."""
+_SEQUENCE: Final = 0xFFFFFFFF
+"""Largest sequence number."""
 
 
 def write_mcap(
     data: pd.DataFrame,
-    metadata: dict[str, Any],
+    metadata: Mapping[str, Any],
     path: Path,
     postures: PostureTable,
     kind: str,
     records: Mapping[str, Mapping[str, str]] | None = None,
+    *,
+    as_ros: bool = False,
 ) -> None:
-    """Write a table as one JSON channel, together with the original topics and further metadata `records`."""
-    from mcap.writer import CompressionType, Writer
+    """Write a table as one channel, scores of an MCAP recording into a copy of it.
 
-    with path.open("wb") as stream:
-        writer = Writer(stream, compression=CompressionType.ZSTD)
-        writer.start(profile="", library=generator())
-        texts = {key: value if isinstance(value, str) else as_json(value) for key, value in metadata.items()}
-        writer.add_metadata("reba", texts)
-        for name, record in (records or {}).items():
-            writer.add_metadata(name, dict(record))
-        schema = writer.register_schema(SCHEMAS[kind], "jsonschema", json.dumps(_schema(data, kind)).encode())
-        channel = writer.register_channel(TOPICS[kind], "json", schema)
-        messages = _json_messages(data, postures.epoch)
-        source = Path(postures.source)
-        if kind == "scores" and source.is_file() and _is_mcap(source):
-            with unchanged(source):
-                if postures.quality.sha256 not in ("", sha256_of(source)):
-                    raise ReadError(source, "changed after it was read", hint=TRY_AGAIN)
-                _merge_with_source(writer, source, channel, messages)
-        else:
-            for stamp, text in messages:
-                writer.add_message(channel, stamp, text, stamp)
-        writer.finish()
+    Args:
+        data: `time` [s] and further columns.
+        metadata: of the record `reba`.
+        path: file to write.
+        postures: what the table was made of.
+        kind: "scores" or "postures".
+        records: further metadata records.
+        as_ros: ROS messages instead of JSON, ROS 1 in a recording of ROS 1.
 
-
-def _schema(data: pd.DataFrame, kind: str) -> dict[str, Any]:
-    def schema_of(name: str) -> dict[str, Any]:
-        if name == "time":
-            return {"type": "number", "description": "seconds since the start of the recording"}
-        if name in COLUMNS:
-            return {"type": ["number", "null"], "description": "degrees; null = not measured"}
-        if kind == "scores":
-            return {"type": ["integer", "null"], "description": "null = not determined by what was measured"}
-        return {"description": "factor"}
-
-    names = [str(name) for name in data.columns]
-    return {"title": SCHEMAS[kind], "type": "object", "properties": {name: schema_of(name) for name in names}}
-
-
-def _json_messages(data: pd.DataFrame, epoch: float) -> Iterator[tuple[int, bytes]]:
-    """Yield (time stamp [ns], JSON text) of every frame."""
-    start = round(epoch * 1e9)
-    for first in range(0, len(data), BLOCK_ROWS):
-        rows = data.iloc[first : first + BLOCK_ROWS]
-        stamps = start + np.rint(rows["time"].to_numpy(np.float64) * 1e9).astype(np.int64)
-        lines = rows.to_json(orient="records", lines=True, double_precision=9).splitlines()
-        for stamp, line in zip(stamps.tolist(), lines, strict=True):
-            yield max(stamp, 0), line.encode()
-
-
-def _is_mcap(path: Path) -> bool:
-    with open_regular(path) as stream:
-        return stream.read(5) == b"\x89MCAP"
-
-
-def _merge_with_source(writer: Writer, source: Path, channel: int, scores: Iterator[tuple[int, bytes]]) -> None:
-    """Copy every message of the source chunk by chunk and insert the score messages by time stamp.
-
-    Of a truncated recording every complete message is copied, which is also the part that was scored.
+    Raises:
+        ReadError: the recording changed after it was read.
     """
-    container = Container(source, check_crc=True, limit_bytes=MAX_CHUNK_BYTES)
-    schemas: dict[int, int] = {0: 0}
-    channels: dict[int, int] = {}
+    source = Path(postures.source)
+    copied = kind == "scores" and postures.topic != "" and source.exists() and sniff(source)
+    guard: AbstractContextManager[None] = unchanged(source) if copied else nullcontext()
+    with guard, path.open("wb") as stream:
+        copy, times = None, _own_times(data, postures)
+        if copied:
+            if postures.quality.sha256 and postures.quality.sha256 != sha256_of(source):
+                raise ReadError(source, "changed after it was read", hint=TRY_AGAIN)
+            copy, times = _open_copy(source, postures, times)
+        profile = copy.profile if copy is not None else ""
+        if as_ros and not profile and (copy is None or copy.is_cdr):
+            profile = ROS2
+        file = McapFile(stream, profile, copy.library if copy is not None else generator())
+        encoding = "" if not as_ros else ROS1 if profile == ROS1 else ROS2
+        number = _define(file, data, kind, copy, encoding)
+        order = np.argsort(times[0], kind="stable")
+        texts = ros_rows(data, order, _own_times(data, postures)[0], encoding) if as_ros else json_rows(data, order)
+        rows = Rows(file, number, order, times, texts)
+        if copy is not None:
+            copy.write(file, rows.until)
+        rows.until(None)
+        for name, record in {"reba": metadata, **(records or {})}.items():
+            file.metadata(name, {key: _text(value) for key, value in record.items()})
+        file.finish()
 
-    def channel_of(number: int) -> int:
-        if number not in channels:
-            original = container.channels[number]
-            if original.schema_id not in schemas and original.schema_id in container.schemas:
-                schema = container.schemas[original.schema_id]
-                schemas[original.schema_id] = writer.register_schema(schema.name, schema.encoding, schema.data)
-            schema_id = schemas.get(original.schema_id, 0)
-            channels[number] = writer.register_channel(original.topic, original.encoding, schema_id, original.metadata)
-        return channels[number]
 
-    pending = next(scores, None)
-    for segment in container.segments:
-        loaded = container.load(segment)
-        for payload, length, number in zip(
-            loaded.scan.payloads.tolist(), loaded.scan.lengths.tolist(), loaded.scan.channels.tolist(), strict=True
-        ):
-            sequence, log_time, publish_time = _MESSAGE_HEADER.unpack_from(loaded.data, payload - _MESSAGE_HEADER.size)
-            while pending is not None and pending[0] <= log_time:
-                writer.add_message(channel, pending[0], pending[1], pending[0])
-                pending = next(scores, None)
-            if number in container.channels:
-                data = loaded.data[payload : payload + length]
-                writer.add_message(channel_of(number), log_time, data, publish_time, sequence)
-    while pending is not None:
-        writer.add_message(channel, pending[0], pending[1], pending[0])
-        pending = next(scores, None)
+class Rows:
+    """Messages of a table that are still to be written, by log time.
+
+    Args:
+        number: id of their channel.
+        order: (n,) frames by log time.
+        times: (n,) log and (n,) publish times [ns] of the frames.
+        texts: the message of each frame in that order.
+    """
+
+    def __init__(self, file: McapFile, number: int, order: Indices, times: Times, texts: Iterator[bytes]) -> None:
+        self._file = file
+        self._number = number
+        self._order = order
+        self._log, self._publish = (np.maximum(time, 0)[order] for time in times)
+        self._texts = texts
+        self._next = 0
+        self._chunk = bytearray()
+
+    def until(self, time: int | None) -> None:
+        """Write the messages up to a log time [ns] in whole chunks, all of them without one."""
+        stop = len(self._log) if time is None else int(np.searchsorted(self._log, min(time, LATEST), side="right"))
+        for at in range(self._next, stop):
+            sequence, log, publish = int(self._order[at]), int(self._log[at]), int(self._publish[at])
+            self._chunk += message(self._number, sequence & _SEQUENCE, log, publish, next(self._texts))
+            if len(self._chunk) >= CHUNK_BYTES:
+                self._write()
+        self._next = max(stop, self._next)
+        if time is None:
+            self._write()
+
+    def _write(self) -> None:
+        self._file.chunk(bytes(self._chunk))
+        self._chunk.clear()
+
+
+def _text(value: Any) -> str:
+    text = value if isinstance(value, str) else as_json(value)
+    return text.encode(errors="backslashreplace").decode()
+
+
+def _own_times(data: pd.DataFrame, postures: PostureTable) -> Times:
+    """Return (n,) log and publish times [ns] by the time of the table."""
+    time = round(postures.epoch * 1e9) + np.rint(data["time"].to_numpy(np.float64) * 1e9).astype(np.int64)
+    return time, time
+
+
+def _open_copy(source: Path, postures: PostureTable, times: Times) -> tuple[McapCopy, Times]:
+    """Return what is copied of a recording, and (n,) log and publish times [ns] of the frames in it."""
+    files = open_files(source, ReadLog())
+    recording = gathered(source, [channel for _, channels in files for channel in channels], ReadLog())
+    for stream in recording.streams:
+        if stream.name == postures.topic and stream.logged is not None:
+            rows = postures.data["time"].to_numpy(np.float64) + (postures.epoch - stream.epoch)
+            times = stream.logged(rows, frozenset(postures.signals))
+            break
+    return McapCopy([file for file, _ in files]), times
+
+
+def _define(file: McapFile, data: pd.DataFrame, kind: str, copy: McapCopy | None, ros: str) -> int:
+    """Define the channel of a table, and return its id; a topic that the recording has already gets a number."""
+    schemas, channels = (copy.schemas, copy.channels) if copy is not None else ({}, {})
+    topics = {channel.topic for channel in channels.values()}
+    topic = next(name for name in _numbered(TOPICS[kind]) if name not in topics)
+    if ros:
+        name, text, (encoding, language) = NAMES[ros], definition(data, ros), ENCODINGS[ros]
+    else:
+        name, text, (encoding, language) = SCHEMAS[kind], json.dumps(schema_of(data, SCHEMAS[kind])), JSON
+    schema = Schema(id=free_id(schemas), name=name, encoding=language, data=text.encode())
+    file.define(schema)
+    number = free_id(channels)
+    file.define(Channel(id=number, topic=topic, message_encoding=encoding, metadata={}, schema_id=schema.id))
+    return number
+
+
+def _numbered(name: str) -> Iterator[str]:
+    """Yield a name, then the name with 2, 3 ... behind it."""
+    yield name
+    yield from (f"{name}_{number}" for number in count(2))

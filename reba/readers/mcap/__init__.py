@@ -20,7 +20,7 @@ from reba.readers.mcap.gather import recording_of
 from reba.readers.mcap.trace import JITTER
 from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording
 
-__all__ = ["MAX_CHUNK", "open_mcap", "sniff"]
+__all__ = ["MAX_CHUNK", "gathered", "open_files", "open_mcap", "sniff"]
 MAX_CHUNK = 1 << 30
 """[bytes] Largest chunk, record or unpacked file that is accepted: protects memory from declared lengths."""
 
@@ -53,18 +53,22 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
     """
     log = ReadLog()
     channels: list[DecodableChannel | Unused] = []
-    for container, channels_of_file in _open_files(path, strict, check_crc, limit_bytes, log):
+    for container, channels_of_file in open_files(
+        path, log, strict=strict, check_crc=check_crc, limit_bytes=limit_bytes
+    ):
         _note(container, log, path.is_dir())
         channels += channels_of_file
     if strict and log.ended_abnormally:
         raise ReadError(path, log.ended_abnormally, hint="read it without strict to use the messages before")
-    recording = _gathered(path, channels, log, strict=strict)
+    recording = gathered(path, channels, log, strict=strict)
     if strict and log.lost:
         raise ReadError(path, log.lost, hint=LOST_HINT)
     return recording
 
 
-def _gathered(path: Path, channels: Iterable[DecodableChannel | Unused], log: ReadLog, *, strict: bool) -> Recording:
+def gathered(
+    path: Path, channels: Iterable[DecodableChannel | Unused], log: ReadLog, *, strict: bool = False
+) -> Recording:
     """Return the recording of the channels of one or more files."""
     parts: list[DecodableChannel] = []
     unused: list[Unused] = []
@@ -79,10 +83,14 @@ def _gathered(path: Path, channels: Iterable[DecodableChannel | Unused], log: Re
     return recording_of(path, parts, unused, contents, log)
 
 
-def _open_files(
-    path: Path, strict: bool, check_crc: bool, limit_bytes: int, log: ReadLog
+def open_files(
+    path: Path, log: ReadLog, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK
 ) -> list[tuple[Container, list[DecodableChannel | Unused]]]:
-    """Open all files by start time; a damaged one of several is noted and left out."""
+    """Return the files of a recording and their channels by start time; a damaged one of several is noted and left out.
+
+    Raises:
+        ReadError: no file can be read, or the recording is one file or `strict` and that is damaged.
+    """
     files = recording_files(path)
     opened = []
     for file in files:

@@ -33,8 +33,9 @@ FREE_RECORDS: Final = 1000
 choice. A message has a time of its own, so even well packed it takes several bytes."""
 MOST_RATIO: Final = 1000
 """Bytes that chunks may unpack to for each (packed) byte of the file, beyond `limit_bytes`; a choice."""
-_PRIVATE: Final = 0x80
+PRIVATE: Final = 0x80
 """First opcode for records of applications, https://mcap.dev/spec#records."""
+_OTHERS: Final = (Opcode.HEADER, Opcode.ATTACHMENT, Opcode.METADATA)
 
 
 @dataclass
@@ -101,6 +102,7 @@ class Container:
         counts: messages of each channel.
         ended_abnormally: None, or where the file is truncated.
         lost: None, or what the file states to have and does not.
+        others: (opcode, offset of the content, length) of the header, attachments, metadata and private records.
         publish_time: whether messages are loaded with their publish times in the place of log times.
 
     Raises:
@@ -119,6 +121,7 @@ class Container:
         self.counts: Counter[int] = Counter()
         self.ended_abnormally: str | None = None
         self.lost: str | None = None
+        self.others: list[tuple[int, int, int]] = []
         self.warnings: list[str] = []
         self.span: tuple[int, int] | None = None
         self._last: Loaded | None = None
@@ -313,7 +316,9 @@ class Container:
             summary.start = at + length
         elif opcode == Opcode.CHUNK_INDEX:
             summary.indexes += 1
-        elif Opcode.DATA_END < opcode < _PRIVATE:
+        elif opcode in _OTHERS or opcode >= PRIVATE:
+            self.others.append((opcode, at, length))
+        elif opcode > Opcode.DATA_END:
             self._warn(f"the record at byte {at - records.HEAD} has the unknown type {opcode:#x} and was not read")
         elif opcode == Opcode.FOOTER:
             self._note_footer(summary, at, length)

@@ -225,6 +225,7 @@ class Contents:
                 if strict or len(self.containers) == 1:
                     raise
                 self.warnings.append(f"{error}; the rest of this file is left out")
+                container.segments = [one for one in container.segments if one.offset < segment.offset]
                 break
             for part, decoder in decoders:
                 read[part.channel] += self.take(part, segment, decoder)

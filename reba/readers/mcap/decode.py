@@ -245,10 +245,10 @@ class JsonDecoder:
                 log.skip(1, f"message at {batch.loaded.where(int(batch.starts[index]))}: {error}")
                 continue
             for group in groups:
-                group = group.select(self._wanted)
-                if group.names:
-                    sample = (index, _json_stamp(group.stamp), group.values)
-                    columns.setdefault((group.names, group.parents), []).append(sample)
+                chosen = group.select(self._wanted)
+                if chosen.names or not group.names:
+                    sample = (index, _json_stamp(chosen.stamp), chosen.values)
+                    columns.setdefault((chosen.names, chosen.parents), []).append(sample)
         pieces = []
         for (names, parents), samples in columns.items():
             rows = np.array([index for index, _, _ in samples], np.int64)

@@ -195,14 +195,14 @@ def extract_links(tree: Any) -> list[SignalGroup]:
 
 
 def extract_angles(tree: Any) -> list[SignalGroup]:
-    """Return the columns of one row of a posture table; its `time` [s] becomes the stamp.
+    """Return the columns of one row of a posture table, which may have a time alone; `time` [s] becomes the stamp.
 
     Raises:
-        Undecodable: it has none of the columns.
+        Undecodable: it has neither a time nor one of the columns.
     """
     fields = _fields(tree)
     names = tuple(name for name in TABLE_COLUMNS if name in fields)
-    if not names:
+    if not names and "time" not in fields:
         raise Undecodable("it has none of the posture columns")
     nanos = row_stamp(fields)
     stamp: Stamp | None = None if nanos == NO_STAMP else (0, nanos)

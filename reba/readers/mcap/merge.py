@@ -36,12 +36,14 @@ class Merger:
     Args:
         signals: names and parents of the first columns; others are added as they appear.
         frames: whether a value is a pose of 7 numbers.
+        hold: whether absent values are held; a row of a posture table leaves out what was not measured.
     """
 
-    def __init__(self, signals: Sequence[tuple[str, str]], log: ReadLog, *, frames: bool) -> None:
+    def __init__(self, signals: Sequence[tuple[str, str]], log: ReadLog, *, frames: bool, hold: bool = True) -> None:
         self._columns = {signal: index for index, signal in enumerate(signals)}
         self._log = log
         self._frames = frames
+        self._holds = hold
         self._width = POSE if frames else 1
         self._static: dict[int, Array] = {}
         self._pieces: list[tuple[Array, Indices, Array]] = []
@@ -189,7 +191,7 @@ class Merger:
             samples += len(at) * len(columns)
         if samples > np.count_nonzero(present):
             self._count_repeated(row_of, every, rows)
-        if rows:
+        if rows and self._holds:
             self._hold(time[:rows], values, present)
         if not last:
             self._keep(time[rows] if rows < len(time) else np.inf, newest=until is None)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -29,6 +30,7 @@ from reba.readers.mcap.contents import (
 from reba.readers.mcap.decode import Batch, Piece, load_json
 from reba.readers.mcap.extract import row_stamp
 from reba.readers.mcap.layout import Undecodable
+from reba.readers.mcap.log_times import log_times
 from reba.readers.mcap.merge import MOST_SIGNALS, Merger
 from reba.readers.mcap.records import LATEST
 from reba.readers.mcap.trace import NO_STAMP
@@ -159,7 +161,8 @@ class McapBlockDecoder:
             for name, parent in header.signals
             if wanted is None or name in wanted
         )
-        self._merger = Merger(list(signals), log, frames=kind == "frames")
+        self._rows = kind == "angles"
+        self._merger = Merger(list(signals), log, frames=kind == "frames", hold=not self._rows)
         self._decoders = {id(part): part.make(wanted) for part in self._parts}
         self._tracks = {id(part): contents.tracks[id(part)] for part in self._parts}
         self._read = dict.fromkeys(map(id, self._tracks.values()), 0)
@@ -187,7 +190,7 @@ class McapBlockDecoder:
                 pieces = self._pieces(part, segment)
                 for piece in pieces:
                     self._add(self._tracks[id(part)], piece)
-                used = [piece.number for piece in pieces if piece.names]
+                used = [piece.number for piece in pieces if piece.names or self._rows]
                 self.used += len(used[0]) if len(used) == 1 else len(np.unique(np.concatenate(used or [NONE])))
 
     def _pieces(self, part: DecodableChannel, segment: ChunkRef) -> list[Piece]:
@@ -329,6 +332,7 @@ class StreamReader:
             count=sum(counts) if self._kind != "frames" and len(counts) == 1 else None,
             table=self.table if self._kind == "angles" else None,
             follow=self.follow,
+            logged=partial(log_times, self._parts, self._contents, header.zero),
             seams=tuple((seam - header.zero) / 1e9 for seam in header.clock.seams),
             present={
                 signal: [((first - start) / 1e9, (last - start) / 1e9) for first, last in intervals]

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reba.arrays import Array
 
@@ -149,6 +150,7 @@ UNUSED = {
 """Reason -> why decoded messages are not used, to complete a sentence."""
 LOST = ("undecodable", "repeated_time", "no_time")
 """Reasons that lose what was recorded; the others leave out what is not of the person."""
+LogTimes = Callable[[Array, frozenset[str]], tuple[NDArray[np.int64], NDArray[np.int64]]]
 BlockReader = Callable[[ReadLog, Sequence[str] | None], Iterator[Block]]
 
 
@@ -173,6 +175,8 @@ class Stream:
         messages: name -> messages that have it; empty: all have.
         join: `join(other -> name)` makes the stream in which signals have the names of others, never there at once.
         follow: makes the decoder of a recording that is still being written (MCAP), see `reba.live`.
+        logged: log and publish times [ns] of the messages that rows come from, by their (n,) increasing times [s] and
+            the signals that they were made of.
         table: angles only: the complete table, `time` in seconds since `epoch`, text and bool factor columns included.
     """
 
@@ -193,6 +197,7 @@ class Stream:
     present: Mapping[str, Sequence[tuple[float, float]]] = field(default_factory=dict)
     messages: Mapping[str, int] = field(default_factory=dict)
     join: Callable[[Mapping[str, str]], Stream] | None = None
+    logged: LogTimes | None = None
 
     def blocks(self, log: ReadLog | None = None, names: Sequence[str] | None = None) -> Iterator[Block]:
         """Iterate over the samples in time order, block by block."""

@@ -16,6 +16,7 @@ from reba.errors import RebaError
 from reba.live.notices import FrameWatch
 from reba.live.session import Alert, LiveScorer
 from tests.reba.live.test_session import frames
+from tests.support.json_viewer import problems_of_message, problems_of_schema
 from tests.support.says import says
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
@@ -45,7 +46,8 @@ def test_a_client_gets_scores_and_a_skeleton(server: FoxgloveServer) -> None:
         assert set(channels) == set(TOPICS.values())
         scores, figure = (channels[TOPICS[name]] for name in ("scores", "figure"))
         assert (scores["encoding"], scores["schemaEncoding"]) == ("json", "jsonschema")
-        assert "reba_low" in json.loads(scores["schema"])["properties"]
+        schema = json.loads(scores["schema"])
+        assert problems_of_schema(schema) == []
         assert figure["schemaName"] == "foxglove.SceneUpdate"
         subscriptions = [{"id": number, "channelId": channel["id"]} for number, channel in enumerate((scores, figure))]
         client.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
@@ -62,6 +64,7 @@ def test_a_client_gets_scores_and_a_skeleton(server: FoxgloveServer) -> None:
         record = json.loads(got[0])
         assert record["reba_low"] == record["reba_high"] == record["reba"]
         assert set(record) >= {"time", "window", "exposure", "alert"}
+        assert problems_of_message(schema, record) == []
         assert b"person" in got[1]
         assert b"REBA " in got[1]
     finally:

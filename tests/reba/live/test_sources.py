@@ -8,6 +8,8 @@ import signal
 import subprocess
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 import reba
@@ -55,6 +57,19 @@ def test_a_growing_file_gives_the_scores_of_the_whole_one(kind: str, tmp_path: P
     assert exposure["mean_low"] == pytest.approx(scores["range"]["mean_low"], abs=1e-6)
     for level, share in scores["action_levels"].items():
         assert exposure["action_levels"][level] == pytest.approx(share * scores["seconds"], abs=1e-6)
+
+
+def test_rows_that_leave_out_what_is_missing(tmp_path: Path) -> None:
+    time = np.arange(0, 8, 0.04)
+    frame = pd.DataFrame({"time": time, "trunk_flexion": 30 + 20 * np.sin(time), "neck_flexion": 5.0, "load": 3.0})
+    frame.loc[:9, ["trunk_flexion", "neck_flexion"]] = np.nan
+    frame.loc[100:105, "neck_flexion"] = np.nan
+    frame.to_csv(tmp_path / "in.csv", index=False)
+    path = tmp_path / "rows.mcap"
+    reba.write_postures(reba.read(tmp_path / "in.csv"), path)
+    code, lines, messages = run_live(str(path), "--until-idle", "0.1")
+    assert code == 0, messages
+    assert_same(lines[:-1], batch(path))
 
 
 def read_live(path: Path, reading: ReadingOptions | None = None) -> tuple[list[float], list[str], Follower]:
