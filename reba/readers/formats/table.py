@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError, did_you_mean
-from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
+from reba.readers.formats.file_content import head_of, unpacked_name
 from reba.readers.formats.table_columns import DEGREES, LEAST_POINTS, coordinates, metres_of, named_units
 from reba.readers.formats.table_file import PARQUET, SEPARATORS, TableFile, read_csv, read_parquet
 from reba.readers.formats.text import LARGEST
@@ -59,8 +59,7 @@ def open_table(path: Path, rate: float | None = None) -> Recording:
     """Open a CSV or Parquet file: `angles` with the complete table, `joints`, or, of Vicon, `points`."""
     log = ReadLog()
     try:
-        with open_regular(path) as file:
-            head = file.read(4096)
+        head = head_of(path)
     except OSError as error:
         raise ReadError(path, error.strerror or str(error), hint="give an existing, readable file") from error
     if head.startswith(PARQUET):
@@ -101,7 +100,7 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
     if not names:
         raise ReadError(path, "no column beside the time has numbers", hint="give columns of joint values or angles")
     stream = array_stream(
-        path.stem,
+        unpacked_name(path).stem,
         kind,
         "posture table" if angles else f"{format.upper() if format == 'csv' else 'Parquet'} table",
         names,
@@ -138,7 +137,9 @@ def _points(
     note = ReadLog(time_source=log.time_source)
     values = values * metres_of(values, named, note)
     note.warnings += log.warnings
-    return array_stream(path.stem, "points", "table of points", tuple(points), time, values, opened=note, epoch=epoch)
+    return array_stream(
+        unpacked_name(path).stem, "points", "table of points", tuple(points), time, values, opened=note, epoch=epoch
+    )
 
 
 def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog) -> np.ndarray | None:

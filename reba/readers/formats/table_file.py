@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 from reba.cells import text_of, texts_of
 from reba.errors import ReadError
 from reba.open_file import open_regular
-from reba.readers.formats.text import decode, file_bytes
+from reba.readers.formats.file_content import file_bytes
+from reba.readers.formats.text import decode
 from reba.readers.recording.stream import ReadLog, Topic, clip, unique_names
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
     """Read separated values: comma, semicolon or tab, decimal point or comma, `#` lines before the header."""
     import pandas as pd
 
-    data = file_bytes(path)
+    data = file_bytes(path, log)
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")
     text = decode(path, data, log)

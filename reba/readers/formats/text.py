@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError
-from reba.open_file import read_regular
+from reba.readers.formats.file_content import file_bytes
 from reba.readers.recording.stream import ReadLog, clip
 
 CHUNK = 20_000
@@ -22,17 +22,6 @@ LARGEST = 1e12
 """Largest angle, length or time that is read; far above real ones, and squares of it cannot overflow."""
 BLANKS = frozenset({"", "nan", "na", "n/a", "-nan", "nan(ind)", "-nan(ind)", "null", "none"})
 """Words for "no value", in lower case."""
-
-
-def file_bytes(path: Path) -> bytes:
-    """Return the content of a file; a missing, empty or unreadable file and a folder are refused."""
-    try:
-        data = read_regular(path)
-    except OSError as error:
-        raise ReadError(path, error.strerror or str(error), hint="give an existing, readable file") from error
-    if not data:
-        raise ReadError(path, "the file is empty", hint="record or copy it again")
-    return data
 
 
 def decode(path: Path, data: bytes, log: ReadLog) -> str:
@@ -51,7 +40,7 @@ def decode(path: Path, data: bytes, log: ReadLog) -> str:
 
 def read_lines(path: Path, log: ReadLog) -> list[str]:
     """Return the lines of a text file without their ends (LF, CRLF or CR)."""
-    text = decode(path, file_bytes(path), log)
+    text = decode(path, file_bytes(path, log), log)
     # splitlines() also splits at form feeds and Unicode separators, and lines would be miscounted.
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
