@@ -255,6 +255,6 @@ def _no_match(recording: Recording, candidates: list[Match], named: tuple[Profil
         absent = ", ".join(nearest.missing[:4]) + (" ..." if len(nearest.missing) > 4 else "")
         hint = f"; nearest is {nearest.profile.name} ({nearest.why}), which lacks {absent}"
     return (
-        f"{where}{fit} its names {', '.join(first)} ...{hint}; "
+        f"{where}{fit} its names {', '.join(first)} ...{hint}; {recording.hint and recording.hint + ', '}"
         "see `reba profiles`, or describe the names in a TOML file and give it with --profile"
     )

@@ -16,12 +16,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Array
-from reba.errors import ReadError, did_you_mean
+from reba.errors import ReadError
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.file_content import head_of, unpacked_name
-from reba.readers.formats.table_columns import DEGREES, LEAST_POINTS, coordinates, metres_of, named_units
-from reba.readers.formats.table_file import PARQUET, SEPARATORS, TableFile, read_csv, read_parquet
+from reba.readers.formats.table_columns import (
+    DEGREES,
+    LEAST_POINTS,
+    coordinates,
+    metres_of,
+    named_units,
+    near_names,
+)
+from reba.readers.formats.table_file import (
+    PARQUET,
+    SEPARATORS,
+    TableFile,
+    read_csv,
+    read_parquet,
+    separator_of,
+)
 from reba.readers.formats.text import LARGEST
 from reba.readers.formats.vicon import is_vicon, open_vicon
 from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic, array_stream, check_time, clip
@@ -46,6 +60,7 @@ def sniff(path: Path, head: bytes) -> bool:
         return False
     text = head.decode("utf-16" if head.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig", "replace")
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    lines = lines[1:] if lines and separator_of(lines[0]) else lines
     if not lines or is_vicon(lines[0]):
         return bool(lines)
     separator = max(SEPARATORS, key=lines[0].count)
@@ -92,9 +107,11 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
             numbers[column] = values[timed] * factor_of if factor_of != 1.0 else values[timed]
     time = time[timed]
     check_time(time, log)
-    for column in (*numbers, *texts)[:MAX_CHECKED]:
-        if column not in KNOWN and (near := did_you_mean(column, KNOWN)):
-            log.warn(f"column {clip(column)} is not one of the posture table{near}")
+    others = [column for column in (*numbers, *texts)[:MAX_CHECKED] if column not in KNOWN]
+    absent = [column for column in KNOWN if column not in frame.columns]
+    if near := near_names(others, absent):
+        near = f"not read as columns of a posture table: {near}"
+        log.warn(near)
     kind: Literal["angles", "joints"] = "angles" if angles else "joints"
     names = tuple(angles) if angles else tuple(numbers)
     if not names:
@@ -119,7 +136,8 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
     topics = [Topic(stream.name, stream.format, len(time), True, why)]
     if not angles:
         topics += [Topic(text, "column", len(time), False, "text, not numbers") for text in texts]
-    return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log)
+    hint = f"{near}; rename them" if near else ""
+    return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log, hint)
 
 
 def _points(
