@@ -213,7 +213,8 @@ def _expression(names: tuple[str, ...], pattern: str) -> re.Pattern[str]:
 def _match(stream: Stream, profile: Profile, body: str, signals: Mapping[str, str]) -> Match:
     names: dict[str, tuple[str, ...]] = {}
     for slot, words in profile.slots.items():
-        present = tuple(signals[word] for word in words if word in signals)
+        called = (next((name for name in word.split("|") if name in signals), word) for word in words)
+        present = tuple(signals[name] for name in called if name in signals)
         if present and (profile.kind != "points" or len(present) == len(words)):
             names[slot] = present if profile.kind == "points" else present[:1]
     complete = all(slot in names for slot in profile.required)

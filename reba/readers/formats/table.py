@@ -1,4 +1,4 @@
-"""Tables: CSV and Parquet files of posture angles, of joint values, or of Vicon trajectories.
+"""Tables: CSV and Parquet files of posture angles or joint values, and exports of Vicon and OptiTrack Motive.
 
 A table with columns of the posture table is one (`angles`, in degrees). Any other with a time column has joint values
 (`joints`) under the names of its columns; a profile states their meaning.
@@ -20,6 +20,7 @@ from reba.errors import ReadError
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.file_content import head_of, unpacked_name
+from reba.readers.formats.motive import is_motive, open_motive
 from reba.readers.formats.table_columns import (
     DEGREES,
     LEAST_POINTS,
@@ -61,7 +62,7 @@ def sniff(path: Path, head: bytes) -> bool:
     text = head.decode("utf-16" if head.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig", "replace")
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     lines = lines[1:] if lines and separator_of(lines[0]) else lines
-    if not lines or is_vicon(lines[0]):
+    if not lines or is_vicon(lines[0]) or is_motive(lines[0]):
         return bool(lines)
     separator = max(SEPARATORS, key=lines[0].count)
     words = {word.strip(' "').lower() for word in lines[0].split(separator)}
@@ -79,8 +80,12 @@ def open_table(path: Path, rate: float | None = None) -> Recording:
         raise ReadError(path, error.strerror or str(error), hint="give an existing, readable file") from error
     if head.startswith(PARQUET):
         return _recording(path, "parquet", read_parquet(path), log, rate)
-    if is_vicon(head.removeprefix(b"\xef\xbb\xbf").decode("latin-1").lstrip().partition("\n")[0]):
-        return open_vicon(path, log)
+    first = head.removeprefix(b"\xef\xbb\xbf").decode("latin-1").lstrip().partition("\n")[0]
+    for known, opener in ((is_vicon, open_vicon), (is_motive, open_motive)):
+        if known(first):
+            if rate is not None:
+                raise ReadError(path, "it has times of its own", hint="leave the rate out")
+            return opener(path, log)
     return _recording(path, "csv", read_csv(path, log), log, rate)
 
 

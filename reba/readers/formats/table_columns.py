@@ -108,11 +108,11 @@ def near_names(columns: Iterable[str], known: Iterable[str]) -> str:
     "'trunk_flex' (did you mean 'trunk_flexion'?) and 'Left Knee Flexion' (did you mean 'knee_flexion_left'?)"
     """
     names = {_words(name): name for name in known}
-    found = []
+    offers = []
     for column in columns:
         if near := difflib.get_close_matches(_words(column), names, n=1, cutoff=LIKE):
-            found.append(f"{clip(column)} (did you mean '{names[near[0]]}'?)")
-    return join_names(found, MOST_OFFERED)
+            offers.append(f"{clip(column)} (did you mean '{names[near[0]]}'?)")
+    return join_names(offers, MOST_OFFERED)
 
 
 MOST_OFFERED: Final = 6

@@ -54,8 +54,9 @@ def number_rows(
     *,
     separator: str | None = None,
     gaps: bool = False,
+    columns: Sequence[int] | None = None,
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Return rows of numbers (n, width) and the line number (n,) of each, counted from 1.
+    """Return rows of numbers (n, width or number of `columns`) and the line number (n,) of each, counted from 1.
 
     Blank lines are skipped. A truncated last row is left out and noted; an incomplete row before it is an error.
 
@@ -64,6 +65,7 @@ def number_rows(
         first: index of the first line with numbers.
         separator: None for any white space.
         gaps: blank fields and "nan" are NaN, and short rows are filled with NaN.
+        columns: positions of the fields to return; the others may be texts. None for all.
 
     Raises:
         ReadError: a word is not a finite number, or a row has too many or too few.
@@ -91,11 +93,11 @@ def number_rows(
                         hint="the file is damaged there: export it again",
                     )
                 row += [""] * (width - len(row))
-            rows.append(row)
+            rows.append(row if columns is None else [row[column] for column in columns])
             numbers.append(index + 1)
         if rows:
             parts.append(_convert(path, rows, numbers[-len(rows) :], gaps))
-    table = np.concatenate(parts) if parts else np.empty((0, width))
+    table = np.concatenate(parts) if parts else np.empty((0, width if columns is None else len(columns)))
     return table, np.array(numbers, dtype=np.int64)
 
 

@@ -13,7 +13,7 @@ A TOML file has `name`, `title`, `source`, `kind` and, as far as they apply:
                "a|b" a joint that is called a or b
     [columns]  joints: column = ["<sign><joint>", ..., <degrees>], a sum that is the angle of the column
     [segments] frames: segment = ["<frame>", ...], the first of them that is present
-    [points]   points: point = ["<marker>", ...], the mean of them
+    [points]   points: point = ["<marker>", ...], the mean of them; "a|b" a marker that is called a or b
     [dummies]  joint (or column) = constant value [deg] of one that is not measured
     [cannot]   column (or "trunk", "neck", "arms", "wrists", "legs") = reason
 
@@ -113,7 +113,7 @@ class Profile:
     @property
     def names(self) -> tuple[str, ...]:
         """All joint, frame or marker names, each once."""
-        return tuple(dict.fromkeys(name for group in self.slots.values() for name in group))
+        return tuple(dict.fromkeys(name for group in self.slots.values() for word in group for name in word.split("|")))
 
     @property
     def slots(self) -> dict[str, tuple[str, ...]]:
