@@ -39,8 +39,9 @@ from reba.toml_table import TomlTable
 
 Kind = Literal["joints", "frames", "points"]
 KINDS: tuple[Kind, ...] = ("joints", "frames", "points")
-AXES = ("isb", "ros", "rest")
-"""isb: x forward, y up, z right; ros: x forward, y left, z up; rest: determined from the rest pose of the recording."""
+AXES = ("isb", "ros", "gltf", "rest")
+"""isb: x forward, y up, z right; ros: x forward, y left, z up; gltf: x left, y up, z forward; rest: determined from the
+rest pose of the recording."""
 
 
 @dataclass(frozen=True)
@@ -284,7 +285,7 @@ _FIELDS: dict[str, Callable[[TomlTable, str], Any]] = {
     "points": _points,
     "turns": _chains,
     "dummies": _dummies,
-    "root_axes": _text(*AXES[:2]),
+    "root_axes": _text(*AXES[:3]),
     "sign_from_range": _column_names,
     "needs_neutral": _column_names,
     "cannot": _cannot,
