@@ -56,6 +56,7 @@ FORMATS: tuple[Format, ...] = (
     Format("TRC markers", (".trc",), "reba.readers.formats.trc", "open_trc"),
     Format("Xsens MVNX", (".mvnx",), "reba.readers.formats.mvnx", "open_mvnx"),
     Format("SMPL poses", (".npz",), "reba.readers.formats.smpl", "open_smpl", True),
+    Format("Excel workbook", (".xlsx", ".xlsm"), "reba.readers.formats.xlsx", "open_xlsx", True),
     Format("posture or joint table", (".csv", ".tsv", ".parquet"), "reba.readers.formats.table", "open_table", True),
 )
 """Formats beside MCAP, those with the most certain first bytes first."""

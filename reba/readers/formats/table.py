@@ -49,6 +49,8 @@ WORDED = (*FACTORS, *BOTH_SIDES, *(f"shoulder_raised_{side}" for side in SIDES))
 """Columns that may have words; factors are checked where they are scored."""
 KNOWN = (*COLUMNS, *WORDED)
 """Columns with a meaning, for the hint on a misspelt name."""
+FORMATS = {"csv": "CSV", "parquet": "Parquet", "xlsx": "Excel"}
+"""Name of a reader -> of its format, in messages."""
 MAX_CHECKED = 200
 """Columns compared with the known ones, which takes time; posture tables are not wider."""
 
@@ -78,18 +80,29 @@ def open_table(path: Path, rate: float | None = None) -> Recording:
         head = head_of(path)
     except OSError as error:
         raise ReadError(path, error.strerror or str(error), hint="give an existing, readable file") from error
+    name = unpacked_name(path).stem
     if head.startswith(PARQUET):
-        return _recording(path, "parquet", read_parquet(path), log, rate)
+        return table_recording(path, "parquet", read_parquet(path), log, rate, name)
     first = head.removeprefix(b"\xef\xbb\xbf").decode("latin-1").lstrip().partition("\n")[0]
     for known, opener in ((is_vicon, open_vicon), (is_motive, open_motive)):
         if known(first):
             if rate is not None:
                 raise ReadError(path, "it has times of its own", hint="leave the rate out")
             return opener(path, log)
-    return _recording(path, "csv", read_csv(path, log), log, rate)
+    return table_recording(path, "csv", read_csv(path, log), log, rate, name)
 
 
-def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: float | None) -> Recording:
+def table_recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: float | None, name: str) -> Recording:
+    """Return the recording of a table, its streams under `name`: angles, or joints and points.
+
+    Args:
+        format: name of the reader.
+        log: notes made on opening.
+        rate: [Hz] of a table without times, else None.
+
+    Raises:
+        ReadError: it has no rows, no times or no numbers, or a cell that is no number where one is expected.
+    """
     frame = file.frame
     if not len(frame):
         raise ReadError(path, "the table has no rows", hint="give at least one row of values")
@@ -122,9 +135,9 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
     if not names:
         raise ReadError(path, "no column beside the time has numbers", hint="give columns of joint values or angles")
     stream = array_stream(
-        unpacked_name(path).stem,
+        name,
         kind,
-        "posture table" if angles else f"{format.upper() if format == 'csv' else 'Parquet'} table",
+        "posture table" if angles else f"{FORMATS[format]} table",
         names,
         time,
         np.column_stack([numbers[name] for name in names]),
@@ -136,7 +149,7 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
     streams = [stream]
     points = {} if angles else coordinates(numbers)
     if len(points) >= LEAST_POINTS:
-        streams.append(_points(path, points, numbers, units, time, log, epoch))
+        streams.append(_points(name, points, numbers, units, time, log, epoch))
     why = f"{len(names)} angle columns" if angles else f"{len(names)} columns of numbers"
     topics = [Topic(stream.name, stream.format, len(time), True, why)]
     if not angles:
@@ -146,7 +159,7 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
 
 
 def _points(
-    path: Path,
+    name: str,
     points: dict[str, tuple[str, str, str]],
     numbers: dict[str, np.ndarray],
     units: dict[str, str],
@@ -160,9 +173,7 @@ def _points(
     note = ReadLog(time_source=log.time_source)
     values = values * metres_of(values, named, note)
     note.warnings += log.warnings
-    return array_stream(
-        unpacked_name(path).stem, "points", "table of points", tuple(points), time, values, opened=note, epoch=epoch
-    )
+    return array_stream(name, "points", "table of points", tuple(points), time, values, opened=note, epoch=epoch)
 
 
 def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog) -> np.ndarray | None:

@@ -83,7 +83,7 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
     if notes:
         log.warn("rows have more fields than the header has names; these fields were left out")
     frame = _without_truncated_row(data, frame, separator, log)
-    frame = _without_decimal_commas(texts_of(frame.dropna(how="all").infer_objects()), separator)
+    frame = without_decimal_commas(texts_of(frame.dropna(how="all").infer_objects()), separator)
     lines = frame.index.to_numpy() + line + 1
     return TableFile(frame.reset_index(drop=True), lambda row: f"line {lines[row]}")
 
@@ -164,7 +164,7 @@ _DECIMAL_COMMA = re.compile(r"[-+]?(\d{1,3}(\.\d{3})+|\d*),\d+([eE][-+]?\d+)?")
 _GROUPS = re.compile(r"[-+]?\d{1,3}(,\d{3})+")
 
 
-def _without_decimal_commas(frame: pd.DataFrame, separator: str) -> pd.DataFrame:
+def without_decimal_commas(frame: pd.DataFrame, separator: str) -> pd.DataFrame:
     """Return a table in which cells like `1.234,5` or `0,5` are numbers, in columns that are mostly numbers.
 
     Between commas, where such cells are quoted, `"1,234"` may also be a thousand; a column of those stays text.
