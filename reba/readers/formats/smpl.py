@@ -12,6 +12,7 @@ from __future__ import annotations
 import warnings
 import zipfile
 from pathlib import Path
+from tokenize import TokenError
 from typing import Final
 
 import numpy as np
@@ -98,7 +99,7 @@ def _arrays(path: Path, archive: zipfile.ZipFile, shapes: dict[str, str]) -> Arr
                     version = npy.read_magic(file)
                     header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
                     shape, fortran, dtype = header(file)
-            except (ValueError, SyntaxError, TypeError, RecursionError) as error:
+            except (ValueError, SyntaxError, TypeError, RecursionError, TokenError) as error:
                 raise ReadError(path, f"array {clip(name)} has a damaged header", hint=HINT) from error
             shapes[name] = "texts or objects, not read" if dtype.kind not in "fiu" else f"shape {shape}"[:100]
             if dtype.kind not in "fiu" or name not in (*WHOLE, *ROOT, *BODY, *RATES):
