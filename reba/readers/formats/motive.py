@@ -8,6 +8,7 @@ blank cell is a gap. Markers are measured; "Bone Marker" and "Rigid Body Marker"
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -75,6 +76,8 @@ def open_motive(path: Path, log: ReadLog) -> Recording:
     markers, unlabelled, solved = _measured_markers(signals)
     bones = [signal for signal in signals if signal.is_pose and signal.kind == "bone"]
     bodies = [signal for signal in signals if signal.is_pose and signal.kind == "rigid body"]
+    if separator != "," and re.search(r"\d,\d", lines[first] if first < len(lines) else ""):
+        lines = [*lines[:first], *(line.replace(",", ".") for line in lines[first:])]  # saved again by a spreadsheet
     used = [1, *(column for signal in (*bones, *bodies, *markers) for column in signal.columns.values())]
     rows, numbers = number_rows(path, lines, first, width, log, separator=separator, gaps=True, columns=used)
     at = {column: index for index, column in enumerate(used)}

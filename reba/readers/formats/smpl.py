@@ -49,8 +49,14 @@ Arrays = dict[str, "np.ndarray"]
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Return whether the first bytes are those of a NumPy archive."""
-    return first_member(head).endswith(".npy")
+    """Return whether this is a NumPy archive with a body pose, or a damaged one; AMASS has others beside it."""
+    if not first_member(head).endswith(".npy"):
+        return False
+    try:
+        with open_zip(path) as archive:
+            return any(name.removesuffix(".npy") in (*WHOLE, *BODY) for name in archive.namelist())
+    except ReadError:
+        return True
 
 
 def open_smpl(path: Path, rate: float | None = None) -> Recording:

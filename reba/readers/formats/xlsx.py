@@ -17,9 +17,11 @@ from reba.errors import ReadError, join_names
 from reba.extras import missing
 from reba.open_file import open_regular
 from reba.readers.formats.file_content import unpacked_name
+from reba.readers.formats.motive import is_motive
 from reba.readers.formats.table import table_recording
 from reba.readers.formats.table_file import MAX_COLUMNS, TableFile, without_decimal_commas
 from reba.readers.formats.text import BLANKS
+from reba.readers.formats.vicon import is_vicon
 from reba.readers.formats.zip_archive import HINT, first_member, open_zip
 from reba.readers.recording.stream import ReadLog, Recording, Topic, clip, unique_names
 
@@ -117,6 +119,9 @@ def _table(path: Path, title: str, rows: list[tuple[int, tuple[Any, ...]]], log:
     """Return the table below the first row of names, which has texts only, at least two."""
     import pandas as pd
 
+    first = str(next(cell for cell in rows[0][1] if cell is not None))
+    if is_motive(first) or is_vicon(first):
+        raise ReadError(path, "an export of Motive or Vicon", hint="give the .csv file that it wrote")
     header = next((at for at, (_, row) in enumerate(rows) if _is_header(row)), None)
     if header is None:
         raise ReadError(path, "no row of column names", hint="write the column names above the values")

@@ -43,6 +43,14 @@ def check(table: reba.PostureTable) -> None:
         np.testing.assert_allclose(table.data[column], expected, atol=2e-3, err_msg=column)
 
 
+def test_an_export_that_a_spreadsheet_saved_again(tmp_path: Path) -> None:
+    text = motive_csv(poses()).split("\r\n")
+    rows = [
+        line.replace(",", ";").replace(".", ",") if at > 7 else line.replace(",", ";") for at, line in enumerate(text)
+    ]
+    check(read(tmp_path, "\r\n".join(rows)))
+
+
 @pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])
 def test_euler_angles_of_every_order(tmp_path: Path, order: str) -> None:
     check(read(tmp_path, motive_csv(poses(), rotation=order)))
@@ -220,7 +228,7 @@ def test_markers_of_the_set_biomech(tmp_path: Path) -> None:
         },
     }  # fmt: skip
     table = read(tmp_path, motive_csv(points=standing(markers)), neutral="first:1s")
-    assert table.profile == "markers_biomech57"
+    assert table.profile == "markers_motive_biomech"
     for column in ("trunk_flexion", "neck_flexion", "upper_arm_flexion_left", "wrist_flexion_right"):
         np.testing.assert_allclose(table.data[column], 0.0, atol=1e-6, err_msg=column)
     assert set(table.unmeasured) == {"wrist_twist_left", "wrist_twist_right"}

@@ -60,6 +60,11 @@ def test_amass(tmp_path: Path, key: str, width: int, model: str) -> None:
     assert any("spine3" in text for text in table.assumed)
 
 
+def test_archives_without_a_pose_are_no_recordings(tmp_path: Path) -> None:
+    np.savez(tmp_path / "shape.npz", betas=np.zeros(16), gender="male")
+    assert not is_recording(tmp_path / "shape.npz")
+
+
 @pytest.mark.parametrize("body", [63, 69])
 @pytest.mark.parametrize("form", ["flat", "joints", "person", "root in a row"])
 def test_global_orient_and_body_pose(tmp_path: Path, body: int, form: str) -> None:

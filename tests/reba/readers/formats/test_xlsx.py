@@ -139,6 +139,7 @@ def test_the_rate_of_a_table_without_times(tmp_path: Path) -> None:
         ([["time", "trunk_flexion"]], "no rows"),
         ([["time", "trunk_flexion"], [0, 1], [1, "#DIV/0!"]], "sheet 'Data' row 3: '#DIV/0!' | not a number"),
         ([["title"], ["time", "trunk_flexion"], [0, 1], [], [1, "x"]], "sheet 'Data' row 5: 'x'"),
+        ([["Format Version", 1.23], [None, "Type", "Bone"]], "sheet 'Data': an export of Motive | the .csv file"),
         ([["time", "trunk_flexion"], ["soon", 3], ["later", 3]], "row 2 | 'soon' | not a time"),
     ],
 )
