@@ -41,6 +41,8 @@ MODELS: Final = {72: "SMPL", 156: "SMPL-H", 165: "SMPL-X", 63: "SMPL-H or SMPL-X
 """Numbers for each frame -> model."""
 AMASS: Final = ("mocap_framerate", "mocap_frame_rate")
 """Rates that AMASS writes; its z is up."""
+MOST_LOOKED_AT: Final = 5000
+"""Frames, spread over all, from which the vertical is found."""
 MOST_TURN: Final = 100.0
 """[rad] Larger rotations are damage."""
 UPRIGHT: Final = 0.5
@@ -71,17 +73,15 @@ def open_smpl(path: Path, rate: float | None = None) -> Recording:
         arrays = _arrays(path, archive, shapes)
     turns, used, model = _turns(path, arrays, shapes, log)
     time = np.arange(len(turns)) / _rate(path, arrays, rate, log)
-    world = _world(turns)
-    up, why = _vertical(world, any(name in arrays for name in AMASS), log)
-    poses = np.full((len(turns), len(JOINTS), 7), np.nan)
-    poses[:, :, 3:] = world
+    some = turns[:: max(1, len(turns) // MOST_LOOKED_AT)]
+    up, why = _vertical(_world(some), any(name in arrays for name in AMASS), log)
     stream = array_stream(
         unpacked_name(path).stem,
         "frames",
         model,
         JOINTS,
         time,
-        poses,
+        lambda part: _poses(turns[part]),
         opened=log,
         parents=("",) * len(JOINTS),
         up=up,
@@ -162,10 +162,12 @@ def _turns(path: Path, arrays: Arrays, shapes: dict[str, str], log: ReadLog) -> 
 
 
 def _rows(path: Path, name: str, values: Array, least: int) -> Array:
-    """Return (n, m) rotations of n frames from (n, m), (n, m / 3, 3) or one person of (1, n, m)."""
+    """Return (n, m) rotations of n frames from (n, m), (n, m / 3, 3) or one person of (1, n, m) or (n, 1, m)."""
     hint = "save one person's rotations as axis times angle [rad], (frames, 3 for each joint)"
     if values.ndim == 3 and values.shape[2] != 3 and values.shape[0] == 1:
         values = values[0]
+    elif values.ndim == 3 and values.shape[1] == 1:
+        values = values[:, 0]
     elif values.ndim == 3 and values.shape[2] != 3:
         raise ReadError(path, f"{name} has {values.shape[0]} people, {values.shape}", hint=hint)
     elif values.ndim == 3 and values.shape[1:] == (3, 3) and least == 3:
@@ -204,6 +206,12 @@ def _world(turns: Array) -> Array:
         if parent >= 0:
             local[:, joint] = product(local[:, parent], local[:, joint])
     return local
+
+
+def _poses(turns: Array) -> Array:
+    """Return the (n, 22, 7) poses of the joints: no places, and the orientations in the world."""
+    world = _world(turns)
+    return np.concatenate([np.full((*world.shape[:2], 3), np.nan), world], axis=2)
 
 
 _UPWARD: Final = ("pelvis", "spine3", "left_knee", "right_knee")

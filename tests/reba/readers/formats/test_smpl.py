@@ -66,13 +66,15 @@ def test_archives_without_a_pose_are_no_recordings(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("body", [63, 69])
-@pytest.mark.parametrize("form", ["flat", "joints", "person", "root in a row"])
+@pytest.mark.parametrize("form", ["flat", "joints", "person", "person in each frame", "root in a row"])
 def test_global_orient_and_body_pose(tmp_path: Path, body: int, form: str) -> None:
     arrays = library(body=body)
     if form == "joints":
         arrays["body_pose"] = arrays["body_pose"].reshape(N, -1, 3)
     if form == "person":
         arrays = {name: values[None] if name == "body_pose" else values for name, values in arrays.items()}
+    if form == "person in each frame":
+        arrays = {name: values[:, None] for name, values in arrays.items()}
     if form == "root in a row":
         arrays["global_orient"] = arrays["global_orient"][:, None].astype(np.float32)
     table = read(tmp_path, {**arrays, "fps": np.array([50])})
