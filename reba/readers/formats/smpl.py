@@ -126,7 +126,8 @@ def _turns(path: Path, arrays: Arrays, shapes: dict[str, str], log: ReadLog) -> 
     body = next((name for name in BODY if name in arrays), None)
     if whole is None and body is None:
         objects = [name for name in (*WHOLE, *BODY) if name in shapes]
-        what = f"no body pose among its arrays {join_names([*map(clip, shapes)], 6)}, expected poses or body_pose"
+        listed = join_names([f"{clip(name)} ({shape})" for name, shape in shapes.items()], 4)
+        what = f"no body pose among its arrays {listed}, expected poses or body_pose"
         if objects:
             what = f"{objects[0]} is stored as objects, which only a pickle can hold"
         raise ReadError(path, what, hint="save poses (n, 72) or body_pose (n, 63) and global_orient as numbers")
