@@ -9,6 +9,7 @@ Angles need no body model: its licensed part is the shape. No archive is unpickl
 
 from __future__ import annotations
 
+import io
 import warnings
 import zipfile
 from pathlib import Path
@@ -98,19 +99,19 @@ def _arrays(path: Path, archive: zipfile.ZipFile, shapes: dict[str, str]) -> Arr
         name = member.filename.removesuffix(".npy")
         if not member.filename.endswith(".npy"):
             continue
-        with archive.open(member) as file:
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", UserWarning)
-                    version = npy.read_magic(file)
-                    header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-                    shape, fortran, dtype = header(file)
-            except (ValueError, SyntaxError, TypeError, RecursionError, TokenError) as error:
-                raise ReadError(path, f"array {clip(name)} has a damaged header", hint=HINT) from error
-            shapes[name] = "texts or objects, not read" if dtype.kind not in "fiu" else f"shape {shape}"[:100]
-            if dtype.kind not in "fiu" or name not in (*WHOLE, *ROOT, *BODY, *RATES):
-                continue
-            data = file.read()
+        file = io.BytesIO(archive.read(member))
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)
+                version = npy.read_magic(file)
+                header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+                shape, fortran, dtype = header(file)
+        except (ValueError, SyntaxError, TypeError, RecursionError, TokenError) as error:
+            raise ReadError(path, f"array {clip(name)} has a damaged header", hint=HINT) from error
+        shapes[name] = "texts or objects, not read" if dtype.kind not in "fiu" else f"shape {shape}"[:100]
+        if dtype.kind not in "fiu" or name not in (*WHOLE, *ROOT, *BODY, *RATES):
+            continue
+        data = file.read()
         count = int(np.prod(shape, dtype=object)) if all(length >= 0 for length in shape) else -1
         if count < 0 or count * dtype.itemsize != len(data):
             raise ReadError(path, f"array {clip(name)} has {len(data)} bytes, not those of shape {shape}", hint=HINT)
