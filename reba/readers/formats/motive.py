@@ -74,7 +74,7 @@ def open_motive(path: Path, log: ReadLog) -> Recording:
     first, width, signals = _signals(path, lines, separator)
     scale = metres(path, header.get("length units", ""), "line 1, Length Units")
     markers, unlabelled, solved = _measured_markers(signals)
-    bones = [signal for signal in signals if signal.is_pose and signal.kind == "bone"]
+    bones = [signal for signal in signals if signal.is_pose and signal.kind.endswith("bone")]
     bodies = [signal for signal in signals if signal.is_pose and signal.kind == "rigid body"]
     if separator != "," and re.search(r"\d,\d", lines[first] if first < len(lines) else ""):
         lines = [*lines[:first], *(line.replace(",", ".") for line in lines[first:])]  # saved again by a spreadsheet

@@ -85,6 +85,8 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
     frame = _without_truncated_row(data, frame, separator, log)
     frame = without_decimal_commas(texts_of(frame.dropna(how="all").infer_objects()), separator)
     lines = frame.index.to_numpy() + line + 1
+    if comma:
+        _refuse_thousands(path, frame, line + 1)
     return TableFile(frame.reset_index(drop=True), lambda row: f"line {lines[row]}")
 
 
@@ -172,7 +174,10 @@ def without_decimal_commas(frame: pd.DataFrame, separator: str) -> pd.DataFrame:
     import pandas as pd
 
     for name in [name for name in frame.columns if not pd.api.types.is_numeric_dtype(frame[name])]:
-        cells = frame[name].dropna().astype(str).str.strip()
+        cells = frame[name].dropna().astype(str)
+        if not any("," in cell for cell in cells.unique()):
+            continue
+        cells = cells.str.strip()
         commas = cells[cells.map(lambda cell: bool(_DECIMAL_COMMA.fullmatch(cell)))]
         others = int(pd.to_numeric(cells.drop(commas.index), errors="coerce").isna().sum())
         if not len(commas) or 2 * others > len(cells):
@@ -184,6 +189,22 @@ def without_decimal_commas(frame: pd.DataFrame, separator: str) -> pd.DataFrame:
         changed[plain.index] = plain.astype(float).astype(object)
         frame[name] = changed if others else pd.to_numeric(changed)
     return frame
+
+
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(\.\d{3})+")
+
+
+def _refuse_thousands(path: Path, frame: pd.DataFrame, first: int) -> None:
+    """Refuse a column like `980`, `1.020` beside decimal commas, which would be read as 980 and 1.02."""
+    import pandas as pd
+
+    for name in [name for name in frame.columns if not pd.api.types.is_numeric_dtype(frame[name])]:
+        cells = frame[name].dropna().astype(str)
+        points = [cell for cell in cells.unique() if "." in cell]
+        if points and all(_THOUSANDS.fullmatch(cell) for cell in points):
+            at, cell = int(cells.index[cells == points[0]][0]), points[0]
+            what = f"line {at + first}: {clip(cell)} in column {clip(name)}, beside decimal commas, may be a thousand"
+            raise ReadError(path, what, hint="write numbers without separators of thousands")
 
 
 def _is_number(text: str) -> bool:

@@ -274,6 +274,16 @@ def test_decimal_points_and_commas_in_one_column_are_told(tmp_path: Path) -> Non
     says(caught, "line 3", "'12,5 deg'", "not a number")
 
 
+def test_thousands_beside_decimal_commas_are_refused(tmp_path: Path) -> None:
+    rows = "".join(f"{900 + 50 * at};{at},5\n".replace("1000", "1.000").replace("1050", "1.050") for at in range(4))
+    with pytest.raises(ReadError) as caught:
+        opened(tmp_path, f"time_ms;trunk_flexion\n{rows}")
+    says(caught, "line 4: '1.000' in column 'time_ms'", "thousand", "without separators")
+    # Without decimal commas beside it a point is one.
+    recording = opened(tmp_path, "time;trunk_flexion\n1.000;5\n1.050;6\n")
+    np.testing.assert_allclose(np.diff(times(recording)), 0.05)
+
+
 def test_near_names_are_offered_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "small.csv"
     path.write_text(
