@@ -135,6 +135,11 @@ class FrameMapper:
                 f"profile {self.profile.name}: axes 'rest' need thigh_left, thigh_right, upper_arm_left and "
                 f"upper_arm_right in {self.stream.name}; add them to [segments]"
             )
+        if not min(float(np.linalg.norm(line[1])) for line in (hips, shoulders)) > 1e-9:
+            raise ProfileError(
+                f"profile {self.profile.name}: left and right are at one place in the rest pose of {self.stream.name}, "
+                "so the axes of the segments are unknown; export it with the places of the bones"
+            )
         up = axis_vector(axis_name(where.get("head", shoulders[0]) - hips[0]))
         right = axis_vector(axis_name(hips[1]))
         forward = np.cross(up, right)

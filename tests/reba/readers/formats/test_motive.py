@@ -207,6 +207,12 @@ def test_truncated_and_frames_that_are_missing(tmp_path: Path) -> None:
     assert any("states 80 frames and the file has 79" in warning for warning in table.quality.warnings)
 
 
+def test_bones_without_places_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(reba.ProfileError) as caught:
+        read(tmp_path, motive_csv({label: (turn, place * 0.0) for label, (turn, place) in poses().items()}))
+    says(caught, "at one place in the rest pose", "places of the bones")
+
+
 def test_bones_above() -> None:
     assert parents_of(["Hip", "Ab", "Chest", "Neck", "Neck2", "Head"])["Head"] == "Neck2"
     assert parents_of(["Hips", "Spine", "Spine1", "LeftShoulder"])["LeftShoulder"] == "Spine1"
