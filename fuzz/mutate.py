@@ -1,14 +1,17 @@
-"""Structure-aware mutations of valid inputs: bytes, words of a text, nodes of JSON, records of MCAP.
+"""Structure-aware mutations of valid inputs: bytes, words of a text, nodes of JSON, records of MCAP, packed files.
 
 Each takes a `random.Random` and a valid input and returns a damaged one; the same generator state gives the same input.
 """
 
 from __future__ import annotations
 
+import gzip
+import io
 import json
 import random
 import re
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -118,6 +121,29 @@ def mutate_mcap(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> byte
 _CHUNK = 6
 _KEPT = (1, 3, 4, 5, _CHUNK, 12, 15)
 """Records of the data section; the index after it is left out, because readers do not need it."""
+
+
+def mutate_zip(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
+    """An archive of which one file is changed and packed again with its right checksum, or whose bytes are changed."""
+    if not rng.randrange(4):
+        return mutate_bytes(rng, data, seeds)
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    name = rng.choice(sorted(files))
+    change = mutate_text if name.endswith((".xml", ".rels")) else mutate_bytes
+    files[name] = change(rng, files[name], [files[name]])
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(zipfile.ZipInfo(name), content)
+    return buffer.getvalue()
+
+
+def mutate_gzip(rng: random.Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
+    """A packed text that is changed and packed again with its right checksum, or whose packed bytes are changed."""
+    if not rng.randrange(3):
+        return mutate_bytes(rng, data, seeds)
+    return gzip.compress(mutate_text(rng, gzip.decompress(data), [gzip.decompress(seed) for seed in seeds]), mtime=0)
 
 
 def _records(data: bytes) -> list[tuple[int, bytes]]:

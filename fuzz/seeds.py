@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
 import sys
@@ -119,14 +120,61 @@ def mvnx() -> list[bytes]:
 
 
 def table() -> list[bytes]:
-    """Posture and joint tables and an export of Vicon."""
+    """Posture and joint tables and exports of Vicon and Motive."""
     from tests.reba.readers.formats.test_table import SMALL
     from tests.reba.readers.formats.test_vicon import VICON
 
     lines = (ROOT / "datasets" / "simulated_assembly.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     joints = "time," + ",".join(_points("human_description")) + "\n"
     joints += "".join(f"{at / 10}," + ",".join(["0.1"] * joints.count(",")) + "\n" for at in range(FRAMES))
-    return [SMALL.encode(), VICON.encode(), "".join(lines[: 1 + FRAMES]).encode(), joints.encode()]
+    return [SMALL.encode(), VICON.encode(), "".join(lines[: 1 + FRAMES]).encode(), joints.encode(), *_motive()]
+
+
+def _motive() -> list[bytes]:
+    """Exports of OptiTrack Motive: bones as quaternions and as Euler angles, and markers."""
+    from tests.support.motive_csv import NAMES, motive_csv
+    from tests.support.synthetic_bodies import moving_postures
+    from tests.support.t_pose_bodies import t_pose_bodies
+
+    bodies = {f"Bob:{NAMES[bone]}": pose for bone, pose in t_pose_bodies(moving_postures()[:FRAMES]).items()}
+    points = {label: place for label, (_, place) in bodies.items()}
+    return [motive_csv(bodies).encode(), motive_csv(bodies, points, rotation="XYZ", version="1.23").encode()]
+
+
+def smpl() -> list[bytes]:
+    """Poses as AMASS and as the smplx library write them, packed and plain."""
+    from tests.support.smpl_poses import Z_UP, smpl_pose
+    from tests.support.synthetic_bodies import moving_postures
+
+    pose = smpl_pose(moving_postures()[:FRAMES], Z_UP)
+    files = []
+    for save in (np.savez, np.savez_compressed):
+        for arrays in (
+            {"poses": np.concatenate([pose, pose[:, :6]], axis=1), "mocap_framerate": np.array(120.0)},
+            {"global_orient": pose[:, :3], "body_pose": pose[:, 3:], "fps": np.array(30), "betas": np.zeros(10)},
+        ):
+            buffer = io.BytesIO()
+            save(buffer, **arrays)
+            files.append(buffer.getvalue())
+    return files
+
+
+def xlsx() -> list[bytes]:
+    """Workbooks of the small table and of two sheets."""
+    files = []
+    for sheets in ({"Data": table()[0]}, {"Notes": b"a,b\nmade,today\n", "Angles": table()[2]}):
+        buffer = io.BytesIO()
+        with pd.ExcelWriter(buffer, engine="openpyxl") as writer:
+            for title, data in sheets.items():
+                pd.read_csv(io.BytesIO(data), comment="#").to_excel(writer, sheet_name=title, index=False)
+        files.append(buffer.getvalue())
+    return files
+
+
+def packed() -> list[bytes]:
+    """Tables packed with gzip, one of two members."""
+    small, _, shift, *_ = table()
+    return [gzip.compress(small, mtime=0), gzip.compress(shift[:99], mtime=0) + gzip.compress(shift[99:], mtime=0)]
 
 
 def parquet() -> list[bytes]:

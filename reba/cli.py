@@ -47,7 +47,7 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in (
         click.option("--strict", is_flag=True, help="Refuse a truncated recording, and one with losses over 1 %."),
         click.option(
-            "--rate", type=Number(0, MOST, min_open=True), metavar="HZ", help="Rate of a table without times."
+            "--rate", type=Number(0, MOST, min_open=True), metavar="HZ", help="Rate of a recording without times."
         ),
         click.option("--neutral", default="none", metavar="first:3s|at:T|none", help="Posture that counts as neutral."),
         click.option("--topic", default=None, help="Topic or stream to use, if a recording has several."),

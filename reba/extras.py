@@ -31,6 +31,7 @@ EXTRAS: Final = {
     "uvicorn": "run",
     "foxglove": "live",
     "distributed": "cluster",
+    "openpyxl": "xlsx",
 }
 """Name of an import -> extra that installs it."""
 DISTRIBUTIONS: Final = {

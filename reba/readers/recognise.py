@@ -293,12 +293,12 @@ def _folded(name: str) -> str:
 def _match(stream: Stream, profile: Profile, body: str, signals: Mapping[str, str]) -> Match:
     names: dict[str, tuple[str, ...]] = {}
     for slot, words in profile.slots.items():
+        called = [next((signals[name] for name in word.split("|") if name in signals), "") for word in words]
+        present = tuple(filter(None, called))
         if profile.kind == "points":  # the mean of all
-            markers = tuple(next((signals[name] for name in word.split("|") if name in signals), "") for word in words)
-            if all(markers):
-                names[slot] = markers
-        elif present := tuple(signals[word] for word in words if word in signals):
-            names[slot] = present[:1]
+            present = present if len(present) == len(words) else ()
+        if present:
+            names[slot] = present if profile.kind == "points" else present[:1]
     complete = all(any(slot in names for slot in group) for group in profile.required)
     marked = set(profile.marks) <= set(stream.names)
     partial = profile.kind == "joints" and len(names) >= ENOUGH * len(profile.slots)
@@ -338,6 +338,6 @@ def _no_match(recording: Recording, candidates: list[Match], named: tuple[Profil
         absent = ", ".join(nearest.missing[:4]) + (" ..." if len(nearest.missing) > 4 else "")
         hint = f"; nearest is {nearest.profile.name} ({nearest.why}), which lacks {absent}"
     return (
-        f"{where}{fit} its names {', '.join(first)} ...{hint}; "
+        f"{where}{fit} its names {', '.join(first)} ...{hint}; {recording.hint and recording.hint + ', '}"
         "see `reba profiles`, or describe the names in a TOML file and give it with --profile"
     )

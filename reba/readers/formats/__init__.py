@@ -8,14 +8,11 @@ from pathlib import Path
 
 from reba.errors import ReadError
 from reba.files import sha256_of
-from reba.open_file import open_regular
+from reba.readers.formats.file_content import GZIP, head_of, is_packed, unpacked_name
 from reba.readers.formats.not_read import refuse_by_content, refuse_by_name
 from reba.readers.mcap import open_mcap
 from reba.readers.mcap import sniff as is_mcap
 from reba.readers.recording.stream import Recording
-
-HEAD = 8192
-"""[bytes] First part of a file that decides its format."""
 
 
 @dataclass(frozen=True)
@@ -27,47 +24,52 @@ class Format:
         extensions: usual file name endings.
         module: module with `sniff(path, head)` and the opener.
         opener: name of its function `open_...(path)`.
+        timeless: whether its files may lack times, so that the opener takes their `rate`.
     """
 
     name: str
     extensions: tuple[str, ...]
     module: str
     opener: str
+    timeless: bool = False
 
     def fits(self, path: Path, head: bytes) -> bool:
         """Return whether the first bytes are those of this format."""
         return bool(importlib.import_module(self.module).sniff(path, head))
 
     def open(self, path: Path, rate: float | None = None) -> Recording:
-        """Open a file of this format; `rate` [Hz] is that of a file without times, which only tables can be.
+        """Open a file of this format; `rate` [Hz] is that of a file without times.
 
         Raises:
             ReadError: it has times, and a rate is given; and others of the reader.
         """
         timeless = {} if rate is None else {"rate": rate}
-        if timeless and self.module != TABLES:
+        if timeless and not self.timeless:
             raise ReadError(path, f"{self.name} files have times of their own", hint="leave the rate out")
         opened: Recording = getattr(importlib.import_module(self.module), self.opener)(path, **timeless)
         return opened
 
 
-TABLES = "reba.readers.formats.table"
 FORMATS: tuple[Format, ...] = (
     Format("C3D", (".c3d",), "reba.readers.formats.c3d", "open_c3d"),
     Format("BVH", (".bvh",), "reba.readers.formats.bvh", "open_bvh"),
     Format("OpenSim motion", (".mot", ".sto"), "reba.readers.formats.opensim", "open_opensim"),
     Format("TRC markers", (".trc",), "reba.readers.formats.trc", "open_trc"),
     Format("Xsens MVNX", (".mvnx",), "reba.readers.formats.mvnx", "open_mvnx"),
-    Format("posture or joint table", (".csv", ".tsv", ".parquet"), TABLES, "open_table"),
+    Format("SMPL poses", (".npz",), "reba.readers.formats.smpl", "open_smpl", True),
+    Format("Excel workbook", (".xlsx", ".xlsm"), "reba.readers.formats.xlsx", "open_xlsx", True),
+    Format("posture or joint table", (".csv", ".tsv", ".parquet"), "reba.readers.formats.table", "open_table", True),
 )
 """Formats beside MCAP, those with the most certain first bytes first."""
+PACKED: tuple[bytes, ...] = (b"\x89MCAP", b"PAR1", b"PK\x03\x04", GZIP)
+"""First bytes of formats that are packed themselves, which are not read from gzip."""
 
 
 def open_recording(path: str | Path, *, strict: bool = False, rate: float | None = None) -> Recording:
     """Open a recording of any known format; a folder counts as a rosbag2 recording of MCAP splits.
 
     Args:
-        rate: [Hz] of a table without times, whose rows it numbers.
+        rate: [Hz] of a recording without times, whose rows it numbers.
 
     Raises:
         ReadError: the file does not exist, has an unknown format, is damaged, or is truncated and `strict` is set.
@@ -89,17 +91,20 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
             raise ReadError(place, "MCAP recordings have times of their own", hint="leave the rate out")
         return open_mcap(place, strict=strict)
     try:
-        with open_regular(place) as file:
-            head = file.read(HEAD)
+        head = head_of(place)
+        packed = is_packed(place)
     except OSError as error:
         raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
+    if packed and head.startswith(PACKED):
+        raise ReadError(place, "gzip around a file that is packed itself", hint="unpack it once: gunzip FILE")
     refuse_by_content(place, head)
-    by_name = sorted(FORMATS, key=lambda known: place.suffix.lower() not in known.extensions)
+    name = unpacked_name(place)
+    by_name = sorted(FORMATS, key=lambda known: name.suffix.lower() not in known.extensions)
     for known in by_name:
-        if known.fits(place, head):
+        if known.fits(name, head):
             return known.open(place, rate)
-    named = next((known for known in FORMATS if place.suffix.lower() in known.extensions), None)
-    if named is not None and head:
+    named = next((known for known in FORMATS if name.suffix.lower() in known.extensions), None)
+    if named is not None and (head or packed):
         return named.open(place, rate)
     if head:
         refuse_by_name(place)
@@ -117,12 +122,12 @@ def is_recording(path: Path) -> bool:
             return False
         if is_mcap(path):
             return True
-        named = [known for known in FORMATS if path.suffix.lower() in known.extensions]
-        with open_regular(path) as file:
-            head = file.read(HEAD)
+        name = unpacked_name(path)
+        named = [known for known in FORMATS if name.suffix.lower() in known.extensions]
+        head = head_of(path) if named else b""
     except OSError:
         return False
-    return any(known.fits(path, head) for known in named)
+    return any(known.fits(name, head) for known in named)
 
 
 def file_hash(path: str | Path) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.errors import ReadError
+from reba.readers.formats.file_content import unpacked_name
 from reba.readers.formats.text import LARGEST, number_rows, read_lines
 from reba.readers.recording.quaternions import about_axis, product, rotated
 from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, clip, unique_names
@@ -54,7 +55,7 @@ def open_bvh(path: Path) -> Recording:
     if add is False:
         log.warn("position channels of inner joints repeat the offsets; they were read as replacing them")
     stream = array_stream(
-        path.stem,
+        unpacked_name(path).stem,
         "frames",
         "BVH",
         names,

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError
+from reba.readers.formats.file_content import file_bytes
 from reba.readers.formats.lengths import metres, metres_by_size
 from reba.readers.formats.marker_sets import marker_recording
-from reba.readers.formats.text import file_bytes
 from reba.readers.recording.stream import ReadLog, Recording, Topic
 
 OUTPUT_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "BONES", "REACTIONS")
@@ -36,7 +36,7 @@ def sniff(path: Path, head: bytes) -> bool:
 def open_c3d(path: Path) -> Recording:
     """Open a C3D file: points in metres, NaN in gaps, one stream per subject; frame 1 is at time 0."""
     log = ReadLog(time_source="frame rate")
-    data = file_bytes(path)
+    data = file_bytes(path, log)
     layout = read_layout(path, data)
     if not layout.points:
         raise ReadError(path, "no points", offset=2, hint="export the trial with its markers")

@@ -12,6 +12,7 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.errors import ReadError
+from reba.readers.formats.file_content import unpacked_name
 from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, unique_names
 
 
@@ -55,7 +56,7 @@ def marker_recording(
         )
     streams, listed = [], []
     for subject, columns in subjects.items():
-        name = subject if subject and len(subjects) > 1 else path.stem
+        name = subject if subject and len(subjects) > 1 else unpacked_name(path).stem
         names = unique_names([markers[index] for index in columns], log)
         part = points if len(columns) == len(labels) else points[:, columns]
         streams.append(array_stream(name, "points", format[1], names, time, part, opened=log, up=up))

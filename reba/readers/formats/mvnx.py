@@ -16,7 +16,8 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.errors import ReadError
-from reba.readers.formats.text import LARGEST, file_bytes
+from reba.readers.formats.file_content import file_bytes
+from reba.readers.formats.text import LARGEST
 from reba.readers.recording.stream import (
     ReadLog,
     Recording,
@@ -72,7 +73,7 @@ def open_mvnx(path: Path) -> Recording:
 
 def _parse(path: Path, log: ReadLog) -> Parser:
     """Parse the file up to its end or its first XML error."""
-    data = file_bytes(path)
+    data = file_bytes(path, log)
     parser = Parser(path)
     try:
         for start in range(0, len(data), CHUNK):

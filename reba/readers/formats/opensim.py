@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from reba.errors import ReadError
+from reba.readers.formats.file_content import unpacked_name
 from reba.readers.formats.text import number_rows, read_lines
 from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, check_time, clip, unique_names
 
@@ -57,7 +58,9 @@ def open_opensim(path: Path) -> Recording:
     time: np.ndarray = np.ascontiguousarray(rows[:, 0])
     check_time(time, log)
     unit = _unit(keys, log)
-    stream = array_stream(path.stem, "joints", "OpenSim", names, time, rows[:, 1:], opened=log, unit=unit, up="y")
+    stream = array_stream(
+        unpacked_name(path).stem, "joints", "OpenSim", names, time, rows[:, 1:], opened=log, unit=unit, up="y"
+    )
     stated = {"deg": "inDegrees=yes", "rad": "inDegrees=no", "": "inDegrees not stated"}[unit]
     topic = Topic(stream.name, "OpenSim table", len(rows), True, f"{len(names)} columns, {stated}")
     return Recording(str(path), "opensim", (stream,), (topic,), log)

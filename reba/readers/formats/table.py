@@ -1,4 +1,4 @@
-"""Tables: CSV and Parquet files of posture angles, of joint values, or of Vicon trajectories.
+"""Tables: CSV and Parquet files of posture angles or joint values, and exports of Vicon and OptiTrack Motive.
 
 A table with columns of the posture table is one (`angles`, in degrees). Any other with a time column has joint values
 (`joints`) under the names of its columns; a profile states their meaning.
@@ -16,13 +16,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Array
-from reba.errors import ReadError, did_you_mean
-from reba.open_file import open_regular
+from reba.errors import ReadError
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
+from reba.readers.formats.file_content import head_of, unpacked_name
 from reba.readers.formats.long_points import wide_points
-from reba.readers.formats.table_columns import DEGREES, LEAST_POINTS, coordinates, metres_of, named_units
-from reba.readers.formats.table_file import PARQUET, SEPARATORS, TableFile, read_csv, read_parquet
+from reba.readers.formats.motive import is_motive, open_motive
+from reba.readers.formats.table_columns import (
+    DEGREES,
+    LEAST_POINTS,
+    coordinates,
+    metres_of,
+    named_units,
+    near_names,
+)
+from reba.readers.formats.table_file import (
+    PARQUET,
+    SEPARATORS,
+    TableFile,
+    read_csv,
+    read_parquet,
+    separator_of,
+)
 from reba.readers.formats.text import LARGEST
 from reba.readers.formats.vicon import is_vicon, open_vicon
 from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic, array_stream, check_time, clip
@@ -35,6 +50,8 @@ WORDED = (*FACTORS, *BOTH_SIDES, *(f"shoulder_raised_{side}" for side in SIDES))
 """Columns that may have words; factors are checked where they are scored."""
 KNOWN = (*COLUMNS, *WORDED)
 """Columns with a meaning, for the hint on a misspelt name."""
+FORMATS = {"csv": "CSV", "parquet": "Parquet", "xlsx": "Excel"}
+"""Name of a reader -> of its format, in messages."""
 MAX_CHECKED = 200
 """Columns compared with the known ones, which takes time; posture tables are not wider."""
 
@@ -47,7 +64,8 @@ def sniff(path: Path, head: bytes) -> bool:
         return False
     text = head.decode("utf-16" if head.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig", "replace")
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    if not lines or is_vicon(lines[0]):
+    lines = lines[1:] if lines and separator_of(lines[0]) else lines
+    if not lines or is_vicon(lines[0]) or is_motive(lines[0]):
         return bool(lines)
     separator = max(SEPARATORS, key=lines[0].count)
     words = {word.strip(' "').lower() for word in lines[0].split(separator)}
@@ -60,18 +78,32 @@ def open_table(path: Path, rate: float | None = None) -> Recording:
     """Open a CSV or Parquet file: `angles` with the complete table, `joints`, or, of Vicon, `points`."""
     log = ReadLog()
     try:
-        with open_regular(path) as file:
-            head = file.read(4096)
+        head = head_of(path)
     except OSError as error:
         raise ReadError(path, error.strerror or str(error), hint="give an existing, readable file") from error
+    name = unpacked_name(path).stem
     if head.startswith(PARQUET):
-        return _recording(path, "parquet", read_parquet(path, log), log, rate)
-    if is_vicon(head.removeprefix(b"\xef\xbb\xbf").decode("latin-1").lstrip().partition("\n")[0]):
-        return open_vicon(path, log)
-    return _recording(path, "csv", read_csv(path, log), log, rate)
+        return table_recording(path, "parquet", read_parquet(path, log), log, rate, name)
+    first = head.removeprefix(b"\xef\xbb\xbf").decode("latin-1").lstrip().partition("\n")[0]
+    for known, opener in ((is_vicon, open_vicon), (is_motive, open_motive)):
+        if known(first):
+            if rate is not None:
+                raise ReadError(path, "it has times of its own", hint="leave the rate out")
+            return opener(path, log)
+    return table_recording(path, "csv", read_csv(path, log), log, rate, name)
 
 
-def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: float | None) -> Recording:
+def table_recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: float | None, name: str) -> Recording:
+    """Return the recording of a table, its streams under `name`: angles, or joints and points.
+
+    Args:
+        format: name of the reader.
+        log: notes made on opening.
+        rate: [Hz] of a table without times, else None.
+
+    Raises:
+        ReadError: it has no rows, no times or no numbers, or a cell that is no number where one is expected.
+    """
     frame = file.frame
     if not len(frame):
         raise ReadError(path, "the table has no rows", hint="give at least one row of values")
@@ -96,17 +128,19 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
             numbers[column] = values[timed] * factor_of if factor_of != 1.0 else values[timed]
     time = time[timed]
     check_time(time, log)
-    for column in (*numbers, *texts)[:MAX_CHECKED]:
-        if column not in KNOWN and (near := did_you_mean(column, KNOWN)):
-            log.warn(f"column {clip(column)} is not one of the posture table{near}")
+    others = [column for column in (*numbers, *texts)[:MAX_CHECKED] if column not in KNOWN]
+    absent = [column for column in KNOWN if column not in frame.columns]
+    if near := near_names(others, absent):
+        near = f"not read as columns of a posture table: {near}"
+        log.warn(near)
     kind: Literal["angles", "joints"] = "angles" if angles else "joints"
     names = tuple(angles) if angles else tuple(numbers)
     if not names:
         raise ReadError(path, "no column beside the time has numbers", hint="give columns of joint values or angles")
     stream = array_stream(
-        path.stem,
+        name,
         kind,
-        "posture table" if angles else f"{format.upper() if format == 'csv' else 'Parquet'} table",
+        "posture table" if angles else f"{FORMATS[format]} table",
         names,
         time,
         np.column_stack([numbers[name] for name in names]),
@@ -118,16 +152,17 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
     streams = [stream]
     points = {} if angles else coordinates(numbers)
     if len(points) >= LEAST_POINTS:
-        streams.append(_points(path, points, numbers, units, time, log, epoch))
+        streams.append(_points(name, points, numbers, units, time, log, epoch))
     why = f"{len(names)} angle columns" if angles else f"{len(names)} columns of numbers"
     topics = [Topic(stream.name, stream.format, len(time), True, why)]
     if not angles:
         topics += [Topic(text, "column", len(time), False, "text, not numbers") for text in texts]
-    return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log)
+    hint = f"{near}; rename them" if near else ""
+    return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log, hint)
 
 
 def _points(
-    path: Path,
+    name: str,
     points: dict[str, tuple[str, str, str]],
     numbers: dict[str, np.ndarray],
     units: dict[str, str],
@@ -141,7 +176,7 @@ def _points(
     note = ReadLog(time_source=log.time_source)
     values = values * metres_of(values, named, note)
     note.warnings += log.warnings
-    return array_stream(path.stem, "points", "table of points", tuple(points), time, values, opened=note, epoch=epoch)
+    return array_stream(name, "points", "table of points", tuple(points), time, values, opened=note, epoch=epoch)
 
 
 def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog) -> np.ndarray | None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
 from reba.arrays import Array
+from reba.errors import join_names
 from reba.readers.formats.lengths import METRES, metres_by_size
-from reba.readers.recording.stream import ReadLog
+from reba.readers.recording.stream import ReadLog, clip
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,6 +78,36 @@ def named_units(frame: pd.DataFrame, known: Iterable[str]) -> tuple[pd.DataFrame
             renamed = {name: f"{name}_{units[name]}" for name in names if units[name] in TIMES and "[" not in name}
             return rows.rename(columns=renamed), units
     return frame, units
+
+
+LIKE: Final = 0.8
+"""Similarity (`difflib`) from which a name is offered for another one; a choice."""
+_SHORT: Final = {"l": "left", "r": "right", "lt": "left", "rt": "right", "flex": "flexion", "abd": "abduction"}
+
+
+def _words(name: str) -> str:
+    """Return the words of a name in alphabetical order, without units: `KneeFlexion_L (deg)` -> "flexion knee left"."""
+    parts = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)
+    words = (_SHORT.get(part.lower(), part.lower()) for part in parts)
+    return " ".join(sorted(word for word in words if word not in {*DEGREES, "angle"}))
+
+
+def near_names(columns: Iterable[str], known: Iterable[str]) -> str:
+    """Return which columns have almost a known name, as a sentence, "" if none has.
+
+    >>> near_names(["trunk_flex", "Left Knee Flexion", "heart_rate"], ["trunk_flexion", "knee_flexion_left"])
+    "'trunk_flex' (did you mean 'trunk_flexion'?) and 'Left Knee Flexion' (did you mean 'knee_flexion_left'?)"
+    """
+    names = {_words(name): name for name in known}
+    offers = []
+    for column in columns:
+        if near := difflib.get_close_matches(_words(column), names, n=1, cutoff=LIKE):
+            offers.append(f"{clip(column)} (did you mean '{names[near[0]]}'?)")
+    return join_names(offers, MOST_OFFERED)
+
+
+MOST_OFFERED: Final = 6
+"""Names that are offered in one line."""
 
 
 def coordinates(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:

@@ -16,7 +16,8 @@ from reba.errors import ReadError
 from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import BOTH_SIDES, FACTORS
-from reba.readers.formats.text import decode, file_bytes
+from reba.readers.formats.file_content import file_bytes
+from reba.readers.formats.text import decode
 from reba.readers.recording.stream import ReadLog, Topic, clip, unique_names
 
 if TYPE_CHECKING:
@@ -43,20 +44,24 @@ class TableFile:
 
 
 def read_csv(path: Path, log: ReadLog) -> TableFile:
-    """Read separated values: comma, semicolon or tab, decimal point or comma, `#` lines before the header."""
+    """Read separated values: comma, semicolon or tab, decimal point or comma.
+
+    `#` lines and a line `sep=;`, which Excel writes, may stand before the header.
+    """
     import pandas as pd
 
-    data = file_bytes(path)
+    data = file_bytes(path, log)
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")
     text = decode(path, data, log)
-    line, header, sample = _header(path, text)
+    line, header, sample, separator = _header(path, text)
     if data.startswith((b"\xff\xfe", b"\xfe\xff")) or any("not UTF-8" in note for note in log.warnings):
         data = text.encode()
     del text
-    separator = max(SEPARATORS, key=header.count)
+    separator = separator or max(SEPARATORS, key=header.count)
     names = _names(path, header, separator, line, log)
-    comma = separator != "," and re.search(r"\d,\d", sample) and not re.search(r"\d\.\d", sample)
+    # The faster way for most; columns that are written otherwise stay texts and are converted below or where used.
+    comma = separator != "," and re.search(r"\d,\d", sample)
     with warnings.catch_warnings(record=True) as notes:
         warnings.simplefilter("always", pd.errors.ParserWarning)
         try:
@@ -80,8 +85,10 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
     if notes:
         log.warn("rows have more fields than the header has names; these fields were left out")
     frame = _without_truncated_row(data, frame, separator, log)
-    frame = texts_of(frame.dropna(how="all").infer_objects())
+    frame = without_decimal_commas(texts_of(frame.dropna(how="all").infer_objects()), separator)
     lines = frame.index.to_numpy() + line + 1
+    if comma:
+        _refuse_thousands(path, frame, line + 1)
     return TableFile(frame.reset_index(drop=True), lambda row: f"line {lines[row]}")
 
 
@@ -115,16 +122,29 @@ def read_parquet(path: Path, log: ReadLog) -> TableFile:
     return TableFile(frame, lambda row: f"row {row + 1}", left_out)
 
 
-def _header(path: Path, text: str) -> tuple[int, str, str]:
-    """Return the number of the header line, the line, and a sample of the rows."""
-    start, number = 0, 0
+def separator_of(line: str) -> str:
+    """Return the separator that a line `sep=;` states, "" if it is no such line.
+
+    >>> separator_of("sep=;"), separator_of('"sep=,"'), separator_of("sep;time")
+    (';', ',', '')
+    """
+    match = re.fullmatch(r'"?sep=([,;\t])"?[,;\t ]*', line.strip("\r\n\ufeff "), re.IGNORECASE)
+    return match[1] if match else ""
+
+
+def _header(path: Path, text: str) -> tuple[int, str, str, str]:
+    """Return the number of the header line, the line, a sample of the rows, and the separator, "" if not stated."""
+    start, number, separator = 0, 0, ""
     while start < len(text):
         end = text.find("\n", start)
         end = len(text) if end < 0 else end
         line = text[start:end].strip("\r\ufeff ")
         number += 1
+        if not separator and (separator := separator_of(line)):
+            start = end + 1
+            continue
         if line.strip() and not line.startswith("#"):
-            return number, line, text[end + 1 : end + 20_000]
+            return number, line, text[end + 1 : end + 20_000], separator
         start = end + 1
     raise ReadError(path, "no line with column names", hint="write the column names in the first line")
 
@@ -151,6 +171,51 @@ def _distinct(path: Path, names: Sequence[str], log: ReadLog) -> tuple[str, ...]
         if (times := names.count(name)) > 1:
             raise ReadError(path, f"column {name!r} stands {times} times", hint="keep one of them")
     return unique_names(names, log)
+
+
+_DECIMAL_COMMA = re.compile(r"[-+]?(\d{1,3}(\.\d{3})+|\d*),\d+([eE][-+]?\d+)?")
+_GROUPS = re.compile(r"[-+]?\d{1,3}(,\d{3})+")
+
+
+def without_decimal_commas(frame: pd.DataFrame, separator: str) -> pd.DataFrame:
+    """Return a table in which cells like `1.234,5` or `0,5` are numbers, in columns that are mostly numbers.
+
+    Between commas, where such cells are quoted, `"1,234"` may also be a thousand; a column of those stays text.
+    """
+    import pandas as pd
+
+    for name in [name for name in frame.columns if not pd.api.types.is_numeric_dtype(frame[name])]:
+        cells = frame[name].dropna().astype(str)
+        if not any("," in cell for cell in cells.unique()):
+            continue
+        cells = cells.str.strip()
+        commas = cells[cells.map(lambda cell: bool(_DECIMAL_COMMA.fullmatch(cell)))]
+        others = int(pd.to_numeric(cells.drop(commas.index), errors="coerce").isna().sum())
+        if not len(commas) or 2 * others > len(cells):
+            continue
+        if separator == "," and commas.map(lambda cell: bool(_GROUPS.fullmatch(cell))).all():
+            continue
+        plain = commas.str.replace(".", "", regex=False).str.replace(",", ".", regex=False)
+        changed = frame[name].astype(object)
+        changed[plain.index] = plain.astype(float).astype(object)
+        frame[name] = changed if others else pd.to_numeric(changed)
+    return frame
+
+
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(\.\d{3})+")
+
+
+def _refuse_thousands(path: Path, frame: pd.DataFrame, first: int) -> None:
+    """Refuse a column like `980`, `1.020` beside decimal commas, which would be read as 980 and 1.02."""
+    import pandas as pd
+
+    for name in [name for name in frame.columns if not pd.api.types.is_numeric_dtype(frame[name])]:
+        cells = frame[name].dropna().astype(str)
+        points = [cell for cell in cells.unique() if "." in cell]
+        if points and all(_THOUSANDS.fullmatch(cell) for cell in points):
+            at, cell = int(cells.index[cells == points[0]][0]), points[0]
+            what = f"line {at + first}: {clip(cell)} in column {clip(name)}, beside decimal commas, may be a thousand"
+            raise ReadError(path, what, hint="write numbers without separators of thousands")
 
 
 def _is_number(text: str) -> bool:

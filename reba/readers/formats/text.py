@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError
-from reba.open_file import read_regular
+from reba.readers.formats.file_content import file_bytes
 from reba.readers.recording.stream import ReadLog, clip
 
 CHUNK = 20_000
@@ -22,17 +22,6 @@ LARGEST = 1e12
 """Largest angle, length or time that is read; far above real ones, and squares of it cannot overflow."""
 BLANKS = frozenset({"", "nan", "na", "n/a", "-nan", "nan(ind)", "-nan(ind)", "null", "none"})
 """Words for "no value", in lower case."""
-
-
-def file_bytes(path: Path) -> bytes:
-    """Return the content of a file; a missing, empty or unreadable file and a folder are refused."""
-    try:
-        data = read_regular(path)
-    except OSError as error:
-        raise ReadError(path, error.strerror or str(error), hint="give an existing, readable file") from error
-    if not data:
-        raise ReadError(path, "the file is empty", hint="record or copy it again")
-    return data
 
 
 def decode(path: Path, data: bytes, log: ReadLog) -> str:
@@ -51,7 +40,7 @@ def decode(path: Path, data: bytes, log: ReadLog) -> str:
 
 def read_lines(path: Path, log: ReadLog) -> list[str]:
     """Return the lines of a text file without their ends (LF, CRLF or CR)."""
-    text = decode(path, file_bytes(path), log)
+    text = decode(path, file_bytes(path, log), log)
     # splitlines() also splits at form feeds and Unicode separators, and lines would be miscounted.
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
@@ -65,8 +54,9 @@ def number_rows(
     *,
     separator: str | None = None,
     gaps: bool = False,
+    columns: Sequence[int] | None = None,
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Return rows of numbers (n, width) and the line number (n,) of each, counted from 1.
+    """Return rows of numbers (n, width or number of `columns`) and the line number (n,) of each, counted from 1.
 
     Blank lines are skipped. A truncated last row is left out and noted; an incomplete row before it is an error.
 
@@ -75,6 +65,7 @@ def number_rows(
         first: index of the first line with numbers.
         separator: None for any white space.
         gaps: blank fields and "nan" are NaN, and short rows are filled with NaN, but not where blanks separate.
+        columns: positions of the fields to return; the others may be texts. None for all.
 
     Raises:
         ReadError: a word is not a finite number, or a row has too many or too few.
@@ -102,11 +93,11 @@ def number_rows(
                         hint="the file is damaged there: export it again",
                     )
                 row += [""] * (width - len(row))
-            rows.append(row)
+            rows.append(row if columns is None else [row[column] for column in columns])
             numbers.append(index + 1)
         if rows:
             parts.append(_convert(path, rows, numbers[-len(rows) :], gaps))
-    table = np.concatenate(parts) if parts else np.empty((0, width))
+    table = np.concatenate(parts) if parts else np.empty((0, width if columns is None else len(columns)))
     return table, np.array(numbers, dtype=np.int64)
 
 

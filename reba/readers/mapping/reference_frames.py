@@ -228,7 +228,8 @@ class VerticalAxis:
                     self._warn(f"the vertical is {self.name} by the body (head above feet), not {old}")
         if not self.stated and self.name and self.name != self.usual and np.any(self._upward):
             self._assume(f"vertical {self.name} determined from the body (head above feet)")
-        if self._frames and self._facing / self._frames < -0.3:
+        # Which way the body faces was seen from the former vertical, so only an unchanged one tells the sides.
+        if self.name == before[0] and self._frames and self._facing / self._frames < -0.3:
             self.swapped = not self.swapped
             self._warn("left and right look exchanged (toes or face point backwards for the hip line); sides exchanged")
         if self._frames and self._agreement / self._frames < -0.3:

@@ -18,9 +18,10 @@ from reba.readers.recording.stream import Block, Stream
 AXES: dict[str, Array] = {
     "isb": np.eye(3),
     "ros": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "gltf": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
 }
 """Columns: the ISB axes x forward, y up, z right, in frames of a convention."""
-VERTICAL = {"isb": "y", "ros": "z", "rest": ""}
+VERTICAL = {"isb": "y", "ros": "z", "gltf": "y", "rest": ""}
 """Vertical axis of the world that is usual for frames of a convention."""
 BONE = {
     "upper_arm": "forearm",
@@ -63,7 +64,7 @@ class FrameMapper:
     def segment_frames(self, block: Block) -> SegmentFrames:
         """Return the segment frames (n, 3, 3) of a block of n samples."""
         poses = {segment: self.poses.world(block, frame) for segment, frame in self.names.items()}
-        where = {segment: position for segment, (_, position) in poses.items()}
+        where = {segment: position for segment, (_, position) in poses.items() if not np.isnan(position).all()}
         frames = {
             segment: (matrices(quaternion).reshape(-1, 3) @ self.axes[segment]).reshape(-1, 3, 3)
             for segment, (quaternion, _) in poses.items()
@@ -140,6 +141,11 @@ class FrameMapper:
             raise ProfileError(
                 f"profile {self.profile.name}: axes 'rest' need thigh_left, thigh_right, upper_arm_left and "
                 f"upper_arm_right in {self.stream.name}; add them to [segments]"
+            )
+        if not min(float(np.linalg.norm(line[1])) for line in (hips, shoulders)) > 1e-9:
+            raise ProfileError(
+                f"profile {self.profile.name}: left and right are at one place in the rest pose of {self.stream.name}, "
+                "so the axes of the segments are unknown; export it with the places of the bones"
             )
         up = axis_vector(axis_name(where.get("head", shoulders[0]) - hips[0]))
         right = axis_vector(axis_name(hips[1]))

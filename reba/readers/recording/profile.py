@@ -25,8 +25,9 @@ from reba.toml_table import TomlTable
 
 Kind = Literal["joints", "frames", "points"]
 KINDS: tuple[Kind, ...] = ("joints", "frames", "points")
-AXES = ("isb", "ros", "rest")
-"""isb: x forward, y up, z right; ros: x forward, y left, z up; rest: determined from the rest pose of the recording."""
+AXES = ("isb", "ros", "gltf", "rest")
+"""isb: x forward, y up, z right; ros: x forward, y left, z up; gltf: x left, y up, z forward; rest: determined from the
+rest pose of the recording."""
 
 
 @dataclass(frozen=True)
@@ -100,10 +101,7 @@ class Profile:
     @property
     def names(self) -> tuple[str, ...]:
         """All joint, frame or marker names, each once."""
-        words = [word for group in self.slots.values() for word in group]
-        if self.kind == "points":
-            words = [name for word in words for name in word.split("|")]
-        return tuple(dict.fromkeys(words))
+        return tuple(dict.fromkeys(name for group in self.slots.values() for word in group for name in word.split("|")))
 
     @property
     def slots(self) -> dict[str, tuple[str, ...]]:
@@ -279,7 +277,7 @@ _FIELDS: dict[str, Callable[[TomlTable, str], Any]] = {
     "points": _points,
     "turns": _chains,
     "dummies": _dummies,
-    "root_axes": _text(*AXES[:2]),
+    "root_axes": _text(*AXES[:3]),
     "sign_from_range": _column_names,
     "needs_neutral": _column_names,
     "cannot": _cannot,

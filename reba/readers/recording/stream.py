@@ -227,6 +227,7 @@ class Recording:
         streams: candidates for scoring, in file order.
         topics: every topic or signal group, for `reba info`.
         log: notes made on opening (truncated, no summary ...).
+        hint: what to do where no profile fits, "" for the usual.
     """
 
     path: str
@@ -234,6 +235,7 @@ class Recording:
     streams: tuple[Stream, ...]
     topics: tuple[Topic, ...] = ()
     log: ReadLog = field(default_factory=ReadLog)
+    hint: str = ""
 
 
 BLOCK = 20_000

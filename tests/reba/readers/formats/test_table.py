@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import reba
 from reba.errors import ReadError
 from reba.posture.columns import COLUMNS
 from reba.readers.formats.table import open_table, sniff
@@ -251,3 +252,80 @@ def test_sniff_looks_at_the_content() -> None:
     assert sniff(Path("a.txt"), b"Trajectories,,,\n100\n")
     for head in (b"", b"foo,bar\n", b"HIERARCHY\nROOT a\n", b"<mvnx a='1,2'>", b"\x02\x50\x00\x01,time"):
         assert not sniff(Path("a.txt"), head)
+
+
+def _as_excel_writes(frame: pd.DataFrame, thousands: bool = False) -> str:
+    def cell(value: object) -> str:
+        if not isinstance(value, float):
+            return str(value)
+        return (f"{value:,.3f}" if thousands else f"{value:.3f}").translate(str.maketrans(",.", ".,"))
+
+    rows = [";".join(map(cell, row)) for row in frame.itertuples(index=False)]
+    return "\r\n".join([";".join(frame.columns), *rows]) + "\r\n"
+
+
+@pytest.mark.parametrize("first", ["", "sep=;\r\n", '"sep=;"\r\n', "SEP=;;;\r\n"])
+@pytest.mark.parametrize("thousands", [False, True])
+def test_decimal_commas_wherever_they_stand(tmp_path: Path, first: str, thousands: bool) -> None:
+    n = 3000
+    frame = pd.DataFrame(
+        {
+            "time": [f"2024-05-01T12:{at // 60 % 60:02d}:{at % 60:02d}.5" for at in range(n)],
+            "trunk_flexion": np.linspace(0.0, 90.0, n),
+            # Whole numbers in all that a look at the beginning sees.
+            "neck_flexion": [*range(10)] * 299 + [0.5] * 10,
+            "weight": np.linspace(990.0, 1010.0, n),
+        },
+        dtype=object,
+    )
+    recording = opened(tmp_path, first + _as_excel_writes(frame, thousands))
+    table = whole(recording.streams[0])
+    np.testing.assert_allclose(table["trunk_flexion"], np.linspace(0.0, 90.0, n), atol=5e-4)
+    np.testing.assert_allclose(table["neck_flexion"].to_numpy()[-10:], 0.5)
+    np.testing.assert_allclose(table["weight"], np.linspace(990.0, 1010.0, n), atol=5e-4)
+    np.testing.assert_allclose(np.diff(times(recording)), 1.0)
+
+
+def test_quoted_decimal_commas_between_commas(tmp_path: Path) -> None:
+    table = whole(opened(tmp_path, 'time,trunk_flexion\n"0,0","12,5"\n"0,1","13,25"\n').streams[0])
+    np.testing.assert_allclose(table["trunk_flexion"], [12.5, 13.25])
+    # A thousand or a decimal: not for a program to decide.
+    with pytest.raises(ReadError) as caught:
+        opened(tmp_path, 'time,trunk_flexion\n0,"1,234"\n1,"2,345"\n')
+    says(caught, "line 2: '1,234' in column 'trunk_flexion' is not a number")
+
+
+def test_decimal_points_and_commas_in_one_column_are_told(tmp_path: Path) -> None:
+    text = "time;trunk_flexion\n0;12,5\n1;12.5\n"
+    np.testing.assert_allclose(whole(opened(tmp_path, text).streams[0])["trunk_flexion"], [12.5, 12.5])
+    with pytest.raises(ReadError) as caught:
+        opened(tmp_path, "time;trunk_flexion\n0;12,5\n1;12,5 deg\n")
+    says(caught, "line 3", "'12,5 deg'", "not a number")
+
+
+def test_thousands_beside_decimal_commas_are_refused(tmp_path: Path) -> None:
+    rows = "".join(f"{900 + 50 * at};{at},5\n".replace("1000", "1.000").replace("1050", "1.050") for at in range(4))
+    with pytest.raises(ReadError) as caught:
+        opened(tmp_path, f"time_ms;trunk_flexion\n{rows}")
+    says(caught, "line 4: '1.000' in column 'time_ms'", "thousand", "without separators")
+    # Without decimal commas beside it a point is one.
+    recording = opened(tmp_path, "time;trunk_flexion\n1.000;5\n1.050;6\n")
+    np.testing.assert_allclose(np.diff(times(recording)), 0.05)
+
+
+def test_near_names_are_offered_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "small.csv"
+    path.write_text(
+        "time,trunk_flex,LeftKneeFlexion,neck_flexoin,heart_rate\n" + "".join(f"{at},1,2,3,4\n" for at in range(5))
+    )
+    with pytest.raises(reba.ProfileError) as caught:
+        reba.read(path)
+    says(
+        caught, "'trunk_flex' (did you mean 'trunk_flexion'?)", "'LeftKneeFlexion' (did you mean 'knee_flexion_left'?)"
+    )
+    says(caught, "'neck_flexoin' (did you mean 'neck_flexion'?)", "rename them")
+    assert "heart_rate' (" not in str(caught.value)
+    path.write_text(path.read_text().replace("trunk_flex,", "trunk_flexion,"))
+    warnings = [text for text in reba.read(path).quality.warnings if "did you mean" in text]
+    assert len(warnings) == 1
+    says(warnings[0], "LeftKneeFlexion", "neck_flexoin")
