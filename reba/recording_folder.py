@@ -6,7 +6,17 @@ import re
 from pathlib import Path
 from typing import Final
 
-_SPLIT: Final = re.compile(r"(_\d+)?\.mcap(\.zstd)?$")
+_SPLIT: Final = re.compile(r"(_\d+)?\.((mcap|db3)(\.zstd)?|bag)$")
+"""End of the name of a file of a recording: of rosbag2 (.mcap, .db3) and of ROS 1 (.bag)."""
+
+
+def is_split(name: str) -> bool:
+    """Return whether a file has the name of a recording, or of a part of one.
+
+    >>> is_split("walk_0.db3.zstd"), is_split("walk.bag"), is_split("metadata.yaml")
+    (True, True, False)
+    """
+    return _SPLIT.search(name) is not None
 
 
 def is_recording_folder(path: Path) -> bool:
@@ -15,4 +25,4 @@ def is_recording_folder(path: Path) -> bool:
     if (path / "metadata.yaml").is_file():
         return bool(files)
     splits = [_SPLIT.sub("", name) for name in files]
-    return len(splits) > 1 and len(set(splits)) == 1 and all(re.search(r"_\d+\.mcap", name) for name in files)
+    return len(splits) > 1 and len(set(splits)) == 1 and all(re.search(r"_\d+\.(mcap|db3|bag)", name) for name in files)

@@ -13,7 +13,7 @@ from reba.live.sources import GrowingStore
 from reba.live.table_rows import TableFollower
 from reba.posture.factors import Factors, checked, expand_sides
 from reba.readers.mcap import classified, gathered
-from reba.readers.mcap.container import ChunkRef
+from reba.readers.mcap.store import ChunkRef
 from reba.readers.recognise import choose
 from reba.readers.recording.profile import find_profile, profiles
 from reba.readers.recording.stream import ReadLog

@@ -59,11 +59,11 @@ FORMATS: tuple[Format, ...] = (
     Format("Xsens MVNX", (".mvnx",), "reba.readers.formats.mvnx", "open_mvnx"),
     Format("posture or joint table", (".csv", ".tsv", ".parquet"), TABLES, "open_table"),
 )
-"""Formats beside MCAP, those with the most certain first bytes first."""
+"""Formats beside MCAP and ROS bags, those with the most certain first bytes first."""
 
 
 def open_recording(path: str | Path, *, strict: bool = False, rate: float | None = None) -> Recording:
-    """Open a recording of any known format; a folder counts as a rosbag2 recording of MCAP splits.
+    """Open a recording of any known format; a folder counts as a recording in splits, as of rosbag2.
 
     Args:
         rate: [Hz] of a table without times, whose rows it numbers.
@@ -85,7 +85,7 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
 
     if place.is_dir() or is_mcap(place):
         if rate is not None:
-            raise ReadError(place, "MCAP recordings have times of their own", hint="leave the rate out")
+            raise ReadError(place, "recordings of messages have times of their own", hint="leave the rate out")
         return open_mcap(place, strict=strict)
     try:
         with open_regular(place) as file:
@@ -101,7 +101,11 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
         return named.open(place, rate)
     what = "the file is empty" if not head else "the format is unknown"
     readable = ", ".join(
-        ["MCAP (.mcap or a rosbag2 folder)", *(f"{form.name} ({' '.join(form.extensions)})" for form in FORMATS)]
+        [
+            "MCAP (.mcap or a rosbag2 folder)",
+            "ROS bags (.bag .db3)",
+            *(f"{form.name} ({' '.join(form.extensions)})" for form in FORMATS),
+        ]
     )
     raise ReadError(place, what, hint=f"known formats are {readable}")
 

@@ -1,6 +1,7 @@
-"""MCAP recordings: ROS 2, ROS 1, Foxglove and our own, decoded column by column.
+"""Recordings of messages: MCAP, ROS 1 bags and rosbag2 databases; ROS, Foxglove and our own, decoded by columns.
 
-    bytes -> container (chunks, checked) -> channels -> decode (message layouts) -> extract -> merge -> blocks
+    bytes -> container, rosbag or database (chunks, checked) -> channels -> decode (message layouts)
+    -> extract -> merge -> blocks
 
 Summary, indexes and declared lengths are checked before use: see `container`. Format: https://mcap.dev/spec.
 """
@@ -9,32 +10,63 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Final
 
 from reba.errors import ReadError
 from reba.open_file import open_regular
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
 from reba.readers.mcap.clock import JITTER
-from reba.readers.mcap.container import Container, Store
+from reba.readers.mcap.container import Container
 from reba.readers.mcap.contents import Contents
+from reba.readers.mcap.database import SQLITE_MAGIC, Database
+from reba.readers.mcap.rosbag import BAG_MAGIC, Bag
+from reba.readers.mcap.store import Store, StoredFile
 from reba.readers.mcap.streams import StreamReader, stream_header
 from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording, Stream, Topic
+from reba.recording_folder import is_split
 
 __all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
 MAX_CHUNK = 1 << 30
 """[bytes] Largest chunk, record or unpacked file that is accepted: protects memory from declared lengths."""
 
+WHAT: Final = {
+    "joints": "joint positions",
+    "frames": "poses of frames",
+    "points": "positions of points",
+    "angles": "a posture table",
+}
+"""Kind -> what a topic has, in `reba info`."""
+
 
 def sniff(path: Path) -> bool:
-    """Return whether a path is an MCAP recording: by its first bytes, a folder by the names of its files."""
+    """Return whether a path is a recording of messages: by its first bytes, a folder by the names of its files."""
     if path.is_dir():
-        return any(file.name.endswith((".mcap", ".mcap.zstd")) for file in path.iterdir())
+        return any(is_split(file.name) for file in path.iterdir())
+    head = _head(path)
+    packed = head.startswith(ZSTD_MAGIC) and any(ending in path.name for ending in (".mcap", ".db3"))
+    return packed or head.startswith((MAGIC, BAG_MAGIC, SQLITE_MAGIC))
+
+
+def _head(path: Path) -> bytes:
     try:
         with open_regular(path) as file:
-            head = file.read(len(MAGIC))
+            return file.read(len(SQLITE_MAGIC))
     except OSError:
-        return False
-    return head == MAGIC or (head.startswith(ZSTD_MAGIC) and ".mcap" in path.name)
+        return b""
+
+
+def open_file(path: Path, *, check_crc: bool = True, limit_bytes: int = MAX_CHUNK) -> StoredFile:
+    """Open one file of a recording, of the format that its first bytes show.
+
+    Raises:
+        ReadError: it is none of them, or damaged.
+    """
+    head = _head(path)
+    if head.startswith(SQLITE_MAGIC) or (head.startswith(ZSTD_MAGIC) and ".db3" in path.name):
+        return Database(path, limit_bytes=limit_bytes)
+    kind = Bag if head.startswith(BAG_MAGIC) else Container
+    return kind(path, check_crc=check_crc, limit_bytes=limit_bytes)
 
 
 def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK) -> Recording:
@@ -43,13 +75,13 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
     Without joint states, transforms or posture angles it has no streams; `topics` has the reason for each topic.
 
     Args:
-        path: an .mcap file, plain or zstd-compressed as a whole, or a folder of them (rosbag2).
+        path: an .mcap or .db3 file, plain or zstd-compressed as a whole, a .bag, or a folder with splits of one format.
         strict: refuse a truncated recording, and a folder with a damaged split.
         check_crc: compare the CRC of every chunk that has one.
         limit_bytes: the largest chunk, record or unpacked file that is accepted.
 
     Raises:
-        ReadError: not an MCAP recording, or damaged so that samples would be wrong or missing.
+        ReadError: not such a recording, or damaged so that samples would be wrong or missing.
     """
     log = ReadLog()
     channels: list[DecodableChannel | Unused] = []
@@ -73,22 +105,26 @@ def gathered(
     for channel in channels:
         if isinstance(channel, DecodableChannel):
             parts.append(channel)
+            if channel.note:
+                log.warn(channel.note)
         else:
             unused.append(channel)
     streams, topics = _streams(parts, log, strict)
     topics += [Topic(item.topic, item.type, item.container.counts[item.channel], False, item.why) for item in unused]
-    return Recording(str(path), "mcap", tuple(streams), tuple(_by_topic(topics)), log)
+    stores = [item.container for item in parts] + [item.container for item in unused]
+    formats = {store.format for store in stores if isinstance(store, Container | Database)}
+    return Recording(str(path), min(formats, default="mcap"), tuple(streams), tuple(_by_topic(topics)), log)
 
 
 def _open_files(
     path: Path, strict: bool, check_crc: bool, limit_bytes: int, log: ReadLog
-) -> list[tuple[Container, list[DecodableChannel | Unused]]]:
+) -> list[tuple[StoredFile, list[DecodableChannel | Unused]]]:
     """Open all files by start time; a damaged one of several is noted and left out."""
     files = recording_files(path)
     opened = []
     for file in files:
         try:
-            container = Container(file, check_crc=check_crc, limit_bytes=limit_bytes)
+            container = open_file(file, check_crc=check_crc, limit_bytes=limit_bytes)
             opened.append((container, classified(container)))
             container.release()
         except ReadError as error:
@@ -111,12 +147,12 @@ def classified(container: Store) -> list[DecodableChannel | Unused]:
     """Return the content of each channel of a file.
 
     Raises:
-        ReadError: a chunk is damaged, or messages are compressed one by one.
+        ReadError: a chunk is damaged.
     """
     return [classify(container, container.channels[number]) for number in sorted(container.channels)]
 
 
-def _note(container: Container, log: ReadLog, named: bool) -> None:
+def _note(container: StoredFile, log: ReadLog, named: bool) -> None:
     """Add the notes of a file to the log of the recording."""
     prefix = f"{container.path.name}: " if named else ""
     if container.ended_abnormally:
@@ -139,7 +175,7 @@ def _streams(parts: Sequence[DecodableChannel], log: ReadLog, strict: bool) -> t
     for kind, group in dict.fromkeys((part.kind, part.group) for part in parts):
         mine = [part for part in parts if (part.kind, part.group) == (kind, group)]
         header = stream_header(mine, kind, contents)
-        why = {"joints": "joint positions", "frames": "poses of frames", "angles": "a posture table"}.get(kind, "")
+        why = WHAT[kind]
         if header is None:
             why = "only static transforms" if all(part.static for part in mine) else "none of its messages is usable"
             skipped = [track.log.first_skipped for part in mine if (track := contents.tracks.get(id(part)))]

@@ -16,8 +16,9 @@ import numpy as np
 from reba.errors import ReadError
 from reba.readers.mcap.channels import DecodableChannel, batch_of
 from reba.readers.mcap.clock import NO_STAMP, ChannelClock, RecordingClock, Trace
-from reba.readers.mcap.container import ChunkRef, Container, Store
+from reba.readers.mcap.container import Container
 from reba.readers.mcap.decode import Decoder, Piece
+from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.recording.stream import Kind, ReadLog
 
 KEPT_BYTES: Final = 1 << 25
@@ -208,6 +209,7 @@ class Contents:
                 if strict or len(self.containers) == 1:
                     raise
                 self.warnings.append(f"{error}; the rest of this file is left out")
+                container.segments[:] = [one for one in container.segments if one.offset < segment.offset]
                 break
             for part, decoder in decoders:
                 read[part.channel] += self._take(part, segment, decoder)

@@ -11,6 +11,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
+import numpy as np
+
+from reba.readers.mcap.bytes import ZSTD_MAGIC
 from reba.readers.mcap.layout import FieldSpan, Tree, Undecodable, Walked
 
 PRIMITIVES: Final[Mapping[str, str]] = {
@@ -178,7 +181,7 @@ def walk(root: Struct, message: bytes, names: Collection[str], *, ros1: bool) ->
     Args:
         root: its schema.
         message: its bytes.
-        names: fields whose text belongs to the layout; other text may differ between messages of one layout.
+        names: fields whose value belongs to the layout; other text may differ between messages of one layout.
         ros1: the serialization of ROS 1 instead of CDR.
 
     Raises:
@@ -187,6 +190,8 @@ def walk(root: Struct, message: bytes, names: Collection[str], *, ros1: bool) ->
     walker = _Walker(message, names)
     if ros1:
         walker.align_most = walker.base = 0
+    elif message.startswith(ZSTD_MAGIC):
+        raise Undecodable("its zstd data are damaged or state no size")
     else:
         if len(message) < _HEADER or message[0] != 0 or message[1] not in _ENCAPSULATIONS:
             raise Undecodable(f"CDR header {message[:_HEADER].hex()} is not plain CDR")
@@ -223,7 +228,8 @@ class _Walker:
 
     def value(self, kind: Type, name: str) -> Tree:
         if isinstance(kind, Number):
-            return self.numbers(kind.code, 1, scalar=True)
+            span = self.numbers(kind.code, 1, scalar=True)
+            return self.fixed_number(span) if name in self.names else span
         if isinstance(kind, Text):
             return self.text(name)
         if isinstance(kind, Struct):
@@ -250,6 +256,11 @@ class _Walker:
             )
         self.at = stop
         return FieldSpan(start, self.order + code, count, scalar)
+
+    def fixed_number(self, span: FieldSpan) -> float:
+        self.walked.fixed.append((span.start, self.at))
+        value: float = np.frombuffer(self.message, span.code, 1, span.start)[0].item()
+        return value
 
     def count(self) -> int:
         span = self.numbers("u4", 1, scalar=True)

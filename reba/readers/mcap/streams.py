@@ -14,7 +14,6 @@ import numpy as np
 
 from reba.readers.mcap.channels import DecodableChannel, batch_of
 from reba.readers.mcap.clock import RecordingClock
-from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.mcap.contents import (
     TOGETHER,
     Contents,
@@ -29,6 +28,7 @@ from reba.readers.mcap.contents import (
 from reba.readers.mcap.decode import Piece, load_json
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.merge import MOST_SIGNALS, Merger
+from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ class McapBlockDecoder:
         signals = dict.fromkeys(
             (renamed.get(name, name), parent) for name, parent in header.signals if wanted is None or name in wanted
         )
-        self._merger = Merger(list(signals), log, frames=kind == "frames")
+        self._merger = Merger(list(signals), log, kind)
         self._decoders = {id(part): part.make(wanted) for part in self._parts}
         self._tracks = {id(part): contents.tracks[id(part)] for part in self._parts}
         self._read = dict.fromkeys(map(id, self._tracks.values()), 0)

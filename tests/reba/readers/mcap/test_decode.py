@@ -17,13 +17,13 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_typestore
 
 from reba.readers.mcap import open_mcap, protobuf, ros
-from reba.readers.mcap.container import ChunkRef, Loaded
 from reba.readers.mcap.decode import Batch, ColumnDecoder
 from reba.readers.mcap.extract import TEXTS, extract_joints
 from reba.readers.mcap.layout import FieldSpan, Undecodable
 from reba.readers.mcap.merge import MOST_SIGNALS
 from reba.readers.mcap.records import Scan
 from reba.readers.mcap.ros import BadSchema, Number, parse
+from reba.readers.mcap.store import ChunkRef, Loaded
 from reba.readers.recording.stream import Block, ReadLog, Recording
 from tests.support import mcap_builder as make
 from tests.support.mcap_builder import EPOCH_NS, JOINT_STATE, STEP_NS

@@ -1,0 +1,103 @@
+"""Extraction of 3D keypoints from messages that draw or list them: markers, poses, scenes.
+
+None of these types is made for bodies, so nothing but the place of each point and its name is taken: the text of a
+marker, its namespace and id, or the order of poses, which a profile has to name.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from reba.readers.mcap.extract import TEXTS, SignalGroup, Value, fields_of, number, stamp_of
+from reba.readers.mcap.layout import Undecodable
+
+MARKER_FIELDS: Final = TEXTS | {"ns", "id", "text", "type", "action"}
+SCENE_FIELDS: Final = TEXTS | {"id", "text"}
+_CUBE, _SPHERE, _TEXT = 1, 2, 9
+_POINT_TYPES: Final = (_SPHERE, _CUBE, _TEXT)
+"""Types of markers that are one point, in the order of preference: cylinders are bones, texts often stand beside."""
+_ADD: Final = 0
+_XYZ: Final = ("x", "y", "z")
+
+
+def extract_markers(tree: Any) -> list[SignalGroup]:
+    """Return the places of the spheres of a MarkerArray or Marker, or else of its cubes or texts.
+
+    A point is named by its text, else by its namespace where no other marker of the message has that, else by
+    "<namespace>/<id>", without namespace by "marker_<id>".
+
+    Raises:
+        Undecodable: it has none of these, or they are in several frames.
+    """
+    fields = fields_of(tree)
+    markers = fields.get("markers", [fields])
+    shown = [fields_of(marker) for marker in markers if fields_of(marker).get("action", _ADD) == _ADD]
+    if not shown:
+        return []
+    chosen = next((same for kind in _POINT_TYPES if (same := [one for one in shown if one.get("type") == kind])), [])
+    if not chosen:
+        raise Undecodable("it has no spheres, cubes or texts (lists and lines are not read: draw a sphere per point)")
+    spaces = Counter(str(marker.get("ns", "")) for marker in chosen)
+    alone = len(spaces) == len(chosen) > 1
+    return _points(stamp_of(chosen[0]), [(_marker_name(marker, alone), marker) for marker in chosen])
+
+
+def _marker_name(marker: Mapping[str, Any], alone: bool) -> str:
+    space, text = str(marker.get("ns", "")), str(marker.get("text", "")).strip()
+    if text or (space and alone):
+        return text or space
+    return f"{space}/{marker.get('id')}" if space else f"marker_{marker.get('id')}"
+
+
+def extract_poses(tree: Any) -> list[SignalGroup]:
+    """Return the places of a PoseArray or PosesInFrame, named "pose_0", "pose_1" ... by their order.
+
+    Raises:
+        Undecodable: it has none.
+    """
+    fields = fields_of(tree)
+    poses = fields.get("poses")
+    if not isinstance(poses, list) or not poses:
+        raise Undecodable("it has no poses")
+    return _points(stamp_of(fields), [(f"pose_{index}", {"pose": pose}) for index, pose in enumerate(poses)])
+
+
+def extract_scene(tree: Any) -> list[SignalGroup]:
+    """Return the places of the spheres, else cubes or texts, of a SceneUpdate.
+
+    A point is named by its text, or by the id of its entity, "<id>/<order>" if that has several.
+
+    Raises:
+        Undecodable: it has none of these, or they are in several frames.
+    """
+    entities = fields_of(tree).get("entities", [])
+    if not isinstance(entities, list):
+        raise Undecodable("it has no entities")
+    if not entities:
+        return []
+    for kind in ("spheres", "cubes", "texts"):
+        named: list[tuple[str, Mapping[str, Any]]] = []
+        for entity in map(fields_of, entities):
+            found = entity.get(kind, [])
+            for index, item in enumerate(found if isinstance(found, list) else []):
+                name = str(entity.get("id", ""))
+                name = str(fields_of(item).get("text", "")) or (f"{name}/{index}" if len(found) > 1 else name)
+                named.append((name, {**fields_of(item), "header": {"frame_id": entity.get("frame_id", "")}}))
+        if named:
+            return _points(stamp_of(fields_of(entities[0])), named)
+    raise Undecodable("it has no spheres, cubes or texts")
+
+
+def _points(stamp: Any, named: Sequence[tuple[str, Mapping[str, Any]]]) -> list[SignalGroup]:
+    """Return the places of things with a `pose`, all of which have one time and one frame."""
+    frames = {str(fields_of(item.get("header", {})).get("frame_id", "")) for _, item in named}
+    if len(frames) > 1:
+        raise Undecodable(f"its points are in several frames ({', '.join(sorted(frames)[:3])})")
+    values: list[Value] = []
+    for _, item in named:
+        position = fields_of(fields_of(item.get("pose", {})).get("position", {}))
+        # Protobuf omits numbers that are zero.
+        values += [number(position.get(axis, 0.0)) for axis in _XYZ]
+    return [SignalGroup(stamp, tuple(name for name, _ in named), (), tuple(values))]
