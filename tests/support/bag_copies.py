@@ -1,4 +1,4 @@
-"""The messages of an MCAP recording in other containers, written by the library `rosbags`, which knows nothing of ours."""
+"""The messages of an MCAP recording in other containers, written by the library `rosbags`."""
 
 from __future__ import annotations
 
@@ -38,10 +38,14 @@ def positions(frames: int) -> np.ndarray:
     return values
 
 
-def write_motion(path: Path, frames: int = 200) -> Path:
-    """Write the recording that is copied: joint states of human.urdf and the pose of its root."""
+def write_motion(path: Path, frames: int = 200, passes: int = 1) -> Path:
+    """Write the recording that is copied: joint states of human.urdf and the pose of its root.
+
+    Its clock starts again with every further pass, whose elbow is bent less.
+    """
+    rows = [(index, row - 0.3 * number) for number in range(passes) for index, row in enumerate(positions(frames))]
     with Ros2Bag(path, "tests.support.bag_copies") as bag:
-        for index, row in enumerate(positions(frames)):
+        for index, row in rows:
             stamp = EPOCH_NS + index * SECOND // RATE
             bag.joints("/joint_states", stamp, JOINTS, row)
             root = np.array([0.01 * index, 0, 0.95, 0.7071067811865476, 0, 0, 0.7071067811865476])

@@ -52,7 +52,7 @@ class Bag(Container):
         try:
             for at, header, length in self._records_of_file():
                 self._note_record(at, header, length)
-            if self._closed and all(segment.channels is not None for segment in self.segments):
+            if self._closed and self.ended_abnormally is None and self._indexed():
                 for segment in self.segments:
                     self.counts.update(segment.channels or {})
             else:
@@ -68,6 +68,13 @@ class Bag(Container):
             self.ended_abnormally = f"no index at byte {self.source.size}, the recorder did not close the file"
         if self.ended_abnormally is not None:
             self.ended_abnormally += f"; {sum(self.counts.values())} messages read{self._time_span()}"
+
+    def _indexed(self) -> bool:
+        """Return whether the index has every chunk and every connection."""
+        return all(
+            segment.channels is not None and segment.channels.keys() <= self.channels.keys()
+            for segment in self.segments
+        )
 
     def _records_of_file(self) -> Iterator[tuple[int, bytes, int]]:
         """Yield (offset of the data, header, length of the data) of each record; note a truncated end."""

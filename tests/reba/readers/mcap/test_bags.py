@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
-import sqlite3
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import reba
-from reba.errors import ReadError
 from reba.posture.columns import COLUMNS
 from reba.readers.info import info
-from reba.readers.mcap import open_mcap, sniff
+from reba.readers.mcap import sniff
 from tests.support import bag_copies as copies
-from tests.support.says import says
 
 FRAMES = 200
 
