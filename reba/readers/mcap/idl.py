@@ -15,8 +15,8 @@ from typing import Final
 from reba.readers.mcap.ros import BadSchema, Number, RosArray, Struct, Text, Type
 
 _TOKEN: Final = re.compile(
-    r"(?P<gap>\s+|//[^\n]*|/\*.*?\*/|^\#[^\n]*|^=+[ \t]*$|^IDL:[^\n]*)"
-    r"""|(?P<text>L?"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*')"""
+    r"(?P<gap>\s+|//[^\n]*|/\*.*?(?:\*/|\Z)|^\#[^\n]*|^=+[ \t]*$|^IDL:[^\n]*)"
+    r"""|(?P<text>L?"(?:\\.|[^"\\\n])*"?|'(?:\\.|[^'\\\n])*'?)"""
     r"|(?P<word>(?:::)?[A-Za-z_]\w*(?:::[A-Za-z_]\w*)*)|(?P<number>\.?\d[\w.]*)|(?P<sign>.)",
     re.DOTALL | re.MULTILINE,
 )
@@ -151,7 +151,7 @@ class _Parser:
         return self._tokens[self._at - 1][1]
 
     def _name(self) -> str:
-        if self._at < len(self._tokens) and self._tokens[self._at][0] == "word":
+        if self._at >= len(self._tokens) or self._tokens[self._at][0] == "word":
             return self._next()
         raise BadSchema(f"{self._peek()[:40]!r} in an IDL, expected a name")
 
