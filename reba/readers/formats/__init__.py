@@ -9,8 +9,7 @@ from pathlib import Path
 from reba.errors import ReadError
 from reba.files import sha256_of
 from reba.open_file import open_regular
-from reba.readers.mcap import open_mcap
-from reba.readers.mcap import sniff as is_mcap
+from reba.readers.mcap import open_mcap, sniff
 from reba.readers.recording.stream import Recording
 
 HEAD = 8192
@@ -83,7 +82,7 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
     except OSError as error:
         raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
 
-    if place.is_dir() or is_mcap(place):
+    if place.is_dir() or sniff(place):
         if rate is not None:
             raise ReadError(place, "recordings of messages have times of their own", hint="leave the rate out")
         return open_mcap(place, strict=strict)
@@ -115,7 +114,7 @@ def is_recording(path: Path) -> bool:
     try:
         if not path.is_file():
             return False
-        if is_mcap(path):
+        if sniff(path):
             return True
         named = [known for known in FORMATS if path.suffix.lower() in known.extensions]
         with open_regular(path) as file:

@@ -26,7 +26,7 @@ from reba.readers.mcap.streams import StreamReader, stream_header
 from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording, Stream, Topic
 from reba.recording_folder import is_split
 
-__all__ = ["MAX_CHUNK", "classified", "gathered", "open_mcap", "sniff"]
+__all__ = ["MAX_CHUNK", "classified", "gathered", "is_mcap", "open_mcap", "sniff"]
 MAX_CHUNK = 1 << 30
 """[bytes] Largest chunk, record or unpacked file that is accepted: protects memory from declared lengths."""
 
@@ -43,9 +43,13 @@ def sniff(path: Path) -> bool:
     """Return whether a path is a recording of messages: by its first bytes, a folder by the names of its files."""
     if path.is_dir():
         return any(is_split(file.name) for file in path.iterdir())
+    return is_mcap(path) or _is_database(path) or _head(path).startswith(BAG_MAGIC)
+
+
+def is_mcap(path: Path) -> bool:
+    """Return whether a file is MCAP, packed or not."""
     head = _head(path)
-    packed = head.startswith(ZSTD_MAGIC) and any(ending in path.name for ending in (".mcap", ".db3"))
-    return packed or head.startswith((MAGIC, BAG_MAGIC, SQLITE_MAGIC))
+    return head.startswith(MAGIC) or (head.startswith(ZSTD_MAGIC) and ".mcap" in path.name)
 
 
 def _head(path: Path) -> bytes:
@@ -56,16 +60,20 @@ def _head(path: Path) -> bytes:
         return b""
 
 
+def _is_database(path: Path) -> bool:
+    head = _head(path)
+    return head.startswith(SQLITE_MAGIC) or (head.startswith(ZSTD_MAGIC) and ".db3" in path.name)
+
+
 def open_file(path: Path, *, check_crc: bool = True, limit_bytes: int = MAX_CHUNK) -> StoredFile:
     """Open one file of a recording, of the format that its first bytes show.
 
     Raises:
         ReadError: it is none of them, or damaged.
     """
-    head = _head(path)
-    if head.startswith(SQLITE_MAGIC) or (head.startswith(ZSTD_MAGIC) and ".db3" in path.name):
+    if _is_database(path):
         return Database(path, limit_bytes=limit_bytes)
-    kind = Bag if head.startswith(BAG_MAGIC) else Container
+    kind = Bag if _head(path).startswith(BAG_MAGIC) else Container
     return kind(path, check_crc=check_crc, limit_bytes=limit_bytes)
 
 

@@ -16,6 +16,7 @@ from reba.readers.mcap import idl, protobuf, ros
 from reba.readers.mcap.decode import Batch, ColumnDecoder, Decoder, JsonDecoder, load_json
 from reba.readers.mcap.definitions import standard_definitions
 from reba.readers.mcap.extract import extract_transforms
+from reba.readers.mcap.extract_points import FewPoints
 from reba.readers.mcap.layout import Undecodable, Walked
 from reba.readers.mcap.meanings import Meaning, meaning_of, meaning_of_json, type_key
 from reba.readers.mcap.records import Channel, Schema
@@ -26,8 +27,6 @@ from reba.recording_folder import is_split
 Make = Callable[[frozenset[str] | None], Decoder]
 _ROS: Final = {"cdr": "ROS 2", "ros1": "ROS 1"}
 """Message encodings that `ros` decodes -> their name."""
-MOST_POINT_BYTES: Final = 1 << 17
-"""[bytes] Longest message with points that is read, some hundred points; a choice."""
 STATIC: Final = "tf_static"
 """Last part of the name of a topic whose transforms are valid for the complete recording."""
 
@@ -119,7 +118,7 @@ def classify(container: Store, channel: Channel) -> DecodableChannel | Unused:
         walk, form, note = _walker(container, channel, schema, meaning)
     except ros.BadSchema as error:
         return unused(f"its schema cannot be used: {error}")
-    make = partial(ColumnDecoder, walk, meaning.extract)
+    make = partial(_column_decoder, walk, meaning)
     return _part(container, channel, shown, meaning, f"{form} {shown}", make, note)
 
 
@@ -135,7 +134,7 @@ def _walker(
     text = schema.data.decode(errors="replace")
     if channel.encoding in _ROS and not text.strip():
         walk = _standard(container, channel, schema, meaning)
-        note = f"{channel.topic}: the definition of {schema.name} is empty; the standard one is used"
+        note = f"{channel.topic}: the recording does not define {schema.name}; its standard definition is used"
         return walk, f"{_ROS[channel.encoding]} ({channel.encoding.upper()}, standard definition)", note
     if encodings in (("cdr", "ros2msg"), ("ros1", "ros1msg")):
         root = ros.parse(text, schema.name, ros1=channel.encoding == "ros1")
@@ -149,6 +148,14 @@ def _walker(
             "ros2msg or ros2idl, ROS 1, protobuf or JSON"
         )
     return partial(_walk_ros, root, channel.encoding == "ros1", meaning), _form(channel, schema), ""
+
+
+def _column_decoder(walk: Callable[[bytes], Walked], meaning: Meaning, wanted: frozenset[str] | None) -> ColumnDecoder:
+    extract = meaning.extract
+    if meaning.kind == "points":
+        few = FewPoints(walk, extract)
+        walk, extract = few.walk, few.extract
+    return ColumnDecoder(walk, extract, wanted)
 
 
 def _form(channel: Channel, schema: Schema) -> str:
@@ -180,19 +187,11 @@ def _standard(container: Store, channel: Channel, schema: Schema, meaning: Meani
 
 
 def _walk_ros(root: ros.Struct, ros1: bool, meaning: Meaning, message: bytes) -> Walked:
-    _check_points(meaning, message)
     return ros.walk(root, message, meaning.fixed, ros1=ros1)
 
 
 def _walk_protobuf(types: protobuf.Types, name: str, meaning: Meaning, message: bytes) -> Walked:
-    _check_points(meaning, message)
     return protobuf.walk(types, name, message, meaning.fixed)
-
-
-def _check_points(meaning: Meaning, message: bytes) -> None:
-    """Refuse a message with more points than bodies have: maps and clouds of particles are of the same types."""
-    if meaning.kind == "points" and len(message) > MOST_POINT_BYTES:
-        raise Undecodable(f"its {len(message)} bytes are more points than bodies have")
 
 
 def _classify_json(

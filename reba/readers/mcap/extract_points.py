@@ -7,11 +7,11 @@ marker, its namespace and id, or the order of poses, which a profile has to name
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from reba.readers.mcap.extract import TEXTS, SignalGroup, Value, fields_of, number, stamp_of
-from reba.readers.mcap.layout import Undecodable
+from reba.readers.mcap.extract import TEXTS, Extractor, SignalGroup, Value, fields_of, number, stamp_of
+from reba.readers.mcap.layout import Undecodable, Walked
 
 MARKER_FIELDS: Final = TEXTS | {"ns", "id", "text", "type", "action"}
 SCENE_FIELDS: Final = TEXTS | {"id", "text"}
@@ -20,6 +20,43 @@ _POINT_TYPES: Final = (_SPHERE, _CUBE, _TEXT)
 """Types of markers that are one point, in the order of preference: cylinders are bones, texts often stand beside."""
 _ADD: Final = 0
 _XYZ: Final = ("x", "y", "z")
+
+MOST_BYTES: Final = 1 << 17
+"""[bytes] Longest message with points that is read, some hundred of them; a choice."""
+MOST_NAMES: Final = 2000
+"""Names that the points of one topic may have; a choice, many times those of all bodies in view."""
+
+
+class FewPoints:
+    """Walks and extracts messages with points of bodies, and refuses others early.
+
+    Maps, clouds of particles and labels whose text is a measured value have the same types, and walking thousands of
+    them that are all different would take minutes.
+    """
+
+    def __init__(self, walk: Callable[[bytes], Walked], extract: Extractor) -> None:
+        self._walk = walk
+        self._extract = extract
+        self._names: set[str] = set()
+
+    def walk(self, message: bytes) -> Walked:
+        """Return the fields of a message.
+
+        Raises:
+            Undecodable: it does not fit the schema, or has more points than bodies have.
+        """
+        if len(message) > MOST_BYTES:
+            raise Undecodable(f"its {len(message)} bytes are more points than bodies have")
+        if len(self._names) > MOST_NAMES:
+            raise Undecodable(f"the points of its topic had more than {MOST_NAMES} names, so they are no bodies")
+        return self._walk(message)
+
+    def extract(self, tree: Any) -> list[SignalGroup]:
+        """Return the points of a message."""
+        groups = self._extract(tree)
+        for group in groups:
+            self._names.update(group.names)
+        return groups
 
 
 def extract_markers(tree: Any) -> list[SignalGroup]:

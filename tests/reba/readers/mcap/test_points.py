@@ -19,6 +19,7 @@ from reba.posture.columns import COLUMNS
 from reba.readers.formats import open_recording
 from reba.readers.info import info
 from reba.readers.mcap import open_mcap
+from reba.readers.recording.stream import ReadLog
 from tests.support.bag_copies import EPOCH_NS
 from tests.support.paths import DATASETS
 from tests.support.says import says
@@ -204,6 +205,24 @@ def test_foxglove_poses_in_json(tmp_path: Path) -> None:
 
     path = write(tmp_path / "a.mcap", "foxglove.PosesInFrame", "json", ("jsonschema", b"{}"), make)
     same_as_trc(path, profile=own_profile(tmp_path / "mine.toml", lambda index, name: f"pose_{index}"))
+
+
+def test_labels_that_change_with_every_message_end_early(tmp_path: Path) -> None:
+    """Texts such as "0.31 m/s" would be new names, and walking all of them would take minutes."""
+    numbers = iter(range(1_000_000))
+    rows = markers(FOXY, (EPOCH_NS, [str(index) for index in range(30)], np.ones((30, 3))))
+
+    def make(frame: Frame) -> bytes:
+        for one in rows.markers:
+            one.text = str(next(numbers))
+        return bytes(FOXY.serialize_cdr(rows, NAMES))
+
+    text = FOXY.generate_msgdef(NAMES, ros_version=2)[0].encode()
+    path = write(tmp_path / "a.mcap", NAMES, "cdr", ("ros2msg", text), make)
+    log = ReadLog()
+    for stream in open_mcap(path).streams:
+        list(stream.blocks(log))
+    says(log.first_skipped or "", "more than 2000 names")
 
 
 def test_lists_of_markers_and_clouds_are_told(tmp_path: Path) -> None:
