@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from reba.errors import ReadError
+from reba.open_file import read_settings
 from reba.readers.mcap import idl, protobuf, ros
 from reba.readers.mcap.decode import Batch, ColumnDecoder, Decoder, JsonDecoder, load_json
 from reba.readers.mcap.definitions import standard_definitions
@@ -233,11 +234,28 @@ def recording_files(path: Path) -> list[Path]:
     files = [file for file in path.iterdir() if is_split(file.name)]
     if not files:
         raise ReadError(path, "the folder has no .mcap, .db3 or .bag file", hint="give a recording or a rosbag2 folder")
-    kinds = sorted({re.sub(r"\.zstd$", "", file.name).rpartition(".")[2] for file in files})
-    if len(kinds) > 1:
+    if len(_formats(files)) > 1:
+        listed = _listed(path / "metadata.yaml")
+        files = [file for file in files if file.name in listed] or files
+    if len(kinds := sorted(_formats(files))) > 1:
         what = f"the folder has .{' and .'.join(kinds)} files, which may be copies of each other"
         raise ReadError(path, what, hint="give one of them, or put them into folders of their own")
     return sorted(files, key=_in_order)
+
+
+def _formats(files: Iterable[Path]) -> set[str]:
+    return {file.name.removesuffix(".zstd").rpartition(".")[2] for file in files}
+
+
+def _listed(metadata: Path) -> set[str]:
+    """Return the names of the files that the metadata of a rosbag2 folder lists, none without metadata."""
+    try:
+        text = read_settings(metadata)
+    except (OSError, UnicodeDecodeError):
+        return set()
+    # All that is needed of YAML: a list of paths, of which early versions wrote whole ones.
+    lines = re.findall(r"^[ \t]*-[ \t]+[\"']?([^\n\"']+)", text, flags=re.MULTILINE)
+    return {line.strip().rpartition("/")[2] for line in lines}
 
 
 def _in_order(file: Path) -> list[int | str]:

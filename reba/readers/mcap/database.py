@@ -107,7 +107,7 @@ class Database:
     def _reported(self) -> Iterator[None]:
         try:
             yield
-        except (sqlite3.Error, BadRecord, OverflowError) as error:
+        except (sqlite3.Error, BadRecord, OverflowError, UnicodeDecodeError) as error:
             text = str(error)
             if text == "interrupted":
                 text = "a query takes longer than a file of this size can need"
@@ -133,7 +133,8 @@ class Database:
                     file.seek(0)
                     shutil.copyfileobj(file, copy)
         for journal in journals:
-            with opened(journal) as file, Path(f"{place}{journal.name[len(self.path.name) :]}").open("wb") as copy:
+            beside = place.with_name(place.name + journal.name[len(self.path.name) :])
+            with opened(journal) as file, beside.open("wb") as copy:
                 shutil.copyfileobj(file, copy)
         if journals:
             self.ended_abnormally = f"the recorder did not close the file; {journals[0].name} was read with it"

@@ -117,10 +117,10 @@ def extract_scene(tree: Any) -> list[SignalGroup]:
     for kind in ("spheres", "cubes", "texts"):
         named: list[tuple[str, Mapping[str, Any]]] = []
         for entity in map(fields_of, entities):
-            found = entity.get(kind, [])
-            for index, item in enumerate(found if isinstance(found, list) else []):
+            shapes = entity.get(kind, [])
+            for index, item in enumerate(shapes if isinstance(shapes, list) else []):
                 name = str(entity.get("id", ""))
-                name = str(fields_of(item).get("text", "")) or (f"{name}/{index}" if len(found) > 1 else name)
+                name = str(fields_of(item).get("text", "")) or (f"{name}/{index}" if len(shapes) > 1 else name)
                 named.append((name, {**fields_of(item), "header": {"frame_id": entity.get("frame_id", "")}}))
         if named:
             return _points(stamp_of(fields_of(entities[0])), named)

@@ -156,14 +156,14 @@ class _Parser:
         raise BadSchema(f"{self._peek()[:40]!r} in an IDL, expected a name")
 
     def _expect(self, sign: str) -> None:
-        if (found := self._next()) != sign:
-            raise BadSchema(f"{found[:40]!r} in an IDL, expected {sign!r}")
+        if (word := self._next()) != sign:
+            raise BadSchema(f"{word[:40]!r} in an IDL, expected {sign!r}")
 
     def _skip(self, sign: str) -> bool:
         """Return whether the next word is `sign`, and go beyond it."""
-        found = self._peek() == sign
-        self._at += found
-        return found
+        next_is = self._peek() == sign
+        self._at += next_is
+        return next_is
 
     def _annotations(self) -> dict[str, str]:
         """Return the annotations of what follows: name -> what is in the brackets."""
@@ -266,7 +266,7 @@ class _Resolver:
         scope = name.split("::")[:-1]
         fields: list[tuple[str, Type]] = []
         if base:
-            fields += self.struct(self._found(base, scope, self._known.structs), depth + 1).fields
+            fields += self.struct(self._defined(base, scope, self._known.structs), depth + 1).fields
         for member in members:
             if member.optional:
                 raise BadSchema(f"{member.name} of {name} is optional, which has no fixed layout")
@@ -292,25 +292,25 @@ class _Resolver:
             return Text()
         if written.name in _REFUSED:
             raise BadSchema(f"{written.name} has no portable layout")
-        for found in _candidates(written.name, scope):
-            if found in self._known.structs:
-                return self.struct(found, depth + 1)
-            if found in self._known.aliases:
-                return self._declared(self._known.aliases[found], found.split("::")[:-1], depth + 1)
-            if found in self._known.enums:
-                return Number(self._known.enums[found])
+        for candidate in _candidates(written.name, scope):
+            if candidate in self._known.structs:
+                return self.struct(candidate, depth + 1)
+            if candidate in self._known.aliases:
+                return self._declared(self._known.aliases[candidate], candidate.split("::")[:-1], depth + 1)
+            if candidate in self._known.enums:
+                return Number(self._known.enums[candidate])
         raise BadSchema(f"type {written.name} is not defined in the IDL")
 
     def _length(self, text: str, scope: list[str]) -> int:
         """Return the length of an array, a number or the name of a constant."""
-        for found in _candidates(text, scope):
-            text = self._known.constants.get(found, text)
+        constants = self._known.constants
+        text = next((constants[one] for one in _candidates(text, scope) if one in constants), text)
         if not text.isdecimal() or len(text) > len(str(_MOST_LENGTH)):
             raise BadSchema(f"an array of {text[:20]!r} elements")
         return int(text)
 
     @staticmethod
-    def _found(name: str, scope: list[str], known: Mapping[str, object]) -> str:
+    def _defined(name: str, scope: list[str], known: Mapping[str, object]) -> str:
         for candidate in _candidates(name, scope):
             if candidate in known:
                 return candidate

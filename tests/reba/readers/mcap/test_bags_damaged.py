@@ -14,6 +14,7 @@ import zstandard
 
 import reba
 from reba.errors import ReadError
+from reba.readers.info import info
 from reba.readers.mcap import open_mcap
 from tests.support import bag_bytes
 from tests.support import bag_copies as copies
@@ -239,6 +240,8 @@ def test_packed_database_that_unpacks_to_too_much(tmp_path: Path) -> None:
 def test_folder_with_two_formats_is_a_question(source: Path, tmp_path: Path) -> None:
     folder = copies.COPIES["db3_folder"](source, tmp_path)
     (folder / "a.mcap").write_bytes(source.read_bytes())
+    assert info(folder).format == "db3"  # the one that metadata.yaml lists
+    (folder / "metadata.yaml").unlink()
     with pytest.raises(ReadError) as caught:
         reba.read(folder)
     says(caught, folder, ".db3 and .mcap", "give one")

@@ -77,6 +77,24 @@ FILES = {
     "geometry_msgs/msg/TransformStamped": GEOMETRY,
     "tf2_msgs/msg/TFMessage": TF,
 }
+EVERYTHING = """
+const unsigned long COUNT = 3;
+const unsigned long SIZE = 9;
+module a {
+  const short SIZE = 2;
+  enum Colour { RED, GREEN, @value(7) BLUE };
+  @bit_bound(8) enum Small { ONE };
+  typedef sequence<long long, 5> Longs;
+  typedef double Matrix[SIZE][COUNT];
+  struct Base { @key unsigned short id; };
+  struct Forward;
+  @final @extensibility(FINAL) struct All : Base {
+    boolean flag, other; octet raw; char letter; int8 i; unsigned long long big;
+    string<10> name; Colour colour; Small small; Longs longs; Matrix matrix;
+    sequence<sequence<float>> nested; Base base; @optional(FALSE) string text[2];
+  };
+};
+"""
 JOINED = "".join(f"{LINE}\nIDL: {name}\n{text}\n" for name, text in FILES.items())
 
 
@@ -144,23 +162,7 @@ def test_standard_definitions_are_those_of_the_distributions(store: str) -> None
 
 
 def test_idl_of_every_kind_of_member() -> None:
-    text = """
-    const unsigned long COUNT = 3;
-    module a {
-      enum Colour { RED, GREEN, @value(7) BLUE };
-      @bit_bound(8) enum Small { ONE };
-      typedef sequence<long long, 5> Longs;
-      typedef double Matrix[2][COUNT];
-      struct Base { @key unsigned short id; };
-      struct Forward;
-      @final @extensibility(FINAL) struct All : Base {
-        boolean flag, other; octet raw; char letter; int8 i; unsigned long long big;
-        string<10> name; Colour colour; Small small; Longs longs; Matrix matrix;
-        sequence<sequence<float>> nested; Base base; @optional(FALSE) string text[2];
-      };
-    };
-    """
-    root = idl.parse(text, "a::All")
+    root = idl.parse(EVERYTHING, "a::All")
     u1, base = Number("u1"), Struct("a::Base", (("id", Number("u2")),))
     assert dict(root.fields) == {
         "id": Number("u2"),
