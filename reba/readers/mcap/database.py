@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 import numpy as np
 
@@ -43,6 +43,8 @@ _STEP: Final = 1 << 16
 _MOST_TOPICS: Final = 10_000
 _JOURNALS: Final = ("-wal", "-journal")
 _AGAIN: Final = "copy the file again from its source, or repair it with `sqlite3 FILE .recover`"
+_HEADER: Final = 100
+"""[bytes] Header of an SQLite file, https://www.sqlite.org/fileformat.html#the_database_header."""
 _NEEDED: Final = {"messages": ("id", "topic_id", "timestamp", "data"), "topics": ("id", "name", "type")}
 
 
@@ -78,6 +80,7 @@ class Database:
         self.lost: str | None = None
         self.warnings: list[str] = []
         self._last: Loaded | None = None
+        self._cut = ""
         with self._reported():
             place = self._readable_place()
             self._unpacker = MessageUnpacker(limit_bytes, place.stat().st_size)
@@ -121,17 +124,21 @@ class Database:
             packed = file.read(len(ZSTD_MAGIC)) == ZSTD_MAGIC
             journals = [Path(f"{self.path}{ending}") for ending in _JOURNALS]
             journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
-            if not packed and not journals:
+            if not packed and not journals and not _truncation(file)[0]:
                 return self.path
             folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
             weakref.finalize(self, folder.cleanup)
             place = Path(folder.name) / "recording.db3"
-            with place.open("wb") as copy:
+            with place.open("w+b") as copy:
                 if packed:
                     unpack_file(self.path, file, copy, self.limit_bytes)
                 else:
                     file.seek(0)
                     shutil.copyfileobj(file, copy)
+                if not journals:
+                    # The rest of a page that is there in part would be read as zeros.
+                    self._cut, whole = _truncation(copy)
+                    copy.truncate(whole)
         for journal in journals:
             beside = place.with_name(place.name + journal.name[len(self.path.name) :])
             with opened(journal) as file, beside.open("wb") as copy:
@@ -147,6 +154,9 @@ class Database:
         connection.text_factory = lambda data: data.decode(errors="replace")
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(self.limit_bytes, (1 << 31) - 1))
         connection.execute("PRAGMA trusted_schema = OFF")
+        if self._cut:
+            # Otherwise SQLite refuses a file that is shorter than its header states.
+            connection.execute("PRAGMA writable_schema = ON")
         connection.execute("PRAGMA query_only = ON")
         return connection
 
@@ -161,6 +171,14 @@ class Database:
         self._connection.set_progress_handler(exhausted, _STEP)
         yield from self._connection.execute(query, values)
 
+    def _whole_rows(self, query: str, *values: int) -> Iterator[tuple[Any, ...]]:
+        """Yield the rows of a query, of a truncated file up to the first that is not there."""
+        try:
+            yield from self._rows(query, *values)
+        except sqlite3.DatabaseError:
+            if not self._cut:
+                raise
+
     def _columns(self, table: str) -> set[str]:
         """Return the stored columns of a table; views, virtual tables and computed columns have none."""
         stored = self._rows("SELECT name, sql FROM sqlite_master WHERE type = 'table'")
@@ -174,6 +192,8 @@ class Database:
         missing = [
             f"{table}.{name}" for table, names in _NEEDED.items() for name in names if name not in columns[table]
         ]
+        if missing and self._cut:
+            raise BadRecord(0, f"{self._cut}, before its tables")
         if missing:
             what = f"is an SQLite file without {missing[0]}, so no rosbag2 recording"
             raise ReadError(self.path, what, hint="give a recording")
@@ -198,7 +218,7 @@ class Database:
         rows, size, start, first = 0, 0, LATEST, 0
         query = "SELECT rowid, topic_id, CAST(timestamp AS INTEGER), length(data) FROM messages ORDER BY rowid"
         unknown = 0
-        for number, topic, time, length in self._rows(query):
+        for number, topic, time, length in self._whole_rows(query):
             if topic not in self.channels:
                 unknown += 1
                 continue
@@ -206,21 +226,23 @@ class Database:
             if topic not in wanted:
                 continue
             if rows and (rows >= SEGMENT_ROWS or size + (length or 0) > SEGMENT_BYTES):
-                self.segments.append(ChunkRef(first, number - first, None, start))
+                self.segments.append(ChunkRef(first, rows, None, start))
                 rows, size, start = 0, 0, LATEST
             first = number if rows == 0 else first
             rows, size, start = rows + 1, size + (length or 0), min(start, _bounded(time))
         if rows:
-            self.segments.append(ChunkRef(first, number - first + 1, None, start))
+            self.segments.append(ChunkRef(first, rows, None, start))
         if unknown:
             self.warnings.append(f"{unknown} messages name a topic that the file does not define")
+        if self._cut:
+            self.ended_abnormally = f"{self._cut}; {self.counts.total()} messages read"
 
     def _loaded(self, segment: ChunkRef) -> Loaded:
         query = (
             "SELECT rowid, topic_id, CAST(timestamp AS INTEGER), CAST(data AS BLOB) FROM messages "
-            f"WHERE rowid >= ? AND rowid < ? AND topic_id IN ({self._wanted}) ORDER BY rowid"
+            f"WHERE rowid >= ? AND topic_id IN ({self._wanted}) ORDER BY rowid LIMIT ?"
         )
-        rows = list(self._rows(query, segment.offset, segment.offset + segment.size))
+        rows = list(self._whole_rows(query, segment.offset, segment.size))
         payloads = [row[3] or b"" for row in rows]
         data = b"".join(payloads)
         lengths = np.array([len(payload) for payload in payloads], np.int64)
@@ -229,6 +251,18 @@ class Database:
         scan = Scan(np.cumsum(lengths) - lengths, lengths, channels, times, (), len(data), len(rows))
         data, scan = self._unpacker.unpacked(segment, data, scan, self.channels, 0)
         return Rows(segment, data, scan, [row[0] for row in rows])
+
+
+def _truncation(file: IO[bytes]) -> tuple[str, int]:
+    """Return where a file ends before the last page that its header states, "" if it does not; and its whole pages."""
+    file.seek(0)
+    header = file.read(_HEADER)
+    end = file.seek(0, 2)
+    page, pages = int.from_bytes(header[16:18], "big"), int.from_bytes(header[28:32], "big")
+    page = 1 << 16 if page == 1 else page
+    if len(header) < _HEADER or end >= page * pages:
+        return "", end
+    return f"truncated at byte {end} of {page * pages}", end // page * page
 
 
 def _bounded(time: int | None) -> int:

@@ -190,7 +190,16 @@ def test_values_of_any_type_are_counted_and_not_a_traceback(tmp_path: Path) -> N
 def test_cut_and_damaged_databases(source: Path, tmp_path: Path) -> None:
     path = copies.COPIES["db3"](source, tmp_path)
     data = path.read_bytes()
-    path.write_bytes(data[: len(data) // 2])
+    for share in (0.2, 0.5, 0.9):
+        path.write_bytes(data[: int(share * len(data))])
+        table = reba.read(path)
+        assert share * FRAMES - 40 < len(table.data) < FRAMES
+        np.testing.assert_array_equal(table.data, reba.read(source).data.iloc[: len(table.data)])
+        says(table.quality.ended_abnormally or "", "truncated at byte", len(data), "messages read")
+        with pytest.raises(ReadError) as caught:
+            reba.read(path, strict=True)
+        says(caught, path, "truncated")
+    path.write_bytes(data[:3000])
     with pytest.raises(ReadError) as caught:
         reba.read(path)
     says(caught, path, "damaged", "recover")
