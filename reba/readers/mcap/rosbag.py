@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reba.errors import ReadError
 from reba.readers.mcap.container import Container
@@ -27,7 +28,8 @@ _VERSION: Final = b"#ROSBAG V2.0\n"
 _MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = range(2, 8)
 _OPERATIONS: Final = range(_MESSAGE, _CONNECTION + 1)
 _U32 = struct.Struct("<I")
-_TIME = struct.Struct("<II")
+_TIME: Final = 8
+"""[bytes] Seconds and nanoseconds."""
 _MOST_HEADER: Final = 1 << 20
 """[bytes] Longest header of a record: a topic name and some numbers."""
 Places = dict[bytes, tuple[int, int]]
@@ -114,7 +116,10 @@ class Bag(Container):
         elif operation == _CHUNK_INFO:
             segment = self._chunk_at.get(_number(header, fields, b"chunk_pos", 8))
             if segment is not None and segment.chunk is not None:
-                start, end = (_time(_value(header, fields, name)) for name in (b"start_time", b"end_time"))
+                for name in (b"start_time", b"end_time"):
+                    _number(header, fields, name, _TIME)
+                values = _value(header, fields, b"start_time") + _value(header, fields, b"end_time")
+                start, end = _times(values).tolist()
                 segment.start, segment.chunk = start, replace(segment.chunk, start=start, end=end)
         elif operation == _INDEX and self.segments:
             hints = self.segments[-1].channels = self.segments[-1].channels or {}
@@ -188,14 +193,6 @@ def _text(header: bytes, fields: Places, name: bytes) -> str:
     return _value(header, fields, name).decode(errors="replace")
 
 
-def _time(value: bytes) -> int:
-    """Return a time [ns since 1970]."""
-    if len(value) != _TIME.size:
-        raise BadRecord(0, "a record has no time of 8 bytes")
-    seconds, nanos = _TIME.unpack(value)
-    return int(min(seconds * 1_000_000_000 + nanos, LATEST))
-
-
 def _scan(data: bytes, most: int) -> Scan:
     """Return the messages of a chunk; definitions are whole connection records.
 
@@ -205,9 +202,11 @@ def _scan(data: bytes, most: int) -> Scan:
     payloads: list[int] = []
     lengths: list[int] = []
     channels: list[int] = []
-    times: list[int] = []
+    times: list[bytes] = []
     definitions: list[tuple[int, int, int]] = []
-    layouts: dict[int, tuple[bytes, int, int]] = {}
+    # Headers of messages of one connection differ in nothing but the time.
+    time_at: dict[int, int] = {}
+    connections: dict[bytes, int] = {}
     at, end, count = 0, len(data), 0
     while at < end:
         count += 1
@@ -219,42 +218,31 @@ def _scan(data: bytes, most: int) -> Scan:
         if data_at + length > end:
             raise BadRecord(at, f"a record of {4 + size + 4 + length} bytes where {end - at} are left")
         header = data[at + 4 : at + 4 + size]
-        known = layouts.get(size)
-        if known is None or not _same(header, *known):
+        place = time_at.get(size, 0)
+        connection = connections.get(header[:place] + header[place + _TIME :])
+        if connection is None:
             fields = _fields(header, at + 4)
             operation = _number(header, fields, b"op", 1)
             if operation == _MESSAGE:
-                _number(header, fields, b"conn", 4)
-                _number(header, fields, b"time", 8)
-                known = layouts[size] = (header, fields[b"conn"][0], fields[b"time"][0])
+                connection = _number(header, fields, b"conn", 4)
+                _number(header, fields, b"time", _TIME)
+                place = time_at[size] = fields[b"time"][0]
+                connections[header[:place] + header[place + _TIME :]] = connection
             elif operation == _CONNECTION:
                 definitions.append((operation, at, data_at + length))
-                known = None
             else:
                 raise BadRecord(at, f"a record of type {operation:#x} in a chunk")
-        if known is not None:
+        if connection is not None:
             payloads.append(data_at)
             lengths.append(length)
-            channels.append(_U32.unpack_from(header, known[1])[0])
-            times.append(_time(header[known[2] : known[2] + 8]))
+            channels.append(connection)
+            times.append(header[place : place + _TIME])
         at = data_at + length
-    return Scan(
-        np.array(payloads, np.int64),
-        np.array(lengths, np.int64),
-        np.array(channels, np.int64),
-        np.array(times, np.int64),
-        tuple(definitions),
-        at,
-        count,
-    )
+    starts, sizes, numbers = (np.array(column, np.int64) for column in (payloads, lengths, channels))
+    return Scan(starts, sizes, numbers, _times(b"".join(times)), tuple(definitions), at, count)
 
 
-def _same(header: bytes, template: bytes, conn: int, time: int) -> bool:
-    """Return whether a header differs from that of another message in nothing but its connection and its time."""
-    first, second = ((conn, 4), (time, 8)) if conn < time else ((time, 8), (conn, 4))
-    after = first[0] + first[1]
-    return (
-        header[: first[0]] == template[: first[0]]
-        and header[after : second[0]] == template[after : second[0]]
-        and header[second[0] + second[1] :] == template[second[0] + second[1] :]
-    )
+def _times(values: bytes) -> NDArray[np.int64]:
+    """Return times [ns since 1970] from seconds and nanoseconds."""
+    pairs = np.frombuffer(values, "<u4").reshape(-1, 2).astype(np.int64)
+    return np.asarray(np.minimum(pairs[:, 0] * 1_000_000_000 + pairs[:, 1], LATEST))
