@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sqlite3
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -88,14 +88,14 @@ def to_bag(source: Path, path: Path, compression: str = "") -> Path:
     return path
 
 
-def to_rosbag2(source: Path, folder: Path, plugin: str = "SQLITE3", mode: str = "") -> Path:
-    """Copy into a rosbag2 folder ("FILE" or "MESSAGE" for packed ones), in the order of the source."""
+def to_rosbag2(source: Path | Sequence[Message], folder: Path, plugin: str = "SQLITE3", mode: str = "") -> Path:
+    """Copy a recording, or messages, into a rosbag2 folder ("FILE" or "MESSAGE" for packed ones), in their order."""
     writer = Writer2(folder, version=9, storage_plugin=StoragePlugin[plugin])
     if mode:
         writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
     with writer:
         connections = {}
-        for topic, name, time, data in messages(source):
+        for topic, name, time, data in messages(source) if isinstance(source, Path) else source:
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, name, typestore=ROS2)
             writer.write(connections[topic], time, data)

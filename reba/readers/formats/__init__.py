@@ -9,8 +9,9 @@ from pathlib import Path
 from reba.errors import ReadError
 from reba.files import sha256_of
 from reba.open_file import open_regular
-from reba.readers.mcap import open_mcap, sniff
+from reba.readers.mcap import is_mcap, open_mcap, sniff
 from reba.readers.recording.stream import Recording
+from reba.recording_folder import is_split
 
 HEAD = 8192
 """[bytes] First part of a file that decides its format."""
@@ -115,7 +116,7 @@ def is_recording(path: Path) -> bool:
         if not path.is_file():
             return False
         if sniff(path):
-            return True
+            return is_mcap(path) or is_split(path.name)  # SQLite files are of many programs
         named = [known for known in FORMATS if path.suffix.lower() in known.extensions]
         with open_regular(path) as file:
             head = file.read(HEAD)

@@ -41,3 +41,15 @@ def test_a_copy_gives_the_same_angles_scores_and_accounts(name: str, source: Pat
 @pytest.mark.parametrize("name", ["bag", "db3"])
 def test_format_is_named(name: str, source: Path, tmp_path: Path) -> None:
     assert info(copies.COPIES[name](source, tmp_path)).format == name
+
+
+@pytest.mark.parametrize("plugin", ["MCAP", "SQLITE3"])
+def test_threads_that_pack_messages_may_swap_them(plugin: str, source: Path, tmp_path: Path) -> None:
+    """`ros2 bag record` packs messages in several threads and writes each one as it is done."""
+    rows = list(copies.messages(source))
+    order = np.argsort(np.arange(len(rows)) + np.random.default_rng(0).uniform(0, 8, len(rows)))
+    assert (np.diff(order) < 0).any()
+    path = copies.to_rosbag2([rows[index] for index in order], tmp_path / "a", plugin, "MESSAGE")
+    expected, found = reba.read(source), reba.read(path)
+    np.testing.assert_array_equal(found.data[list(COLUMNS)], expected.data[list(COLUMNS)])
+    assert found.quality.seams == ()
