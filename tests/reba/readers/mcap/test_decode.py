@@ -171,6 +171,29 @@ def test_xcdr2_aligns_numbers_of_eight_bytes_to_four() -> None:
     says(caught, "00030000", "not plain CDR")
 
 
+@pytest.mark.parametrize("kind", [7, 9])
+@pytest.mark.parametrize("collections", [True, False], ids=["standard", "without"])
+def test_xcdr2_has_delimiter_headers(kind: int, collections: bool) -> None:
+    """A joint state as DDS writes it by XTypes 1.3, and as those do that leave the headers of collections out."""
+
+    def delimited(content: bytes, has: bool) -> bytes:
+        return len(content).to_bytes(4, "little") + content if has else content
+
+    names = b"\2\0\0\0" + b"\2\0\0\0a\0" + b"\0\0" + b"\2\0\0\0b\0" + b"\0\0"
+    names, padding = (names[:-2], b"\0\0") if collections else (names, b"")
+    numbers = b"\2\0\0\0" + np.array([1.5, 2.5]).tobytes()
+    stamp = delimited(b"\5\0\0\0\6\0\0\0", kind == 9)
+    body = delimited(stamp + delimited(names, collections) + padding + numbers, kind == 9)
+    root = parse("Time stamp\nstring[] name\nfloat64[] position\n====\nMSG: x/Time\nint32 sec\nuint32 nanosec", "x/Y")
+    message = bytes([0, kind, 0, 0]) + body
+    tree = ros.walk(root, message, TEXTS, ros1=False).tree
+    assert tree["name"] == ["a", "b"]
+    span = tree["position"]
+    np.testing.assert_array_equal(np.frombuffer(message, "<f8", span.count, span.start), [1.5, 2.5])
+    with pytest.raises(Undecodable):
+        ros.walk(root, message[:-9], TEXTS, ros1=False)
+
+
 def test_an_empty_array_is_not_padded() -> None:
     root = parse("uint32 a\nfloat64[] b\nuint8 c", "x/Y")
     tree = ros.walk(root, b"\0\1\0\0\1\0\0\0\0\0\0\0\5", (), ros1=False).tree
