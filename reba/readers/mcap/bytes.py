@@ -193,8 +193,10 @@ def _unpack_lz4(packed: bytes, size: int) -> bytes:
 
 
 def _unpack_bz2(packed: bytes, size: int) -> bytes:
-    import bz2
-
+    try:
+        import bz2
+    except ImportError as error:
+        raise BadChunk("it is compressed with bz2, and this Python was built without it") from error
     try:
         return bz2.BZ2Decompressor().decompress(packed, size + 1)
     except (OSError, EOFError, ValueError) as error:

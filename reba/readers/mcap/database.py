@@ -10,14 +10,13 @@ A file is opened read-only, and a copy of one whose recorder left a journal besi
 from __future__ import annotations
 
 import shutil
-import sqlite3
 import tempfile
 import weakref
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -27,6 +26,9 @@ from reba.readers.mcap.meanings import meaning_of
 from reba.readers.mcap.packed_messages import MessageUnpacker
 from reba.readers.mcap.records import LATEST, BadRecord, Channel, Scan, Schema
 from reba.readers.mcap.store import ChunkRef, Loaded
+
+if TYPE_CHECKING:
+    import sqlite3
 
 __all__ = ["SQLITE_MAGIC", "Database"]
 SQLITE_MAGIC: Final = b"SQLite format 3\0"
@@ -108,6 +110,12 @@ class Database:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
+        """Turn the errors of SQLite into those of readers."""
+        try:
+            import sqlite3
+        except ImportError as error:
+            hint = "use another Python, or convert the recording with `ros2 bag convert`"
+            raise ReadError(self.path, "this Python was built without SQLite", hint=hint) from error
         try:
             yield
         except (sqlite3.Error, BadRecord, OverflowError, UnicodeDecodeError) as error:
@@ -149,6 +157,8 @@ class Database:
 
     def _connect(self, place: Path) -> sqlite3.Connection:
         """Open a database so that it cannot run code of its own, write or take memory without bounds."""
+        import sqlite3
+
         address = place.absolute().as_uri() + ("?mode=ro&immutable=1" if place == self.path else "")
         connection = sqlite3.connect(address, uri=True, isolation_level=None, check_same_thread=False)
         connection.text_factory = lambda data: data.decode(errors="replace")
@@ -173,6 +183,8 @@ class Database:
 
     def _whole_rows(self, query: str, *values: int) -> Iterator[tuple[Any, ...]]:
         """Yield the rows of a query, of a truncated file up to the first that is not there."""
+        import sqlite3
+
         try:
             yield from self._rows(query, *values)
         except sqlite3.DatabaseError:

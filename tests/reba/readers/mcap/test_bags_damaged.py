@@ -5,6 +5,7 @@ from __future__ import annotations
 import bz2
 import sqlite3
 import struct
+import sys
 import time
 from pathlib import Path
 
@@ -244,6 +245,17 @@ def test_packed_database_that_unpacks_to_too_much(tmp_path: Path) -> None:
     with pytest.raises(ReadError) as caught:
         open_mcap(path, limit_bytes=1 << 20)
     says(caught, path, "unpacks to more than")
+
+
+def test_python_without_sqlite_or_bz2(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python builds without them where their headers are not installed; MCAP is read all the same."""
+    paths = [copies.COPIES[name](source, tmp_path) for name in ("db3", "bag_bz2")]
+    for path, module, facts in zip(paths, ("sqlite3", "bz2"), (("SQLite", "another Python"), ("bz2",)), strict=True):
+        monkeypatch.setitem(sys.modules, module, None)
+        with pytest.raises(ReadError) as caught:
+            reba.read(path)
+        says(caught, path, "built without", *facts)
+    assert len(reba.read(source).data) == FRAMES
 
 
 def test_folder_with_two_formats_is_a_question(source: Path, tmp_path: Path) -> None:
