@@ -85,8 +85,10 @@ class Database:
         self._cut = ""
         with self._reported():
             place = self._readable_place()
-            self._unpacker = MessageUnpacker(limit_bytes, place.stat().st_size)
-            self._steps = FREE_STEPS + STEPS_PER_BYTE * place.stat().st_size
+            files = [place] if place == self.path else place.parent.iterdir()
+            self._size = sum(file.stat().st_size for file in files)
+            self._unpacker = MessageUnpacker(limit_bytes, self._size)
+            self._steps = FREE_STEPS + STEPS_PER_BYTE * self._size
             self._connection = self._connect(place)
             weakref.finalize(self, self._connection.close)
             self._define()
@@ -162,7 +164,7 @@ class Database:
         address = place.absolute().as_uri() + ("?mode=ro&immutable=1" if place == self.path else "")
         connection = sqlite3.connect(address, uri=True, isolation_level=None, check_same_thread=False)
         connection.text_factory = lambda data: data.decode(errors="replace")
-        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(self.limit_bytes, (1 << 31) - 1))
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(self.limit_bytes, self._size + _HEADER, (1 << 31) - 1))
         connection.execute("PRAGMA trusted_schema = OFF")
         if self._cut:
             # Otherwise SQLite refuses a file that is shorter than its header states.
@@ -171,15 +173,24 @@ class Database:
         return connection
 
     def _rows(self, query: str, *values: int) -> Iterator[tuple[Any, ...]]:
-        """Yield the rows of a query that ends within the allowed steps."""
+        """Yield the rows of a query that ends within the allowed steps and gives no more bytes than the file has."""
         left = [1 + self._steps // _STEP]
+        size = 0
 
         def exhausted() -> bool:
             left[0] -= 1
             return left[0] < 0
 
         self._connection.set_progress_handler(exhausted, _STEP)
-        yield from self._connection.execute(query, values)
+        for row in self._connection.execute(query, values):
+            # The pages of a long value may refer to each other in a circle.
+            size += sum(len(value) for value in row if isinstance(value, bytes | str))
+            self._check_size(size)
+            yield row
+
+    def _check_size(self, size: int) -> None:
+        if size > self._size:
+            raise BadRecord(0, f"values of {size} bytes in a file of {self._size}")
 
     def _whole_rows(self, query: str, *values: int) -> Iterator[tuple[Any, ...]]:
         """Yield the rows of a query, of a truncated file up to the first that is not there."""
@@ -227,10 +238,12 @@ class Database:
         """Divide the messages into segments, in the order of recording."""
         wanted = {number for number in self.channels if meaning_of(self.schemas[number].name) is not None}
         self._wanted = ",".join(map(str, sorted(wanted)))
-        rows, size, start, first = 0, 0, LATEST, 0
+        rows, size, start, first, total = 0, 0, LATEST, 0, 0
         query = "SELECT rowid, topic_id, CAST(timestamp AS INTEGER), length(data) FROM messages ORDER BY rowid"
         unknown = 0
         for number, topic, time, length in self._whole_rows(query):
+            total += length or 0
+            self._check_size(total)
             if topic not in self.channels:
                 unknown += 1
                 continue

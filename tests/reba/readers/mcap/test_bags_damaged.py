@@ -188,6 +188,22 @@ def test_values_of_any_type_are_counted_and_not_a_traceback(tmp_path: Path) -> N
     assert any("2 messages name a topic" in text for text in recording.log.warnings)
 
 
+def test_messages_that_declare_more_than_the_file_has(tmp_path: Path) -> None:
+    """Pages of several values may be the same ones, so a small file could hold gigabytes."""
+    rows = "".join(f"INSERT INTO messages VALUES ({at}, 1, 5, x'51515151{'00' * 4000}');" for at in (1, 2))
+    path = _database(tmp_path / "a.db3", "PRAGMA page_size = 512;" + TOPICS + JOINTS + MESSAGES + rows)
+    data = bytearray(path.read_bytes())
+    for at in (data.index(b"QQQQ"), data.rindex(b"QQQQ")):
+        assert data[at - 7 : at - 3] == b"\6\0\x09\1"  # head of the record: its size, and the types of three values
+        data[at - 10 : at - 8] = b"\xc0\0"  # the record has 8192 bytes
+        data[at - 3 : at - 1] = b"\xff\x7e"  # and the value 8185
+    assert 8185 < len(data) < 2 * 8185
+    path.write_bytes(data)
+    with pytest.raises(ReadError) as caught:
+        reba.read(path)
+    says(caught, path, f"values of {2 * 8185} bytes in a file of {len(data)}")
+
+
 def test_cut_and_damaged_databases(source: Path, tmp_path: Path) -> None:
     path = copies.COPIES["db3"](source, tmp_path)
     data = path.read_bytes()
