@@ -132,7 +132,7 @@ class Contents:
         self._read_all(parts, strict)
         if self._has_no_log_time():
             for container in self.containers:
-                if isinstance(container, Container):
+                if isinstance(container, Container) and container.format == "mcap":
                     container.publish_time = True
             self._read_all(parts, strict)
         logs = [one.intervals[0][0] for group in self.presence.values() for one in group.values() if one.intervals]

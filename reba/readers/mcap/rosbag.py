@@ -72,9 +72,9 @@ class Bag(Container):
             self.ended_abnormally += f"; {sum(self.counts.values())} messages read{self._time_span()}"
 
     def _indexed(self) -> bool:
-        """Return whether the index has every chunk and every connection."""
+        """Return whether the index has the time of every chunk, and every connection."""
         return all(
-            segment.channels is not None and segment.channels.keys() <= self.channels.keys()
+            segment.start and segment.channels is not None and segment.channels.keys() <= self.channels.keys()
             for segment in self.segments
         )
 

@@ -82,6 +82,15 @@ def test_bag_that_was_not_closed(source: Path, tmp_path: Path) -> None:
     says(table.quality.ended_abnormally or "", "no index", "did not close the file", f"{2 * FRAMES} messages read")
 
 
+def test_bag_without_times(source: Path, tmp_path: Path) -> None:
+    """A converter that left the times of the bag empty: header stamps give them; a bag has no others."""
+    path = tmp_path / "a.bag"
+    path.write_bytes(bag_bytes.bag([(one, 0, payload) for one, _, payload in rows(source)]))
+    table = reba.read(path)
+    assert table.quality.time_source == "header.stamp"
+    np.testing.assert_array_equal(table.data["time"], reba.read(source).data["time"])
+
+
 def test_missing_chunk_is_told(source: Path, tmp_path: Path) -> None:
     path = tmp_path / "a.bag"
     path.write_bytes(bag_bytes.bag(rows(source), without=[3]))
