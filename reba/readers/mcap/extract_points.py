@@ -62,14 +62,16 @@ class FewPoints:
 def extract_markers(tree: Any) -> list[SignalGroup]:
     """Return the places of the spheres of a MarkerArray or Marker, or else of its cubes or texts.
 
-    A point is named by its text, else by its namespace where no other marker of the message has that, else by
-    "<namespace>/<id>", without namespace by "marker_<id>".
+    A point is named "<namespace>/<text>"; without text by its namespace where no other marker of the message has that,
+    else "<namespace>/<id>", and without namespace "marker_<id>".
 
     Raises:
-        Undecodable: it has none of these, or they are in several frames.
+        Undecodable: it has none of these, or they are in several frames, or two have one name.
     """
     fields = fields_of(tree)
     markers = fields.get("markers", [fields])
+    if not isinstance(markers, list):
+        raise Undecodable("it has no markers")
     shown = [fields_of(marker) for marker in markers if fields_of(marker).get("action", _ADD) == _ADD]
     if not shown:
         return []
@@ -83,9 +85,16 @@ def extract_markers(tree: Any) -> list[SignalGroup]:
 
 def _marker_name(marker: Mapping[str, Any], alone: bool) -> str:
     space, text = str(marker.get("ns", "")), str(marker.get("text", "")).strip()
-    if text or (space and alone):
-        return text or space
-    return f"{space}/{marker.get('id')}" if space else f"marker_{marker.get('id')}"
+    if text:
+        return _of(space, text)
+    if space:
+        return space if alone else f"{space}/{marker.get('id')}"
+    return f"marker_{marker.get('id')}"
+
+
+def _of(body: str, text: str) -> str:
+    """Return the name of a point by its text, of the body that it belongs to if that is named."""
+    return f"{body}/{text}" if body not in ("", text) else text
 
 
 def extract_poses(tree: Any) -> list[SignalGroup]:
@@ -104,10 +113,10 @@ def extract_poses(tree: Any) -> list[SignalGroup]:
 def extract_scene(tree: Any) -> list[SignalGroup]:
     """Return the places of the spheres, else cubes or texts, of a SceneUpdate.
 
-    A point is named by its text, or by the id of its entity, "<id>/<order>" if that has several.
+    A point is named "<id>/<text>" with the id of its entity; without text by the id, "<id>/<order>" if it has several.
 
     Raises:
-        Undecodable: it has none of these, or they are in several frames.
+        Undecodable: it has none of these, or they are in several frames, or two have one name.
     """
     entities = fields_of(tree).get("entities", [])
     if not isinstance(entities, list):
@@ -119,8 +128,8 @@ def extract_scene(tree: Any) -> list[SignalGroup]:
         for entity in map(fields_of, entities):
             shapes = entity.get(kind, [])
             for index, item in enumerate(shapes if isinstance(shapes, list) else []):
-                name = str(entity.get("id", ""))
-                name = str(fields_of(item).get("text", "")) or (f"{name}/{index}" if len(shapes) > 1 else name)
+                body, text = str(entity.get("id", "")), str(fields_of(item).get("text", "")).strip()
+                name = _of(body, text) if text else f"{body}/{index}" if len(shapes) > 1 else body
                 named.append((name, {**fields_of(item), "header": {"frame_id": entity.get("frame_id", "")}}))
         if named:
             return _points(stamp_of(fields_of(entities[0])), named)
@@ -128,7 +137,10 @@ def extract_scene(tree: Any) -> list[SignalGroup]:
 
 
 def _points(stamp: Any, named: Sequence[tuple[str, Mapping[str, Any]]]) -> list[SignalGroup]:
-    """Return the places of things with a `pose`, all of which have one time and one frame."""
+    """Return the places of things with a `pose`, all of which have one time and one frame, and names of their own."""
+    name, count = Counter(name for name, _ in named).most_common(1)[0]
+    if count > 1:
+        raise Undecodable(f"{count} of its points are named {name[:40]!r}; give each body a namespace of its own")
     frames = {str(fields_of(item.get("header", {})).get("frame_id", "")) for _, item in named}
     if len(frames) > 1:
         raise Undecodable(f"its points are in several frames ({', '.join(sorted(frames)[:3])})")

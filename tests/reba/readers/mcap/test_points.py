@@ -225,6 +225,34 @@ def test_labels_that_change_with_every_message_end_early(tmp_path: Path) -> None
     says(log.first_skipped or "", "more than 2000 names")
 
 
+def two_people(frame: Frame, space: Callable[[int], str]) -> Any:
+    """Return the markers of a person, and of another one who stands two metres beside, named by text."""
+    names = [*frame[1], *frame[1]]
+    places = np.concatenate([frame[2], frame[2] + [2.0, 0.0, 0.0]])
+    both = (frame[0], names, places)
+    count = len(frame[1])
+    return markers(FOXY, both, ns=lambda index, name: space(1 + index // count), text=lambda index, name: name)
+
+
+def test_two_people_are_a_question(tmp_path: Path) -> None:
+    text = FOXY.generate_msgdef(NAMES, ros_version=2)[0].encode()
+
+    def make(frame: Frame) -> bytes:
+        return bytes(FOXY.serialize_cdr(two_people(frame, lambda number: f"person_{number}"), NAMES))
+
+    path = write(tmp_path / "a.mcap", NAMES, "cdr", ("ros2msg", text), make)
+    with pytest.raises(ProfileError) as caught:
+        reba.read(path)
+    says(caught, "person_1", "person_2", "--topic")
+    same_as_trc(path, topic="person_2")
+
+    def nameless(frame: Frame) -> bytes:
+        return bytes(FOXY.serialize_cdr(two_people(frame, lambda number: ""), NAMES))
+
+    path = write(tmp_path / "b.mcap", NAMES, "cdr", ("ros2msg", text), nameless)
+    says(open_mcap(path).topics[0].why, "2 of its points are named", "namespace of its own")
+
+
 def test_lists_of_markers_and_clouds_are_told(tmp_path: Path) -> None:
     def lists(frame: Frame) -> bytes:
         message = markers(FOXY, frame)
