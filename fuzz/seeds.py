@@ -51,7 +51,36 @@ def mcap() -> list[bytes]:
             path = Path(folder) / f"{number}.mcap"
             write(path, motion)
             files.append(path.read_bytes())
+    return files + _copies(("mcap_packed_messages",))
+
+
+def _copies(names: tuple[str, ...]) -> list[bytes]:
+    from tests.support import bag_copies
+
+    files = []
+    for name in names:
+        with TemporaryDirectory() as folder:
+            source = bag_copies.write_motion(Path(folder) / "source.mcap", FRAMES)
+            copy = bag_copies.COPIES[name](source, Path(folder))
+            files.append(copy.read_bytes() if copy.is_file() else next(copy.glob("a.*")).read_bytes())
     return files
+
+
+def bags() -> list[bytes]:
+    """ROS 1 bags, plain and packed."""
+    return _copies(("bag", "bag_bz2", "bag_lz4"))
+
+
+def databases() -> list[bytes]:
+    """rosbag2 databases with and without definitions, and with packed messages."""
+    return _copies(("db3", "db3_humble", "db3_packed_messages"))
+
+
+def definitions() -> list[bytes]:
+    """Definitions in IDL."""
+    from tests.reba.readers.mcap.test_definitions import EVERYTHING, FILES, JOINED
+
+    return [JOINED.encode(), EVERYTHING.encode(), "\n".join(FILES.values()).encode()]
 
 
 def _points(profile: str) -> list[str]:

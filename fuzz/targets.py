@@ -57,6 +57,19 @@ def read(path: Path) -> object:
     return reba.score(reba.read(path), load=3.0).summary()
 
 
+def load_idl(path: Path) -> object:
+    from reba.errors import ReadError
+    from reba.readers.mcap import idl
+    from reba.readers.mcap.ros import BadSchema
+
+    text = path.read_bytes().decode(errors="replace")
+    name = "a::All" if "All" in text else "sensor_msgs/msg/JointState"
+    try:
+        return idl.parse(text, name)
+    except BadSchema as error:  # the reason why a topic is not used
+        raise ReadError(path, str(error)) from error
+
+
 def load_rules(path: Path) -> object:
     import reba
 
@@ -151,6 +164,9 @@ TARGETS: dict[str, Target] = {
     target.name: target
     for target in (
         Target("mcap", "fuzz.mcap", seeds.mcap, mutate.mutate_mcap, read),
+        Target("bag", "fuzz.bag", seeds.bags, mutate.mutate_bytes, read),
+        Target("db3", "fuzz.db3", seeds.databases, mutate.mutate_bytes, read),
+        Target("idl", "fuzz.idl", seeds.definitions, mutate.mutate_text, load_idl),
         Target("c3d", "fuzz.c3d", seeds.c3d, mutate.mutate_bytes, read),
         Target("bvh", "fuzz.bvh", seeds.bvh, mutate.mutate_text, read),
         Target("opensim", "fuzz.mot", seeds.opensim, mutate.mutate_text, read),

@@ -18,7 +18,7 @@ from typing import Final
 from lgp.errors import LgpError
 from reba.errors import did_you_mean
 from reba.open_file import read_settings
-from reba.readers.mcap import sniff
+from reba.readers.mcap import is_mcap, sniff
 from reba.readers.mcap.bytes import MAGIC, ByteSource
 from reba.readers.mcap.channels import recording_files
 from reba.readers.mcap.records import HEAD
@@ -89,7 +89,7 @@ def recorded_label(path: Path) -> Label | None:
         return None
     recorded: Label | None = None
     for file in recording_files(path):
-        values = _metadata(file)
+        values = _metadata(file) if is_mcap(file) else None
         if values is None:
             continue
         label = label_of(values, f"{file}: metadata record {RECORD!r}")

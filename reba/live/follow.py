@@ -20,8 +20,8 @@ from reba.live.notices import FrameWatch, Notice
 from reba.live.sources import GrowingMcap, GrowingStore, SourceChanged, opened_again
 from reba.live.table_rows import TableFollower
 from reba.posture.factors import Factors, checked, expand_sides
-from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.mcap.growing import GrowingRecording
+from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.recognise import NoMatch, SeveralBodies, choose
 from reba.readers.recording.profile import find_profile, profiles
 

@@ -28,7 +28,7 @@ from reba.readers.mapping.gap_codes import GapCodes
 from reba.readers.mapping.joints import MOST_NAMES, JointMapper
 from reba.readers.mapping.reference_frames import HOLD, FrameTree, PelvisPose, pelvis_samples, read_pelvis_pose
 from reba.readers.mapping.segments import AXES
-from reba.readers.mcap.container import ChunkRef, Store
+from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.quality_control import (
     Corrections,
     apply_neutral,

@@ -20,11 +20,12 @@ import numpy as np
 
 from reba.errors import ReadError, did_you_mean
 from reba.posture.columns import COLUMNS
-from reba.readers.mcap.container import ChunkRef, Loaded
 from reba.readers.mcap.decode import load_json
-from reba.readers.mcap.extract import extract_angles, kind_of_json, stamp_of
+from reba.readers.mcap.extract import extract_angles, stamp_of
 from reba.readers.mcap.layout import Undecodable
+from reba.readers.mcap.meanings import meaning_of_json
 from reba.readers.mcap.records import Channel, Scan, Schema
+from reba.readers.mcap.store import ChunkRef, Loaded
 from reba.readers.mcap.trace import JITTER
 from reba.readers.recording.stream import clip
 
@@ -177,8 +178,8 @@ class LineStore:
             tree = load_json(line)
             if not isinstance(tree, dict):
                 raise Undecodable("not a JSON object")
-            kind = kind_of_json(tree)
-            if kind is None:
+            meaning = meaning_of_json(tree)
+            if meaning is None:
                 raise Undecodable(_unknown(tree))
             stamp = stamp_of(tree)
             if stamp is None and any(key in tree and not isinstance(tree[key], dict) for key in ("time", "stamp")):
@@ -194,7 +195,7 @@ class LineStore:
             self.skip(f"line {self._line_number}: {error}")
             return None
         self._any_accepted = True
-        self.ready |= kind[1] is extract_angles
+        self.ready |= meaning.extract is extract_angles
         seconds, nanos = stamp if stamp is not None else (None, None)
         arrival = time.time_ns()
         if not isinstance(seconds, int) or not isinstance(nanos, int):

@@ -16,8 +16,9 @@ from reba.errors import ReadError
 from reba.open_file import open_regular
 from reba.readers.mcap import MAX_CHUNK
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
-from reba.readers.mcap.container import ChunkRef, Container, Loaded, Store
+from reba.readers.mcap.container import Container
 from reba.readers.mcap.records import HEAD, BadRecord
+from reba.readers.mcap.store import ChunkRef, Loaded, Store
 from reba.readers.mcap.summary import Summary
 from reba.readers.recording.stream import BlockDecoder, ReadLog, Stream
 

@@ -15,7 +15,7 @@ from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import BOTH_SIDES, FACTORS, Factors, checked, expand_sides
 from reba.posture.named_angles import RAISED, read_angles, refuse_infinite
 from reba.posture.table import table_of
-from reba.readers.mcap.container import ChunkRef, Store
+from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.quality_control import apply_neutral, neutral_offsets, parse_neutral, subtract
 from reba.readers.recognise import Match
 from reba.readers.recording.stream import ReadLog

@@ -42,8 +42,8 @@ def read(
     """Read a recording of any known format into a posture table.
 
     Args:
-        path: MCAP file or rosbag2 folder, BVH, C3D, TRC, OpenSim .mot/.sto, MVNX, CSV (also of Vicon and OptiTrack
-            Motive), Excel, Parquet, or SMPL poses in .npz; texts may be packed with gzip.
+        path: MCAP file, ROS bag (.bag, .db3) or rosbag2 folder, BVH, C3D, TRC, OpenSim .mot/.sto, MVNX, CSV (also of
+            Vicon and OptiTrack Motive), Excel, Parquet, or SMPL poses in .npz; texts may be packed with gzip.
         profile: "auto", the name of a shipped profile (`reba profiles`), a TOML file, or what one of them was read as.
         topic: name of the stream, id of the body, or "<stream>#<id>", where a recording has several.
         neutral: posture to subtract as zero: "none", "first:3s" (median of the first 3 s) or "at:12.5" (around 12.5 s).

@@ -32,7 +32,7 @@ from reba.readers.quality_control import (
 )
 from reba.readers.recognise import Match
 from reba.readers.recording.profile import Profile
-from reba.readers.recording.stream import LOST_HINT, Block, ReadLog, Recording, Stream
+from reba.readers.recording.stream import LOST_HINT, MESSAGES, Block, ReadLog, Recording, Stream
 
 
 def build_table(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:
@@ -50,7 +50,7 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
     helpers = tuple(stream for stream, _ in pelvis_streams(recording, match, profile)) if pelvis is not None else ()
     mapper = mapper_for(profile, match.names, match.stream, pelvis)
     samples = collect(match.stream, mapper)
-    start = samples.from_zero() if recording.format == "mcap" else 0.0
+    start = samples.from_zero() if recording.format in MESSAGES else 0.0
     _check_samples(recording, samples.log, len(samples.table), strict)
     posed = match.stream.rest is not None or recording.format == "mvnx"
     if posed and first_frame_is_outlier(samples.angles):

@@ -25,7 +25,8 @@ from reba.file_stamp import TRY_AGAIN, unchanged
 from reba.files import as_json, sha256_of
 from reba.posture.table import PostureTable
 from reba.provenance import generator
-from reba.readers.mcap import gathered, open_files, sniff
+from reba.readers.mcap import gathered, is_mcap, open_files
+from reba.readers.mcap.container import Container
 from reba.readers.mcap.records import LATEST
 from reba.readers.recording.stream import ReadLog
 from reba.writers.json_messages import json_rows, schema_of
@@ -69,7 +70,7 @@ def write_mcap(
         ReadError: the recording changed after it was read.
     """
     source = Path(postures.source)
-    copied = kind == "scores" and postures.topic != "" and source.exists() and sniff(source)
+    copied = kind == "scores" and postures.topic != "" and source.exists() and is_mcap(source)
     guard: AbstractContextManager[None] = unchanged(source) if copied else nullcontext()
     with guard, path.open("wb") as stream:
         copy, times = None, _own_times(data, postures)
@@ -150,7 +151,7 @@ def _open_copy(source: Path, postures: PostureTable, times: Times) -> tuple[Mcap
             rows = postures.data["time"].to_numpy(np.float64) + (postures.epoch - stream.epoch)
             times = stream.logged(rows, frozenset(postures.signals))
             break
-    return McapCopy([file for file, _ in files]), times
+    return McapCopy([file for file, _ in files if isinstance(file, Container)]), times
 
 
 def _define(file: McapFile, data: pd.DataFrame, kind: str, copy: McapCopy | None, ros: str) -> int:

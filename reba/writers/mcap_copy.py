@@ -18,8 +18,9 @@ from reba.errors import RebaError
 from reba.provenance import generator
 from reba.readers.mcap import records
 from reba.readers.mcap.bytes import ByteSource
-from reba.readers.mcap.container import ChunkRef, Container, Loaded
+from reba.readers.mcap.container import Container
 from reba.readers.mcap.records import HEAD, MESSAGE_HEAD, BadRecord, Fields
+from reba.readers.mcap.store import ChunkRef, Loaded
 from reba.writers.mcap_file import MOST_IDS, McapFile
 
 STEP: Final = 1 << 20
@@ -108,7 +109,7 @@ class McapCopy:
         segment = loaded.segment
         if not self._same_ids(loaded, numbers):
             return file.chunk(_renumbered(loaded, numbers))
-        if segment.chunk is None:
+        if segment.chunk is None or segment.unpacked:  # unpacked: its messages were packed one by one
             return file.chunk(loaded.data)
         packed = source.source.read_at(segment.offset, segment.size)
         return file.chunk(loaded.data, packed=packed, compression=segment.chunk.compression)

@@ -192,9 +192,12 @@ def _without_schema(schema_id: int) -> bytes:
     return _sound(definitions=(make.channel(1, schema_id, "/joint_states", "cdr"),))
 
 
-def _message_packed() -> bytes:
-    packer = zstandard.ZstdCompressor()
-    return make.build(make.whole([packer.compress(payload) for payload in make.payloads()]))
+def _message_packed(damaged: int | None = None) -> bytes:
+    packer = zstandard.ZstdCompressor(write_checksum=True)
+    packed = [packer.compress(payload) for payload in make.payloads()]
+    if damaged is not None:
+        packed[damaged] = packed[damaged][:-1] + bytes([packed[damaged][-1] ^ 1])
+    return make.build(make.whole(packed))
 
 
 def _conflicting() -> bytes:
@@ -261,7 +264,15 @@ CASES: dict[str, Case] = {
     ),
     "lz4": Case(lambda: _sound(**_LZ4)),
     "stored": Case(lambda: _sound(**_PLAIN)),
-    "packed_messages": Case(_message_packed, error="one by one"),
+    "packed_messages": Case(_message_packed),
+    "packed_message_damaged": Case(
+        lambda: _message_packed(damaged=3), without=(3,), skipped=1, reason="zstd data are damaged"
+    ),
+    "packed_messages_bomb": Case(
+        lambda: make.build(make.whole([zstandard.ZstdCompressor().compress(bytes(1 << 22))] * 10)),
+        error="messages declare more than",
+        limit=1 << 24,
+    ),
     "packed_file": Case(lambda: zstandard.ZstdCompressor().compress(_sound()), suffix=".mcap.zstd"),
     "packed_file_cut": Case(
         lambda: zstandard.ZstdCompressor().compress(_sound())[:-3000],

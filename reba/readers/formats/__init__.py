@@ -10,9 +10,9 @@ from reba.errors import ReadError
 from reba.files import sha256_of
 from reba.readers.formats.file_content import GZIP, head_of, is_packed, unpacked_name
 from reba.readers.formats.not_read import refuse_by_content, refuse_by_name
-from reba.readers.mcap import open_mcap
-from reba.readers.mcap import sniff as is_mcap
+from reba.readers.mcap import is_mcap, open_mcap, sniff
 from reba.readers.recording.stream import Recording
+from reba.recording_folder import is_split
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,13 @@ FORMATS: tuple[Format, ...] = (
     Format("Excel workbook", (".xlsx", ".xlsm"), "reba.readers.formats.xlsx", "open_xlsx", True),
     Format("posture or joint table", (".csv", ".tsv", ".parquet"), "reba.readers.formats.table", "open_table", True),
 )
-"""Formats beside MCAP, those with the most certain first bytes first."""
+"""Formats beside MCAP and ROS bags, those with the most certain first bytes first."""
 PACKED: tuple[bytes, ...] = (b"\x89MCAP", b"PAR1", b"PK\x03\x04", GZIP)
 """First bytes of formats that are packed themselves, which are not read from gzip."""
 
 
 def open_recording(path: str | Path, *, strict: bool = False, rate: float | None = None) -> Recording:
-    """Open a recording of any known format; a folder counts as a rosbag2 recording of MCAP splits.
+    """Open a recording of any known format; a folder counts as a recording in splits, as of rosbag2.
 
     Args:
         rate: [Hz] of a recording without times, whose rows it numbers.
@@ -86,9 +86,9 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
     except OSError as error:
         raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
 
-    if place.is_dir() or is_mcap(place):
+    if place.is_dir() or sniff(place):
         if rate is not None:
-            raise ReadError(place, "MCAP recordings have times of their own", hint="leave the rate out")
+            raise ReadError(place, "recordings of messages have times of their own", hint="leave the rate out")
         return open_mcap(place, strict=strict)
     try:
         head = head_of(place)
@@ -110,7 +110,11 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
         refuse_by_name(place)
     what = "the file is empty" if not head else "the format is unknown"
     readable = ", ".join(
-        ["MCAP (.mcap or a rosbag2 folder)", *(f"{form.name} ({' '.join(form.extensions)})" for form in FORMATS)]
+        [
+            "MCAP (.mcap or a rosbag2 folder)",
+            "ROS bags (.bag .db3)",
+            *(f"{form.name} ({' '.join(form.extensions)})" for form in FORMATS),
+        ]
     )
     raise ReadError(place, what, hint=f"known formats are {readable}")
 
@@ -120,8 +124,8 @@ def is_recording(path: Path) -> bool:
     try:
         if not path.is_file():
             return False
-        if is_mcap(path):
-            return True
+        if sniff(path):
+            return is_mcap(path) or is_split(path.name)  # SQLite files are of many programs
         name = unpacked_name(path)
         named = [known for known in FORMATS if name.suffix.lower() in known.extensions]
         head = head_of(path) if named else b""

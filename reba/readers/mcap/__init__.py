@@ -1,6 +1,7 @@
-"""MCAP recordings: ROS 2, ROS 1, Foxglove and our own, decoded column by column.
+"""Recordings of messages: MCAP, ROS 1 bags and rosbag2 databases; ROS, Foxglove and our own, decoded by columns.
 
-    bytes -> container (chunks, checked) -> channels -> decode (message layouts) -> extract -> merge -> blocks
+    bytes -> container, rosbag or database (chunks, checked) -> channels -> decode (message layouts)
+    -> extract -> merge -> blocks
 
 Summary, indexes and declared lengths are checked before use: see `container`. Format: https://mcap.dev/spec.
 """
@@ -14,27 +15,59 @@ from reba.errors import ReadError
 from reba.open_file import open_regular
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
-from reba.readers.mcap.container import Container, Store
+from reba.readers.mcap.container import Container
 from reba.readers.mcap.contents import Contents
+from reba.readers.mcap.database import SQLITE_MAGIC, Database
 from reba.readers.mcap.gather import recording_of
+from reba.readers.mcap.rosbag import BAG_MAGIC, Bag
+from reba.readers.mcap.store import Store, StoredFile
 from reba.readers.mcap.trace import JITTER
 from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording
+from reba.recording_folder import is_split
 
-__all__ = ["MAX_CHUNK", "gathered", "open_files", "open_mcap", "sniff"]
+__all__ = ["MAX_CHUNK", "gathered", "is_mcap", "open_files", "open_mcap", "sniff"]
 MAX_CHUNK = 1 << 30
 """[bytes] Largest chunk, record or unpacked file that is accepted: protects memory from declared lengths."""
 
 
 def sniff(path: Path) -> bool:
-    """Return whether a path is an MCAP recording: by its first bytes, a folder by the names of its files."""
+    """Return whether a path is a recording of messages: by its first bytes, a folder by the names of its files."""
+    if path.is_dir():
+        return any(is_split(file.name) for file in path.iterdir())
+    return is_mcap(path) or _is_database(path) or _head(path).startswith(BAG_MAGIC)
+
+
+def is_mcap(path: Path) -> bool:
+    """Return whether a file, or a folder by the names in it, is MCAP, packed or not."""
     if path.is_dir():
         return any(file.name.endswith((".mcap", ".mcap.zstd")) for file in path.iterdir())
+    head = _head(path)
+    return head.startswith(MAGIC) or (head.startswith(ZSTD_MAGIC) and ".mcap" in path.name)
+
+
+def _head(path: Path) -> bytes:
     try:
         with open_regular(path) as file:
-            head = file.read(len(MAGIC))
+            return file.read(len(SQLITE_MAGIC))
     except OSError:
-        return False
-    return head == MAGIC or (head.startswith(ZSTD_MAGIC) and ".mcap" in path.name)
+        return b""
+
+
+def _is_database(path: Path) -> bool:
+    head = _head(path)
+    return head.startswith(SQLITE_MAGIC) or (head.startswith(ZSTD_MAGIC) and ".db3" in path.name)
+
+
+def open_file(path: Path, *, check_crc: bool = True, limit_bytes: int = MAX_CHUNK) -> StoredFile:
+    """Open one file of a recording, of the format that its first bytes show.
+
+    Raises:
+        ReadError: it is none of them, or damaged.
+    """
+    if _is_database(path):
+        return Database(path, limit_bytes=limit_bytes)
+    kind = Bag if _head(path).startswith(BAG_MAGIC) else Container
+    return kind(path, check_crc=check_crc, limit_bytes=limit_bytes)
 
 
 def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK) -> Recording:
@@ -43,13 +76,13 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
     Without joint states, transforms or posture angles it has no streams; `topics` has the reason for each topic.
 
     Args:
-        path: an .mcap file, plain or zstd-compressed as a whole, or a folder of them (rosbag2).
+        path: an .mcap or .db3 file, plain or zstd-compressed as a whole, a .bag, or a folder with splits of one format.
         strict: refuse a truncated recording, and a folder with a damaged split.
         check_crc: compare the CRC of every chunk that has one.
         limit_bytes: the largest chunk, record or unpacked file that is accepted.
 
     Raises:
-        ReadError: not an MCAP recording, or damaged so that samples would be wrong or missing.
+        ReadError: not such a recording, or damaged so that samples would be wrong or missing.
     """
     log = ReadLog()
     channels: list[DecodableChannel | Unused] = []
@@ -75,6 +108,8 @@ def gathered(
     for channel in channels:
         if isinstance(channel, DecodableChannel):
             parts.append(channel)
+            if channel.note:
+                log.warn(channel.note)
         else:
             unused.append(channel)
     contents = Contents(parts, strict=strict)
@@ -85,7 +120,7 @@ def gathered(
 
 def open_files(
     path: Path, log: ReadLog, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK
-) -> list[tuple[Container, list[DecodableChannel | Unused]]]:
+) -> list[tuple[StoredFile, list[DecodableChannel | Unused]]]:
     """Return the files of a recording and their channels by start time; a damaged one of several is noted and left out.
 
     Raises:
@@ -95,7 +130,7 @@ def open_files(
     opened = []
     for file in files:
         try:
-            container = Container(file, check_crc=check_crc, limit_bytes=limit_bytes)
+            container = open_file(file, check_crc=check_crc, limit_bytes=limit_bytes)
             opened.append((container, _classified(container)))
             container.release()
         except ReadError as error:
@@ -118,12 +153,12 @@ def _classified(container: Store) -> list[DecodableChannel | Unused]:
     """Return the content of each channel of a file.
 
     Raises:
-        ReadError: a chunk is damaged, or messages are compressed one by one.
+        ReadError: a chunk is damaged.
     """
     return [classify(container, container.channels[number]) for number in sorted(container.channels)]
 
 
-def _note(container: Container, log: ReadLog, named: bool) -> None:
+def _note(container: StoredFile, log: ReadLog, named: bool) -> None:
     """Add the notes of a file to the log of the recording."""
     prefix = f"{container.path.name}: " if named else ""
     if container.ended_abnormally:

@@ -18,6 +18,7 @@ from reba.open_file import open_regular
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 """First and last bytes of an MCAP file, https://mcap.dev/spec#magic."""
+NOT_MCAP: Final = ("does not start with the MCAP magic bytes", "give an .mcap recording")
 ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 """First bytes of a zstd frame, RFC 8878 section 3.1.1; `ros2 bag record --compression-mode file` writes such files."""
 _FILE_STEP: Final = 1 << 22
@@ -29,29 +30,30 @@ _HEAD: Final = 18
 class ByteSource:
     """Random access to the bytes of one recording; `size` is that of the unpacked file, `packed_size` of the given one.
 
+    Args:
+        magic: first bytes that it must have; `foreign`: what to say, and to do, about others.
+
     Raises:
-        ReadError: the file is absent, empty, not MCAP, or unpacks to more than `limit_bytes`.
+        ReadError: the file is absent, empty, does not start with `magic`, or unpacks to more than `limit_bytes`.
     """
 
-    def __init__(self, path: Path, limit_bytes: int) -> None:
+    def __init__(self, path: Path, limit_bytes: int, magic: bytes = MAGIC, foreign: tuple[str, str] = NOT_MCAP) -> None:
         self.path = path
-        try:
-            self._file: IO[bytes] = open_regular(path, buffering=0)
-        except OSError as error:
-            raise ReadError(
-                path, f"cannot be opened ({error.strerror})", hint="check the path and its permissions"
-            ) from error
+        self._file = opened(path)
         # The file closes when the last stream of the recording is garbage-collected.
         weakref.finalize(self, self._file.close)
         self.size = self.packed_size = self._end()
         if self.size == 0:
             raise ReadError(path, "the file is empty", hint="record it again; the recorder wrote no data")
         if self.read_at(0, 4) == ZSTD_MAGIC:
-            self._file = _unpack(path, self._file, limit_bytes)
-            weakref.finalize(self, self._file.close)
+            # Without a name; closed by the finalizer.
+            unpacked = tempfile.TemporaryFile()  # noqa: SIM115
+            weakref.finalize(self, unpacked.close)
+            unpack_file(path, self._file, unpacked, limit_bytes)
+            self._file = unpacked
             self.size = self._end()
-        if self.read_at(0, len(MAGIC)) != MAGIC:
-            raise ReadError(path, "does not start with the MCAP magic bytes", hint="give an .mcap recording", offset=0)
+        if self.read_at(0, len(magic)) != magic:
+            raise ReadError(path, foreign[0], hint=foreign[1], offset=0)
 
     def _end(self) -> int:
         return self._file.seek(0, 2)
@@ -77,17 +79,32 @@ class ByteSource:
             ) from error
 
 
-def _unpack(path: Path, packed: IO[bytes], limit_bytes: int) -> IO[bytes]:
-    """Unpack a zstd-compressed recording to an unnamed temporary file."""
+def opened(path: Path) -> IO[bytes]:
+    """Open a file of a recording.
+
+    Raises:
+        ReadError: it is absent, or cannot be read.
+    """
+    try:
+        return open_regular(path, buffering=0)
+    except OSError as error:
+        what = f"cannot be opened ({error.strerror})"
+        raise ReadError(path, what, hint="check the path and its permissions") from error
+
+
+def unpack_file(path: Path, packed: IO[bytes], unpacked: IO[bytes], limit_bytes: int) -> None:
+    """Write the bytes of a zstd-compressed recording to `unpacked`.
+
+    Raises:
+        ReadError: it is damaged, or unpacks to more than `limit_bytes`.
+    """
     import zstandard
 
     too_big = ReadError(
         path,
         f"unpacks to more than {limit_bytes} bytes",
-        hint="unpack it with `zstd -d` and give the .mcap file, or raise limit_bytes",
+        hint="unpack it with `zstd -d` and give the file that this makes, or raise limit_bytes",
     )
-    # Closed by the finalizer of the source that owns it.
-    unpacked = tempfile.TemporaryFile()  # noqa: SIM115
     packed.seek(0)
     try:
         if zstandard.frame_content_size(packed.read(_HEAD)) > limit_bytes:
@@ -99,12 +116,7 @@ def _unpack(path: Path, packed: IO[bytes], limit_bytes: int) -> IO[bytes]:
                 if unpacked.tell() > limit_bytes:
                     raise too_big
     except zstandard.ZstdError as error:
-        unpacked.close()
         raise ReadError(path, f"is a damaged zstd file ({error})", hint="copy or record the file again") from error
-    except ReadError:
-        unpacked.close()
-        raise
-    return unpacked
 
 
 ONE_CALL: Final = 1 << 26
@@ -113,6 +125,10 @@ _CHUNK_STEP: Final = 1 << 24
 """[bytes] Step of unpacking a large chunk."""
 _LZ4_MOST: Final = 256
 """Bound of the lz4 ratio: a block unpacks to at most 255 times its size (LZ4 block format, "Limits")."""
+
+MOST_RATIO: Final = 1000
+"""Bytes that chunks, or messages packed one by one, may unpack to for each (packed) byte of the file, beyond
+`limit_bytes`; a choice."""
 
 
 class BadChunk(Exception):
@@ -142,7 +158,8 @@ def _plain(packed: bytes, size: int) -> bytes:
 
 
 @cache
-def _zstd() -> tuple[Any, Any]:
+def zstd() -> tuple[Any, Any]:
+    """Return the module that unpacks zstd and a decompressor."""
     import zstandard
 
     return zstandard, zstandard.ZstdDecompressor()
@@ -150,7 +167,7 @@ def _zstd() -> tuple[Any, Any]:
 
 def unpack_zstd(packed: bytes, size: int, one_call: int = ONE_CALL) -> bytes:
     """Return the unpacked bytes: in one call up to `one_call` [bytes], else in steps up to the first beyond `size`."""
-    zstandard, decompressor = _zstd()
+    zstandard, decompressor = zstd()
     try:
         stated = zstandard.frame_content_size(packed)
         if stated not in (-1, size):
@@ -175,6 +192,17 @@ def _unpack_lz4(packed: bytes, size: int) -> bytes:
         raise BadChunk(f"its lz4 data are damaged ({error})") from error
 
 
+def _unpack_bz2(packed: bytes, size: int) -> bytes:
+    try:
+        import bz2
+    except ImportError as error:
+        raise BadChunk("it is compressed with bz2, and this Python was built without it") from error
+    try:
+        return bz2.BZ2Decompressor().decompress(packed, size + 1)
+    except (OSError, EOFError, ValueError) as error:
+        raise BadChunk(f"its bz2 data are damaged ({error})") from error
+
+
 def _grow(read: Callable[[int], bytes], size: int) -> bytes:
     data = bytearray()
     while len(data) <= size and (part := read(_CHUNK_STEP)):
@@ -186,5 +214,7 @@ _UNPACK: Final[dict[str, Callable[[bytes, int], bytes]]] = {
     "": _plain,
     "zstd": unpack_zstd,
     "lz4": _unpack_lz4,
+    "none": _plain,
+    "bz2": _unpack_bz2,
 }
-"""The well-known compressions, https://mcap.dev/spec/registry#well-known-compression-formats."""
+"""The compressions of MCAP, https://mcap.dev/spec/registry#compression-formats, and of ROS 1 bags."""

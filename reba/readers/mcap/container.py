@@ -10,16 +10,17 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from mcap.opcode import Opcode
 
 from reba.errors import ReadError
 from reba.readers.mcap import records
-from reba.readers.mcap.bytes import MAGIC, BadChunk, ByteSource, unpack
+from reba.readers.mcap.bytes import MAGIC, MOST_RATIO, NOT_MCAP, BadChunk, ByteSource, unpack
+from reba.readers.mcap.packed_messages import MessageUnpacker
 from reba.readers.mcap.records import BadRecord, Channel, ChunkHead, Scan, Schema
+from reba.readers.mcap.store import ChunkRef, Loaded
 from reba.readers.mcap.summary import FOOTER, Summary
 from reba.readers.recording.stream import MOST_WARNINGS
 
@@ -31,72 +32,16 @@ _RECORD_AGAIN: Final = "copy the file again from its source, or record it again"
 FREE_RECORDS: Final = 1000
 """Records that a file may hold beyond one for each of its (packed) bytes, which bounds the time that a file can take; a
 choice. A message has a time of its own, so even well packed it takes several bytes."""
-MOST_RATIO: Final = 1000
-"""Bytes that chunks may unpack to for each (packed) byte of the file, beyond `limit_bytes`; a choice."""
 PRIVATE: Final = 0x80
 """First opcode for records of applications, https://mcap.dev/spec#records."""
 _OTHERS: Final = (Opcode.HEADER, Opcode.ATTACHMENT, Opcode.METADATA)
-
-
-@dataclass
-class ChunkRef:
-    """A chunk, or a run of message records outside chunks.
-
-    Attributes:
-        offset: where its records (packed or not) start in the file.
-        size: their bytes in the file.
-        chunk: the head of the chunk, None for records outside chunks.
-        start: earliest log time [ns].
-        channels: messages of each channel by the message indexes after it, a hint that may be wrong; None: unknown.
-        scanned: whether its records are counted already.
-        checked: whether its CRC was compared, so that it need not be when the chunk is read again.
-    """
-
-    offset: int
-    size: int
-    chunk: ChunkHead | None
-    start: int
-    channels: dict[int, int] | None = None
-    scanned: bool = False
-    checked: bool = False
-
-
-@dataclass
-class Loaded:
-    """Unpacked records of one segment and the positions of its messages."""
-
-    segment: ChunkRef
-    data: bytes
-    scan: Scan
-
-    def where(self, payload: int) -> str:
-        """Return the place of the message with this payload, for messages."""
-        at = payload - records.HEAD - records.MESSAGE_HEAD
-        if self.segment.chunk is None:
-            return f"byte {self.segment.offset + at}"
-        return f"byte {at} of the chunk at byte {self.segment.offset}"
-
-
-class Store(Protocol):
-    """Source of streams: segments of messages and the channels they belong to; attributes as of `Container`."""
-
-    path: Path
-    segments: list[ChunkRef]
-    schemas: dict[int, Schema]
-    channels: dict[int, Channel]
-    counts: Counter[int]
-
-    def load(self, segment: ChunkRef) -> Loaded:
-        """Return the records of a segment, checked."""
-
-    def release(self) -> None:
-        """Free the memory of the loaded segment."""
 
 
 class Container:
     """One MCAP file, opened.
 
     Attributes:
+        format: as of `Recording`; `magic` are the first bytes of the format.
         segments: chunks and runs of bare records, by start time.
         schemas, channels: definitions by id.
         counts: messages of each channel.
@@ -109,9 +54,15 @@ class Container:
         ReadError: the file is not an MCAP recording, or damaged so that its data would be wrong.
     """
 
+    format = "mcap"
+    magic, foreign = MAGIC, NOT_MCAP
+    message_head = records.HEAD + records.MESSAGE_HEAD
+    """[bytes] Before the payload of a message."""
+
     def __init__(self, path: Path, *, check_crc: bool, limit_bytes: int) -> None:
         self.path = path
-        self.source = ByteSource(path, limit_bytes)
+        self.source = ByteSource(path, limit_bytes, self.magic, self.foreign)
+        self._unpacker = MessageUnpacker(limit_bytes, self.source.packed_size)
         self.check_crc = check_crc
         self.publish_time = False
         self.limit_bytes = limit_bytes
@@ -126,7 +77,7 @@ class Container:
         self.span: tuple[int, int] | None = None
         self._last: Loaded | None = None
         self._ahead = (0, b"")
-        self._at = len(MAGIC)
+        self._at = len(self.magic)
         self._records = self._chunks = self._unpacked = 0
         self._index()
 
@@ -141,10 +92,12 @@ class Container:
             data = self._bytes(segment)
             try:
                 most = 1 << 62 if segment.scanned else self._most_records - self._records
-                loaded = Loaded(segment, data, records.scan(data, most=most, publish_time=self.publish_time))
-                self._records += 0 if segment.scanned else loaded.scan.records
+                scan = self._scan(data, most)
+                self._records += 0 if segment.scanned else scan.records
                 segment.scanned = True
-                self._define(data, loaded.scan)
+                self._define(data, scan)
+                data, scan = self._unpacker.unpacked(segment, data, scan, self.channels, self.message_head)
+                loaded = Loaded(segment, data, scan, head=self.message_head)
             except BadRecord as error:
                 place = segment.offset + (0 if segment.chunk else error.offset)
                 inside = f"byte {error.offset} of the unpacked chunk: " if segment.chunk else ""
@@ -157,6 +110,10 @@ class Container:
     def release(self) -> None:
         """Free the memory of the loaded segment."""
         self._last = None
+
+    def _scan(self, data: bytes, most: int) -> Scan:
+        """Return the messages of a segment of at most `most` records."""
+        return records.scan(data, most=most, publish_time=self.publish_time)
 
     @property
     def _most_records(self) -> int:
@@ -331,6 +288,10 @@ class Container:
             head = records.chunk_head(self._window(at, min(length, 128)), length)
         except BadRecord as error:
             raise BadRecord(at, error.what) from error
+        self._add_chunk(at, at + head.records_at, head)
+
+    def _add_chunk(self, at: int, records_at: int, head: ChunkHead) -> None:
+        """Add a chunk whose content starts at `at` and whose records at `records_at`."""
         size = max(head.size, head.records_size)
         if size > self.limit_bytes:
             raise BadRecord(at, f"a chunk declares {size} bytes, the limit is {self.limit_bytes} (limit_bytes)")
@@ -339,7 +300,7 @@ class Container:
         if self._unpacked > self.limit_bytes + MOST_RATIO * self.source.packed_size:
             raise BadRecord(at, f"the chunks declare {self._unpacked} bytes, more than a file of this size can hold")
         if head.size:
-            self.segments.append(ChunkRef(at + head.records_at, head.records_size, head, head.start))
+            self.segments.append(ChunkRef(records_at, head.records_size, head, head.start))
 
     def _check_size(self, at: int, length: int) -> None:
         if length > self.limit_bytes:

@@ -17,8 +17,9 @@ import numpy as np
 from reba.errors import ReadError
 from reba.readers.mcap.channels import DecodableChannel, batch_of
 from reba.readers.mcap.clock import ChannelClock, RecordingClock
-from reba.readers.mcap.container import ChunkRef, Container, Store
+from reba.readers.mcap.container import Container
 from reba.readers.mcap.decode import Decoder, Piece
+from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.mcap.trace import NO_STAMP, Trace
 from reba.readers.recording.stream import Kind, ReadLog
 
@@ -133,7 +134,7 @@ class Contents:
         self._read_all(parts, strict)
         if self._has_no_log_time():
             for container in self.containers:
-                if isinstance(container, Container):
+                if isinstance(container, Container) and container.format == "mcap":
                     container.publish_time = True
             self._read_all(parts, strict)
         self.set_clocks()
@@ -225,7 +226,7 @@ class Contents:
                 if strict or len(self.containers) == 1:
                     raise
                 self.warnings.append(f"{error}; the rest of this file is left out")
-                container.segments = [one for one in container.segments if one.offset < segment.offset]
+                container.segments[:] = [one for one in container.segments if one.offset < segment.offset]
                 break
             for part, decoder in decoders:
                 read[part.channel] += self.take(part, segment, decoder)

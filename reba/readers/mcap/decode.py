@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Array, Flags
-from reba.readers.mcap.container import Loaded
 from reba.readers.mcap.extract import Extractor, SignalGroup, Stamp, Value
 from reba.readers.mcap.layout import (
     VARINT,
@@ -27,6 +26,7 @@ from reba.readers.mcap.layout import (
     take,
 )
 from reba.readers.mcap.records import LATEST
+from reba.readers.mcap.store import Loaded
 from reba.readers.mcap.trace import NO_STAMP
 from reba.readers.recording.stream import ReadLog
 
@@ -47,7 +47,7 @@ class Piece:
         stamp: (n,) time in the message [ns since 1970], `NO_STAMP` where it has none.
         log: (n,) log time [ns since 1970].
         parents: frames only: k parents.
-        values: (n, k) or (n, 7 k).
+        values: (n, k), of points (n, 3 k), of frames (n, 7 k).
     """
 
     number: NDArray[np.int64]

@@ -14,7 +14,6 @@ from reba.posture.columns import COLUMNS
 from reba.posture.factors import FACTORS
 from reba.readers.mcap.layout import FieldSpan, Undecodable
 from reba.readers.mcap.trace import NO_STAMP
-from reba.readers.recording.stream import Kind
 
 Value = FieldSpan | float | None
 Stamp = tuple[Value, Value]
@@ -62,7 +61,12 @@ class SignalGroup:
 Extractor = Callable[[Any], list[SignalGroup]]
 
 
-def _fields(tree: Any) -> Mapping[str, Any]:
+def fields_of(tree: Any) -> Mapping[str, Any]:
+    """Return the fields of an object of a tree.
+
+    Raises:
+        Undecodable: it is none.
+    """
     if not isinstance(tree, dict):
         raise Undecodable("an object was expected")
     return tree
@@ -120,14 +124,16 @@ def extract_joints(tree: Any) -> list[SignalGroup]:
     Raises:
         Undecodable: it has no joints, or not one position for each name.
     """
-    joints = tree if isinstance(tree, list) else _fields(tree).get("joints")
+    joints = tree if isinstance(tree, list) else fields_of(tree).get("joints")
+    if joints is None and isinstance(tree.get("name"), str):
+        joints = [tree]  # foxglove.JointState: one joint
     stamp = stamp_of(tree) if isinstance(tree, dict) else None
     if isinstance(joints, list):
-        items: list[Any] = joints if set(map(type, joints)) == {dict} else [_fields(joint) for joint in joints]
+        items: list[Any] = joints if set(map(type, joints)) == {dict} else [fields_of(joint) for joint in joints]
         names: Any = [item.get("name", "") for item in items]
         positions = _numbers([item.get("position") for item in items])
     else:
-        fields = _fields(tree)
+        fields = fields_of(tree)
         names, values = fields.get("name"), fields.get("position")
         if isinstance(values, FieldSpan):
             positions = list(values.items())
@@ -148,11 +154,11 @@ def extract_transforms(tree: Any) -> list[SignalGroup]:
     Raises:
         Undecodable: it has none, or one without frames.
     """
-    fields = _fields(tree)
+    fields = fields_of(tree)
     transforms = fields.get("transforms", [fields])
     if not isinstance(transforms, list) or not transforms:
         raise Undecodable("it has no transforms")
-    return [_transform(_fields(transform)) for transform in transforms]
+    return [_transform(fields_of(transform)) for transform in transforms]
 
 
 def _transform(item: Mapping[str, Any]) -> SignalGroup:
@@ -162,14 +168,14 @@ def _transform(item: Mapping[str, Any]) -> SignalGroup:
     if not child:
         raise Undecodable("a transform names no child frame")
     inner = item.get("transform", item)
-    values = _pose(_fields(inner).get("translation", {}), _fields(inner).get("rotation", {}))
+    values = _pose(fields_of(inner).get("translation", {}), fields_of(inner).get("rotation", {}))
     return SignalGroup(stamp_of(item), (child,), (_name(parent, "a frame name").strip("/"),), values)
 
 
 def _pose(position: Any, rotation: Any) -> tuple[Value, ...]:
     # Protobuf omits numbers that are zero.
-    return tuple(number(_fields(position).get(axis, 0.0)) for axis in _XYZ) + tuple(
-        number(_fields(rotation).get(axis, 0.0)) for axis in _XYZW
+    return tuple(number(fields_of(position).get(axis, 0.0)) for axis in _XYZ) + tuple(
+        number(fields_of(rotation).get(axis, 0.0)) for axis in _XYZW
     )
 
 
@@ -179,15 +185,15 @@ def extract_links(tree: Any) -> list[SignalGroup]:
     Raises:
         Undecodable: it has none, or one without a name or pose.
     """
-    fields = _fields(tree)
+    fields = fields_of(tree)
     states = fields.get("states")
     if not isinstance(states, list) or not states:
         raise Undecodable("it has no segments")
     names: list[str] = []
     values: list[Value] = []
-    for state in map(_fields, states):
-        name = _name(_fields(state.get("header")).get("frame_id"), "a segment name").strip("/")
-        pose = _fields(state.get("pose"))
+    for state in map(fields_of, states):
+        name = _name(fields_of(state.get("header")).get("frame_id"), "a segment name").strip("/")
+        pose = fields_of(state.get("pose"))
         names.append(name)
         values.extend(_pose(pose.get("position"), pose.get("orientation")))
     # In some drivers the stamps of one message differ by microseconds; its segments are one frame.
@@ -200,7 +206,7 @@ def extract_angles(tree: Any) -> list[SignalGroup]:
     Raises:
         Undecodable: it has neither a time nor one of the columns.
     """
-    fields = _fields(tree)
+    fields = fields_of(tree)
     names = tuple(name for name in TABLE_COLUMNS if name in fields)
     if not names and "time" not in fields:
         raise Undecodable("it has none of the posture columns")
@@ -218,34 +224,3 @@ def row_stamp(row: Mapping[str, Any]) -> int:
 
 TABLE_COLUMNS: Final = (*COLUMNS, "shoulder_raised_left", "shoulder_raised_right", *FACTORS)
 """Columns that a row of a posture table may have."""
-EXTRACTORS: Final[Mapping[str, tuple[Kind, Extractor]]] = {
-    "sensor_msgs/JointState": ("joints", extract_joints),
-    "foxglove.JointStates": ("joints", extract_joints),
-    "foxglove_msgs/JointStates": ("joints", extract_joints),
-    "tf2_msgs/TFMessage": ("frames", extract_transforms),
-    "tf/tfMessage": ("frames", extract_transforms),
-    "geometry_msgs/TransformStamped": ("frames", extract_transforms),
-    "foxglove.FrameTransform": ("frames", extract_transforms),
-    "foxglove.FrameTransforms": ("frames", extract_transforms),
-    "foxglove_msgs/FrameTransform": ("frames", extract_transforms),
-    "foxglove_msgs/FrameTransforms": ("frames", extract_transforms),
-    "xsens_mvn_msgs/LinkStateArray": ("frames", extract_links),
-    "xsens_mvn_ros2_msgs/LinkStateArray": ("frames", extract_links),
-    "xsens_mvn_ros_msgs/LinkStateArray": ("frames", extract_links),
-    "xsens_awinda_ros/LinkStateArray": ("frames", extract_links),
-    "reba.Posture": ("angles", extract_angles),
-}
-"""Message types with postures -> kind and extraction. LinkStateArray: https://github.com/hrii-iit/xsens_mvn_ros."""
-
-
-def kind_of_json(tree: Any) -> tuple[Kind, Extractor] | None:
-    """Return kind and extraction of a JSON message of unknown type by its fields, None without posture."""
-    if isinstance(tree, list):
-        return ("joints", extract_joints) if tree and isinstance(tree[0], dict) and "position" in tree[0] else None
-    if not isinstance(tree, dict):
-        return None
-    if "transforms" in tree or "child_frame_id" in tree:
-        return "frames", extract_transforms
-    if "joints" in tree or ("name" in tree and "position" in tree):
-        return "joints", extract_joints
-    return ("angles", extract_angles) if any(column in tree for column in COLUMNS) else None

@@ -4,11 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 from reba.readers.mcap.channels import DecodableChannel, Unused
+from reba.readers.mcap.container import Container
 from reba.readers.mcap.contents import Contents
+from reba.readers.mcap.database import Database
 from reba.readers.mcap.streams import StreamReader, stream_header
 from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic
+
+WHAT: Final = {
+    "joints": "joint positions",
+    "frames": "poses of frames",
+    "points": "positions of points",
+    "angles": "a posture table",
+}
+"""Kind -> what a topic has, in `reba info`."""
 
 
 def recording_of(
@@ -21,7 +32,9 @@ def recording_of(
     """Return the recording of some channels with their contents."""
     streams, topics = _streams(parts, contents, log)
     topics += [Topic(item.topic, item.type, item.container.counts[item.channel], False, item.why) for item in unused]
-    return Recording(str(path), "mcap", tuple(streams), tuple(_by_topic(topics)), log)
+    stores = [*(part.container for part in parts), *(item.container for item in unused)]
+    formats = {store.format for store in stores if isinstance(store, Container | Database)}
+    return Recording(str(path), min(formats, default="mcap"), tuple(streams), tuple(_by_topic(topics)), log)
 
 
 def _streams(parts: Sequence[DecodableChannel], contents: Contents, log: ReadLog) -> tuple[list[Stream], list[Topic]]:
@@ -30,7 +43,7 @@ def _streams(parts: Sequence[DecodableChannel], contents: Contents, log: ReadLog
     for kind, group in dict.fromkeys((part.kind, part.group) for part in parts):
         mine = [part for part in parts if (part.kind, part.group) == (kind, group)]
         header = stream_header(mine, kind, contents)
-        why = {"joints": "joint positions", "frames": "poses of frames", "angles": "a posture table"}.get(kind, "")
+        why = WHAT[kind]
         if header is None:
             why = "only static transforms" if all(part.static for part in mine) else "none of its messages is usable"
             skipped = [track.log.first_skipped for part in mine if (track := contents.tracks.get(id(part)))]

@@ -10,10 +10,10 @@ from typing import Final
 
 from reba.errors import ReadError
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify
-from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.mcap.contents import Contents, Signal, Track
 from reba.readers.mcap.decode import Decoder, Piece
 from reba.readers.mcap.gather import recording_of
+from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.recording.stream import ReadLog, Recording
 
 CONTRADICTED: Final = "the time stamps are not those that the first seconds promised; the first clock is kept"

@@ -14,7 +14,7 @@ import numpy as np
 from reba.arrays import Array, Flags, Indices
 from reba.readers.mcap.decode import Piece
 from reba.readers.mcap.extract import POSE
-from reba.readers.recording.stream import Block, ReadLog
+from reba.readers.recording.stream import Block, Kind, ReadLog
 
 HOLD: Final = 0.5
 """[s] How long the last value of a signal is used for rows without it."""
@@ -35,16 +35,16 @@ class Merger:
 
     Args:
         signals: names and parents of the first columns; others are added as they appear.
-        frames: whether a value is a pose of 7 numbers.
-        hold: whether absent values are held; a row of a posture table leaves out what was not measured.
+        kind: of the stream: a value of frames is a pose of 7 numbers, of points x y z, else one number. Absent values
+            are held, but not in a row of a posture table, which leaves out what was not measured.
     """
 
-    def __init__(self, signals: Sequence[tuple[str, str]], log: ReadLog, *, frames: bool, hold: bool = True) -> None:
+    def __init__(self, signals: Sequence[tuple[str, str]], log: ReadLog, kind: Kind) -> None:
         self._columns = {signal: index for index, signal in enumerate(signals)}
         self._log = log
-        self._frames = frames
-        self._holds = hold
-        self._width = POSE if frames else 1
+        self._frames = kind == "frames"
+        self._holds = kind != "angles"
+        self._width = {"frames": POSE, "points": 3}.get(kind, 1)
         self._static: dict[int, Array] = {}
         self._pieces: list[tuple[Array, Indices, Array]] = []
         self._rows = 0
@@ -127,7 +127,7 @@ class Merger:
         for column, pose in self._static.items():
             values[:, column] = pose
         names, parents = (tuple(texts) for texts in zip(*self._columns, strict=True))
-        return Block(time, names, values if self._frames else values[:, :, 0], parents if self._frames else ())
+        return Block(time, names, values[:, :, 0] if self._width == 1 else values, parents if self._frames else ())
 
     def newest_whole(self) -> bool:
         """Return whether the newest row has every signal, so that further messages can only repeat it."""

@@ -21,6 +21,7 @@ _DESCRIPTOR: Final = {
     "set.file": 1,
     "file.package": 2,
     "file.message": 4,
+    "file.syntax": 12,
     "message.name": 1,
     "message.field": 2,
     "message.nested": 3,
@@ -29,6 +30,7 @@ _DESCRIPTOR: Final = {
     "field.label": 4,
     "field.type": 5,
     "field.type_name": 6,
+    "field.oneof_index": 9,
 }
 """Field numbers of google/protobuf/descriptor.proto."""
 _MOST_DEPTH: Final = 32
@@ -36,12 +38,13 @@ _MOST_DEPTH: Final = 32
 
 @dataclass(frozen=True)
 class Field:
-    """One field of a message type."""
+    """One field of a message type; `implicit`: a number that is not written while it is zero."""
 
     name: str
     type: int
     type_name: str
     repeated: bool
+    implicit: bool
 
 
 Types = dict[str, dict[int, Field]]
@@ -102,8 +105,9 @@ def parse(descriptor_set: bytes) -> Types:
         for file in _wire_fields(descriptor_set, 0, len(descriptor_set)):
             if file.number == _DESCRIPTOR["set.file"]:
                 package = _text(descriptor_set, file, "file.package")
+                proto3 = _text(descriptor_set, file, "file.syntax") == "proto3"
                 for message in _members(descriptor_set, file, "file.message"):
-                    _add_type(types, descriptor_set, message, f".{package}" if package else "", 0)
+                    _add_type(types, descriptor_set, message, f".{package}" if package else "", proto3, 0)
     except (Undecodable, UnicodeDecodeError) as error:
         raise BadSchema(f"the protobuf descriptor is damaged ({error})") from error
     return types
@@ -125,27 +129,30 @@ def _value(data: bytes, piece: _WireField, what: str) -> int:
     return members[-1].value if members else 0
 
 
-def _add_type(types: Types, data: bytes, message: _WireField, prefix: str, depth: int) -> None:
+def _field(data: bytes, field: _WireField, proto3: bool) -> Field:
+    kind, repeated = _value(data, field, "field.type"), _value(data, field, "field.label") == _REPEATED
+    name, type_name = _text(data, field, "field.name"), _text(data, field, "field.type_name")
+    # An `optional` one, as in every oneof, is absent where it has no value.
+    alone = proto3 and not repeated and not _members(data, field, "field.oneof_index")
+    return Field(name, kind, type_name, repeated, alone and kind in _NUMBERS)
+
+
+def _add_type(types: Types, data: bytes, message: _WireField, prefix: str, proto3: bool, depth: int) -> None:
     if depth > _MOST_DEPTH:
         raise BadSchema("the protobuf descriptor nests too deep")
     name = f"{prefix}.{_text(data, message, 'message.name')}"
     types[name] = {
-        _value(data, field, "field.number"): Field(
-            _text(data, field, "field.name"),
-            _value(data, field, "field.type"),
-            _text(data, field, "field.type_name"),
-            _value(data, field, "field.label") == _REPEATED,
-        )
+        _value(data, field, "field.number"): _field(data, field, proto3)
         for field in _members(data, message, "message.field")
     }
     for nested in _members(data, message, "message.nested"):
-        _add_type(types, data, nested, name, depth + 1)
+        _add_type(types, data, nested, name, proto3, depth + 1)
 
 
 def walk(types: Types, name: str, message: bytes, texts: Collection[str]) -> Walked:
     """Return the fields of a message of the type `name` ("foxglove.JointStates"); `texts` as `names` in `ros.walk`.
 
-    Absent fields are absent from the tree.
+    Absent fields are absent from the tree, but for numbers that are not written while they are zero.
 
     Raises:
         Undecodable: the bytes are not such a message.
@@ -187,6 +194,9 @@ def _struct(
                 elements.extend(value if isinstance(value, list) else [value])
         else:
             tree[field.name] = value
+    for field in types[name].values():
+        if field.implicit:
+            tree.setdefault(field.name, 0.0)
     return tree
 
 

@@ -200,7 +200,7 @@ class Scan:
 
     payloads: NDArray[np.int64]
     lengths: NDArray[np.int64]
-    channels: NDArray[np.uint16]
+    channels: NDArray[np.uint16] | NDArray[np.int64]
     times: NDArray[np.int64]
     definitions: tuple[tuple[int, int, int], ...]
     end: int

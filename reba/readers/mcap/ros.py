@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
+import numpy as np
+
+from reba.readers.mcap.bytes import ZSTD_MAGIC
 from reba.readers.mcap.layout import FieldSpan, Tree, Undecodable, Walked
 
 PRIMITIVES: Final[Mapping[str, str]] = {
@@ -162,8 +166,19 @@ def _type(name: str, inside: str, texts: Mapping[str, str], ros1: bool, depth: i
     raise BadSchema(f"type {name} of {inside} is not defined in the schema")
 
 
-_ENCAPSULATIONS: Final = {0: (">", 8), 1: ("<", 8), 6: (">", 4), 7: ("<", 4)}
-"""Byte order and largest alignment of plain CDR by encapsulation kind (XTypes 1.3, table 60): XCDR1 and XCDR2."""
+_CDR: Final = ((False, False),)
+_CDR2: Final = ((True, False), (False, False))
+_D_CDR2: Final = ((True, True), (False, True))
+_ENCAPSULATIONS: Final = {
+    0: (">", 8, _CDR),
+    1: ("<", 8, _CDR),
+    6: (">", 4, _CDR2),
+    7: ("<", 4, _CDR2),
+    8: (">", 4, _D_CDR2),
+    9: ("<", 4, _D_CDR2),
+}
+"""Byte order, largest alignment, and whether collections and structures have a delimiter header, by encapsulation kind
+(XTypes 1.3, table 60 and rules 12 to 30). Collections should in XCDR2, but some writers leave theirs out."""
 _HEADER: Final = 4
 _FREE_STRUCTS: Final = 1000
 _DEEP: Final = 8
@@ -178,26 +193,42 @@ def walk(root: Struct, message: bytes, names: Collection[str], *, ros1: bool) ->
     Args:
         root: its schema.
         message: its bytes.
-        names: fields whose text belongs to the layout; other text may differ between messages of one layout.
+        names: fields whose value belongs to the layout; other text may differ between messages of one layout.
         ros1: the serialization of ROS 1 instead of CDR.
 
     Raises:
         Undecodable: the message does not fit the schema.
     """
-    walker = _Walker(message, names)
     if ros1:
+        walker = _Walker(message, names)
         walker.align_most = walker.base = 0
-    else:
-        if len(message) < _HEADER or message[0] != 0 or message[1] not in _ENCAPSULATIONS:
-            raise Undecodable(f"CDR header {message[:_HEADER].hex()} is not plain CDR")
-        walker.order, walker.align_most = _ENCAPSULATIONS[message[1]]
+        return _walk(walker, root)
+    if message.startswith(ZSTD_MAGIC):
+        raise Undecodable("its zstd data are damaged or state no size")
+    if len(message) < _HEADER or message[0] != 0 or message[1] not in _ENCAPSULATIONS:
+        raise Undecodable(f"CDR header {message[:_HEADER].hex()} is not plain CDR")
+    order, align_most, ways = _ENCAPSULATIONS[message[1]]
+
+    def walked(way: tuple[bool, bool]) -> Walked:
+        walker = _Walker(message, names)
+        walker.order, walker.align_most = order, align_most
+        walker.delimited_collections, walker.delimited_structs = way
         walker.at = _HEADER
         walker.walked.fixed.append((0, 2))
+        return _walk(walker, root)
+
+    for way in ways[:-1]:
+        with suppress(Undecodable):
+            return walked(way)
+    return walked(ways[-1])
+
+
+def _walk(walker: _Walker, root: Struct) -> Walked:
     try:
         walker.walked.tree = walker.struct(root)
     except RecursionError as error:
         raise Undecodable(f"byte {walker.at}: its types nest too deep") from error
-    left = len(message) - walker.at
+    left = len(walker.message) - walker.at
     if left > _SLACK:
         raise Undecodable(f"byte {walker.at}: {left} bytes are left after the last field")
     return walker.walked
@@ -210,6 +241,7 @@ class _Walker:
         self.walked = Walked()
         self.order = "<"
         self.align_most = 8
+        self.delimited_collections = self.delimited_structs = False
         self.base = _HEADER
         self.at = 0
         self.left = _FREE_STRUCTS + _DEEP * len(message)
@@ -219,11 +251,25 @@ class _Walker:
         self.left -= 1
         if self.left < 0:
             raise Undecodable(f"byte {self.at}: more elements than the message of {len(self.message)} bytes can hold")
-        return {name: self.value(kind, name) for name, kind in struct.fields}
+        end = self.delimiter() if self.delimited_structs else None
+        tree: dict[str, Tree] = {name: self.value(kind, name) for name, kind in struct.fields}
+        if end is not None:
+            if self.at > end:
+                raise Undecodable(f"byte {self.at}: {struct.name} is longer than its delimiter header states")
+            self.at = end  # fields of a later version
+        return tree
+
+    def delimiter(self) -> int:
+        """Return where what follows its delimiter header ends."""
+        size = self.count()
+        if size > len(self.message) - self.at:
+            raise Undecodable(f"byte {self.at}: {size} bytes by a delimiter header exceed the message")
+        return self.at + size
 
     def value(self, kind: Type, name: str) -> Tree:
         if isinstance(kind, Number):
-            return self.numbers(kind.code, 1, scalar=True)
+            span = self.numbers(kind.code, 1, scalar=True)
+            return self.fixed_number(span) if name in self.names else span
         if isinstance(kind, Text):
             return self.text(name)
         if isinstance(kind, Struct):
@@ -232,12 +278,17 @@ class _Walker:
 
     def array(self, kind: RosArray, name: str) -> Tree:
         """Return the elements; those that are no numbers have at least one byte, or are counted by `left`."""
+        delimited = self.delimited_collections and not isinstance(kind.element, Number)
+        end = self.delimiter() if delimited else None
         count = self.count() if kind.length is None else kind.length
         if isinstance(kind.element, Number):
             return self.numbers(kind.element.code, count, scalar=False)
         if count > len(self.message) - self.at:
             raise Undecodable(f"byte {self.at}: array of {count} elements exceeds the message")
-        return [self.value(kind.element, name) for _ in range(count)]
+        elements = [self.value(kind.element, name) for _ in range(count)]
+        if end not in (None, self.at):
+            raise Undecodable(f"byte {self.at}: an array ends elsewhere than its delimiter header states")
+        return elements
 
     def numbers(self, code: str, count: int, *, scalar: bool) -> FieldSpan:
         size = int(code[1])
@@ -250,6 +301,11 @@ class _Walker:
             )
         self.at = stop
         return FieldSpan(start, self.order + code, count, scalar)
+
+    def fixed_number(self, span: FieldSpan) -> float:
+        self.walked.fixed.append((span.start, self.at))
+        value: float = np.frombuffer(self.message, span.code, 1, span.start)[0].item()
+        return value
 
     def count(self) -> int:
         span = self.numbers("u4", 1, scalar=True)

@@ -15,7 +15,6 @@ import numpy as np
 
 from reba.readers.mcap.channels import DecodableChannel, batch_of
 from reba.readers.mcap.clock import RecordingClock
-from reba.readers.mcap.container import ChunkRef, Store
 from reba.readers.mcap.contents import (
     TOGETHER,
     Contents,
@@ -33,6 +32,7 @@ from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.log_times import log_times
 from reba.readers.mcap.merge import MOST_SIGNALS, Merger
 from reba.readers.mcap.records import LATEST
+from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.mcap.trace import NO_STAMP
 from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
 
@@ -162,7 +162,7 @@ class McapBlockDecoder:
             if wanted is None or name in wanted
         )
         self._rows = kind == "angles"
-        self._merger = Merger(list(signals), log, frames=kind == "frames", hold=not self._rows)
+        self._merger = Merger(list(signals), log, kind)
         self._decoders = {id(part): part.make(wanted) for part in self._parts}
         self._tracks = {id(part): contents.tracks[id(part)] for part in self._parts}
         self._read = dict.fromkeys(map(id, self._tracks.values()), 0)

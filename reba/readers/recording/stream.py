@@ -89,6 +89,8 @@ class Block:
     parents: tuple[str, ...] = ()
 
 
+MESSAGES = ("mcap", "bag", "db3")
+"""Formats of recordings of messages, whose streams have a common start."""
 LOST_HINT = "copy the recording again, or read it without strict to use the rest"
 
 
@@ -223,7 +225,7 @@ class Recording:
     """An opened file or folder with its streams.
 
     Attributes:
-        format: name of the reader: "mcap", "bvh", "csv" ...
+        format: name of the reader: "mcap", "bag", "db3", "bvh", "csv" ...
         streams: candidates for scoring, in file order.
         topics: every topic or signal group, for `reba info`.
         log: notes made on opening (truncated, no summary ...).

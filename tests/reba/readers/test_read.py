@@ -78,3 +78,26 @@ def test_folders_of_splits_are_recordings(tmp_path: Path) -> None:
     assert not is_recording_folder(tmp_path)
     (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
     assert is_recording_folder(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("names", "one"),
+    [
+        (("a_0.db3", "a_1.db3"), True),
+        (("a_0.db3.zstd", "a_1.db3.zstd"), True),
+        (("lab_2026-03-01-10-00-00_0.bag", "lab_2026-03-01-10-05-00_1.bag"), True),
+        (("lab_2026-03-01-10-00-00_0.bag", "lab_2026-03-02-10-05-00_0.bag"), False),
+        (("2026-03-01-10-00-00.bag", "2026-03-02-10-05-00.bag"), False),
+        (("a_0.bag", "b_1.bag"), False),
+    ],
+)
+def test_splits_of_bags(names: tuple[str, ...], one: bool, tmp_path: Path) -> None:
+    for name in names:
+        (tmp_path / name).write_bytes(b"")
+    assert is_recording_folder(tmp_path) == one
+
+
+def test_databases_of_other_programs_are_no_recordings(tmp_path: Path) -> None:
+    for name, expected in (("notes.sqlite", False), ("a.db3", True)):
+        (tmp_path / name).write_bytes(b"SQLite format 3\0" + bytes(100))
+        assert is_recording(tmp_path / name) == expected

@@ -17,13 +17,13 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_typestore
 
 from reba.readers.mcap import open_mcap, protobuf, ros
-from reba.readers.mcap.container import ChunkRef, Loaded
 from reba.readers.mcap.decode import Batch, ColumnDecoder
 from reba.readers.mcap.extract import TEXTS, extract_joints
 from reba.readers.mcap.layout import FieldSpan, Undecodable
 from reba.readers.mcap.merge import MOST_SIGNALS
 from reba.readers.mcap.records import Scan
 from reba.readers.mcap.ros import BadSchema, Number, parse
+from reba.readers.mcap.store import ChunkRef, Loaded
 from reba.readers.recording.stream import Block, ReadLog, Recording
 from tests.support import mcap_builder as make
 from tests.support.mcap_builder import EPOCH_NS, JOINT_STATE, STEP_NS
@@ -169,6 +169,29 @@ def test_xcdr2_aligns_numbers_of_eight_bytes_to_four() -> None:
     with pytest.raises(Undecodable) as caught:
         ros.walk(root, b"\0\3\0\0" + body, (), ros1=False)
     says(caught, "00030000", "not plain CDR")
+
+
+@pytest.mark.parametrize("kind", [7, 9])
+@pytest.mark.parametrize("collections", [True, False], ids=["standard", "without"])
+def test_xcdr2_has_delimiter_headers(kind: int, collections: bool) -> None:
+    """A joint state as DDS writes it by XTypes 1.3, and as those do that leave the headers of collections out."""
+
+    def delimited(content: bytes, has: bool) -> bytes:
+        return len(content).to_bytes(4, "little") + content if has else content
+
+    names = b"\2\0\0\0" + b"\2\0\0\0a\0" + b"\0\0" + b"\2\0\0\0b\0" + b"\0\0"
+    names, padding = (names[:-2], b"\0\0") if collections else (names, b"")
+    numbers = b"\2\0\0\0" + np.array([1.5, 2.5]).tobytes()
+    stamp = delimited(b"\5\0\0\0\6\0\0\0", kind == 9)
+    body = delimited(stamp + delimited(names, collections) + padding + numbers, kind == 9)
+    root = parse("Time stamp\nstring[] name\nfloat64[] position\n====\nMSG: x/Time\nint32 sec\nuint32 nanosec", "x/Y")
+    message = bytes([0, kind, 0, 0]) + body
+    tree = ros.walk(root, message, TEXTS, ros1=False).tree
+    assert tree["name"] == ["a", "b"]
+    span = tree["position"]
+    np.testing.assert_array_equal(np.frombuffer(message, "<f8", span.count, span.start), [1.5, 2.5])
+    with pytest.raises(Undecodable):
+        ros.walk(root, message[:-9], TEXTS, ros1=False)
 
 
 def test_an_empty_array_is_not_padded() -> None:

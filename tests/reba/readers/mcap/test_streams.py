@@ -337,7 +337,7 @@ def test_a_broken_split_is_named_and_left_out(tmp_path: Path, damage: str) -> No
 def test_folder_without_a_readable_recording(tmp_path: Path) -> None:
     with pytest.raises(ReadError) as caught:
         open_mcap(tmp_path)
-    says(caught, tmp_path, "no .mcap file")
+    says(caught, tmp_path, "no .mcap, .db3 or .bag file")
     (tmp_path / "a.mcap").write_bytes(b"nothing")
     (tmp_path / "b.mcap").write_bytes(b"")
     with pytest.raises(ReadError) as caught:
