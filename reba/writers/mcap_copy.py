@@ -107,9 +107,10 @@ class McapCopy:
     def _copy_chunk(self, file: McapFile, source: Container, loaded: Loaded, numbers: dict[int, int]) -> int:
         """Copy the messages of a segment, and return the latest log time of them [ns]."""
         segment = loaded.segment
-        if not self._same_ids(loaded, numbers):
+        # `unpacked`: its messages were packed one by one.
+        if segment.unpacked or not self._same_ids(loaded, numbers):
             return file.chunk(_renumbered(loaded, numbers))
-        if segment.chunk is None or segment.unpacked:  # unpacked: its messages were packed one by one
+        if segment.chunk is None:
             return file.chunk(loaded.data)
         packed = source.source.read_at(segment.offset, segment.size)
         return file.chunk(loaded.data, packed=packed, compression=segment.chunk.compression)
@@ -191,7 +192,10 @@ def _parts(source: ByteSource, at: int, length: int) -> Iterator[bytes]:
 
 
 def _renumbered(loaded: Loaded, numbers: dict[int, int]) -> bytes:
-    """Return the messages of a chunk with the ids of their channels in the copy, without those of unknown channels."""
+    """Return the messages of a chunk with their lengths and the ids of their channels in the copy.
+
+    Those of unknown channels are left out.
+    """
     lookup = np.full(MOST_IDS + 1, -1)
     for number, new in numbers.items():
         lookup[number] = new
@@ -201,6 +205,8 @@ def _renumbered(loaded: Loaded, numbers: dict[int, int]) -> bytes:
     starts, stops = scan.payloads[kept] - MESSAGE_HEAD - HEAD, (scan.payloads + scan.lengths)[kept]
     data = np.frombuffer(loaded.data, np.uint8).copy()
     data[starts + HEAD], data[starts + HEAD + 1] = ids[kept] & 0xFF, ids[kept] >> 8
+    lengths = (scan.lengths[kept] + MESSAGE_HEAD).astype("<u8").view(np.uint8).reshape(-1, 8)
+    data[starts[:, None] + np.arange(1, 9)] = lengths
     edges = np.zeros(len(data) + 1, np.int8)
     edges[starts] += 1
     edges[stops] -= 1
