@@ -23,7 +23,8 @@ from reba.arrays import Array
 from reba.checks import TEXT, accepts
 from reba.errors import PostureError
 from reba.method.rules import Rules, rules_of
-from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, Missing, score_angles
+from reba.method.scoring import SCORE_COLUMNS, Missing, score_angles
+from reba.method.tables import UNKNOWN
 from reba.posture.factors import (
     ACTIVITIES,
     ASSUMED,

@@ -18,8 +18,8 @@ from reba.errors import RebaError
 from reba.extras import missing
 from reba.live.frames import Frames
 from reba.live.output import encoder
-from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays
-from reba.method.tables import PART_MAXIMA
+from reba.method.scoring import SCORE_COLUMNS, ScoreArrays
+from reba.method.tables import PART_MAXIMA, UNKNOWN
 from reba.posture.columns import INDEX
 from reba.posture.factors import SUPPORTS
 from reba.posture.skeleton import LENGTHS, LIMBS, joints
