@@ -34,12 +34,16 @@ from reba.command_line import (
     print_json,
     run,
 )
+from reba.method.measurement_error import MEASUREMENTS
+from reba.method.rules import PRESETS
 from reba.method.tables import ACTION_LEVELS
 from reba.posture.factors import COUPLINGS, SUPPORTS
 from reba.writers import table_output
 
 LEVEL_NAMES = [risk.replace(" ", "-") for risk, _ in ACTION_LEVELS]
 """Names of the action levels as values of options, such as very-high."""
+RULES = "|".join((*PRESETS, "FILE.toml"))
+"""What `--rules` may be."""
 
 
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -68,13 +72,19 @@ def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
             type=click.Choice(["range", "neutral", "worst", "error"]),
             help="Value of scores that unmeasured angles leave undetermined.",
         ),
+        click.option(
+            "--error",
+            default=None,
+            metavar="|".join((*MEASUREMENTS, "FILE.toml")),
+            help="Measurement error of the angles: adds the most likely score, a 95 % range, and probabilities.",
+        ),
         click.option("--activity", default="auto", metavar="auto|none|LIST", help="LIST: static,repeated,unstable."),
         click.option("--arm-supported", is_flag=True, default=None, help="Both arms are supported."),
         click.option("--support", type=click.Choice(SUPPORTS), default=None, help="Support of the body by the legs."),
         click.option("--coupling", type=click.Choice([*COUPLINGS, "0", "1", "2", "3"]), default=None, help="Grip."),
         click.option("--shock", is_flag=True, default=None, help="Shock or rapid build-up of force."),
         click.option("--load", type=LOAD, default=None, metavar="KG", help="Load in kilograms."),
-        click.option("--rules", default="measured", metavar="paper|measured|FILE.toml", help="Rules to score by."),
+        click.option("--rules", default="measured", metavar=RULES, help="Rules to score by."),
     ):
         command = option(command)
     return reading_options(command)
@@ -310,7 +320,7 @@ def profiles(name: str | None, as_json: bool) -> None:
 @click.option("--support", type=click.Choice(SUPPORTS), default=None, help="Support of the body by the legs.")
 @click.option("--coupling", type=click.Choice([*COUPLINGS, "0", "1", "2", "3"]), default=None, help="Grip.")
 @click.option("--load", type=LOAD, default=None, metavar="KG", help="Load in kilograms.")
-@click.option("--rules", default="measured", metavar="paper|measured|FILE.toml", help="Rules to score by.")
+@click.option("--rules", default="measured", metavar=RULES, help="Rules to score by.")
 @click.option("--topic", default=None, help="Topic to use, if there are several.")
 @click.option("--profile", default="auto", metavar="NAME|FILE.toml", help="Meaning of the names: `reba profiles`.")
 def live(source: str, **values: Any) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -131,10 +131,31 @@ def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:
         if summary["assumed"]:
             notes.append(f"assumed: {'; '.join(summary['assumed'])}")
         notes += [f"note: {text}" for text in summary["warnings"]]
+        notes += _with_error(summary)
         notes.append(f"rules: {summary['rules']['name']}; profile: {summary['profile']}")
         for note in notes:
             lines.setdefault(note, []).append(summary["input"])
     return [note if len(inputs) == len(summaries) else f"{', '.join(inputs)}: {note}" for note, inputs in lines.items()]
+
+
+def _with_error(summary: dict[str, Any]) -> list[str]:
+    """Return what the measurement error implies, as one line; none without one."""
+    if "distribution" not in summary:
+        return []
+    expected = summary["distribution"]
+
+    def both(low: float, high: float, text: Callable[[float], str]) -> str:
+        first, second = text(low), text(high)
+        return first if first == second else f"{first} to {second}"
+
+    reached = {level: both(ends["low"], ends["high"], _percent) for level, ends in expected["at_least"].items()}
+    mean = both(expected["mean_low"], expected["mean_high"], "{:.1f}".format)
+    approximate = f"; approximate: {expected['approximate']}" if expected["approximate"] else ""
+    return [
+        f"with measurement error ({expected['error']['name']}): mean {mean}; probability of medium risk or above "
+        f"{reached['2']}, of high risk or above {reached['3']}; the 95 % range of a frame is "
+        f"{expected['mean_width']:.1f} points wide on average{approximate}"
+    ]
 
 
 def short_columns(columns: Sequence[str]) -> list[str]:

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from reba.analysis.expected_exposure import expected_exposure
 from reba.analysis.score_table import SCORES, ScoreTable
 from reba.analysis.worksheet import contributions
 from reba.arrays import Array
@@ -236,6 +237,7 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
         "worst": worst,
         "parts": {name: _part(column(scores, name), weights) for name in PARTS},
         "activity": scores.activity_causes,
+        **({} if (expected := expected_exposure(scores, weights)) is None else {"distribution": expected}),
     }
 
 

@@ -19,6 +19,7 @@ import pandas as pd
 from reba.errors import ReadError
 from reba.file_stamp import TRY_AGAIN, unchanged
 from reba.files import as_json, sha256_of
+from reba.method.distribution import PROBABILITY_COLUMNS
 from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
@@ -77,6 +78,8 @@ def _schema(data: pd.DataFrame, kind: str) -> dict[str, Any]:
             return {"type": "number", "description": "seconds since the start of the recording"}
         if name in COLUMNS:
             return {"type": ["number", "null"], "description": "degrees; null = not measured"}
+        if name in PROBABILITY_COLUMNS:
+            return {"type": "number", "description": "probability that the action level is reached, under the error"}
         if kind == "scores":
             return {"type": ["integer", "null"], "description": "null = not determined by what was measured"}
         return {"description": "factor"}

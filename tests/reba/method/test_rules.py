@@ -147,7 +147,7 @@ def test_replace_refuses_unknown_fields() -> None:
 def test_unknown_rules(which: object) -> None:
     with pytest.raises(reba.RulesError) as caught:
         rules_of(which)
-    says(caught, "are unknown", "use measured or paper, or a file")
+    says(caught, "are unknown", "use measured, paper, rater, or a file")
 
 
 def test_every_threshold_is_echoed() -> None:

@@ -1,0 +1,55 @@
+"""Exposure under measurement error: what the distribution of every frame implies for a recording.
+
+Shares of time and means are expected values: they are sums over frames, so they hold whether the errors of different
+frames depend on each other or not. Percentiles and maxima of a recording would depend on that and are not given.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from reba.analysis.score_table import ScoreTable
+from reba.arrays import Array
+from reba.method.distribution import LEVELS, SHARE
+from reba.method.tables import UNKNOWN
+from reba.posture.columns import COLUMNS
+
+APPROXIMATE = "upper arms against gravity: errors propagated to first order, independent of the trunk's"
+"""Why a distribution is not exact."""
+
+
+def expected_exposure(scores: ScoreTable, weights: Array) -> dict[str, Any] | None:
+    """Return the distribution of a recording as plain data, None without a measurement error.
+
+    Args:
+        weights: (n,) duration of each frame [s].
+    """
+    found, error = scores.distribution, scores.error
+    if found is None or error is None:
+        return None
+    total = weights.sum() or 1.0
+    shares = weights / total
+
+    def mean(values: Any) -> float:
+        return float(values @ shares)
+
+    reba = scores.data["reba"].to_numpy(np.float64, na_value=np.nan)
+    same = (found.reba_likely == reba) & (found.reba_likely != UNKNOWN)
+    width = found.reba_95_high.astype(np.int64) - found.reba_95_low
+    return {
+        "error": error.to_dict(),
+        "exact": found.exact,
+        "approximate": "" if found.exact else APPROXIMATE,
+        "mean_low": mean(found.mean_low),
+        "mean_high": mean(found.mean_high),
+        "at_least": {
+            str(level): {"low": mean(found.level_low[level - 1]), "high": mean(found.level_high[level - 1])}
+            for level in LEVELS
+        },
+        "range": {"share": SHARE, "mean_low": mean(found.reba_95_low), "mean_high": mean(found.reba_95_high)},
+        "mean_width": mean(width),
+        "likely_is_reba": mean(same),
+        "without_error": [column for column, sd in zip(COLUMNS, error.sd, strict=True) if sd == 0.0],
+    }
