@@ -63,6 +63,13 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+error_option = click.option(
+    "--error", default=None, metavar="|".join((*MEASUREMENTS, "FILE.toml")),
+    help="Measurement error of the angles: adds the most likely score, a range of 95 % and probabilities.",
+)  # fmt: skip
+"""Of commands that show what an error implies."""
+
+
 def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options for scoring postures, after those for reading."""
     for option in (
@@ -71,12 +78,6 @@ def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
             default="range",
             type=click.Choice(["range", "neutral", "worst", "error"]),
             help="Value of scores that unmeasured angles leave undetermined.",
-        ),
-        click.option(
-            "--error",
-            default=None,
-            metavar="|".join((*MEASUREMENTS, "FILE.toml")),
-            help="Measurement error of the angles: adds the most likely score, a 95 % range, and probabilities.",
         ),
         click.option("--activity", default="auto", metavar="auto|none|LIST", help="LIST: static,repeated,unstable."),
         click.option("--arm-supported", is_flag=True, default=None, help="Both arms are supported."),
@@ -116,6 +117,7 @@ def cli() -> None:
 )  # fmt: skip
 @click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
 @scoring_options
+@error_option
 @parallel_options
 @json_option
 def score(
@@ -193,6 +195,7 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) ->
 @click.argument("path", metavar="INPUT")
 @click.option("--at", "time", type=SECONDS, required=True, metavar="SECONDS", help="Time of the frame.")
 @scoring_options
+@error_option
 @json_option
 def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
     """Print the worksheet of one frame: the angle and the rule of every point."""

@@ -26,8 +26,8 @@ def expected_exposure(scores: ScoreTable, weights: Array) -> dict[str, Any] | No
     Args:
         weights: (n,) duration of each frame [s].
     """
-    found, error = scores.distribution, scores.error
-    if found is None or error is None:
+    implied, error = scores.distribution, scores.error
+    if implied is None or error is None:
         return None
     total = weights.sum() or 1.0
     shares = weights / total
@@ -36,19 +36,19 @@ def expected_exposure(scores: ScoreTable, weights: Array) -> dict[str, Any] | No
         return float(values @ shares)
 
     reba = scores.data["reba"].to_numpy(np.float64, na_value=np.nan)
-    same = (found.reba_likely == reba) & (found.reba_likely != UNKNOWN)
-    width = found.reba_95_high.astype(np.int64) - found.reba_95_low
+    same = (implied.reba_likely == reba) & (implied.reba_likely != UNKNOWN)
+    width = implied.reba_95_high.astype(np.int64) - implied.reba_95_low
     return {
         "error": error.to_dict(),
-        "exact": found.exact,
-        "approximate": "" if found.exact else APPROXIMATE,
-        "mean_low": mean(found.mean_low),
-        "mean_high": mean(found.mean_high),
+        "exact": implied.exact,
+        "approximate": "" if implied.exact else APPROXIMATE,
+        "mean_low": mean(implied.mean_low),
+        "mean_high": mean(implied.mean_high),
         "at_least": {
-            str(level): {"low": mean(found.level_low[level - 1]), "high": mean(found.level_high[level - 1])}
+            str(level): {"low": mean(implied.level_low[level - 1]), "high": mean(implied.level_high[level - 1])}
             for level in LEVELS
         },
-        "range": {"share": SHARE, "mean_low": mean(found.reba_95_low), "mean_high": mean(found.reba_95_high)},
+        "range": {"share": SHARE, "mean_low": mean(implied.reba_95_low), "mean_high": mean(implied.reba_95_high)},
         "mean_width": mean(width),
         "likely_is_reba": mean(same),
         "without_error": [column for column, sd in zip(COLUMNS, error.sd, strict=True) if sd == 0.0],

@@ -17,7 +17,7 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 
 from reba.arrays import Array, Flags
-from reba.checks import shown
+from reba.checks import accepts, one_of
 from reba.errors import PostureError
 from reba.method.factor_points import FactorPoints, points
 from reba.method.measurement_error import ErrorInput, MeasurementError
@@ -109,6 +109,7 @@ def distribution(
     return ScoreDistribution(likely, low, high, levels[0], levels[1], means[0], means[1], exact)
 
 
+@accepts(PostureError, missing=one_of("neutral", "worst"))
 def score_probabilities(
     angles: Any,
     factors: Factors | Mapping[str, Any] | None = None,
@@ -138,13 +139,10 @@ def score_probabilities(
     Example:
         >>> import numpy as np
         >>> posture = np.zeros((1, 22))
-        >>> posture[0, COLUMNS.index("lower_arm_flexion_left") :][:2] = 80.0
-        >>> posture[0, COLUMNS.index("trunk_flexion")] = 20.0
+        >>> posture[0, COLUMNS.index("trunk_flexion")] = 62.0
         >>> score_probabilities(posture, error={"trunk_flexion": 3.0})[0, :3].round(3).tolist()
-        [0.5, 0.5, 0.0]
+        [0.252, 0.748, 0.0]
     """
-    if missing not in ("neutral", "worst"):
-        raise PostureError(f"missing is {shown(missing)}; expected neutral or worst")
     table, _ = read_angles(angles, COLUMNS)
     check_angles(table)
     warn_if_radians(table)

@@ -212,7 +212,7 @@ RATER: Final[dict[str, tuple[float, str]]] = {
     "neck_twist": (15.0, "a choice: as trunk_side_bend"),
     "neck_side_bend": (15.0, "a choice: as trunk_side_bend"),
     "abduction": (30.0, "classes of 30 deg are what observers tell apart best (van Wyk et al. 2009, NIOSH 2014)"),
-    "shoulder_elevation": (10.0, "a choice: as in `measured`; nobody judges it in degrees"),
+    "shoulder_elevation": (10.0, "a choice: as in `measured`; it is not judged in degrees"),
     "wrist_deviation": (15.0, "estimates of the hand are 14.0 deg off (Ergonomics 55:885-897, 2012), rounded"),
     "wrist_twist": (45.0, "a choice: half the range; observers hardly see pronation (McKinnon et al.)"),
 }

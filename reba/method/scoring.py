@@ -174,8 +174,8 @@ def score_angles(
             refuse_infinite(block.T, start)
             refuse_large(block.T, start)
         _score_block(block, complete, factor_points.rows(start, stop), chosen, missing, out[:, start:stop], start)
-    found = None if error is None else distribution(table, Factors.of(factors), chosen, error, missing)
-    return ScoreArrays(**dict(zip(SCORE_COLUMNS, out, strict=True)), distribution=found)
+    implied = None if error is None else distribution(table, Factors.of(factors), chosen, error, missing)
+    return ScoreArrays(**dict(zip(SCORE_COLUMNS, out, strict=True)), distribution=implied)
 
 
 def _score_block(

@@ -62,12 +62,12 @@ class ErrorSection:
 
 def error_section(record: RecordingSummary) -> ErrorSection | None:
     """Return the section of a recording, None if no measurement error was given or there are no frames."""
-    error, found = record.scores.error, record.scores.distribution
-    if error is None or found is None or not record.frames:
+    error, implied = record.scores.error, record.scores.distribution
+    if error is None or implied is None or not record.frames:
         return None
     expected = record.summary["distribution"]
-    likely = np.where(found.reba_likely == UNKNOWN, np.nan, found.reba_likely)
-    curve = Curve(found.reba_95_low.astype(np.float64), found.reba_95_high.astype(np.float64), likely)
+    likely = np.where(implied.reba_likely == UNKNOWN, np.nan, implied.reba_likely)
+    curve = Curve(implied.reba_95_low.astype(np.float64), implied.reba_95_high.astype(np.float64), likely)
     return ErrorSection(
         error.name,
         error.title,
@@ -78,7 +78,7 @@ def error_section(record: RecordingSummary) -> ErrorSection | None:
             for end, label in (
                 (("low", ""),)
                 if record.fully_measured
-                else (("low", ", unmeasured angles neutral"), ("high", ", unmeasured angles at their worst"))
+                else (("low", ", unmeasured neutral"), ("high", ", unmeasured at worst"))
             )
         ),
         _angles(error),

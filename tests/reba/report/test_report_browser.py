@@ -25,7 +25,7 @@ def scored(n: int, seed: int) -> Scores:
     columns = {name: 90 * wave * rng.random() + rng.normal(0, 1, n) for name in reba.COLUMNS if "wrist" not in name}
     data = pd.DataFrame({"time": time, **columns})
     data.loc[(time > 4) & (time < 6), "neck_flexion"] = np.nan
-    return reba.score(data[(time < 8) | (time > 10)].reset_index(drop=True), load=7.0)
+    return reba.score(data[(time < 8) | (time > 10)].reset_index(drop=True), load=7.0, error="inertial")
 
 
 @pytest.fixture(scope="module")
