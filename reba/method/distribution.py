@@ -21,7 +21,6 @@ from reba.checks import accepts, one_of
 from reba.errors import PostureError
 from reba.method.factor_points import FactorPoints, points
 from reba.method.measurement_error import ErrorInput, MeasurementError
-from reba.method.normal import Scratch
 from reba.method.part_probabilities import (
     Outside,
     block_angles,
@@ -41,8 +40,11 @@ SHARE: Final = 0.95
 """Probability of the range `reba_95_low` to `reba_95_high`, as much on either side of it."""
 SCORES: Final = 15
 """Highest REBA score."""
-BLOCK: Final = 1500
-"""Frames handled at once: their probabilities stay in the cache."""
+BLOCK: Final = 5000
+"""Frames handled at once: few enough for the cache, enough to make the cost of a numpy call small."""
+KEPT_BYTES: Final = 1 << 24
+"""glibc gives memory back to the system after each block and asks for it again in the next, which takes longer than the
+arithmetic; once an array of this size was freed, it keeps up to twice as much (mallopt(3), M_TRIM_THRESHOLD)."""
 _ROUNDING: Final = 1e-9
 """Probabilities that differ by less are equal: of two equally likely scores the lower one is named."""
 
@@ -205,33 +207,33 @@ def _blocks(
     table: Array, factor_points: FactorPoints, rules: Rules, error: MeasurementError
 ) -> Iterator[tuple[slice, list[Array], Scores8]]:
     """Yield frames, P(Table C = 1), ... (12, m) at the low and, if it differs, the high end, and activity points."""
-    scratch = Scratch()
+    np.empty(KEPT_BYTES, np.uint8)
     for start in range(0, len(table), BLOCK):
         rows = slice(start, min(start + BLOCK, len(table)))
         block = block_angles(table[rows].T, rules, error)
-        outside = outside_probabilities(block, rules, scratch)
+        outside = outside_probabilities(block, rules)
         of_frames = factor_points.rows(rows.start, rows.stop)
         ends = []
         for end in ("low",) if block.unmeasured is None else ("low", "high"):
             set_unmeasured(outside, block, rules, end)
-            ends.append(_table_c(outside, of_frames, rules, scratch))
+            ends.append(_table_c(outside, of_frames, rules))
         yield rows, ends, of_frames.activity
 
 
-def _table_c(outside: Outside, factor_points: FactorPoints, rules: Rules, scratch: Scratch) -> Array:
+def _table_c(outside: Outside, factor_points: FactorPoints, rules: Rules) -> Array:
     """Return P(Table C = 1), ..., P(Table C = 12), (12, m)."""
-    first_a, score_a = _score_a(outside, factor_points, rules, scratch)
-    first_b, score_b = _score_b(outside, factor_points, rules, scratch)
+    first_a, score_a = _score_a(outside, factor_points, rules)
+    first_b, score_b = _score_b(outside, factor_points, rules)
     if rules.two_sides == "worse":
         both = _up_to(score_b)
         score_b = both[:, 0] * both[:, 1]  # P(the larger of the two is at most ...)
         score_b[1:] -= score_b[:-1].copy()
     else:
         score_b = score_b[:, SIDES.index(rules.two_sides)]
-    return _sum_over(first_a, len(score_a), first_b, len(score_b)) @ _cells(scratch, "cells_c", score_a, score_b)
+    return _sum_over(first_a, len(score_a), first_b, len(score_b)) @ _cells(score_a, score_b)
 
 
-def _score_a(outside: Outside, factor_points: FactorPoints, rules: Rules, scratch: Scratch) -> tuple[int, Array]:
+def _score_a(outside: Outside, factor_points: FactorPoints, rules: Rules) -> tuple[int, Array]:
     """Return the lowest Score A that occurs and P(Score A = lowest + k), (k, m)."""
     knees = outside["knee_flexion"]
     outside = {**outside, "knee_flexion": [one * factor_points.knees_count for one in knees]}
@@ -239,11 +241,11 @@ def _score_a(outside: Outside, factor_points: FactorPoints, rules: Rules, scratc
     legs = np.zeros((TABLE_A.shape[2], bent.shape[1]))
     for score, frames in _kinds(factor_points.legs, bent.shape[1]):
         legs[score - 1 : score - 1 + len(bent), frames] = bent[:, frames]
-    cells = _cells(scratch, "cells_a", _cells(scratch, "trunk_neck", trunk, neck), legs)
+    cells = _cells(_cells(trunk, neck), legs)
     return _added(_A @ cells, factor_points.load_force)
 
 
-def _score_b(outside: Outside, factor_points: FactorPoints, rules: Rules, scratch: Scratch) -> tuple[int, Array]:
+def _score_b(outside: Outside, factor_points: FactorPoints, rules: Rules) -> tuple[int, Array]:
     """Return the lowest Score B that occurs and P(Score B = lowest + k) of both sides, (k, 2, m)."""
     upper, lower, wrist = (part_score_probabilities(part, outside, rules) for part in GROUP_B)
     if factor_points.arm_supported.any():
@@ -251,16 +253,14 @@ def _score_b(outside: Outside, factor_points: FactorPoints, rules: Rules, scratc
         supported[:-1] = upper[1:]
         supported[0] += upper[0]
         upper = np.where(factor_points.arm_supported, supported, upper)
-    arms = _cells(scratch, "upper_lower", *(one.reshape(len(one), -1) for one in (upper, lower)))
-    cells = _cells(scratch, "cells_b", arms, wrist.reshape(len(wrist), -1))
+    arms = _cells(*(one.reshape(len(one), -1) for one in (upper, lower)))
+    cells = _cells(arms, wrist.reshape(len(wrist), -1))
     return _added((_B @ cells).reshape(-1, *upper.shape[1:]), factor_points.coupling)
 
 
-def _cells(scratch: Scratch, name: str, one: Array, other: Array) -> Array:
+def _cells(one: Array, other: Array) -> Array:
     """Return the probability of every pair of independent scores (k, m) and (l, m) as (k * l, m)."""
-    pairs = scratch(name, len(one), len(other), one.shape[1])
-    np.multiply(one[:, None], other[None], out=pairs)
-    return pairs.reshape(-1, one.shape[1])
+    return (one[:, None] * other[None]).reshape(-1, one.shape[1])
 
 
 def _added(scores: Array, added: Scores8) -> tuple[int, Array]:

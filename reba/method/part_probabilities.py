@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array, Flags
 from reba.method.measurement_error import MeasurementError
-from reba.method.normal import MIDDLE, PER_SD, Scratch, normal_cdf
+from reba.method.normal import MIDDLE, PER_SD, normal_cdf
 from reba.method.rules import Rules
 from reba.method.steps import AngleSteps, Boundary, outside, part_steps
 from reba.method.tables import PART_MAXIMA
@@ -102,17 +102,16 @@ def _sd_against_gravity(angles: Array, sd: Array) -> Array:
     return spread
 
 
-def outside_probabilities(block: BlockAngles, rules: Rules, scratch: Scratch) -> Outside:
+def outside_probabilities(block: BlockAngles, rules: Rules) -> Outside:
     """Return the probability that each true angle lies outside each boundary; unmeasured angles count as certain."""
     tails = _tails(rules)
     exact = block.sd <= 0.0
     some_exact = exact.any()
     per_sd = (PER_SD * tails.sense) / np.where(exact, 1.0, block.sd)[tails.column]
-    z = scratch("tails", len(tails.column), block.angles.shape[1])
-    block.angles.take(tails.column, axis=0, out=z, mode="clip")
+    z = block.angles.take(tails.column, axis=0)
     z *= per_sd
     z += MIDDLE - tails.edge * per_sd
-    normal_cdf(z, scratch)
+    normal_cdf(z)
     result: Outside = {}
     for angle, boundary, above, below in tails.places:
         parts = [z[rows] for rows in (above, below) if rows is not None]

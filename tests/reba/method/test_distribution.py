@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 import reba
 from reba.method.classes import angle_classes
-from reba.method.normal import MIDDLE, PER_SD, Scratch, normal_cdf
+from reba.method.distribution import BLOCK
+from reba.method.normal import MIDDLE, PER_SD, normal_cdf
 from reba.method.tables import ACTION_LEVEL_FROM, UNKNOWN
 from reba.posture.columns import COLUMNS_OF, INDEX
 from tests.support import posture_samples as samples
@@ -195,7 +196,7 @@ def test_unmeasured_angles_bound_the_distribution() -> None:
 
 def test_the_figures_follow_from_the_probabilities() -> None:
     rng = np.random.default_rng(7)
-    angles, factors = samples.random_angles(rng, 4000), samples.random_factors(rng, 4000)
+    angles, factors = samples.random_angles(rng, 4000), samples.random_factors(rng, 4000)  # more than one block
     found = reba.score_array(angles, factors, error=EVERY).distribution
     chances = reba.score_probabilities(angles, factors, error=EVERY)
     assert found is not None
@@ -235,7 +236,7 @@ def test_a_raised_shoulder_given_as_a_flag_has_no_error_in_degrees() -> None:
     assert reba.score_probabilities(angles, error={"shoulder_elevation": 30.0}).max() < 1.0
 
 
-@pytest.mark.parametrize("n", [0, 1, 1499, 1500, 1501])
+@pytest.mark.parametrize("n", [0, 1, BLOCK - 1, BLOCK, BLOCK + 1])
 def test_any_number_of_frames(n: int) -> None:
     found = reba.score_array(upright(n), error=EVERY).distribution
     assert found is not None
@@ -247,7 +248,7 @@ def test_any_number_of_frames(n: int) -> None:
 def test_normal_distribution_function() -> None:
     x = np.linspace(-12.0, 12.0, 100_001)
     exact = np.array([tail(one) for one in x.tolist()])
-    found = normal_cdf((PER_SD * x + MIDDLE).reshape(1, -1), Scratch())[0]
+    found = normal_cdf((PER_SD * x + MIDDLE).reshape(1, -1))[0]
     assert np.abs(found - exact).max() < 5e-9
     assert (found[x < -9.1] == 0.0).all()
     assert (found[x > 9.1] == 1.0).all()
