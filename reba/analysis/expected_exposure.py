@@ -12,12 +12,20 @@ import numpy as np
 
 from reba.analysis.score_table import ScoreTable
 from reba.arrays import Array
-from reba.method.distribution import LEVELS, SHARE
+from reba.method.distribution import LEVELS, LIKELY_COLUMNS, SHARE
 from reba.method.tables import UNKNOWN
 from reba.posture.columns import COLUMNS
 
 APPROXIMATE = "upper arms against gravity: errors propagated to first order, independent of the trunk's"
 """Why a distribution is not exact."""
+
+
+def frame_distribution(scores: ScoreTable, frame: int) -> dict[str, float | None]:
+    """Return the columns that a measurement error adds, for one frame; None where undetermined, empty without one."""
+    if scores.distribution is None:
+        return {}
+    columns = {name: values[frame].item() for name, values in scores.distribution.columns().items()}
+    return {name: None if name in LIKELY_COLUMNS and value == UNKNOWN else value for name, value in columns.items()}
 
 
 def expected_exposure(scores: ScoreTable, weights: Array) -> dict[str, Any] | None:

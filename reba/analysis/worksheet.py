@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from reba.analysis.expected_exposure import frame_distribution
 from reba.analysis.score_table import ScoreTable
 from reba.method.classes import AngleClasses, angle_classes
-from reba.method.distribution import LIKELY_COLUMNS, PROBABILITY_COLUMNS
 from reba.method.factor_points import knees_count, leg_points
 from reba.method.rules import load_points
 from reba.method.scoring import SCORE_COLUMNS
@@ -77,9 +77,7 @@ def worksheet(scores: ScoreTable, frame: int) -> Worksheet:
     """Return the worksheet of a frame (row of the score table)."""
     row = scores.data.iloc[frame]
     known = {name: None if pd.isna(row[name]) else int(row[name]) for name in SCORE_COLUMNS}
-    added = [name for name in (*LIKELY_COLUMNS, *PROBABILITY_COLUMNS) if name in scores.data.columns]
-    kinds = {name: int if name in LIKELY_COLUMNS else float for name in added}
-    chances = {name: None if pd.isna(row[name]) else kind(row[name]) for name, kind in kinds.items()}
+    chances = frame_distribution(scores, frame)
     angles = np.array(scores.angles[frame], np.float64).reshape(-1, 1)
     if scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from reba.checks import shown
+from reba.checks import is_number, shown
 from reba.errors import PostureError
 from reba.open_file import read_settings
 from reba.posture.columns import COLUMNS, COLUMNS_OF
@@ -42,6 +42,9 @@ class MeasurementError:
         sources: (22,) where the numbers come from; "" if not given.
         chosen: columns whose numbers are a choice, because no source gives them.
 
+    Raises:
+        PostureError: not one number in its range for each column.
+
     Example:
         >>> MeasurementError.of({"knee_flexion": 4.0}).sd[COLUMNS.index("knee_flexion_left")]
         4.0
@@ -53,6 +56,13 @@ class MeasurementError:
     bias: tuple[float, ...] = _NOTHING
     sources: tuple[str, ...] = ("",) * len(COLUMNS)
     chosen: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, numbers, lowest in (("sd", self.sd, 0.0), ("bias", self.bias, -LARGEST)):
+            fits = isinstance(numbers, tuple) and len(numbers) == len(COLUMNS) and all(map(is_number, numbers))
+            if not fits or not all(lowest <= number <= LARGEST for number in numbers):
+                expected = f"{len(COLUMNS)} numbers from {lowest:g} to {LARGEST:g} [deg], in a tuple"
+                raise PostureError(f"{name} of a measurement error is {shown(numbers)}; expected {expected}")
 
     @staticmethod
     def of(which: str | Path | Mapping[str, Any] | MeasurementError) -> MeasurementError:

@@ -286,6 +286,9 @@ def test_the_worksheet_of_a_frame_has_its_distribution() -> None:
     row = scores.data.iloc[1]
     assert sheet.error == "own"
     assert sheet.distribution == {name: row[name] for name in ADDED}
+    worst = scores.summary()["worst"][0]
+    assert worst["distribution"] == scores.explain(worst["time"]).distribution
+    json.dumps(worst)
     assert set(sheet.scores) == set(SCORE_COLUMNS)
     assert reba.score(frame_of()).explain(0.5).distribution == {}
 

@@ -99,6 +99,13 @@ def test_files_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> N
     says(caught, "bad.toml", message)
 
 
+@pytest.mark.parametrize("wrong", [(), (1.0,) * 21, [1.0] * 22, (float("nan"),) * 22, (-1.0,) * 22, ("x",) * 22, None])
+def test_records_hold_one_number_for_each_column(wrong: object) -> None:
+    with pytest.raises(reba.PostureError) as caught:
+        MeasurementError(sd=wrong)  # type: ignore[arg-type]
+    says(caught, "sd", "22 numbers from 0 to 180")
+
+
 def test_a_file_that_is_not_there() -> None:
     with pytest.raises(reba.PostureError) as caught:
         MeasurementError.of("nowhere.toml")
