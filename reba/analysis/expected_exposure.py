@@ -31,6 +31,8 @@ def frame_distribution(scores: ScoreTable, frame: int) -> dict[str, float | None
 def expected_exposure(scores: ScoreTable, weights: Array) -> dict[str, Any] | None:
     """Return the distribution of a recording as plain data, None without a measurement error.
 
+    `likely_is_reba` is the share of time in which the score is the most likely one, where both are determined.
+
     Args:
         weights: (n,) duration of each frame [s].
     """
@@ -44,7 +46,8 @@ def expected_exposure(scores: ScoreTable, weights: Array) -> dict[str, Any] | No
         return float(values @ shares)
 
     reba = scores.data["reba"].to_numpy(np.float64, na_value=np.nan)
-    same = (implied.reba_likely == reba) & (implied.reba_likely != UNKNOWN)
+    determined = ~np.isnan(reba) & (implied.reba_likely != UNKNOWN)
+    same = determined & (implied.reba_likely == reba)
     width = implied.reba_95_high.astype(np.int64) - implied.reba_95_low
     return {
         "error": error.to_dict(),
@@ -58,6 +61,6 @@ def expected_exposure(scores: ScoreTable, weights: Array) -> dict[str, Any] | No
         },
         "range": {"share": SHARE, "mean_low": mean(implied.reba_95_low), "mean_high": mean(implied.reba_95_high)},
         "mean_width": mean(width),
-        "likely_is_reba": mean(same),
+        "likely_is_reba": float(weights[same].sum() / weights[determined].sum()) if determined.any() else None,
         "without_error": [column for column, sd in zip(COLUMNS, error.sd, strict=True) if sd == 0.0],
     }

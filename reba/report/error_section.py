@@ -94,8 +94,7 @@ def _sentences(expected: dict[str, Any], measured: bool) -> tuple[str, ...]:
         f"and with a probability of {levels['2']} at medium risk or above, of {levels['3']} at high risk or above "
         "(probabilities averaged over time).",
         f"In a frame, REBA lies with a probability of {percent(SHARE)} in a range that is {expected['mean_width']:.1f} "
-        f"points wide on average; for {percent(expected['likely_is_reba'])} of the time the score is also the most "
-        "likely one.",
+        f"points wide on average.{_agreement(expected['likely_is_reba'], measured)}",
         "Errors raise scores more often than they lower them where an angle is close to neutral, because REBA counts "
         "departures in either direction.",
     ]
@@ -104,6 +103,14 @@ def _sentences(expected: dict[str, Any], measured: bool) -> tuple[str, ...]:
     if expected["approximate"]:
         sentences.append(f"Approximate: {expected['approximate']}.")
     return tuple(sentences)
+
+
+def _agreement(share: float | None, measured: bool) -> str:
+    """Return for how long the score is the most likely one, as a sentence."""
+    if share is None:
+        return ""
+    where = "" if measured else ", where both are determined"
+    return f" The score is also the most likely one for {percent(share)} of the time{where}."
 
 
 def _ends(ends: dict[str, float]) -> str:

@@ -278,6 +278,10 @@ def test_expected_exposure_is_the_weighted_mean_of_the_frames() -> None:
     assert found["error"]["sd"]["trunk_twist"] == 14.0
     assert found["exact"]
     assert not found["without_error"]
+    same = weights[scores.data["reba"] == scores.data["reba_likely"]].sum() / weights.sum()
+    assert found["likely_is_reba"] == pytest.approx(same)
+    unmeasured = reba.score(frames[["time", "trunk_flexion"]], error="optical").summary()["distribution"]
+    assert unmeasured["likely_is_reba"] is None
 
 
 def test_the_worksheet_of_a_frame_has_its_distribution() -> None:
