@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from reba.checks import is_number, shown
 from reba.errors import PostureError
 from reba.open_file import read_settings
@@ -79,7 +81,7 @@ class MeasurementError:
         if isinstance(which, MeasurementError):
             return which
         if isinstance(which, Mapping):
-            return _from_table(TomlTable("error", which, PostureError), "own")
+            return _from_table(TomlTable("error", _plain(which), PostureError), "own")
         if isinstance(which, str) and which in MEASUREMENTS:
             return _shipped(which)
         if isinstance(which, str | Path) and str(which).endswith(".toml"):
@@ -126,6 +128,14 @@ def _load(path: Path, name: str) -> MeasurementError:
     except (ValueError, RecursionError) as error:
         raise PostureError(f"{path}: not TOML ({error})") from error
     return _from_table(TomlTable(str(path), values, PostureError), name)
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a mapping with numbers of NumPy as those of Python, which TOML has."""
+    return {
+        key: _plain(value) if isinstance(value, Mapping) else value.item() if isinstance(value, np.generic) else value
+        for key, value in values.items()
+    }
 
 
 def _from_table(table: TomlTable, name: str) -> MeasurementError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import reba
@@ -71,7 +72,7 @@ def test_a_file_of_ones_own(tmp_path: Path) -> None:
 
 
 def test_columns_without_an_entry_have_no_error() -> None:
-    error = MeasurementError.of({"knee_flexion": {"sd": 4.0, "bias": 1.0}})
+    error = MeasurementError.of({"knee_flexion": {"sd": np.int64(4), "bias": np.float32(1.0)}})
     assert {column for column, sd in zip(reba.COLUMNS, error.sd, strict=True) if sd} == {
         "knee_flexion_left",
         "knee_flexion_right",
