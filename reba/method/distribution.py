@@ -45,8 +45,9 @@ BLOCK: Final = 5000
 KEPT_BYTES: Final = 1 << 24
 """glibc gives memory back to the system after each block and asks for it again in the next, which takes longer than the
 arithmetic; once an array of this size was freed, it keeps up to twice as much (mallopt(3), M_TRIM_THRESHOLD)."""
-_ROUNDING: Final = 1e-9
-"""Probabilities that differ by less are equal: of two equally likely scores the lower one is named."""
+_ROUNDING: Final = 2e-8
+"""Probabilities that differ by less than the error of the normal distribution function allows count as equal: of two
+equally likely scores the lower one is named."""
 
 
 @dataclass(frozen=True)
