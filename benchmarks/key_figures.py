@@ -53,6 +53,12 @@ def scoring(data: dict[str, Any]) -> Iterator[Figure]:
         yield Figure("score_array beside ergonomics-metrics", "", "its speed, both arms", data["ratio"])
 
 
+def distribution(data: dict[str, Any]) -> Iterator[Figure]:
+    for row in data["rows"][1:]:
+        speed = f"{row['frames_per_second']:,.0f} frames/s"
+        yield Figure(row["what"], speed, "time of the scores alone", row["times_scores"])
+
+
 def reading(data: dict[str, Any]) -> Iterator[Figure]:
     for name, row in data["recordings"].items():
         speed = f"{row['ours_messages_per_s']:,.0f} messages/s"
@@ -207,6 +213,7 @@ def _growth(what: str, rows: list[dict[str, Any]], by: str) -> Iterator[Figure]:
 SCRIPTS: tuple[Script, ...] = (
     Script("correctness", correctness, ("--postures", "1000")),
     Script("scoring", scoring, ("--frames", "100000", "--repeat", "2")),
+    Script("distribution", distribution, ("--frames", "20000", "--repeat", "2")),
     Script("reading", reading, ("--messages", "6000", "--repeat", "2")),
     Script("whole_command", whole_command, ("--minutes", "1")),
     Script("quadratic", quadratic, ("--poses", "2000", "--repeat", "2")),

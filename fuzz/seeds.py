@@ -218,13 +218,19 @@ def parquet() -> list[bytes]:
 
 
 def rules() -> list[bytes]:
-    """Both presets, and three changed fields."""
+    """All presets, and three changed fields."""
     from reba.method.rules import PRESETS
 
     return [
         *(preset.to_toml().encode() for preset in PRESETS.values()),
         b'preset = "paper"\ntrunk_twist = 5\nedges = "upper"\nseated_knees = true\n',
     ]
+
+
+def errors() -> list[bytes]:
+    """The tables of measurement error, and one of a user."""
+    own = b'base = "optical"\ntrunk_twist = 5\n[knee_flexion]\nsd = 2\nbias = 1\n'
+    return [*_shipped("reba/method/errors/*.toml"), own]
 
 
 def profiles() -> list[bytes]:

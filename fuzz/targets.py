@@ -76,6 +76,12 @@ def load_rules(path: Path) -> object:
     return reba.score_array([[0.0] * 22], None, reba.Rules.load(path))
 
 
+def load_error(path: Path) -> object:
+    import reba
+
+    return reba.score_array([[0.0] * 22], error=reba.MeasurementError.of(path))
+
+
 def load_profile(path: Path) -> object:
     from reba.readers.recording.profile import load_profile
 
@@ -178,6 +184,7 @@ TARGETS: dict[str, Target] = {
         Target("xlsx", "fuzz.xlsx", seeds.xlsx, mutate.mutate_zip, read),
         Target("gzip", "fuzz.csv.gz", seeds.packed, mutate.mutate_gzip, read),
         Target("rules", "fuzz.toml", seeds.rules, mutate.mutate_text, load_rules),
+        Target("error", "fuzz.toml", seeds.errors, mutate.mutate_text, load_error),
         Target("profile", "fuzz.toml", seeds.profiles, mutate.mutate_text, load_profile),
         Target("dataset", "_manifest.jsonl", seeds.datasets, mutate.mutate_json_lines, load_dataset),
         Target("domain", "fuzz.toml", seeds.domains, mutate.mutate_text, load_domain),

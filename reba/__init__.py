@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from reba.analysis.improve import Improvement
     from reba.analysis.worksheet import Worksheet
     from reba.errors import PostureError, ProfileError, RadiansWarning, ReadError, RebaError, RulesError
+    from reba.method.distribution import ScoreDistribution, score_probabilities
+    from reba.method.measurement_error import MeasurementError
     from reba.method.rules import PRESETS, Rules
     from reba.method.scoring import SCORE_COLUMNS, PartScores, ScoreArrays, score_array, score_parts
     from reba.method.tables import ACTION_LEVELS, TABLE_A, TABLE_B, TABLE_C
@@ -42,6 +44,7 @@ __all__ = [
     "TABLE_C",
     "Factors",
     "Improvement",
+    "MeasurementError",
     "PartScores",
     "PostureError",
     "PostureTable",
@@ -53,6 +56,7 @@ __all__ = [
     "Rules",
     "RulesError",
     "ScoreArrays",
+    "ScoreDistribution",
     "Scores",
     "Worksheet",
     "__version__",
@@ -63,6 +67,7 @@ __all__ = [
     "score",
     "score_array",
     "score_parts",
+    "score_probabilities",
     "write_postures",
     "write_report",
     "write_scores",
@@ -73,6 +78,8 @@ _LAZY = {
     "reba.analysis.improve": ("Improvement",),
     "reba.analysis.worksheet": ("Worksheet",),
     "reba.errors": ("PostureError", "ProfileError", "RadiansWarning", "ReadError", "RebaError", "RulesError"),
+    "reba.method.distribution": ("ScoreDistribution", "score_probabilities"),
+    "reba.method.measurement_error": ("MeasurementError",),
     "reba.method.rules": ("PRESETS", "Rules"),
     "reba.method.scoring": ("SCORE_COLUMNS", "PartScores", "ScoreArrays", "score_array", "score_parts"),
     "reba.method.tables": ("ACTION_LEVELS", "TABLE_A", "TABLE_B", "TABLE_C"),

@@ -34,12 +34,16 @@ from reba.command_line import (
     print_json,
     run,
 )
+from reba.method.measurement_error import MEASUREMENTS
+from reba.method.rules import PRESETS
 from reba.method.tables import ACTION_LEVELS
 from reba.posture.factors import COUPLINGS, SUPPORTS
 from reba.writers import check_as_ros, table_output
 
 LEVEL_NAMES = [risk.replace(" ", "-") for risk, _ in ACTION_LEVELS]
 """Names of the action levels as values of options, such as very-high."""
+RULES = "|".join((*PRESETS, "FILE.toml"))
+"""What `--rules` may be."""
 
 
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -59,6 +63,13 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+error_option = click.option(
+    "--error", default=None, metavar="|".join((*MEASUREMENTS, "FILE.toml")),
+    help="Measurement error of the angles: adds the most likely score, a range of 95 % and probabilities.",
+)  # fmt: skip
+"""Of commands that show what an error implies."""
+
+
 def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options for scoring postures, after those for reading."""
     for option in (
@@ -74,7 +85,7 @@ def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--coupling", type=click.Choice([*COUPLINGS, "0", "1", "2", "3"]), default=None, help="Grip."),
         click.option("--shock", is_flag=True, default=None, help="Shock or rapid build-up of force."),
         click.option("--load", type=LOAD, default=None, metavar="KG", help="Load in kilograms."),
-        click.option("--rules", default="measured", metavar="paper|measured|FILE.toml", help="Rules to score by."),
+        click.option("--rules", default="measured", metavar=RULES, help="Rules to score by."),
     ):
         command = option(command)
     return reading_options(command)
@@ -107,6 +118,7 @@ def cli() -> None:
 @click.option("--as-ros", is_flag=True, help="Scores in an .mcap as ROS messages, not as JSON: for rosbags, ROS tools.")
 @click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
 @scoring_options
+@error_option
 @parallel_options
 @json_option
 def score(
@@ -186,6 +198,7 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) ->
 @click.argument("path", metavar="INPUT")
 @click.option("--at", "time", type=SECONDS, required=True, metavar="SECONDS", help="Time of the frame.")
 @scoring_options
+@error_option
 @json_option
 def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
     """Print the worksheet of one frame: the angle and the rule of every point."""
@@ -313,7 +326,7 @@ def profiles(name: str | None, as_json: bool) -> None:
 @click.option("--support", type=click.Choice(SUPPORTS), default=None, help="Support of the body by the legs.")
 @click.option("--coupling", type=click.Choice([*COUPLINGS, "0", "1", "2", "3"]), default=None, help="Grip.")
 @click.option("--load", type=LOAD, default=None, metavar="KG", help="Load in kilograms.")
-@click.option("--rules", default="measured", metavar="paper|measured|FILE.toml", help="Rules to score by.")
+@click.option("--rules", default="measured", metavar=RULES, help="Rules to score by.")
 @click.option("--topic", default=None, help="Topic to use, if there are several.")
 @click.option("--profile", default="auto", metavar="NAME|FILE.toml", help="Meaning of the names: `reba profiles`.")
 def live(source: str, **values: Any) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -131,10 +131,32 @@ def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:
         if summary["assumed"]:
             notes.append(f"assumed: {'; '.join(summary['assumed'])}")
         notes += [f"note: {text}" for text in summary["warnings"]]
+        notes += _with_error(summary)
         notes.append(f"rules: {summary['rules']['name']}; profile: {summary['profile']}")
         for note in notes:
             lines.setdefault(note, []).append(summary["input"])
     return [note if len(inputs) == len(summaries) else f"{', '.join(inputs)}: {note}" for note, inputs in lines.items()]
+
+
+def _with_error(summary: dict[str, Any]) -> list[str]:
+    """Return what the measurement error implies, as one line; none without one."""
+    if "distribution" not in summary:
+        return []
+    expected = summary["distribution"]
+    reached = {level: _both(ends["low"], ends["high"], _percent) for level, ends in expected["at_least"].items()}
+    mean = _both(expected["mean_low"], expected["mean_high"], "{:.1f}".format)
+    approximate = f"; approximate: {expected['approximate']}" if expected["approximate"] else ""
+    return [
+        f"with measurement error ({expected['error']['name']}): mean {mean}; probability of medium risk or above "
+        f"{reached['2']}, of high risk or above {reached['3']}; the 95 % range of a frame is "
+        f"{expected['mean_width']:.1f} points wide on average{approximate}"
+    ]
+
+
+def _both(low: float | None, high: float | None, text: Callable[[Any], str]) -> str:
+    """Return both ends of a range as text, or one where they read the same."""
+    first, second = text(low), text(high)
+    return first if first == second else f"{first} to {second}"
 
 
 def short_columns(columns: Sequence[str]) -> list[str]:
@@ -176,7 +198,21 @@ def show_worksheet(console: Console, sheet: Worksheet) -> None:
     else:
         total = f"REBA {s['reba']}: {sheet.risk} risk, action {sheet.action}"
     console.print(Text(total, style="bold"))
+    if sheet.distribution:
+        console.print(Text(f"with measurement error ({sheet.error}): {_chances(sheet.distribution)}"))
     console.print(f"rules: {sheet.rules}")
+
+
+def _chances(implied: dict[str, float | None]) -> str:
+    """Return the distribution of one frame as text."""
+    likely = implied["reba_likely"]
+    first = "most likely score undetermined" if likely is None else f"most likely {likely:g}"
+    reached = [
+        _both(implied[f"p_level_{level}_low"], implied[f"p_level_{level}_high"], _percent) + f" {risk} risk or above"
+        for level, risk in ((2, "medium"), (3, "high"))
+    ]
+    both = _both(implied["reba_95_low"], implied["reba_95_high"], "{:g}".format)
+    return "; ".join([f"{first}, with a probability of 95 % {both}", *reached])
 
 
 def show_improvements(console: Console, title: str, improvements: Sequence[Improvement]) -> None:

@@ -22,8 +22,11 @@ from reba.analysis.worksheet import Worksheet, worksheet
 from reba.arrays import Array
 from reba.checks import TEXT, accepts
 from reba.errors import PostureError
+from reba.method.distribution import LIKELY_COLUMNS
+from reba.method.measurement_error import ErrorInput, MeasurementError
 from reba.method.rules import Rules, rules_of
-from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, Missing, score_angles
+from reba.method.scoring import SCORE_COLUMNS, Missing, score_angles
+from reba.method.tables import UNKNOWN, Scores8
 from reba.posture.factors import (
     ACTIVITIES,
     ASSUMED,
@@ -35,7 +38,7 @@ from reba.posture.factors import (
     checked,
     expand_sides,
 )
-from reba.posture.named_angles import RADIANS_TEXT, refuse_infinite, warn_if_radians
+from reba.posture.named_angles import RADIANS_TEXT, flag_columns, refuse_infinite, warn_if_radians
 from reba.posture.table import PostureTable, angles_of, table_of
 
 
@@ -63,6 +66,7 @@ def score(
     rules: Rules | str | Path = "measured",
     activity: Literal["auto", "none"] | str = "auto",
     missing: Missing = "range",
+    error: ErrorInput | None = None,
     **factors: Any,
 ) -> Scores:
     """Score a recording.
@@ -75,11 +79,14 @@ def score(
         activity: "auto" (from the movement), "none", or a comma list of static, repeated, unstable for the
             recording. A kind given as a factor or as a column replaces the one detected.
         missing: what stands for scores left open by unmeasured angles, see `score_array`.
+        error: measurement error of the angles, see `MeasurementError.of`: "inertial", a TOML file, ...; the table then
+            has the most likely score, the range of 95 % and the probability of action levels beside the scores, which
+            stay as they are. None: none of this.
         **factors: load [kg], shock, coupling (or coupling_left, ...), support, arm_supported, static, ...: one value
             or one per frame; they replace columns of the same name.
 
     Raises:
-        PostureError, RulesError: bad angles, factors or rules.
+        PostureError, RulesError: bad angles, factors, measurement error or rules.
 
     Warns:
         RadiansWarning: the angles look like radians, and no reader has warned before.
@@ -104,11 +111,15 @@ def score(
     used = dataclasses.replace(used, **{kind: kinds[kind] for kind in open_kinds})
     assumed = [text for name, text in ASSUMED.items() if name not in named]
     assumed += [ASSUMED_ACTIVITY] if activity == "auto" and open_kinds else []
-    arrays = score_angles(angles, used, chosen, missing)
+    spread = None if error is None else MeasurementError.of(error).without(flag_columns(table.data))
+    arrays = score_angles(angles, used, chosen, missing, error=spread)
     scored: dict[str, Any] = {"time": table.data["time"].to_numpy(np.float64)}
     for name in SCORE_COLUMNS:
         values = arrays[name]
-        scored[name] = pd.arrays.IntegerArray(values.view(np.int8), values == UNKNOWN)
+        scored[name] = _integers(values)
+    if arrays.distribution is not None:
+        for name, values in arrays.distribution.columns().items():
+            scored[name] = _integers(values) if name in LIKELY_COLUMNS else values
     return Scores(
         data=pd.DataFrame(scored, copy=False),
         postures=table,
@@ -118,7 +129,14 @@ def score(
         unmeasured=table.unmeasured,
         missing=missing,
         activity_causes={kind: parts for kind, parts in causes.items() if kind in open_kinds},
+        error=spread,
+        distribution=arrays.distribution,
     )
+
+
+def _integers(scores: Scores8) -> Any:
+    """Return scores as a nullable integer column without a copy."""
+    return pd.arrays.IntegerArray(scores.view(np.int8), scores == UNKNOWN)
 
 
 def _activity(

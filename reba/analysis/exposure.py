@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from reba.analysis.expected_exposure import expected_exposure, frame_distribution
 from reba.analysis.score_table import SCORES, ScoreTable
 from reba.analysis.worksheet import contributions
 from reba.arrays import Array
@@ -201,6 +202,7 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
                 "end": interval.end,
                 "held": interval.reba,
                 "why": contributions(scores, interval.frame),
+                **({"distribution": chances} if (chances := frame_distribution(scores, interval.frame)) else {}),
             }
         )
     return {
@@ -236,6 +238,7 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
         "worst": worst,
         "parts": {name: _part(column(scores, name), weights) for name in PARTS},
         "activity": scores.activity_causes,
+        **({} if (expected := expected_exposure(scores, weights)) is None else {"distribution": expected}),
     }
 
 

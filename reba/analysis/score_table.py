@@ -12,6 +12,8 @@ import pandas as pd
 from reba.arrays import Array
 from reba.checks import instance
 from reba.errors import PostureError
+from reba.method.distribution import ScoreDistribution
+from reba.method.measurement_error import MeasurementError
 from reba.method.rules import Rules
 from reba.method.scoring import Missing
 from reba.posture.factors import Factors
@@ -32,6 +34,8 @@ class ScoreTable:
         unmeasured: angle columns without any value.
         activity_causes: for activity detected in the movement: kind -> part -> share of frames.
         missing: what stands for undetermined scores.
+        error: the measurement error of the angles, None if none was given.
+        distribution: what that error implies for every frame; `data` then has its columns too.
     """
 
     data: pd.DataFrame
@@ -42,6 +46,8 @@ class ScoreTable:
     unmeasured: tuple[str, ...]
     missing: Missing = "range"
     activity_causes: dict[str, dict[str, float]] = field(default_factory=dict)
+    error: MeasurementError | None = None
+    distribution: ScoreDistribution | None = None
 
     @property
     def time(self) -> Array:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from reba.analysis.expected_exposure import frame_distribution
 from reba.analysis.score_table import ScoreTable
 from reba.method.classes import AngleClasses, angle_classes
 from reba.method.factor_points import knees_count, leg_points
 from reba.method.rules import load_points
+from reba.method.scoring import SCORE_COLUMNS
 from reba.method.tables import ACTION_LEVELS, PART_MAXIMA
 from reba.posture.angles import against_gravity
 from reba.posture.columns import GROUP_A, GROUP_B, INDEX, SIDES
@@ -49,6 +51,8 @@ class Worksheet:
         scores: the row of the score table; None where undetermined.
         risk, action: name of the action level and what it asks for; "" where undetermined.
         rules: name of the rules.
+        error: name of the measurement error, "" without one.
+        distribution: the columns of the score table that it adds; None where undetermined.
     """
 
     time: float
@@ -57,6 +61,8 @@ class Worksheet:
     risk: str
     action: str
     rules: str
+    error: str = ""
+    distribution: dict[str, float | None] = field(default_factory=dict)
 
     def of(self, part: str) -> tuple[WorksheetLine, ...]:
         """Return the lines of one part."""
@@ -70,7 +76,8 @@ class Worksheet:
 def worksheet(scores: ScoreTable, frame: int) -> Worksheet:
     """Return the worksheet of a frame (row of the score table)."""
     row = scores.data.iloc[frame]
-    known = {name: None if pd.isna(row[name]) else int(row[name]) for name in scores.data.columns if name != "time"}
+    known = {name: None if pd.isna(row[name]) else int(row[name]) for name in SCORE_COLUMNS}
+    chances = frame_distribution(scores, frame)
     angles = np.array(scores.angles[frame], np.float64).reshape(-1, 1)
     if scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)
@@ -93,7 +100,8 @@ def worksheet(scores: ScoreTable, frame: int) -> Worksheet:
     lines += _activity(scores, frame)
     level = known["action_level"]
     risk, action = ACTION_LEVELS[level] if level is not None else ("", "")
-    return Worksheet(float(row["time"]), tuple(lines), known, risk, action, scores.rules.name)
+    error = "" if scores.error is None else scores.error.name
+    return Worksheet(float(row["time"]), tuple(lines), known, risk, action, scores.rules.name, error, chances)
 
 
 def contributions(scores: ScoreTable, frame: int, most: int = 4) -> list[str]:

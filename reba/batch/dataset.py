@@ -26,6 +26,7 @@ from reba.batch.run import RecordingResult, ScoringOptions
 from reba.errors import RebaError
 from reba.file_stamp import stamp_of
 from reba.files import lock_exclusively
+from reba.method.measurement_error import MeasurementError
 from reba.method.rules import rules_of
 from reba.open_file import open_regular
 from reba.readers.recording.profile import Profile, profiles
@@ -241,9 +242,11 @@ def scoring_settings(options: ScoringOptions) -> dict[str, Any]:
     """
     options = options.with_files_read()
     rules, profile = rules_of(options.rules), options.profile
-    values = {name: value for name, value in vars(options).items() if name != "rules"}
+    values = {name: value for name, value in vars(options).items() if name not in ("rules", "error")}
     if isinstance(profile, Profile):
         values["profile"] = profile.name if profile in profiles() else f"{profile.name} {_digest(asdict(profile))}"
+    if isinstance(options.error, MeasurementError):  # without one, options are as in manifests of former versions
+        values["error"] = f"{options.error.name} {_digest(asdict(options.error))}"
     return {
         "version": __version__,
         "rules": rules.name,

@@ -14,6 +14,7 @@ from reba.batch.manifest import LOCK, MANIFEST, PARTITION
 from reba.batch.parallel import run_parallel
 from reba.batch.worker_pool import WorkerDied
 from reba.errors import RebaError
+from reba.method.measurement_error import MeasurementError
 from reba.method.rules import Rules, rules_of
 from reba.method.scoring import Missing
 from reba.open_file import read_settings
@@ -39,6 +40,7 @@ class ScoringOptions:
     rules: str | Path | Rules = "measured"
     activity: str = "auto"
     missing: Missing = "range"
+    error: str | Path | MeasurementError | None = None
     factors: dict[str, Any] = field(default_factory=dict)
 
     def read_and_score(self, path: str | Path) -> Scores:
@@ -55,16 +57,24 @@ class ScoringOptions:
             strict=self.strict,
             rate=self.rate,
         )
-        return score(postures, rules=self.rules, activity=self.activity, missing=self.missing, **self.factors)
+        return score(
+            postures,
+            rules=self.rules,
+            activity=self.activity,
+            missing=self.missing,
+            error=self.error,
+            **self.factors,
+        )
 
     def with_files_read(self) -> ScoringOptions:
-        """Return equal options with the content of files of rules and profiles, so that all recordings get the same.
+        """Return equal options with the content of the files that they name, so that all recordings get the same.
 
         Raises:
             RebaError: a file cannot be used.
         """
         profile = self.profile if str(self.profile) == "auto" else find_profile(self.profile)
-        return replace(self, rules=rules_of(self.rules), profile=profile)
+        error = None if self.error is None else MeasurementError.of(self.error)
+        return replace(self, rules=rules_of(self.rules), profile=profile, error=error)
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from reba.live.frames import Frames
 from reba.live.notices import KINDS
 from reba.live.output import encoder
 from reba.live.session import LEVELS
-from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays
-from reba.method.tables import PART_MAXIMA
+from reba.method.scoring import SCORE_COLUMNS, ScoreArrays
+from reba.method.tables import PART_MAXIMA, UNKNOWN
 from reba.posture.columns import INDEX
 from reba.posture.factors import SUPPORTS
 from reba.posture.skeleton import LENGTHS, LIMBS, joints

@@ -13,8 +13,8 @@ from reba.errors import RebaError
 from reba.live.frames import Frames
 from reba.live.notices import Notice
 from reba.method.rules import Rules, rules_of
-from reba.method.scoring import SCORE_COLUMNS, UNKNOWN, ScoreArrays, score_angles
-from reba.method.tables import ACTION_LEVELS, LEVEL_OF
+from reba.method.scoring import SCORE_COLUMNS, ScoreArrays, score_angles
+from reba.method.tables import ACTION_LEVELS, LEVEL_OF, UNKNOWN
 from reba.provenance import with_provenance
 
 

@@ -35,7 +35,7 @@ def load_points(load: Any) -> Any:
 
 @dataclass(frozen=True)
 class Rules:
-    """Every open choice of the method; `reba.PRESETS` holds `measured` (recordings) and `paper` (the letter).
+    """Every open choice of the method; `reba.PRESETS` holds `measured` (recordings), `paper` (the letter) and `rater`.
 
     Tolerances and thresholds are in degrees; an angle equal to a threshold does not count as departed.
 
@@ -204,11 +204,30 @@ _ANY_DEPARTURE: Final[dict[str, Any]] = dict.fromkeys(
     ),
     0.0,
 )  # fmt: skip
+RATER: Final[dict[str, tuple[float, str]]] = {
+    "trunk_upright": (10.0, "visual estimates of trunk, shoulder and wrist are 7 to 10 deg off (Covalla)"),
+    "neck_upright": (10.0, "a choice: as the trunk; estimates of the neck are inaccurate (Whitcroft et al. 2010)"),
+    "trunk_twist": (15.0, "a choice: as trunk_side_bend"),
+    "trunk_side_bend": (15.0, "classes of 15 deg are what observers tell apart best (van Wyk et al. 2009, NIOSH 2014)"),
+    "neck_twist": (15.0, "a choice: as trunk_side_bend"),
+    "neck_side_bend": (15.0, "a choice: as trunk_side_bend"),
+    "abduction": (30.0, "classes of 30 deg are what observers tell apart best (van Wyk et al. 2009, NIOSH 2014)"),
+    "shoulder_elevation": (10.0, "a choice: as in `measured`; it is not judged in degrees"),
+    "wrist_deviation": (15.0, "estimates of the hand are 14.0 deg off (Ergonomics 55:885-897, 2012), rounded"),
+    "wrist_twist": (45.0, "a choice: half the range; observers hardly see pronation (McKinnon et al.)"),
+}
+"""Tolerances [deg] of the preset `rater` with where they come from; the sources are in docs/references.md.
+
+The rule: a departure counts from where an observer can tell it from none, by the error of visual estimates or the
+width of the classes that observers tell apart. No set of ratings was looked at when the numbers were chosen.
+"""
 PRESETS: Final[dict[str, Rules]] = {
     "measured": Rules(),
     "paper": dataclasses.replace(Rules(name="paper"), **_ANY_DEPARTURE),
+    "rater": Rules(name="rater").replace(**{field: degrees for field, (degrees, _) in RATER.items()}),
 }
-"""`measured`: tolerances that sensors need, the default for recordings. `paper`: the letter, any departure counts."""
+"""`measured`: tolerances that sensors need, the default for recordings. `paper`: the letter, any departure counts.
+`rater`: tolerances of what observers can tell apart, to compare with scores that people give."""
 
 
 def rules_of(which: str | Path | Rules) -> Rules:
@@ -228,4 +247,4 @@ def rules_of(which: str | Path | Rules) -> Rules:
             return PRESETS[str(which)]
         if str(which).endswith(".toml"):
             return Rules.load(str(which))
-    raise RulesError(f"rules {shown(which)} are unknown; use {' or '.join(PRESETS)}, or a file ending in .toml")
+    raise RulesError(f"rules {shown(which)} are unknown; use {', '.join(PRESETS)}, or a file ending in .toml")

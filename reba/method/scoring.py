@@ -19,20 +19,27 @@ from numpy.typing import ArrayLike, NDArray
 from reba.arrays import Array, Flags
 from reba.checks import shown
 from reba.errors import PostureError
+from reba.method.distribution import ScoreDistribution, distribution
 from reba.method.factor_points import FactorPoints, points
+from reba.method.measurement_error import ErrorInput, MeasurementError
 from reba.method.rules import Rules, rules_of
-from reba.method.steps import Boundary, PartSteps, part_steps
-from reba.method.tables import LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
+from reba.method.steps import PartSteps, outside, part_steps
+from reba.method.tables import LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C, UNKNOWN, Scores8
 from reba.posture.angles import against_gravity
 from reba.posture.columns import ANGLES, BEST, COLUMNS, GROUP_A, GROUP_B, SIDES
 from reba.posture.factors import Factors
-from reba.posture.named_angles import LARGEST, read_angles, refuse_infinite, refuse_large, warn_if_radians
+from reba.posture.named_angles import (
+    LARGEST,
+    flag_columns,
+    read_angles,
+    refuse_infinite,
+    refuse_large,
+    warn_if_radians,
+)
 
 Missing = Literal["range", "neutral", "worst", "error"]
 MISSING: Final = ("range", "neutral", "worst", "error")
 """What may stand for a score that unmeasured angles leave open, see `score_array`."""
-UNKNOWN: Final = 255
-"""Stands in every array of `ScoreArrays` for a score that the measured angles do not determine."""
 CHUNK: Final = 16_000
 """Frames handled at once: few enough for the cache, enough to make the cost of a numpy call small."""
 TILE: Final = 1000
@@ -44,7 +51,6 @@ _A, _B, _C = (np.ascontiguousarray(table.ravel()) for table in (TABLE_A, TABLE_B
 # byte are plain integers. Scores start at 1.
 _A_STRIDES, _B_STRIDES, _C_STRIDES = (table.strides for table in (TABLE_A, TABLE_B, TABLE_C))
 _A_FIRST, _B_FIRST, _C_FIRST = map(sum, (_A_STRIDES, _B_STRIDES, _C_STRIDES))
-Scores8 = NDArray[np.uint8]
 Steps = dict[str, PartSteps]
 
 
@@ -53,7 +59,7 @@ class ScoreArrays:
     """Scores of n frames, each (n,) uint8, `UNKNOWN` (255) where the measured angles leave more than one value.
 
     Fields are the columns of the score table; `reba_low` and `reba_high` are always known. Items can be taken by
-    name as well: `arrays["reba"]`.
+    name as well: `arrays["reba"]`. `distribution` is what a measurement error implies, None without one.
     """
 
     trunk: Scores8
@@ -78,6 +84,7 @@ class ScoreArrays:
     action_level: Scores8
     reba_low: Scores8
     reba_high: Scores8
+    distribution: ScoreDistribution | None = None
 
     def __getitem__(self, name: str) -> Scores8:
         """Return one column by its name."""
@@ -87,7 +94,7 @@ class ScoreArrays:
         return column
 
 
-SCORE_COLUMNS: Final = tuple(field.name for field in fields(ScoreArrays))
+SCORE_COLUMNS: Final = tuple(field.name for field in fields(ScoreArrays) if field.name != "distribution")
 """Columns of the score table after `time`, in their public order."""
 _ROW: Final = {name: row for row, name in enumerate(SCORE_COLUMNS)}
 _RANGED: Final = SCORE_COLUMNS[: SCORE_COLUMNS.index("reba_low")]
@@ -98,6 +105,7 @@ def score_array(
     factors: Factors | Mapping[str, Any] | None = None,
     rules: Rules | str = "measured",
     missing: Missing = "range",
+    error: ErrorInput | None = None,
 ) -> ScoreArrays:
     """Score n postures.
 
@@ -110,13 +118,15 @@ def score_array(
         missing: what stands for a score that unmeasured angles leave open: `UNKNOWN` ("range"), the score of the
             neutral, lowest class ("neutral"), that of the highest ("worst"), or an error ("error"). `reba_low` and
             `reba_high` hold the exact range all the same.
+        error: measurement error, see `MeasurementError.of`; the scores then carry the `distribution` that it implies,
+            beside scores that stay as they are. None: no distribution.
 
     Returns:
         The scores of every part and the totals, see `ScoreArrays`.
 
     Raises:
-        PostureError: a wrong shape, an angle that is infinite or beyond 360 deg, a bad factor, or an unmeasured angle
-            with missing="error".
+        PostureError: a wrong shape, an angle that is infinite or beyond 360 deg, a bad factor or measurement error, or
+            an unmeasured angle with missing="error".
 
     Warns:
         RadiansWarning: ten postures or more of angles so small that they look like radians.
@@ -127,10 +137,13 @@ def score_array(
         >>> posture[0, COLUMNS.index("trunk_flexion")] = 70.0
         >>> int(score_array(posture).reba[0])
         2
+        >>> score_array(posture, error={"trunk_flexion": 5.0}).distribution.reba_likely.tolist()
+        [2]
     """
     table, _ = read_angles(angles, COLUMNS)
     warn_if_radians(table)
-    return score_angles(table, factors, rules, missing, limit=LARGEST)
+    spread = None if error is None else MeasurementError.of(error).without(flag_columns(angles))
+    return score_angles(table, factors, rules, missing, limit=LARGEST, error=spread)
 
 
 def score_angles(
@@ -140,6 +153,7 @@ def score_angles(
     missing: Missing = "range",
     *,
     limit: float = np.finfo(np.float64).max,
+    error: MeasurementError | None = None,
 ) -> ScoreArrays:
     """Score the angles (n, 22) of a posture table; as `score_array`, with any finite angle up to `limit` [deg]."""
     chosen = rules_of(rules)
@@ -161,7 +175,8 @@ def score_angles(
             refuse_infinite(block.T, start)
             refuse_large(block.T, start)
         _score_block(block, complete, factor_points.rows(start, stop), chosen, missing, out[:, start:stop], start)
-    return ScoreArrays(*out)
+    implied = None if error is None else distribution(table, Factors.of(factors), chosen, error, missing)
+    return ScoreArrays(**dict(zip(SCORE_COLUMNS, out, strict=True)), distribution=implied)
 
 
 def _score_block(
@@ -261,12 +276,12 @@ def _part_score(c: Array, steps: PartSteps, score: Scores8, highest: int, lowest
     if angle.ndim > score.ndim:  # two knees, one score
         angle = np.maximum(angle[0], angle[1])
     first, *others = main.boundaries
-    np.add(_outside(angle, first), lowest, out=score)
+    np.add(outside(angle, first), lowest, out=score)
     for boundary in others:
-        score += _outside(angle, boundary)
+        score += outside(angle, boundary)
     if not adjustments:
         return
-    one, other = (_outside(c[each.rows], each.boundaries[0]) for each in adjustments)
+    one, other = (outside(c[each.rows], each.boundaries[0]) for each in adjustments)
     if shares_point:
         score += one | other
         return
@@ -274,15 +289,6 @@ def _part_score(c: Array, steps: PartSteps, score: Scores8, highest: int, lowest
     score += other
     if lowest + len(main.boundaries) + len(adjustments) > highest:
         np.minimum(score, highest, out=score)
-
-
-def _outside(angle: Array, boundary: Boundary) -> Scores8:
-    """Return 1 where angles lie outside a boundary, that is in a higher class, else 0."""
-    low, high, low_inside, high_inside = boundary
-    outside = angle > high if high_inside else angle >= high
-    if low > -np.inf:
-        outside |= angle < low if low_inside else angle <= low
-    return outside.view(np.uint8)  # adding booleans would cast them again and again
 
 
 class PartScores(NamedTuple):

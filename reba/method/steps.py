@@ -13,6 +13,10 @@ import math
 import operator
 from typing import Final, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.arrays import Array
 from reba.method.rules import Rules
 from reba.posture.columns import COLUMNS_OF, INDEX
 
@@ -89,6 +93,19 @@ class Boundary(NamedTuple):
     high: float
     low_inside: bool
     high_inside: bool
+
+
+def outside(angle: Array, boundary: Boundary) -> NDArray[np.uint8]:
+    """Return 1 where angles lie outside a boundary, that is in a higher class, else 0.
+
+    >>> outside(np.array([20.0, 21.0]), Boundary(-5.0, 20.0, True, True)).tolist()
+    [0, 1]
+    """
+    low, high, low_inside, high_inside = boundary
+    beyond = np.asarray(angle > high if high_inside else angle >= high)
+    if low > -np.inf:
+        beyond |= angle < low if low_inside else angle <= low
+    return beyond.view(np.uint8)  # adding booleans would cast them again and again
 
 
 class AngleSteps(NamedTuple):

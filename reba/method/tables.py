@@ -46,6 +46,10 @@ aaabbbbccccc
 bbbbcccccccc
 cccccccccccc
 """
+Scores8 = NDArray[np.uint8]
+"""Part scores and totals of n frames."""
+UNKNOWN: Final = 255
+"""Stands in arrays of scores for one that the measured angles do not determine."""
 TABLES_SHA256: Final = "41df1df3ee0cfb4e2bf3a369a6e79aeaffd465bb24dfb488606af7a9fa5fd395"
 """sha256 of the uint8 bytes of A[trunk][neck][legs], B[upper arm][lower arm][wrist] and C row-major, in this order."""
 PART_MAXIMA: Final[dict[str, int]] = {

@@ -91,6 +91,18 @@ def checked_poses(
     return angles, single
 
 
+def flag_columns(data: Any) -> tuple[str, ...]:
+    """Return the angle columns for which a yes-or-no column of the data stands in, such as `shoulder_raised_left`.
+
+    >>> flag_columns({"trunk_flexion": [0.0], "shoulder_raised_left": [True]})
+    ('shoulder_elevation_left',)
+    """
+    named = named_columns(data) or {}
+    return tuple(
+        column for column, flags in _RAISED_OF.items() if flags in named and not {column, _both(column)} & named.keys()
+    )
+
+
 def read_angles(
     data: Any, columns: Sequence[str], *, absent: Absent = "nan", error: type[ValueError] = PostureError
 ) -> tuple[Array, bool]:

@@ -196,6 +196,7 @@ class WorstInterval:
         reba: score or range of the frame, with its action `levels` at both ends and the name of its `risk`.
         why: angles and factors with the most points.
         changes: (goal, change as text).
+        likely: what the measurement error implies for the frame, "" without one.
         svg: drawing of the posture.
     """
 
@@ -210,6 +211,7 @@ class WorstInterval:
     risk: str
     why: tuple[str, ...]
     changes: tuple[tuple[str, str], ...]
+    likely: str
     svg: str
 
 
@@ -249,8 +251,19 @@ def _worst_interval(record: RecordingSummary, number: int, interval: dict[str, A
         risk=risk(low, high),
         why=why,
         changes=_changes(improve_frame(scores, frame)),
+        likely=_likely(interval.get("distribution")),
         svg=stick_figure(scores.angles[frame], _marks(record, frame), label, sitting),
     )
+
+
+def _likely(chances: dict[str, Any] | None) -> str:
+    """Return the distribution of one frame as text."""
+    if chances is None:
+        return ""
+    likely = chances["reba_likely"]
+    first = "With measurement error the most likely score is " + ("not determined" if likely is None else f"{likely}")
+    both = span(chances["reba_95_low"], chances["reba_95_high"])
+    return f"{first}; REBA is {both} with a probability of 95 %."
 
 
 def _marks(record: RecordingSummary, frame: int) -> dict[str, Mark]:

@@ -12,9 +12,10 @@ from reba._version import __version__
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.printable import as_markup, printable
 from reba.report import labels
+from reba.report.error_section import error_section
 from reba.report.findings import WHY_P90, headline, high_risk_share, worse_side, worst_intervals, worst_minute_row
 from reba.report.labels import LEVEL_COLOURS, LIMITS, PART_COLOURS, SOURCES, TEXT_ON
-from reba.report.plots import angle_figure, time_figure, time_label, time_svg
+from reba.report.plots import angle_figure, likely_figure, time_figure, time_label, time_svg
 from reba.report.sections import (
     activity_rows,
     angle_rows,
@@ -36,6 +37,8 @@ LEVEL_SCORES: Final = tuple(
     for low, after in zip(ACTION_LEVEL_FROM, (*ACTION_LEVEL_FROM[1:], 16), strict=True)
 )
 """Scores of each action level as text."""
+ERROR_LABEL: Final = "Most likely REBA over time, in the range that holds REBA with a probability of 95 %"
+"""Text alternative of the plot under measurement error."""
 MIN_LENGTH_RATIO: Final = 0.2
 """Shortest recording as a share of the longest up to which all time axes have equal length; below, the short plot
 would be too narrow to read."""
@@ -69,6 +72,7 @@ def page(scores: Sequence[Scores], command: str) -> str:
         grade_rule=GRADE_RULE,
         why_p90=WHY_P90,
         limits=LIMITS,
+        error_label=ERROR_LABEL,
         sources=SOURCES,
     )
 
@@ -110,6 +114,7 @@ def _section(number: int, record: RecordingSummary, span: float) -> dict[str, An
         "quality": postures.quality,
         "grade": record.quality_grade,
         "gaps": record.gaps,
+        "error": error_section(record),
         "time_svg": "",
         "time_label": "",
         "figures": {},
@@ -119,6 +124,9 @@ def _section(number: int, record: RecordingSummary, span: float) -> dict[str, An
         section["time_label"] = time_label(record)
         section["time_svg"] = Markup(time_svg(record, intervals, span))
         section["figures"]["time"] = Markup(time_figure(record, intervals, span))
+    if (error := section["error"]) is not None:
+        section["error_svg"] = Markup(time_svg(record, [], span, error.curve, ERROR_LABEL))
+        section["figures"]["error"] = Markup(likely_figure(record, error.curve, span))
     if angle_plot is not None:
         section["figures"]["angles"] = Markup(angle_plot[0])
         section["angle_names"] = angle_plot[1]

@@ -78,6 +78,26 @@ def time_figure(record: RecordingSummary, intervals: list[WorstInterval], span: 
     return _json(figure)
 
 
+def likely_figure(record: RecordingSummary, curve: Curve, span: float) -> str:
+    """Return the plot of the most likely REBA over time in its 95 % range as JSON; the time axis is `span` [s] long."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    for trace in _curve_traces(record, curve, shown=True):
+        figure.add_trace(go.Scatter(**trace))
+    figure.update_layout(
+        **_layout("Most likely REBA", 320),
+        shapes=[*_level_shapes(), *_gap_shapes(record)],
+        annotations=_level_names(),
+        xaxis={**_TIME_AXIS, "range": time_range(record, span)},
+        yaxis={
+            "range": [0.5, TOP], "tickvals": [1, 2, 4, 8, 11, 15], "fixedrange": True, "title": {"text": "REBA"},
+            "zeroline": False, "showgrid": False,
+        },
+    )  # fmt: skip
+    return _json(figure)
+
+
 def _curve_traces(record: RecordingSummary, curve: Curve, *, shown: bool) -> list[dict[str, Any]]:
     points = steps(record.scores, curve, record.gaps)
     low, high, value = (part[points.frame] for part in (curve.low, curve.high, curve.value))
@@ -228,8 +248,15 @@ _BOTTOM: Final = 0.5
 """Lower end of the score axis: the lowest score with a margin."""
 
 
-def time_svg(record: RecordingSummary, intervals: list[WorstInterval], length: float) -> str:
-    """Return the static plot of REBA over time as SVG; `length` of the time axis [s]."""
+def time_svg(
+    record: RecordingSummary, intervals: list[WorstInterval], length: float, curve: Curve | None = None, label: str = ""
+) -> str:
+    """Return the static plot of REBA over time as SVG.
+
+    Args:
+        length: of the time axis [s].
+        curve, label: what is plotted and its text alternative; None: the total.
+    """
     start, end = time_range(record, length)
 
     def x(seconds: Array) -> Array:
@@ -248,7 +275,7 @@ def time_svg(record: RecordingSummary, intervals: list[WorstInterval], length: f
     for one in intervals:
         a, b = x(np.array([one.start, one.end])).tolist()
         parts.append(_rect(a, _UP, max(b - a, 1.0), _DOWN - _UP, 'class="worst"'))
-    total = record.curves["reba"]
+    total = record.curves["reba"] if curve is None else curve
     points = steps(record.scores, total, record.gaps, _BUCKETS)
     low, high, value = (part[points.frame] for part in (total.low, total.high, total.value))
     px, py = band(points, low, high, low < high)
@@ -269,7 +296,7 @@ def time_svg(record: RecordingSummary, intervals: list[WorstInterval], length: f
         parts.append(f'<line class="axis" x1="{at:.1f}" y1="{_DOWN:g}" x2="{at:.1f}" y2="{_DOWN + 5:g}"/>')
         parts.append(f'<text class="time" x="{at:.1f}" y="{_DOWN + 18:g}">{tick:g}</text>')
     parts.append(f'<text class="time" x="{(_LEFT + _RIGHT) / 2:g}" y="{_DOWN + 34:g}">time [s]</text>')
-    opening = f'<svg class="timeline" viewBox="0 0 900 308" role="img" aria-label="{time_label(record)}">'
+    opening = f'<svg class="timeline" viewBox="0 0 900 308" role="img" aria-label="{label or time_label(record)}">'
     return f"{opening}{''.join(parts)}</svg>"
 
 

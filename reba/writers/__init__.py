@@ -111,6 +111,7 @@ def _score_metadata(scores: Scores) -> dict[str, Any]:
         **posture_metadata(scores.postures),
         "rules": dataclasses.asdict(scores.rules),
         "missing": scores.missing,
+        **({} if scores.error is None else {"error": scores.error.to_dict()}),
         "assumed": list(scores.assumed),
         "factors": {name: _factor_value(getattr(scores.factors, name)) for name in FACTORS},
         "activity": scores.activity_causes,

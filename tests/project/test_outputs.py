@@ -38,7 +38,8 @@ GIVEN: dict[str, tuple[str, ...]] = {
 """What each command that writes is given beside its outputs; every file of it is an input."""
 READ = {
     "reba": {
-        "--rules", "--profile", "--topic", "--neutral", "--activity", "--scheduler", "--window", "--hold", "--settle",
+        "--rules", "--profile", "--topic", "--neutral", "--activity", "--error", "--scheduler", "--window", "--hold",
+        "--settle",
     },
     "dreba": {
         "--kind", "--option", "--poses", "--hold", "--joints", "--domain", "--factors", "--classes", "--name", "--to",

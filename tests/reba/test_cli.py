@@ -77,6 +77,31 @@ def test_score_json_has_the_contract_shape(run: Run, tmp_path: Path) -> None:
     assert recording["reba"]["max"] == int(table["reba"].max())
 
 
+def test_measurement_error(run: Run, tmp_path: Path) -> None:
+    own = tmp_path / "lab.toml"
+    own.write_text('base = "optical"\ntrunk_flexion = 9\n', encoding="utf-8")
+    out_file = tmp_path / "scores.csv"
+    code, out, _ = run("score", ASSEMBLY, "--json", "--error", own, "-o", out_file)
+    assert code == 0
+    found = json.loads(out)["recordings"][0]["distribution"]
+    assert found["error"]["name"] == "lab"
+    assert found["error"]["sd"]["trunk_flexion"] == 9.0
+    table = pd.read_csv(out_file)
+    assert table["p_level_2_low"].between(0.0, 1.0).all()
+    assert (table["reba_95_low"] <= table["reba_95_high"]).all()
+    about = json.loads((tmp_path / "scores.csv.meta.json").read_text(encoding="utf-8"))
+    assert about["error"]["name"] == "lab"
+    _, out, _ = run("score", ASSEMBLY, "--error", "inertial")
+    assert "with measurement error (inertial)" in " ".join(out.split())
+    _, out, _ = run("score", ASSEMBLY)
+    assert "measurement error" not in out
+    _, out, _ = run("explain", ASSEMBLY, "--at", "20", "--error", "inertial")
+    assert "with measurement error (inertial)" in out
+    code, _, err = run("score", ASSEMBLY, "--error", "laser")
+    assert code == 2
+    says(err, "laser", "one-camera", ".toml")
+
+
 def test_one_bad_file_does_not_stop_the_others(run: Run, tmp_path: Path) -> None:
     (tmp_path / "a_bad.csv").write_text("time,trunk_flexion\n0,abc\n")
     (tmp_path / "b_good.csv").write_text(Path(ASSEMBLY).read_text())

@@ -239,3 +239,69 @@ def test_wrong_arm_is_not_mixed_in() -> None:
     frame[reba.COLUMNS[INDEX["upper_arm_flexion_right"]]] = 100.0
     row = reba.score(frame).data.iloc[0]
     assert row["reba"] == max(row["reba_left"], row["reba_right"]) == row["reba_right"]
+
+
+# -- measurement error ---------------------------------------------------------------------------------------------
+
+ADDED = [
+    "reba_likely", "reba_95_low", "reba_95_high", "p_level_2_low", "p_level_2_high", "p_level_3_low", "p_level_3_high",
+]  # fmt: skip
+
+
+def test_an_error_adds_columns_and_changes_no_score() -> None:
+    frames = frame_of(60)
+    frames.loc[20:40, "wrist_twist_left"] = np.nan
+    plain, with_error = reba.score(frames, load=7.0), reba.score(frames, load=7.0, error="inertial")
+    pd.testing.assert_frame_equal(with_error.data[TABLE], plain.data)
+    assert list(with_error.data.columns) == [*TABLE, *ADDED]
+    assert [str(kind) for kind in with_error.data.dtypes[ADDED]] == ["Int8"] * 3 + ["float64"] * 4
+    assert plain.error is plain.distribution is None
+    assert "distribution" not in plain.summary()
+    core = reba.score_array(frames, with_error.factors, error="inertial").distribution
+    assert core is not None
+    np.testing.assert_array_equal(with_error.data["p_level_3_high"], core.columns()["p_level_3_high"])
+    np.testing.assert_array_equal(with_error.data["reba_95_low"].to_numpy(np.uint8), core.reba_95_low)
+
+
+def test_expected_exposure_is_the_weighted_mean_of_the_frames() -> None:
+    frames = frame_of(80, seed=3).assign(time=np.cumsum(np.random.default_rng(3).uniform(0.1, 0.2, 80)))
+    scores = reba.score(frames, error="one-camera", rules="rater")
+    found = scores.summary()["distribution"]
+    json.dumps(found)
+    chances = reba.score_probabilities(frames, scores.factors, "rater", error="one-camera")
+    weights = np.append(np.diff(frames["time"]), np.median(np.diff(frames["time"])))
+    shares = weights @ chances / weights.sum()
+    assert found["mean_low"] == pytest.approx(shares @ np.arange(1, 16))
+    for level, first in (("1", 2), ("2", 4), ("3", 8), ("4", 11)):
+        assert found["at_least"][level]["low"] == pytest.approx(shares[first - 1 :].sum())
+    assert found["error"]["name"] == "one-camera"
+    assert found["error"]["sd"]["trunk_twist"] == 14.0
+    assert found["exact"]
+    assert not found["without_error"]
+    same = weights[scores.data["reba"] == scores.data["reba_likely"]].sum() / weights.sum()
+    assert found["likely_is_reba"] == pytest.approx(same)
+    unmeasured = reba.score(frames[["time", "trunk_flexion"]], error="optical").summary()["distribution"]
+    assert unmeasured["likely_is_reba"] is None
+
+
+def test_the_worksheet_of_a_frame_has_its_distribution() -> None:
+    scores = reba.score(frame_of(), error={"trunk_flexion": 5.0, "wrist_twist": 8.0})
+    sheet = scores.explain(0.5)
+    row = scores.data.iloc[1]
+    assert sheet.error == "own"
+    assert sheet.distribution == {name: row[name] for name in ADDED}
+    worst = scores.summary()["worst"][0]
+    assert worst["distribution"] == scores.explain(worst["time"]).distribution
+    json.dumps(worst)
+    assert set(sheet.scores) == set(SCORE_COLUMNS)
+    assert reba.score(frame_of()).explain(0.5).distribution == {}
+
+
+def test_columns_without_an_error_and_approximations_are_named() -> None:
+    found = reba.score(frame_of(), error={"trunk_flexion": 5.0}).summary()["distribution"]
+    assert "trunk_flexion" not in found["without_error"]
+    assert len(found["without_error"]) == 21
+    gravity = reba.Rules(upper_arm_reference="gravity")
+    found = reba.score(frame_of(), rules=gravity, error="optical").summary()["distribution"]
+    assert not found["exact"]
+    assert "gravity" in found["approximate"]

@@ -249,3 +249,17 @@ def test_the_command_and_its_processes_killed_together_or_alone(tmp_path: Path) 
     assert result["dataset"]["unchanged"] >= 3
     assert result["dataset"]["unchanged"] + result["dataset"]["scored"]["new"] == 16
     complete_and_once(out, inputs)
+
+
+def test_another_measurement_error_is_another_option(inputs: list[str], tmp_path: Path) -> None:
+    out, own = tmp_path / "out", tmp_path / "lab.toml"
+    before = scoring_settings(ScoringOptions())["options"]
+    assert "error" not in before, "manifests of former versions stay valid"
+    run(out, inputs)
+    assert dict(run(out, inputs, error="inertial").scored) == {"other options": 4}
+    assert not run(out, inputs, error="inertial").scored
+    own.write_text("trunk_flexion = 4\n", encoding="utf-8")
+    first = scoring_settings(ScoringOptions(error=str(own)))["options"]["error"]
+    own.write_text("trunk_flexion = 5\n", encoding="utf-8")
+    assert scoring_settings(ScoringOptions(error=str(own)))["options"]["error"] != first
+    assert first.startswith("lab ")

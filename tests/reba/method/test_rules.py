@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import reba
-from reba.method.rules import rules_of
+from reba.method.rules import RATER, rules_of
+from tests.support.paths import ROOT
 from tests.support.says import says
 
 NUMBERS = (
@@ -48,6 +49,22 @@ def test_presets() -> None:
         assert (preset.edges, preset.twist_and_bend, preset.two_sides) == ("lower", "one", "worse")
         assert preset.upper_arm_reference == "trunk"
         assert (preset.walking_legs, preset.seated_knees, preset.coupling_without_load) == (1, False, True)
+
+
+def test_rater_has_a_source_for_every_tolerance() -> None:
+    rater = reba.PRESETS["rater"]
+    assert rater.name == "rater"
+    assert set(RATER) == set(OPEN_CHOICES)
+    assert {name: getattr(rater, name) for name in OPEN_CHOICES} == {name: deg for name, (deg, _) in RATER.items()}
+    assert (
+        rater.replace(name="measured", **{name: getattr(reba.Rules(), name) for name in OPEN_CHOICES}) == reba.Rules()
+    )
+    references = " ".join((ROOT / "docs" / "references.md").read_text(encoding="utf-8").split())
+    for field, (degrees, source) in RATER.items():
+        assert degrees >= getattr(reba.Rules(), field), "observers tell less apart than sensors"
+        cited = [name for name in ("Covalla", "van Wyk", "Whitcroft", "55:885-897", "McKinnon") if name in source]
+        assert cited or source.startswith("a choice"), field
+        assert all(name in references for name in cited)
 
 
 def test_frozen() -> None:
@@ -147,7 +164,7 @@ def test_replace_refuses_unknown_fields() -> None:
 def test_unknown_rules(which: object) -> None:
     with pytest.raises(reba.RulesError) as caught:
         rules_of(which)
-    says(caught, "are unknown", "use measured or paper, or a file")
+    says(caught, "are unknown", "use measured, paper, rater, or a file")
 
 
 def test_every_threshold_is_echoed() -> None:

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import reba
-from reba.method.scoring import CHUNK, UNKNOWN
+from reba.method.scoring import CHUNK
+from reba.method.tables import UNKNOWN
 from reba.posture.columns import INDEX
 from tests.support import posture_samples as samples
 from tests.support import reference_reba as reference

@@ -25,6 +25,7 @@ from reba.posture.columns import PARTS as BODY_PARTS
 from reba.posture.skeleton import LIMBS, joints
 from reba.posture.table import Quality, table_of
 from reba.report import render, write_report
+from reba.report.error_section import error_section
 from reba.report.labels import BODY, FACTORS, LEVEL_COLOURS, PARTS, RULES
 from reba.report.series import Curve, StepCurve, band, line, steps
 from reba.report.summary import quality_grade, seconds_of_levels, summarise
@@ -286,6 +287,26 @@ def test_an_hour_stays_small(tmp_path: Path) -> None:
     write_report(scored(frames(20)), small)
     write_report([scored(frames(180_000, 50.0))], hour)
     assert hour.stat().st_size - small.stat().st_size < 2_500_000
+
+
+def test_measurement_error_has_its_section_only_if_given() -> None:
+    data = frames()
+    assert "measurement error" not in _Page(render(scored(data))).text
+    scores = reba.score(data, error="inertial", load=4.0)
+    page = _Page(render(scores))
+    assert "With measurement error: inertial" in page.text
+    assert "a choice:" in page.text
+    assert "Morrow et al. 2017" in page.text
+    section = error_section(summarise(scores))
+    assert section is not None
+    for _, shares in section.bars:
+        assert sum(share for _, share in shares) == pytest.approx(1.0)
+    assert [row.level for row in section.reached] == [4, 3, 2, 1]
+    own = reba.score(data, error={"trunk_flexion": 4.0, "wrist_twist_left": {"sd": 3.0, "bias": -2.0}})
+    section = error_section(summarise(own))
+    assert section is not None
+    assert {"wrist twist left", "wrist twist right"} <= {row.name for row in section.angles}
+    assert len(section.bars) == 2, "unmeasured angles leave two ends"
 
 
 def test_shares_of_levels_add_up() -> None:

@@ -25,7 +25,7 @@ def scored(n: int, seed: int) -> Scores:
     columns = {name: 90 * wave * rng.random() + rng.normal(0, 1, n) for name in reba.COLUMNS if "wrist" not in name}
     data = pd.DataFrame({"time": time, **columns})
     data.loc[(time > 4) & (time < 6), "neck_flexion"] = np.nan
-    return reba.score(data[(time < 8) | (time > 10)].reset_index(drop=True), load=7.0)
+    return reba.score(data[(time < 8) | (time > 10)].reset_index(drop=True), load=7.0, error="inertial")
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_still_plots_and_tables_remain_without_scripts(browser: Any, report: Pat
 def test_prints_as_pages(browser: Any, report: Path) -> None:
     show(browser, report, 1280)
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-    assert visible(browser, ".still svg") == 2
+    assert visible(browser, ".still svg") == 4  # over time, and with measurement error
     assert visible(browser, ".drawing") == 0
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     assert 4 <= pages_on_paper(browser) <= 30

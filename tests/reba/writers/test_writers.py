@@ -177,3 +177,21 @@ def test_topics_of_a_replaced_recording_are_not_written_with_the_scores_of_the_f
         reba.write_scores(scores, out)
     says(error, source, "changed after it was read", "score it again")
     assert out.read_bytes() == before
+
+
+def test_measurement_error_is_written_with_its_columns(tmp_path: Path) -> None:
+    frames = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 59.0]})
+    scores = reba.score(frames, error="optical")
+    for name in ("scores.parquet", "scores.csv", "scores.mcap"):
+        reba.write_scores(scores, tmp_path / name)
+    table = pd.read_parquet(tmp_path / "scores.parquet")
+    pd.testing.assert_frame_equal(table, scores.data)
+    assert json.loads(pq.read_schema(tmp_path / "scores.parquet").metadata[b"reba"])["error"]["name"] == "optical"
+    assert pd.read_csv(tmp_path / "scores.csv")["reba_95_high"].tolist() == table["reba_95_high"].tolist()
+    with (tmp_path / "scores.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        schema, _, message = next(iter(reader.iter_messages(topics=["/ergonomics/reba"])))
+        assert schema is not None
+        kinds = {name: one["type"] for name, one in json.loads(schema.data)["properties"].items()}
+    assert kinds["p_level_3_low"] == "number"
+    assert json.loads(message.data)["p_level_3_low"] == pytest.approx(table["p_level_3_low"][0], abs=1e-9)
