@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from reba.arrays import Array
 from reba.readers.mcap.channels import DecodableChannel, batch_of
 from reba.readers.mcap.clock import RecordingClock
 from reba.readers.mcap.container import ChunkRef, Store
@@ -33,9 +34,6 @@ from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-NONE: Final = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True)
@@ -154,10 +152,19 @@ class McapBlockDecoder:
         for part in self._parts:
             if part.container is container:
                 pieces = self._pieces(part, segment)
-                for piece in pieces:
-                    self._add(self._tracks[id(part)], piece)
-                used = [piece.number for piece in pieces if piece.names]
-                self.used += len(used[0]) if len(used) == 1 else len(np.unique(np.concatenate(used or [NONE])))
+                times = [self._add(self._tracks[id(part)], piece) for piece in pieces]
+                used = [(piece.number, time) for piece, time in zip(pieces, times, strict=True) if piece.names]
+                if len(used) == 1:
+                    self._use(used[0][1])
+                elif used:
+                    _, first = np.unique(np.concatenate([number for number, _ in used]), return_index=True)
+                    self._use(np.concatenate([time for _, time in used])[first])
+
+    def _use(self, times: Array) -> None:
+        """Count messages with a wanted signal, by their (n,) times [s]."""
+        self.used += len(times)
+        if self._log.times is not None:
+            self._log.times.append(times)
 
     def _pieces(self, part: DecodableChannel, segment: ChunkRef) -> list[Piece]:
         """Return the messages of a channel in a segment, kept ones or decoded again; or new ones of a live source."""
@@ -176,17 +183,20 @@ class McapBlockDecoder:
         batch = batch_of(part.container, segment, part.channel, place.first)
         return self._decoders[id(part)].decode(batch, ReadLog())
 
-    def _add(self, track: Track, piece: Piece) -> None:
+    def _add(self, track: Track, piece: Piece) -> Array:
+        """Add the samples of a piece, and return their (n,) times [s]."""
         if track.clock is None or not len(piece.log):
-            return
+            return np.zeros(len(piece.log))
         time, unstamped = track.clock.times(piece.number, piece.log, piece.stamp)
         if unstamped:
             self._log.warn("some messages have no usable time stamp; theirs follows from the log time")
         self._newest[id(track)] = max(self._newest[id(track)], int(time.max()))
         if self._renamed:
             piece = replace(piece, names=tuple(self._renamed.get(name, name) for name in piece.names))
+        seconds = np.asarray((time - self._header.zero) / 1e9)
         if piece.names:
-            self._merger.add(np.asarray((time - self._header.zero) / 1e9), piece)
+            self._merger.add(seconds, piece)
+        return seconds
 
     @property
     def full(self) -> bool:

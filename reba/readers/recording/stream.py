@@ -87,6 +87,7 @@ class ReadLog:
         time_source: "header.stamp", "log_time", "file", "frame rate" ...
         time_why: why another time than the first choice is used, "" if that is.
         unused: reason -> decoded messages that were not used, see `UNUSED`.
+        times: gets the times [s] of the messages with a signal that is read, where a list is given; else None.
     """
 
     messages: int = 0
@@ -98,6 +99,7 @@ class ReadLog:
     time_why: str = ""
     warnings: list[str] = field(default_factory=list)
     unused: Counter[str] = field(default_factory=Counter)
+    times: list[Array] | None = None
 
     def account(self) -> dict[str, Any]:
         """Return messages read, used and not used by reason; the last two add up to the first."""
@@ -128,6 +130,7 @@ UNUSED = {
     "first_frame": "are a first frame that is an outlier",
     "other_body": "are of another body",
     "other_signals": "have no signal of the profile",
+    "outside_interval": "are outside the interval asked for",
 }
 """Reason -> why decoded messages are not used, to complete a sentence."""
 LOST = ("undecodable", "repeated_time", "no_time")
