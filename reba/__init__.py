@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from reba.posture.factors import FACTORS, Factors
     from reba.posture.named_angles import angle_table
     from reba.posture.table import PostureTable, Quality
-    from reba.readers import read
-    from reba.readers.info import info
+    from reba.readers import read, read_blocks
+    from reba.readers.info import Info, StreamInfo, info
     from reba.report import write_report
     from reba.scores import Scores, score
     from reba.writers import write_postures, write_scores
@@ -42,6 +42,7 @@ __all__ = [
     "TABLE_C",
     "Factors",
     "Improvement",
+    "Info",
     "PartScores",
     "PostureError",
     "PostureTable",
@@ -54,12 +55,14 @@ __all__ = [
     "RulesError",
     "ScoreArrays",
     "Scores",
+    "StreamInfo",
     "Worksheet",
     "__version__",
     "angle_table",
     "compare",
     "info",
     "read",
+    "read_blocks",
     "score",
     "score_array",
     "score_parts",
@@ -80,8 +83,8 @@ _LAZY = {
     "reba.posture.factors": ("FACTORS", "Factors"),
     "reba.posture.named_angles": ("angle_table",),
     "reba.posture.table": ("PostureTable", "Quality"),
-    "reba.readers": ("read",),
-    "reba.readers.info": ("info",),
+    "reba.readers": ("read", "read_blocks"),
+    "reba.readers.info": ("Info", "StreamInfo", "info"),
     "reba.report": ("write_report",),
     "reba.scores": ("Scores", "score"),
     "reba.writers": ("write_postures", "write_scores"),

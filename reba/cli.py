@@ -50,6 +50,9 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--rate", type=Number(0, MOST, min_open=True), metavar="HZ", help="Rate of a table without times."
         ),
         click.option("--neutral", default="none", metavar="first:3s|at:T|none", help="Posture that counts as neutral."),
+        click.option("--end", type=SECONDS, metavar="SECONDS", help="Last time to use; all of the recording decides."),
+        click.option("--start", type=SECONDS, metavar="SECONDS", help="First time to use, as the tables print times."),
+        click.option("--body", default=None, metavar="ID", help="Body to use, if a stream has several."),
         click.option("--topic", default=None, help="Topic or stream to use, if a recording has several."),
         click.option(
             "--profile", default="auto", metavar="NAME|FILE.toml", help="Meaning of the names: `reba profiles`."

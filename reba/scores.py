@@ -123,11 +123,29 @@ def _activity(
     table: PostureTable, angles: Array, used: Factors, activity: str, rules: Rules
 ) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
     """Return each kind of activity, detected or named by the caller, and its causes in the movement."""
-    if activity == "auto":
-        walking = np.broadcast_to(used.support, len(table.data)) == SUPPORTS[2]
-        detected = detect(table.data["time"].to_numpy(np.float64), angles, rules, walking, table.quality.seams)
+    if activity != "auto":
+        return {**named_activity(activity)}, {}
+    walking = np.asarray(used.support) == SUPPORTS[2]
+    if table.movement is None:
+        everywhere = np.broadcast_to(walking, len(table.data))
+        detected = detect(table.data["time"].to_numpy(np.float64), angles, rules, everywhere, table.quality.seams)
         return {kind: getattr(detected, kind) for kind in ACTIVITIES}, detected.causes
-    return {**named_activity(activity)}, {}
+    movement = table.movement
+    own = slice(table.first_frame, table.first_frame + len(table.data))
+    everywhere = walking
+    if walking.ndim:
+        everywhere = np.zeros(0, bool) if movement.support is None else movement.support == SUPPORTS[2]
+        if not np.array_equal(everywhere[own], walking):
+            raise PostureError(
+                "support is given for the frames of one block, but the activity depends on those of other blocks too; "
+                "give one support for all, or activity='none'"
+            )
+    key = rules, everywhere.tobytes()
+    if key not in movement.known:
+        everywhere = np.broadcast_to(everywhere, len(movement.time))
+        movement.known[key] = detect(movement.time, movement.column, rules, everywhere, movement.seams)
+    detected = movement.known[key]
+    return {kind: getattr(detected, kind)[own] for kind in ACTIVITIES}, detected.causes
 
 
 def named_activity(activity: str) -> dict[str, bool]:

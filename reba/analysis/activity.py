@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -80,8 +81,7 @@ def detect(
     if len(parts) <= 1:
         return _detect(time, column, rules, walking)
     activities = [
-        _detect(time[at], lambda name, at=at: column(name)[at], rules, None if walking is None else walking[at])
-        for at in parts
+        _detect(time[at], partial(_cut, column, at), rules, None if walking is None else walking[at]) for at in parts
     ]
     causes: dict[str, dict[str, float]] = {}
     for one in activities:
@@ -95,13 +95,18 @@ def detect(
     return Activity(static, repeated, unstable, causes)
 
 
+def _cut(column: Callable[[str], Array], part: slice, name: str) -> Array:
+    return column(name)[part]
+
+
 def _detect(time: Array, column: Callable[[str], Array], rules: Rules, walking: Flags | None) -> Activity:
     n = len(time)
     none = Activity(np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, bool))
     if n < 2 or not time[-1] > time[0]:
         return none
     grid = _Grid(time)
-    gait = _gait(*(grid.sample(column(f"knee_flexion_{side}")) for side in SIDES), rules, grid)
+    left, right = (grid.sample(column(f"knee_flexion_{side}")) for side in SIDES)
+    gait = _gait(left - right, rules, grid)
     if walking is not None:
         gait |= grid.flags(walking)
     kinds: dict[str, dict[str, Flags]] = {"static": {}, "repeated": {}, "unstable": {}}
@@ -199,8 +204,8 @@ def _repeated(signal: Array, rules: Rules, hz: float) -> Flags:
     return flags
 
 
-def _gait(left: Array, right: Array, rules: Rules, grid: _Grid) -> Flags:
-    difference = left - right
+def _gait(difference: Array, rules: Rules, grid: _Grid) -> Flags:
+    """Return the walking in the difference of the knees, left minus right, on the grid."""
     flags = np.zeros(len(difference), bool)
     longest = 30.0 * grid.hz / rules.gait_per_minute if rules.gait_per_minute > 0 else 0.0
     run: list[tuple[int, int]] = []

@@ -32,7 +32,10 @@ class ScoringOptions:
     """How recordings are read and scored; the same for every input of a command."""
 
     profile: str | Path | Profile = "auto"
+    start: float | None = None
+    end: float | None = None
     topic: str | None = None
+    body: str | None = None
     neutral: str = "none"
     strict: bool = False
     rate: float | None = None
@@ -50,7 +53,10 @@ class ScoringOptions:
         postures = read(
             path,
             profile=self.profile,
+            start=self.start,
+            end=self.end,
             topic=self.topic,
+            body=self.body,
             neutral=self.neutral,
             strict=self.strict,
             rate=self.rate,

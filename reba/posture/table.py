@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -67,6 +68,25 @@ class Quality:
         return [*notes, *self.warnings]
 
 
+@dataclass(eq=False)
+class Movement:
+    """Movement of a recording that is read in blocks: activity of a frame depends on frames of other blocks.
+
+    Attributes:
+        time: (n,) [s] of all frames.
+        column: returns the (n,) angles [deg] of a column by name.
+        seams: as in `Quality`.
+        support: (n,) of the body by the legs where the recording has it, else None.
+        known: what was detected before, by what it depends on.
+    """
+
+    time: Array
+    column: Callable[[str], Array]
+    seams: tuple[float, ...] = ()
+    support: Any = None
+    known: dict[Any, Any] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class PostureTable:
     """Postures of one recording.
@@ -82,6 +102,8 @@ class PostureTable:
         recognised: why this profile was chosen.
         quality: what was read and how regular it is.
         epoch: Unix time [s] of time 0, 0.0 where the source does not say.
+        files: paths of what was read where that were several files, else empty.
+        movement: of the recording that this is a block of, None for others; the block begins at its `first_frame`.
     """
 
     data: pd.DataFrame
@@ -94,6 +116,14 @@ class PostureTable:
     recognised: str = ""
     quality: Quality = field(default_factory=Quality)
     epoch: float = 0.0
+    files: tuple[str, ...] = ()
+    movement: Movement | None = field(default=None, repr=False, compare=False)
+    first_frame: int = 0
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Every path that was read."""
+        return self.files or (self.source,)
 
 
 def table_of(data: Any) -> PostureTable:

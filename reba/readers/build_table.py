@@ -58,7 +58,7 @@ class Reading:
         whole: the posture table of all frames, without `data`.
         time: (n,) [s].
         data: returns frames from one position to another as `PostureTable.data`.
-        column: returns the (n,) angles [deg] of a column by name.
+        column: returns a column of (n,) values by name.
         times: of the messages that were used [s], if they were asked for.
     """
 
@@ -145,6 +145,7 @@ def read_match(
         recognised=_recognised(match, reasons, unmeasured),
         quality=_quality(recording, match, start, log, time, frames, warnings, strict, helpers),
         epoch=match.stream.epoch + start,
+        files=recording.files,
     )
     since = [each - start for each in times or ()]
     return Reading(whole, time, partial(_frame, frames), partial(angles_column, frames), since)
@@ -205,12 +206,13 @@ def _read_angles(recording: Recording, match: Match, neutral: str, strict: bool)
         recognised=match.why,
         quality=_quality(recording, match, 0.0, log, time, frames, _column_warnings(seen), strict),
         epoch=match.stream.epoch,
+        files=recording.files,
     )
     return Reading(
         whole,
         time,
         lambda start, stop: data.iloc[start:stop].reset_index(drop=True) if (start, stop) != (0, len(data)) else data,
-        lambda name: data[name].to_numpy(np.float64),
+        lambda name: data[name].to_numpy(),
     )
 
 
@@ -310,6 +312,6 @@ def _quality(
         gaps=find_gaps(time),
         seams=seams,
         warnings=tuple(dict.fromkeys(texts)),
-        sha256=file_hash(recording.path),
+        sha256="" if recording.files else file_hash(recording.path),
         accounts=accounts,
     )

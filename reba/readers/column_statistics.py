@@ -1,4 +1,4 @@
-"""Statistics of the angle columns of a recording, block by block: what decides about them without all frames at once."""
+"""Statistics of the angle columns of a recording, block by block: they decide without all frames in memory."""
 
 from __future__ import annotations
 
@@ -78,7 +78,8 @@ class ColumnStatistics:
     def turned(self, columns: Sequence[int]) -> ColumnStatistics:
         """Return the statistics with the opposite sign of some columns, by their positions."""
         at = list(columns)
-        low, high, beyond, turned = (values.copy() for values in (self.low, self.high, self.beyond, self.beyond_turned))
+        low, high = self.low.copy(), self.high.copy()
+        beyond, turned = self.beyond.copy(), self.beyond_turned.copy()
         low[at], high[at] = -self.high[at], -self.low[at]
         beyond[at], turned[at] = self.beyond_turned[at], self.beyond[at]
         return dataclasses.replace(self, low=low, high=high, beyond=beyond, beyond_turned=turned)

@@ -66,9 +66,7 @@ def first_frame_is_outlier(angles: Array) -> bool:
     return bool(np.any((first > FIRST_FRAME_JUMP) & (first > 3.0 * later)))
 
 
-def constant_columns(
-    seen: ColumnStatistics, seconds: float, kind: str, dummies: Mapping[str, float]
-) -> dict[str, str]:
+def constant_columns(seen: ColumnStatistics, seconds: float, kind: str, dummies: Mapping[str, float]) -> dict[str, str]:
     """Return the constant columns that count as not measured -> the reason; others must change.
 
     Args:
@@ -92,7 +90,7 @@ def constant_columns(
 
 
 def equal_frames(angles: Array) -> Flags:
-    """Return (n - 1,) whether a frame of angles (n, 22) is exactly the one before; columns without a value count not."""
+    """Return (n - 1,) whether a frame of angles (n, 22) is exactly the one before; NaN equals anything before it."""
     same: Flags = ((angles[1:] == angles[:-1]) | np.isnan(angles[1:])).all(axis=1)
     return same
 

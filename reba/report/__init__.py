@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reba.analysis.score_table import SCORES
-from reba.checks import PATH, shown
+from reba.checks import PATH, from_home, shown
 from reba.errors import RebaError
 from reba.files import write_atomic, write_text
 from reba.outputs import FileOutput, check_outputs
@@ -64,6 +64,7 @@ def write_report(scores: Recordings, path: str | Path, *, command: str = "") -> 
         raise RebaError(f"write_report: scores is {shown(scores)}; expected {SCORES.expected}, or a list of these")
     if not PATH.fits(path):
         raise RebaError(f"write_report: path is {shown(path)}; expected {PATH.expected}")
-    check_outputs(FileOutput(path), inputs=[each.postures.source for each in several])
+    path = from_home(path)
+    check_outputs(FileOutput(path), inputs=[path for each in several for path in each.postures.inputs])
     html = render(scores, command=command)
     write_atomic(Path(path), lambda part: write_text(part, html))

@@ -116,7 +116,7 @@ def _write(
     kind: str,
     records: Mapping[str, Mapping[str, str]] | None = None,
 ) -> None:
-    check_outputs(table_output(path), inputs=[postures.source])
+    check_outputs(table_output(path), inputs=postures.inputs)
     suffix = path.suffix.lower()
     if suffix == ".parquet":
         write_atomic_stream(path, lambda part: _write_parquet(data, metadata, part))

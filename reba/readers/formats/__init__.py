@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,8 +64,22 @@ FORMATS: tuple[Format, ...] = (
 """Formats beside MCAP, those with the most certain first bytes first."""
 
 
-def open_recording(path: str | Path, *, strict: bool = False, rate: float | None = None) -> Recording:
-    """Open a recording of any known format; a folder counts as a rosbag2 recording of MCAP splits.
+Paths = str | Path | Sequence[str | Path]
+"""Path of a recording, or those of its files."""
+
+
+def files_given(path: Paths) -> list[str | Path]:
+    """Return every path of a recording."""
+    return [path] if isinstance(path, str | os.PathLike) else list(path)
+
+
+def paths_text(path: Paths) -> str:
+    """Return the path of a recording, or those of its files, as text."""
+    return " + ".join(map(str, files_given(path)))
+
+
+def open_recording(path: Paths, *, strict: bool = False, rate: float | None = None) -> Recording:
+    """Open a recording of any known format; a folder counts as a rosbag2 recording of MCAP splits, and so does a list.
 
     Args:
         rate: [Hz] of a table without times, whose rows it numbers.
@@ -71,6 +87,8 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
     Raises:
         ReadError: the file does not exist, has an unknown format, is damaged, or is truncated and `strict` is set.
     """
+    if not isinstance(path, str | os.PathLike):
+        return _open_files(list(path), strict, rate)
     place = Path(path)
     try:
         if not place.exists():
@@ -104,6 +122,34 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
         ["MCAP (.mcap or a rosbag2 folder)", *(f"{form.name} ({' '.join(form.extensions)})" for form in FORMATS)]
     )
     raise ReadError(place, what, hint=f"known formats are {readable}")
+
+
+def _open_files(paths: list[str | Path], strict: bool, rate: float | None) -> Recording:
+    """Open the MCAP files of one recording.
+
+    Raises:
+        ReadError: a file is no MCAP recording or stands twice, or two of them were recorded at one time.
+    """
+    if len(paths) <= 1:
+        if not paths:
+            raise ReadError("an empty list", "no file", hint="give the path of a recording")
+        return open_recording(paths[0], strict=strict, rate=rate)
+    if rate is not None:
+        raise ReadError(paths_text(paths), "MCAP recordings have times of their own", hint="leave the rate out")
+    files = [Path(path) for path in paths]
+    for number, file in enumerate(files):
+        try:
+            is_file = file.is_file() and is_mcap(file)
+            twice = is_file and any(os.path.samefile(file, other) for other in files[:number])
+        except (OSError, ValueError) as error:
+            raise ReadError(file, getattr(error, "strerror", None) or str(error), hint="give readable files") from error
+        if not is_file:
+            what = "not an MCAP file" if file.exists() else "no such file"
+            hint = "a list holds the MCAP files of one recording; read several recordings one by one"
+            raise ReadError(file, what, hint=hint)
+        if twice:
+            raise ReadError(file, "stands twice in the list", hint="name each file of the recording once")
+    return open_mcap(files, strict=strict)
 
 
 def is_recording(path: Path) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.posture.angles import SegmentFrames, posture_angles
-from reba.posture.columns import COLUMNS, INDEX
+from reba.posture.columns import INDEX
 from reba.readers.mapping.frame_table import Frames, MemoryFrames
 from reba.readers.mapping.gap_codes import GapCodes
 from reba.readers.mapping.joints import JointMapper
@@ -141,9 +141,7 @@ def collect_into(frames: Frames, stream: Stream, mapper: Mapper, times: list[Arr
     return log
 
 
-def _pass(
-    frames: Frames, stream: Stream, mapper: Mapper, gaps: GapCodes, times: list[Array] | None = None
-) -> ReadLog:
+def _pass(frames: Frames, stream: Stream, mapper: Mapper, gaps: GapCodes, times: list[Array] | None = None) -> ReadLog:
     log = ReadLog(times=times)
     if times is not None:
         times.clear()

@@ -205,7 +205,7 @@ class FileFrames:
             self._last = float(rows[-1, 0])
             self._count += len(rows)
             try:
-                self._file.write(memoryview(np.ascontiguousarray(rows)).cast("B"))
+                self._file.write(rows.tobytes())
             except OSError as error:
                 folder = tempfile.gettempdir()
                 raise ReadError(

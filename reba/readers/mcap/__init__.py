@@ -8,6 +8,7 @@ Summary, indexes and declared lengths are checked before use: see `container`. F
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from reba.errors import ReadError
@@ -37,13 +38,16 @@ def sniff(path: Path) -> bool:
     return head == MAGIC or (head.startswith(ZSTD_MAGIC) and ".mcap" in path.name)
 
 
-def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK) -> Recording:
+def open_mcap(
+    path: Path | Sequence[Path], *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK
+) -> Recording:
     """Open a recording, or a folder with the splits of one; its log notes a truncated end.
 
     Without joint states, transforms or posture angles it has no streams; `topics` has the reason for each topic.
 
     Args:
-        path: an .mcap file, plain or zstd-compressed as a whole, or a folder of them (rosbag2).
+        path: an .mcap file, plain or zstd-compressed as a whole, a folder of them (rosbag2), or a list of files, which
+            must follow each other in time.
         strict: refuse a truncated recording, and a folder with a damaged split.
         check_crc: compare the CRC of every chunk that has one.
         limit_bytes: the largest chunk, record or unpacked file that is accepted.
@@ -53,12 +57,16 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
     """
     log = ReadLog()
     channels: list[DecodableChannel | Unused] = []
-    for container, channels_of_file in _open_files(path, strict, check_crc, limit_bytes, log):
-        _note(container, log, path.is_dir())
+    given = [] if isinstance(path, Path) else list(path)
+    files = given if not isinstance(path, Path) else recording_files(path)
+    if not isinstance(path, Path):
+        path = Path(" + ".join(map(str, given)))
+    for container, channels_of_file in _open_files(path, files, strict, check_crc, limit_bytes, log, bool(given)):
+        _note(container, log, len(files) > 1 or path.is_dir())
         channels += channels_of_file
     if strict and log.ended_abnormally:
         raise ReadError(path, log.ended_abnormally, hint="read it without strict to use the messages before")
-    recording = gathered(path, channels, log, strict=strict)
+    recording = replace(gathered(path, channels, log, strict=strict), files=tuple(map(str, given)))
     if strict and log.lost:
         raise ReadError(path, log.lost, hint=LOST_HINT)
     return recording
@@ -81,10 +89,19 @@ def gathered(
 
 
 def _open_files(
-    path: Path, strict: bool, check_crc: bool, limit_bytes: int, log: ReadLog
+    path: Path,
+    files: Sequence[Path],
+    strict: bool,
+    check_crc: bool,
+    limit_bytes: int,
+    log: ReadLog,
+    in_turn: bool,
 ) -> list[tuple[Container, list[DecodableChannel | Unused]]]:
-    """Open all files by start time; a damaged one of several is noted and left out."""
-    files = recording_files(path)
+    """Open all files by start time; a damaged one of several is noted and left out.
+
+    Args:
+        in_turn: refuse files that do not follow each other in time.
+    """
     opened = []
     for file in files:
         try:
@@ -103,8 +120,13 @@ def _open_files(
     ]
     starts = [store.segments[0].start if store.segments else 0 for store, _ in by_time[1:]]
     # Where log times repeat, a clock restarted, and the names have the order of recording.
-    repeat = any(start < end - JITTER for start, end in zip(starts, ends, strict=False))
-    return opened if repeat else by_time
+    repeats = [start < end - JITTER for start, end in zip(starts, ends, strict=False)]
+    if in_turn and any(repeats):
+        at = repeats.index(True)
+        one, other = (by_time[number][0].path for number in (at, at + 1))
+        hint = "a list holds the files of one recording; read several recordings one by one"
+        raise ReadError(path, f"{one.name} and {other.name} were recorded at one time", hint=hint)
+    return opened if any(repeats) else by_time
 
 
 def classified(container: Store) -> list[DecodableChannel | Unused]:

@@ -133,6 +133,8 @@ UNUSED = {
     "outside_interval": "are outside the interval asked for",
 }
 """Reason -> why decoded messages are not used, to complete a sentence."""
+ASKED_FOR = "outside_interval"
+"""Reason that the caller gave."""
 LOST = ("undecodable", "repeated_time", "no_time")
 """Reasons that lose what was recorded; the others leave out what is not of the person."""
 BlockReader = Callable[[ReadLog, Sequence[str] | None], Iterator[Block]]
@@ -208,6 +210,7 @@ class Recording:
         streams: candidates for scoring, in file order.
         topics: every topic or signal group, for `reba info`.
         log: notes made on opening (truncated, no summary ...).
+        files: paths of a recording that was given as a list of files, else empty.
     """
 
     path: str
@@ -215,6 +218,7 @@ class Recording:
     streams: tuple[Stream, ...]
     topics: tuple[Topic, ...] = ()
     log: ReadLog = field(default_factory=ReadLog)
+    files: tuple[str, ...] = ()
 
 
 BLOCK = 20_000
@@ -264,6 +268,9 @@ def array_stream(
                 tuple(parents[index] for index in columns) if parents else (),
             )
 
+    known = time[np.isfinite(time)]
+    if len(known):
+        more.setdefault("present", dict.fromkeys(signals, ((float(known.min()), float(known.max())),)))
     return Stream(name, kind, format, signals, read, count=len(time), **more)
 
 
