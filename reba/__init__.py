@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from reba._version import __version__
-    from reba.analysis.exposure import compare
     from reba.analysis.improve import Improvement
     from reba.analysis.worksheet import Worksheet
     from reba.errors import PostureError, ProfileError, RadiansWarning, ReadError, RebaError, RulesError
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from reba.readers import read, read_blocks
     from reba.readers.info import Info, StreamInfo, info
     from reba.report import write_report
+    from reba.scored_files import compare, read_scores
     from reba.scores import Scores, score
     from reba.writers import write_postures, write_scores
 
@@ -63,6 +63,7 @@ __all__ = [
     "info",
     "read",
     "read_blocks",
+    "read_scores",
     "score",
     "score_array",
     "score_parts",
@@ -72,7 +73,6 @@ __all__ = [
 ]
 _LAZY = {
     "reba._version": ("__version__",),
-    "reba.analysis.exposure": ("compare",),
     "reba.analysis.improve": ("Improvement",),
     "reba.analysis.worksheet": ("Worksheet",),
     "reba.errors": ("PostureError", "ProfileError", "RadiansWarning", "ReadError", "RebaError", "RulesError"),
@@ -86,6 +86,7 @@ _LAZY = {
     "reba.readers": ("read", "read_blocks"),
     "reba.readers.info": ("Info", "StreamInfo", "info"),
     "reba.report": ("write_report",),
+    "reba.scored_files": ("compare", "read_scores"),
     "reba.scores": ("Scores", "score"),
     "reba.writers": ("write_postures", "write_scores"),
 }

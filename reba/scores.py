@@ -6,10 +6,11 @@ PostureTable or DataFrame -> angles (n, 22) + factors + activity -> score_array 
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -37,6 +38,10 @@ from reba.posture.factors import (
 )
 from reba.posture.named_angles import refuse_infinite
 from reba.posture.table import PostureTable, angles_of, table_of
+from reba.report.plots import plot
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,19 @@ class Scores(ScoreTable):
     def improve(self, time: float) -> list[Improvement]:
         """Return the smallest changes that bring the frame nearest to `time` to a lower action level."""
         return improve_frame(self, self.frame_at(time))
+
+    def plot(self) -> Figure:
+        """Return the report's plot of REBA over time as a plotly figure, which notebooks show interactively.
+
+        Raises:
+            PostureError: there is no frame.
+
+        Example:
+            >>> frames = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})
+            >>> score(frames).plot().layout.yaxis.title.text
+            'REBA'
+        """
+        return plot(self)
 
 
 @accepts(PostureError, activity=TEXT)
@@ -83,6 +101,7 @@ def score(
 
     Warns:
         RadiansWarning: the angles of data other than a `PostureTable` look like radians.
+        UserWarning: the postures are those of a file of scores, which were recorded with other rules.
 
     Example:
         >>> frames = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})
@@ -91,6 +110,11 @@ def score(
     """
     table = postures if isinstance(postures, PostureTable) else table_of(postures)
     chosen = rules_of(rules)
+    recorded = (table.scored or {}).get("rules")
+    if isinstance(recorded, dict) and recorded != dataclasses.asdict(chosen):
+        name = recorded.get("name")
+        text = f"{table.source}: its scores were recorded with rules {name!r}, these are by {chosen.name!r}"
+        warnings.warn(text, UserWarning, stacklevel=3)
     angles = angles_of(table.data)
     refuse_infinite(angles)
     columns = {name: table.data[name].to_numpy() for name in (*FACTORS, *BOTH_SIDES) if name in table.data}

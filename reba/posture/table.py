@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -103,6 +103,7 @@ class PostureTable:
         quality: what was read and how regular it is.
         epoch: Unix time [s] of time 0, 0.0 where the source does not say.
         files: paths of what was read where that were several files, else empty.
+        scored: what a file of scores was written with (rules, factors, version), None for other recordings.
         movement: of the recording that this is a block of, None for others; the block begins at its `first_frame`.
     """
 
@@ -117,6 +118,7 @@ class PostureTable:
     quality: Quality = field(default_factory=Quality)
     epoch: float = 0.0
     files: tuple[str, ...] = ()
+    scored: Mapping[str, Any] | None = field(default=None, repr=False)
     movement: Movement | None = field(default=None, repr=False, compare=False)
     first_frame: int = 0
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 from warnings import warn
 
 import numpy as np
 import pandas as pd
 
 from reba.arrays import Array, Flags
+from reba.checks import is_number
 from reba.errors import ProfileError, RadiansWarning, ReadError
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.named_angles import RADIANS_TEXT, look_like_radians
@@ -18,6 +20,7 @@ from reba.posture.table import PostureTable, Quality
 from reba.readers.accounts import account_warnings, accounts_of, refuse_losses
 from reba.readers.column_statistics import ColumnStatistics
 from reba.readers.formats import file_hash
+from reba.readers.formats.score_file import is_score_table
 from reba.readers.mapping import collect_into, mapper_for
 from reba.readers.mapping.frame_table import (
     ROWS,
@@ -60,6 +63,7 @@ class Reading:
         data: returns frames from one position to another as `PostureTable.data`.
         column: returns a column of (n,) values by name.
         times: of the messages that were used [s], if they were asked for.
+        pelvis: times [s] of the pelvis from another stream, empty without one.
     """
 
     whole: PostureTable
@@ -67,6 +71,7 @@ class Reading:
     data: Callable[[int, int], pd.DataFrame]
     column: Callable[[str], Array]
     times: Sequence[Array] = ()
+    pelvis: Array = field(default_factory=lambda: np.zeros(0))
 
     def table(self) -> PostureTable:
         """Return the posture table of all frames."""
@@ -148,7 +153,10 @@ def read_match(
         files=recording.files,
     )
     since = [each - start for each in times or ()]
-    return Reading(whole, time, partial(_frame, frames), partial(angles_column, frames), since)
+    unix = np.zeros(0) if pelvis is None else pelvis.time
+    return Reading(
+        whole, time, partial(_frame, frames), partial(angles_column, frames), since, unix - match.stream.epoch - start
+    )
 
 
 FIRST_FRAMES = 12
@@ -195,6 +203,7 @@ def _read_angles(recording: Recording, match: Match, neutral: str, strict: bool)
     seen = _statistics(frames)
     unmeasured = seen.empty_columns()
     absent = {column: "no such column" for column in unmeasured if column not in ordered.columns}
+    scored = recording.scored if is_score_table(map(str, ordered.columns)) else None
     whole = PostureTable(
         data=data.iloc[:0],
         profile="table",
@@ -207,12 +216,34 @@ def _read_angles(recording: Recording, match: Match, neutral: str, strict: bool)
         quality=_quality(recording, match, 0.0, log, time, frames, _column_warnings(seen), strict),
         epoch=match.stream.epoch,
         files=recording.files,
+        scored=scored,
     )
+    if scored is not None:
+        whole = _as_recorded(whole, scored)
     return Reading(
         whole,
         time,
         lambda start, stop: data.iloc[start:stop].reset_index(drop=True) if (start, stop) != (0, len(data)) else data,
         lambda name: data[name].to_numpy(),
+    )
+
+
+def _as_recorded(whole: PostureTable, scored: Mapping[str, Any]) -> PostureTable:
+    """Return the table of a file of scores with what it says of the recording: profile, assumptions, restarts."""
+    quality = scored.get("quality")
+    seams = quality.get("seams") if isinstance(quality, dict) else None
+    inside = [seam for seam in seams if is_number(seam)] if isinstance(seams, list) else []
+    assumed = scored.get("assumed")
+    texts = [text for text in assumed if isinstance(text, str)] if isinstance(assumed, list) else []
+    why = scored.get("why_unmeasured")
+    reasons = {column: str(why[column]) for column in whole.unmeasured if isinstance(why, dict) and column in why}
+    return replace(
+        whole,
+        profile=scored["profile"] if isinstance(scored.get("profile"), str) else whole.profile,
+        assumed=(*whole.assumed, *texts),
+        why_unmeasured=whole.why_unmeasured | reasons,
+        epoch=float(scored["epoch"]) if is_number(scored.get("epoch")) else whole.epoch,
+        quality=replace(whole.quality, seams=tuple(map(float, inside))),
     )
 
 

@@ -145,8 +145,8 @@ def info(
 
     Example:
         >>> contents = info("datasets/simulated_palletising.mcap")
-        >>> [(each.name, each.type, each.messages, round(each.rate), each.used) for each in contents.streams]
-        [('/joint_states', 'ROS 2 sensor_msgs/JointState', 4405, 25, True)]
+        >>> [(each.name, each.kind, each.messages, round(each.rate), each.used) for each in contents.streams]
+        [('/joint_states', 'joints', 4405, 25, True), ('/tf', 'frames', 4405, 25, True)]
     """
     parse_neutral(neutral)
     named = str(profile) != "auto"

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from reba.arrays import Array
 from reba.errors import ReadError
 from reba.posture.columns import COLUMNS
 from reba.posture.table import Movement, PostureTable
@@ -109,15 +111,22 @@ def _part(reading: Reading, first: int, stop: int) -> PostureTable:
     )
 
 
-def _accounts(reading: Reading, first: int, stop: int) -> tuple[dict[str, object], ...]:
-    """Return the accounts of an interval; streams read beside the first are used as in the complete reading."""
+def _accounts(reading: Reading, first: int, stop: int) -> tuple[dict[str, Any], ...]:
+    """Return the accounts of an interval: that of the stream of the frames, then those of the others."""
     main, *others = reading.whole.quality.accounts
     start, end = float(reading.time[first]), float(reading.time[stop - 1])
     inside = stop - first
     if main["used"] != len(reading.time) and len(reading.times):  # several messages make one frame
-        counts = [int(np.count_nonzero((part >= start - NEAR) & (part <= end + NEAR))) for part in reading.times]
-        inside = min(sum(counts), main["used"])
-    return (of_interval(main, inside, end - start), *others)
+        inside = min(sum(_inside(part, start, end) for part in reading.times), main["used"])
+    beside = min(_inside(reading.pelvis, start, end), max((each["used"] for each in others), default=0))
+    return (
+        of_interval(main, inside, end - start),
+        *(of_interval(each, beside, end - start) if each["used"] else each for each in others),
+    )
+
+
+def _inside(times: Array, start: float, end: float) -> int:
+    return int(np.count_nonzero((times >= start - NEAR) & (times <= end + NEAR)))
 
 
 NEAR = 0.0004

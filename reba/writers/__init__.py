@@ -22,17 +22,17 @@ from reba.checks import PATH, accepts, instance
 from reba.errors import RebaError
 from reba.files import as_json, write_atomic, write_atomic_stream, write_text
 from reba.outputs import FileOutput, check_outputs
+from reba.posture.columns import COLUMNS
 from reba.posture.factors import FACTORS
 from reba.posture.table import PostureTable
 from reba.provenance import parquet_metadata, with_provenance
+from reba.readers.formats.score_file import ABOUT
 from reba.scores import Scores
 from reba.writers.mcap import write_mcap
 
 BLOCK_ROWS: Final = 16_384
 """Rows converted at a time, so that writing one hour (360,000 rows at 100 Hz) needs no second copy of the table."""
 SUFFIXES: Final = (".parquet", ".csv", ".mcap")
-ABOUT: Final = ".meta.json"
-"""Ending of the file beside a CSV, added to its name."""
 
 
 def table_output(path: str | Path) -> FileOutput:
@@ -44,7 +44,8 @@ def table_output(path: str | Path) -> FileOutput:
 def write_scores(scores: Scores, path: str | Path) -> None:
     """Write the score table; the ending of `path` chooses .parquet, .csv or .mcap.
 
-    An .mcap also contains the original topics if the scored recording was MCAP.
+    Beside the scores stand the angles and factors that they came from; `reba.read_scores` reads them back. An .mcap
+    also contains the original topics if the scored recording was MCAP.
 
     Args:
         scores: scores of one recording.
@@ -53,7 +54,7 @@ def write_scores(scores: Scores, path: str | Path) -> None:
     Raises:
         RebaError: unknown ending, the file cannot be written, or it is the recording itself.
     """
-    _write(scores.data, _score_metadata(scores), Path(path), scores.postures, "scores")
+    _write(_with_postures(scores), _score_metadata(scores), Path(path), scores.postures, "scores")
 
 
 @accepts(RebaError, postures=instance("what reba.read returns", PostureTable), path=PATH)
@@ -100,6 +101,15 @@ def _score_metadata(scores: Scores) -> dict[str, Any]:
         "factors": {name: _factor_value(getattr(scores.factors, name)) for name in FACTORS},
         "activity": scores.activity_causes,
     }
+
+
+def _with_postures(scores: Scores) -> pd.DataFrame:
+    """Return the score table with the angles and factors beside it, from which `reba.read_scores` scores again."""
+    postures, n = scores.postures.data, len(scores.data)
+    angles = postures[list(COLUMNS)] if set(COLUMNS) <= set(postures) else pd.DataFrame(scores.angles, columns=COLUMNS)
+    names = [name for name in FACTORS if name not in scores.data]  # the points of the coupling stand for it
+    factors = pd.DataFrame({name: np.broadcast_to(getattr(scores.factors, name), n) for name in names}, copy=False)
+    return pd.concat([part.reset_index(drop=True) for part in (scores.data, angles, factors)], axis=1)
 
 
 def _factor_value(values: Any) -> Any:

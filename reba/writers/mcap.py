@@ -19,6 +19,7 @@ import pandas as pd
 from reba.errors import ReadError
 from reba.file_stamp import TRY_AGAIN, unchanged
 from reba.files import as_json, sha256_of
+from reba.method.scoring import SCORE_COLUMNS
 from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
@@ -77,9 +78,10 @@ def _schema(data: pd.DataFrame, kind: str) -> dict[str, Any]:
             return {"type": "number", "description": "seconds since the start of the recording"}
         if name in COLUMNS:
             return {"type": ["number", "null"], "description": "degrees; null = not measured"}
-        if kind == "scores":
+        if kind == "scores" and name in SCORE_COLUMNS:
             return {"type": ["integer", "null"], "description": "null = not determined by what was measured"}
-        return {"description": "factor"}
+        plain = "boolean" if data[name].dtype == bool else "number" if data[name].dtype.kind in "iuf" else "string"
+        return {"type": plain, "description": "factor"}
 
     names = [str(name) for name in data.columns]
     return {"title": SCHEMAS[kind], "type": "object", "properties": {name: schema_of(name) for name in names}}

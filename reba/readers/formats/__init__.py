@@ -5,12 +5,13 @@ from __future__ import annotations
 import importlib
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from reba.errors import ReadError
 from reba.files import sha256_of
 from reba.open_file import open_regular
+from reba.readers.formats.score_file import mcap_record
 from reba.readers.mcap import open_mcap
 from reba.readers.mcap import sniff as is_mcap
 from reba.readers.recording.stream import Recording
@@ -104,7 +105,7 @@ def open_recording(path: Paths, *, strict: bool = False, rate: float | None = No
     if place.is_dir() or is_mcap(place):
         if rate is not None:
             raise ReadError(place, "MCAP recordings have times of their own", hint="leave the rate out")
-        return open_mcap(place, strict=strict)
+        return _with_record(open_mcap(place, strict=strict))
     try:
         with open_regular(place) as file:
             head = file.read(HEAD)
@@ -149,7 +150,12 @@ def _open_files(paths: list[str | Path], strict: bool, rate: float | None) -> Re
             raise ReadError(file, what, hint=hint)
         if twice:
             raise ReadError(file, "stands twice in the list", hint="name each file of the recording once")
-    return open_mcap(files, strict=strict)
+    return _with_record(open_mcap(files, strict=strict))
+
+
+def _with_record(recording: Recording) -> Recording:
+    """Return an MCAP recording with what its scores, if it has any, were written with."""
+    return recording if recording.scored is None else replace(recording, scored=mcap_record(recording.scored))
 
 
 def is_recording(path: Path) -> bool:

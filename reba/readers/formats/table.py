@@ -20,6 +20,7 @@ from reba.errors import ReadError, did_you_mean
 from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
+from reba.readers.formats.score_file import recorded_with
 from reba.readers.formats.table_columns import DEGREES, LEAST_POINTS, coordinates, metres_of, named_units
 from reba.readers.formats.table_file import PARQUET, SEPARATORS, TableFile, read_csv, read_parquet
 from reba.readers.formats.text import LARGEST
@@ -74,6 +75,7 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
     frame = file.frame
     if not len(frame):
         raise ReadError(path, "the table has no rows", hint="give at least one row of values")
+    scored = recorded_with(path, map(str, frame.columns), file.scored)
     frame, units = named_units(frame, KNOWN)
     file = replace(file, frame=frame)
     time, epoch, used = take_time(path, frame, log, file.where, rate)
@@ -93,7 +95,7 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
             numbers[column] = values[timed] * factor_of if factor_of != 1.0 else values[timed]
     time = time[timed]
     check_time(time, log)
-    for column in (*numbers, *texts)[:MAX_CHECKED]:
+    for column in () if scored is not None else (*numbers, *texts)[:MAX_CHECKED]:
         if column not in KNOWN and (near := did_you_mean(column, KNOWN)):
             log.warn(f"column {clip(column)} is not one of the posture table{near}")
     kind: Literal["angles", "joints"] = "angles" if angles else "joints"
@@ -120,7 +122,7 @@ def _recording(path: Path, format: str, file: TableFile, log: ReadLog, rate: flo
     topics = [Topic(stream.name, stream.format, len(time), True, why)]
     if not angles:
         topics += [Topic(text, "column", len(time), False, "text, not numbers") for text in texts]
-    return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log)
+    return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log, scored=scored)
 
 
 def _points(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from reba.cells import text_of, texts_of
 from reba.errors import ReadError
 from reba.open_file import open_regular
+from reba.readers.formats.score_file import parquet_record
 from reba.readers.formats.text import decode, file_bytes
 from reba.readers.recording.stream import ReadLog, Topic, clip, unique_names
 
@@ -33,11 +34,13 @@ class TableFile:
         frame: the columns under unique names; blank rows are left out.
         where: position of a row in `frame` -> "line 12" or "row 12".
         left_out: columns that are not read (lists, records).
+        scored: what a file of scores was written with if it is in the file itself, else None.
     """
 
     frame: pd.DataFrame
     where: Callable[[int], str]
     left_out: tuple[Topic, ...] = ()
+    scored: dict[str, Any] | None = None
 
 
 def read_csv(path: Path, log: ReadLog) -> TableFile:
@@ -109,7 +112,7 @@ def read_parquet(path: Path) -> TableFile:
     left_out = tuple(
         Topic(name, "Parquet column", len(frame), False, "lists or records, not numbers") for name in nested
     )
-    return TableFile(frame, lambda row: f"row {row + 1}", left_out)
+    return TableFile(frame, lambda row: f"row {row + 1}", left_out, parquet_record(schema.metadata))
 
 
 def _header(path: Path, text: str) -> tuple[int, str, str]:

@@ -16,7 +16,7 @@ from reba.open_file import open_regular
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
 from reba.readers.mcap.clock import JITTER
-from reba.readers.mcap.container import Container, Store
+from reba.readers.mcap.container import OWN, Container, Store
 from reba.readers.mcap.contents import Contents
 from reba.readers.mcap.streams import StreamReader, stream_header
 from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording, Stream, Topic
@@ -61,12 +61,16 @@ def open_mcap(
     files = given if not isinstance(path, Path) else recording_files(path)
     if not isinstance(path, Path):
         path = Path(" + ".join(map(str, given)))
+    record: dict[str, str] = {}
     for container, channels_of_file in _open_files(path, files, strict, check_crc, limit_bytes, log, bool(given)):
         _note(container, log, len(files) > 1 or path.is_dir())
         channels += channels_of_file
+        record |= container.records.get(OWN, {})
     if strict and log.ended_abnormally:
         raise ReadError(path, log.ended_abnormally, hint="read it without strict to use the messages before")
-    recording = replace(gathered(path, channels, log, strict=strict), files=tuple(map(str, given)))
+    recording = replace(
+        gathered(path, channels, log, strict=strict), files=tuple(map(str, given)), scored=record or None
+    )
     if strict and log.lost:
         raise ReadError(path, log.lost, hint=LOST_HINT)
     return recording

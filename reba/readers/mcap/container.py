@@ -17,6 +17,7 @@ from typing import Final, Protocol
 from mcap.opcode import Opcode
 
 from reba.errors import ReadError
+from reba.open_file import SETTINGS_BYTES
 from reba.readers.mcap import records
 from reba.readers.mcap.bytes import MAGIC, BadChunk, ByteSource, unpack
 from reba.readers.mcap.records import BadRecord, Channel, ChunkHead, Scan, Schema
@@ -33,6 +34,8 @@ FREE_RECORDS: Final = 1000
 choice. A message has a time of its own, so even well packed it takes several bytes."""
 MOST_RATIO: Final = 1000
 """Bytes that chunks may unpack to for each (packed) byte of the file, beyond `limit_bytes`; a choice."""
+OWN: Final = "reba"
+"""Name of the metadata record that is written with scores."""
 _PRIVATE: Final = 0x80
 """First opcode for records of applications, https://mcap.dev/spec#records."""
 
@@ -101,6 +104,7 @@ class Container:
         counts: messages of each channel.
         ended_abnormally: None, or where the file is truncated.
         lost: None, or what the file states to have and does not.
+        records: name -> metadata record, of those named "reba".
         publish_time: whether messages are loaded with their publish times in the place of log times.
 
     Raises:
@@ -120,6 +124,7 @@ class Container:
         self.ended_abnormally: str | None = None
         self.lost: str | None = None
         self.warnings: list[str] = []
+        self.records: dict[str, dict[str, str]] = {}
         self.span: tuple[int, int] | None = None
         self._last: Loaded | None = None
         self._ahead = (0, b"")
@@ -309,6 +314,10 @@ class Container:
             number, count = records.message_index(self._window(at, records.INDEX_HEAD))
             hints = self.segments[-1].channels = self.segments[-1].channels or {}
             hints[number] = hints.get(number, 0) + count
+        elif opcode == Opcode.METADATA and length <= SETTINGS_BYTES:
+            name, record = records.metadata(self._window(at, length))
+            if name == OWN:
+                self.records[name] = record
         elif opcode == Opcode.DATA_END:
             summary.start = at + length
         elif opcode == Opcode.CHUNK_INDEX:

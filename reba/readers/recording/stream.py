@@ -211,6 +211,7 @@ class Recording:
         topics: every topic or signal group, for `reba info`.
         log: notes made on opening (truncated, no summary ...).
         files: paths of a recording that was given as a list of files, else empty.
+        scored: what a file of scores was written with, None for others.
     """
 
     path: str
@@ -219,6 +220,7 @@ class Recording:
     topics: tuple[Topic, ...] = ()
     log: ReadLog = field(default_factory=ReadLog)
     files: tuple[str, ...] = ()
+    scored: Mapping[str, Any] | None = None
 
 
 BLOCK = 20_000

@@ -80,7 +80,7 @@ def after_reading(monkeypatch: pytest.MonkeyPatch, change: Callable[[], None], n
 
 
 def scores_in(folder: Path) -> pd.DataFrame:
-    return pd.read_parquet(folder)
+    return pd.read_parquet(folder)[["time", *reba.SCORE_COLUMNS, "recording"]]
 
 
 def check_new_content(out: Path, recording: Path) -> None:
