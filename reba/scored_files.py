@@ -59,7 +59,7 @@ def score_recorded(postures: PostureTable, **options: Any) -> Scores:
     """
     rules = recorded_rules(postures)
     if rules is None:
-        _tell(f"{postures.source}: it does not say by which rules it was scored; 'measured' is used")
+        _warn(f"{postures.source}: it does not say by which rules it was scored; 'measured' is used")
     scores = score(postures, rules=rules or "measured", **options)
     causes = (postures.scored or {}).get("activity")
     if isinstance(causes, dict) and all(isinstance(shares, dict) for shares in causes.values()):
@@ -70,11 +70,11 @@ def score_recorded(postures: PostureTable, **options: Any) -> Scores:
     if differ.any():
         origin = other_version((postures.scored or {}).get(MEMBER))
         by = f", which {origin} wrote" if origin else ""
-        _tell(f"{postures.source}: {int(differ.sum())} of {len(differ)} scores differ from those in the file{by}")
+        _warn(f"{postures.source}: {int(differ.sum())} of {len(differ)} scores differ from those in the file{by}")
     return scores
 
 
-def _tell(text: str) -> None:
+def _warn(text: str) -> None:
     warnings.warn(text, UserWarning, stacklevel=4)
 
 

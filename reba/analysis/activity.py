@@ -134,24 +134,24 @@ class _Grid:
     """A regular time grid over a recording, with resampling to it and back."""
 
     def __init__(self, time: Array) -> None:
-        step = float(np.median(np.diff(time)))
+        step = float(np.median(np.diff(time), overwrite_input=True))
         self.hz = GRID_HZ if step <= 0 else min(GRID_HZ, 1.0 / step)
         # A clock that jumps far ahead must not make a huge grid: time is counted without its long gaps.
         longest = max(10 * MAX_GAP, 2 * step)
         gaps = np.maximum(np.diff(time) - longest, 0.0)
-        self.time = time - np.concatenate([[0.0], np.cumsum(gaps)])
+        self.time = time - np.concatenate([[0.0], np.cumsum(gaps)]) if gaps.any() else time
         size = int(np.floor((self.time[-1] - self.time[0]) * self.hz)) + 1
         self.points = self.time[0] + np.arange(size) / self.hz
-        nearest = np.rint((self.time - self.time[0]) * self.hz).astype(np.int64)
-        self.nearest = np.clip(nearest, 0, size - 1)
+        nearest = np.rint((self.time - self.time[0]) * self.hz).astype(np.int32)
+        self.nearest = np.clip(nearest, 0, size - 1, out=nearest)
 
     def sample(self, column: Array) -> Array:
         """Return the column on the grid, NaN where no sample is near."""
         known = ~np.isnan(column)
         if not known.any():
             return np.full(len(self.points), np.nan)
-        time = self.time[known]
-        values = np.interp(self.points, time, column[known])
+        time, column = (self.time, column) if known.all() else (self.time[known], column[known])
+        values = np.interp(self.points, time, column)
         after = np.clip(np.searchsorted(time, self.points), 1, max(len(time) - 1, 1))
         before = time[np.minimum(after - 1, len(time) - 1)]
         after_time = time[np.minimum(after, len(time) - 1)]

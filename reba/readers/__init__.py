@@ -127,7 +127,8 @@ def read_blocks(
     parse_neutral(neutral)
     with ExitStack() as guard:
         recording, match = _opened(guard, path, profile, topic, body, strict, rate)
-        reading: Reading = read_in_parts(recording, match, neutral=neutral, strict=strict)
+        part = start is not None or end is not None
+        reading: Reading = read_in_parts(recording, match, neutral=neutral, strict=strict, times=part)
     return block_tables(reading, start, end, float(seconds))
 
 

@@ -89,15 +89,20 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
     return read_match(recording, match, neutral, strict).table()
 
 
-def read_in_parts(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> Reading:
+def read_in_parts(
+    recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False, times: bool = True
+) -> Reading:
     """Read like `build_table`, with frames in a temporary file, so that memory does not grow with them.
 
     Frames that have to be sorted, and posture tables, are in memory.
+
+    Args:
+        times: keep the times of the messages, which the accounts of an interval need.
     """
     try:
-        return read_match(recording, match, neutral, strict, FileFrames(recording.path), [])
+        return read_match(recording, match, neutral, strict, FileFrames(recording.path), [] if times else None)
     except Disorder:
-        return read_match(recording, match, neutral, strict, MemoryFrames(), [])
+        return read_match(recording, match, neutral, strict, MemoryFrames(), [] if times else None)
 
 
 def read_match(

@@ -37,9 +37,10 @@ CONSTANT = 1e-6
 def median_rate(time: Array) -> float:
     """Return the median sampling rate [Hz] of (n,) times [s], NaN for fewer than two samples."""
     steps = np.diff(time)
-    steps = steps[steps > 0]
+    if not (steps > 0).all():
+        steps = steps[steps > 0]
     # Times are decimal fractions: without rounding 25 Hz would read 25.000000000000533.
-    return float(f"{1.0 / np.median(steps):.9g}") if len(steps) else float("nan")
+    return float(f"{1.0 / np.median(steps, overwrite_input=True):.9g}") if len(steps) else float("nan")
 
 
 def find_gaps(time: Array) -> tuple[tuple[float, float], ...]:

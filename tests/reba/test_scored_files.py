@@ -28,7 +28,7 @@ def frames(n: int = 400) -> pd.DataFrame:
     """Movements that are repeated and held, a load and a grip that change, columns that are not measured."""
     time = np.arange(n) * 0.25
     rng = np.random.default_rng(3)
-    frame = pd.DataFrame({"time": time, "trunk_flexion": 35 + 30 * np.sin(time), "neck_twist": 12.5})
+    frame = pd.DataFrame({"time": time, "trunk_flexion": np.round(35 + 30 * np.sin(time), 6), "neck_twist": 12.5})
     frame["lower_arm_flexion_left"] = np.where(rng.random(n) < 0.1, np.nan, 70.0)
     frame["load"] = np.where(time < 40, 2.5, 11.0)
     frame["coupling_right"] = np.where(time < 20, "good", "unacceptable")

@@ -84,8 +84,8 @@ def mcap_record(record: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _object(text: str) -> dict[str, Any]:
-    found = _value(text)
-    return found if isinstance(found, dict) else {}
+    value = _value(text)
+    return value if isinstance(value, dict) else {}
 
 
 def _value(text: str) -> Any:

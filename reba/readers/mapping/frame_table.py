@@ -238,7 +238,11 @@ class FileFrames:
 
     def column(self, index: int) -> Array:
         """See `Frames`."""
-        return np.concatenate([np.zeros(0), *(rows[:, index].copy() for rows in blocks(self))])
+        column = np.empty(len(self))
+        for start in range(0, len(self), ROWS):
+            rows = self.rows(start, min(start + ROWS, len(self)))
+            column[start : start + len(rows)] = rows[:, index]
+        return column
 
 
 def angles_column(frames: Frames, name: str) -> Array:
