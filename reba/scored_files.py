@@ -18,6 +18,7 @@ from reba.analysis.score_table import ScoreTable
 from reba.checks import PATH, Allowed, accepts, from_home
 from reba.errors import PostureError, RebaError, RulesError
 from reba.method.rules import Rules
+from reba.posture.factors import Factors
 from reba.posture.table import PostureTable
 from reba.provenance import MEMBER, other_version
 from reba.readers import read
@@ -61,6 +62,7 @@ def score_recorded(postures: PostureTable, **options: Any) -> Scores:
     if rules is None:
         _warn(f"{postures.source}: it does not say by which rules it was scored; 'measured' is used")
     scores = score(postures, rules=rules or "measured", **options)
+    scores = dataclasses.replace(scores, factors=_constants(scores.factors))
     causes = (postures.scored or {}).get("activity")
     if isinstance(causes, dict) and all(isinstance(shares, dict) for shares in causes.values()):
         scores = dataclasses.replace(scores, activity_causes=causes)
@@ -72,6 +74,13 @@ def score_recorded(postures: PostureTable, **options: Any) -> Scores:
         by = f", which {origin} wrote" if origin else ""
         _warn(f"{postures.source}: {int(differ.sum())} of {len(differ)} scores differ from those in the file{by}")
     return scores
+
+
+def _constants(factors: Factors) -> Factors:
+    """Return factors with one value in the place of equal values of all frames."""
+    values = {field.name: getattr(factors, field.name) for field in dataclasses.fields(factors)}
+    equal = {name: value[0].item() for name, value in values.items() if np.ndim(value) and (value == value[:1]).all()}
+    return dataclasses.replace(factors, **equal)
 
 
 def _warn(text: str) -> None:
@@ -99,7 +108,7 @@ def read_scores(path: str | Path) -> Scores:
         >>> reba.write_scores(reba.score(frames, rules="paper", load=12.0), file)
         >>> scores = read_scores(file)
         >>> scores.rules.name, scores.factors.load, scores.data["reba_high"].tolist()
-        ('paper', 12, [11, 12])
+        ('paper', 12.0, [11, 12])
     """
     postures = read(path)
     if postures.scored is None:

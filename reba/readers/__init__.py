@@ -120,9 +120,11 @@ def read_blocks(
         RebaError: as in `reba.read`, before the first block.
 
     Example:
-        >>> blocks = read_blocks("datasets/simulated_palletising.mcap", seconds=60)
-        >>> [len(block.data) for block in blocks]
-        [1500, 1500, 1405]
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp(), "shift.csv")
+        >>> _ = file.write_text("time,trunk_flexion\\n" + "".join(f"{at},{at % 60}\\n" for at in range(150)))
+        >>> [len(block.data) for block in read_blocks(file, seconds=60)]
+        [60, 60, 30]
     """
     parse_neutral(neutral)
     with ExitStack() as guard:

@@ -144,9 +144,11 @@ def info(
         RebaError: `neutral` is wrong.
 
     Example:
-        >>> contents = info("datasets/simulated_palletising.mcap")
-        >>> [(each.name, each.kind, each.messages, round(each.rate), each.used) for each in contents.streams]
-        [('/joint_states', 'joints', 4405, 25, True), ('/tf', 'frames', 4405, 25, True)]
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp(), "shift.csv")
+        >>> _ = file.write_text("time,trunk_flexion\\n0.0,20\\n0.5,40\\n1.0,30\\n")
+        >>> [(each.name, each.kind, each.messages, each.rate, each.used) for each in info(file).streams]
+        [('shift', 'angles', 3, 2.0, True)]
     """
     parse_neutral(neutral)
     named = str(profile) != "auto"

@@ -54,6 +54,8 @@ def test_what_was_written_is_read_back(scores: reba.Scores, suffix: str, tmp_pat
     pd.testing.assert_frame_equal(again.data, scores.data)
     np.testing.assert_allclose(again.angles, scores.angles, rtol=0, atol=1e-9 if suffix == ".mcap" else 0)
     assert again.rules == scores.rules
+    for name in reba.FACTORS:
+        np.testing.assert_array_equal(getattr(again.factors, name), getattr(scores.factors, name))
     assert again.assumed == scores.assumed
     assert again.unmeasured == scores.unmeasured
     assert again.postures.profile == scores.postures.profile
