@@ -21,6 +21,7 @@ from reba.cells import cells_of
 from reba.checks import PATH, accepts, instance
 from reba.errors import RebaError
 from reba.files import as_json, write_atomic, write_atomic_stream, write_text
+from reba.method.scoring import SCORE_COLUMNS
 from reba.outputs import FileOutput, check_outputs
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import FACTORS
@@ -74,7 +75,10 @@ def write_postures(
     """
     if records and Path(path).suffix.lower() != ".mcap":
         raise RebaError(f"{path}: metadata records need an .mcap file; choose the ending .mcap")
-    _write(postures.data, posture_metadata(postures), Path(path), postures, "postures", records)
+    data = postures.data
+    if postures.scored is not None:  # of a file of scores
+        data = data.drop(columns=[name for name in SCORE_COLUMNS if name in data and name not in FACTORS])
+    _write(data, posture_metadata(postures), Path(path), postures, "postures", records)
 
 
 def posture_metadata(postures: PostureTable) -> dict[str, Any]:

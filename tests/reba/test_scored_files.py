@@ -171,6 +171,17 @@ def test_other_tables_hold_no_scores(tmp_path: Path) -> None:
     says(caught, "simulated_assembly.csv", "holds no scores", "reba.read")
 
 
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_the_postures_of_a_file_of_scores(suffix: str, tmp_path: Path) -> None:
+    scores = reba.score(frames(), load=8.0)
+    reba.write_scores(scores, tmp_path / f"scores{suffix}")
+    run("convert", tmp_path / f"scores{suffix}", "-o", tmp_path / f"postures{suffix}", "--json")
+    postures = reba.read(tmp_path / f"postures{suffix}")
+    assert postures.scored is None
+    assert "score_a" not in postures.data
+    pd.testing.assert_frame_equal(reba.score(postures).data, scores.data)
+
+
 def test_files_of_scores_are_no_recordings_of_a_folder(tmp_path: Path) -> None:
     shutil.copy(DATASETS / "simulated_assembly.csv", tmp_path / "assembly.csv")
     scores = reba.score(reba.read(tmp_path / "assembly.csv"))

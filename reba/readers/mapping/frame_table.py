@@ -10,7 +10,7 @@ import tempfile
 import weakref
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -174,6 +174,7 @@ class FileFrames:
     """
 
     path: str
+    _file: Any = None
     _count: int = 0
     _skip: int = 0
     _last: float = -np.inf
@@ -181,16 +182,20 @@ class FileFrames:
     _order: Order = field(default_factory=Order)
 
     def __post_init__(self) -> None:
-        self._file = tempfile.TemporaryFile()  # noqa: SIM115
-        weakref.finalize(self, self._file.close)
+        self.begin(0)
 
     def __len__(self) -> int:
         return self._count - self._skip
 
     def begin(self, expected: int) -> None:
         """See `Frames`."""
-        self._file.seek(0)
-        self._file.truncate()
+        if self._file is not None:
+            self._file.close()
+        try:
+            self._file = tempfile.TemporaryFile()  # noqa: SIM115
+        except OSError as error:
+            raise self._no_space(error) from error
+        weakref.finalize(self, self._file.close)
         self._count, self._skip, self._last, self._changes, self._order = 0, 0, -np.inf, [], Order()
 
     def append(self, time: Array, angles: Array) -> None:
@@ -208,13 +213,13 @@ class FileFrames:
             self._count += len(rows)
             try:
                 self._file.write(rows.tobytes())
+                self._file.flush()
             except OSError as error:
-                folder = tempfile.gettempdir()
-                raise ReadError(
-                    self.path,
-                    f"its frames do not fit into {folder} ({error.strerror or error})",
-                    hint="set TMPDIR to a folder with more space",
-                ) from error
+                raise self._no_space(error) from error
+
+    def _no_space(self, error: OSError) -> ReadError:
+        what = f"its frames cannot be written to a temporary file ({error.strerror or error})"
+        return ReadError(self.path, what, hint="set TMPDIR to a folder with more space")
 
     def end(self, log: ReadLog) -> None:
         """See `Frames`."""

@@ -157,6 +157,13 @@ def test_nothing_in_the_interval_and_wrong_intervals() -> None:
     says(refused(lambda: reba.read_blocks(path, seconds=0)), "seconds is 0", "expected seconds from 0.001")
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no full device")
+def test_a_full_temporary_folder_is_one_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.TemporaryFile", lambda: open("/dev/full", "w+b", buffering=0))  # noqa: SIM115
+    for call in (reba.read_blocks, lambda path: reba.read(path, end=9)):
+        says(refused(lambda call=call: call(DATASETS / "simulated_palletising.mcap")), "temporary file", "TMPDIR")
+
+
 def test_one_of_two_bodies(tmp_path: Path) -> None:
     rows = []
     for at in range(600):
