@@ -10,6 +10,7 @@ if __name__ == "__main__":
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -177,6 +178,10 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) ->
 
     options = options_of(values, recorded=True).with_files_read()
     first, second = options.read_and_score(a), options.read_and_score(b)
+    if first.rules != second.rules:  # of a file of scores; the other is scored by them too
+        rules = (second if first.postures.scored is None else first).rules
+        options = replace(options, rules=rules)
+        first, second = options.read_and_score(a), options.read_and_score(b)
     result = compare_scores(first, second)
     result["a"] = {"input": a, **result["a"]}
     result["b"] = {"input": b, **result["b"]}

@@ -132,6 +132,13 @@ def compare(a: ScoreTable | str | Path, b: ScoreTable | str | Path) -> dict[str,
 
     Args:
         a, b: scores, or files of scores as of `read_scores`.
+
+    Warns:
+        UserWarning: a file of scores was recorded with other rules than the other side.
     """
     first, second = (read_scores(each) if isinstance(each, str | os.PathLike) else each for each in (a, b))
+    if first is not a or second is not b:
+        names = first.rules.name, second.rules.name
+        if first.rules != second.rules:
+            _warn(f"compare: the scores were recorded with different rules, {names[0]!r} and {names[1]!r}")
     return compare_scores(first, second)

@@ -107,6 +107,18 @@ def test_other_rules_are_told(tmp_path: Path) -> None:
         run("explain", path, "--at", "8", "--rules", "measured", "--json")
 
 
+def test_both_sides_are_compared_by_the_same_rules(tmp_path: Path) -> None:
+    source, path = DATASETS / "simulated_assembly.csv", tmp_path / "scores.parquet"
+    scores = reba.score(reba.read(source), rules="paper")
+    reba.write_scores(scores, path)
+    for pair in ((path, source), (source, path)):
+        compared = run("compare", *pair, "--json")
+        assert {compared[side]["rules"]["name"] for side in "ab"} == {"paper"}
+        assert all(value in (0, None) for value in compared["difference"]["range"].values())
+    with pytest.warns(UserWarning, match="different rules, 'paper' and 'measured'"):
+        reba.compare(path, reba.score(reba.read(source)))
+
+
 def changed(path: Path, change: Any) -> None:
     """Alter what a Parquet file says of its scores."""
     table = pq.read_table(path)
