@@ -18,7 +18,7 @@ import numpy as np
 
 from dreba.errors import DomainError
 from reba.arrays import Array
-from reba.checks import shown
+from reba.checks import from_home, shown
 from reba.errors import RebaError, did_you_mean
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
@@ -212,6 +212,7 @@ def domain_of(which: str | Path | Domain) -> Domain:
     """
     if isinstance(which, Domain):
         return which
+    which = from_home(which)
     if not isinstance(which, str | Path):
         raise DomainError(f"domain is {shown(which)}; expected a name ({', '.join(DOMAINS)}), a .toml file or a Domain")
     if str(which) in DOMAINS:

@@ -34,14 +34,15 @@ from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton, search
 from reba.arrays import Array
-from reba.checks import COUNT, PATH, YES_NO, Allowed, accepts, is_number
+from reba.checks import COUNT, PATH, YES_NO, Allowed, accepts, from_home, is_number
 
 SCENE: Final = Allowed(
-    "a scene, or the name or path of one", lambda value: isinstance(value, Scene) or PATH.fits(value)
+    "a scene, or the name or path of one", lambda value: isinstance(value, Scene) or PATH.fits(value), from_home
 )
 COST_MODEL: Final = Allowed(
     "a surrogate, its name or path, or None",
     lambda value: value is None or isinstance(value, Surrogate | Ergonomics) or PATH.fits(value),
+    from_home,
 )
 INTERRUPTED: Final = SearchStatus.INTERRUPTED.name.lower()
 """`Plan.status` after an interrupt."""

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from reba._version import __version__
-    from reba.analysis.exposure import compare
     from reba.analysis.improve import Improvement
     from reba.analysis.worksheet import Worksheet
     from reba.errors import PostureError, ProfileError, RadiansWarning, ReadError, RebaError, RulesError
@@ -27,9 +26,10 @@ if TYPE_CHECKING:
     from reba.posture.factors import FACTORS, Factors
     from reba.posture.named_angles import angle_table
     from reba.posture.table import PostureTable, Quality
-    from reba.readers import read
-    from reba.readers.info import info
+    from reba.readers import read, read_blocks
+    from reba.readers.info import Info, StreamInfo, info
     from reba.report import write_report
+    from reba.scored_files import compare, read_scores
     from reba.scores import Scores, score
     from reba.writers import write_postures, write_scores
 
@@ -44,6 +44,7 @@ __all__ = [
     "TABLE_C",
     "Factors",
     "Improvement",
+    "Info",
     "MeasurementError",
     "PartScores",
     "PostureError",
@@ -58,12 +59,15 @@ __all__ = [
     "ScoreArrays",
     "ScoreDistribution",
     "Scores",
+    "StreamInfo",
     "Worksheet",
     "__version__",
     "angle_table",
     "compare",
     "info",
     "read",
+    "read_blocks",
+    "read_scores",
     "score",
     "score_array",
     "score_parts",
@@ -74,7 +78,6 @@ __all__ = [
 ]
 _LAZY = {
     "reba._version": ("__version__",),
-    "reba.analysis.exposure": ("compare",),
     "reba.analysis.improve": ("Improvement",),
     "reba.analysis.worksheet": ("Worksheet",),
     "reba.errors": ("PostureError", "ProfileError", "RadiansWarning", "ReadError", "RebaError", "RulesError"),
@@ -87,9 +90,10 @@ _LAZY = {
     "reba.posture.factors": ("FACTORS", "Factors"),
     "reba.posture.named_angles": ("angle_table",),
     "reba.posture.table": ("PostureTable", "Quality"),
-    "reba.readers": ("read",),
-    "reba.readers.info": ("info",),
+    "reba.readers": ("read", "read_blocks"),
+    "reba.readers.info": ("Info", "StreamInfo", "info"),
     "reba.report": ("write_report",),
+    "reba.scored_files": ("compare", "read_scores"),
     "reba.scores": ("Scores", "score"),
     "reba.writers": ("write_postures", "write_scores"),
 }

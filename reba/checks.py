@@ -9,6 +9,7 @@ import functools
 import inspect
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
@@ -27,11 +28,25 @@ FEW: Final = 8
 """Numbers of a list that a message repeats."""
 
 
+def from_home(value: Any) -> Any:
+    """Return a path with the home folder in the place of a leading `~`; other values as they are.
+
+    >>> from_home("~/shift.mcap") == os.path.expanduser("~") + "/shift.mcap", from_home(3)
+    (True, 3)
+    """
+    if isinstance(value, str) and value.startswith("~"):
+        return os.path.expanduser(value)
+    if isinstance(value, Path) and value.parts[:1] and value.parts[0].startswith("~"):
+        return Path(os.path.expanduser(value))
+    return value
+
+
 class Allowed(NamedTuple):
-    """What an argument may be: in words, and as a test."""
+    """What an argument may be: in words, and as a test; and how a function gets it, by default as it is."""
 
     expected: str
     fits: Callable[[Any], bool]
+    given_as: Callable[[Any], Any] | None = None
 
     def or_none(self) -> Allowed:
         """Return the same with None allowed.
@@ -39,7 +54,7 @@ class Allowed(NamedTuple):
         >>> COUNT.or_none().fits(None)
         True
         """
-        return Allowed(f"{self.expected}, or None", lambda value: value is None or self.fits(value))
+        return Allowed(f"{self.expected}, or None", lambda value: value is None or self.fits(value), self.given_as)
 
 
 def is_number(value: Any) -> bool:
@@ -67,8 +82,17 @@ def has(expected: str, *attributes: str) -> Allowed:
 
 
 TEXT: Final = Allowed("a text", lambda value: isinstance(value, str))
-PATH: Final = Allowed("a path, as text or pathlib.Path", lambda value: isinstance(value, str | os.PathLike))
+PATH: Final = Allowed("a path, as text or pathlib.Path", lambda value: isinstance(value, str | os.PathLike), from_home)
+PATHS: Final = Allowed(
+    "a path, or a list of the files of one recording",
+    lambda value: PATH.fits(value) or (isinstance(value, list | tuple) and all(map(PATH.fits, value))),
+    lambda value: [from_home(each) for each in value] if isinstance(value, list | tuple) else from_home(value),
+)
 YES_NO: Final = Allowed("True or False", lambda value: isinstance(value, _YES_NO))
+MOMENT: Final = Allowed(
+    "seconds from -1e9 to 1e9", lambda value: is_number(value) and -1_000_000_000 <= value <= 1_000_000_000
+)
+"""A time of a recording [s]."""
 POSITIVE: Final = Allowed("a number above 0", lambda value: is_number(value) and 0 < value < np.inf)
 NOT_NEGATIVE: Final = Allowed("a number, 0 or more", lambda value: is_number(value) and 0 <= value < np.inf)
 COUNT: Final = Allowed(
@@ -95,7 +119,7 @@ def shown(value: Any) -> str:
 def accepts(
     error: type[RebaError], **allowed: Allowed
 ) -> Callable[[Callable[_Given, _Result]], Callable[_Given, _Result]]:
-    """Check arguments of a public function by name (a decorator); a wrong one raises `error`.
+    """Check arguments of a public function by name (a decorator); a wrong one raises `error`. `~` in paths is home.
 
     Args:
         **allowed: argument -> what it may be; arguments left out by the caller are not checked.
@@ -114,13 +138,16 @@ def accepts(
         @functools.wraps(function)
         def checked(*args: _Given.args, **kwargs: _Given.kwargs) -> _Result:
             try:
-                given = signature.bind(*args, **kwargs).arguments
+                bound = signature.bind(*args, **kwargs)
             except TypeError:
                 return function(*args, **kwargs)  # Python's own words on a missing or unknown argument
+            given = bound.arguments
             for name, rule in allowed.items():
                 if name in given and not rule.fits(given[name]):
                     raise error(f"{function.__name__}: {name} is {shown(given[name])}; expected {rule.expected}")
-            return function(*args, **kwargs)
+                if name in given and rule.given_as is not None:
+                    given[name] = rule.given_as(given[name])
+            return function(*bound.args, **bound.kwargs)
 
         return checked
 

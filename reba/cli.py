@@ -10,6 +10,7 @@ if __name__ == "__main__":
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,9 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--rate", type=Number(0, MOST, min_open=True), metavar="HZ", help="Rate of a recording without times."
         ),
         click.option("--neutral", default="none", metavar="first:3s|at:T|none", help="Posture that counts as neutral."),
+        click.option("--end", type=SECONDS, metavar="SECONDS", help="Last time to use; all of the recording decides."),
+        click.option("--start", type=SECONDS, metavar="SECONDS", help="First time to use, as the tables print times."),
+        click.option("--body", default=None, metavar="ID", help="Body to use, if a stream has several."),
         click.option("--topic", default=None, help="Topic or stream to use, if a recording has several."),
         click.option(
             "--profile", default="auto", metavar="NAME|FILE.toml", help="Meaning of the names: `reba profiles`."
@@ -85,14 +89,25 @@ def scoring_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--coupling", type=click.Choice([*COUPLINGS, "0", "1", "2", "3"]), default=None, help="Grip."),
         click.option("--shock", is_flag=True, default=None, help="Shock or rapid build-up of force."),
         click.option("--load", type=LOAD, default=None, metavar="KG", help="Load in kilograms."),
-        click.option("--rules", default="measured", metavar=RULES, help="Rules to score by."),
+        click.option(
+            "--rules",
+            default=None,
+            metavar=RULES,
+            help="Rules to score by.  [default: measured; of scores those that they were recorded with]",
+        ),
     ):
         command = option(command)
     return reading_options(command)
 
 
-def options_of(values: dict[str, Any]) -> ScoringOptions:
-    """Return the record of the values that click gives for `scoring_options`."""
+def options_of(values: dict[str, Any], *, recorded: bool = False) -> ScoringOptions:
+    """Return the record of the values that click gives for `scoring_options`.
+
+    Args:
+        recorded: files of scores are scored by the rules that they were recorded with, if no others are named.
+    """
+    if values["rules"] is None and not recorded:
+        values["rules"] = "measured"
     names = ("load", "shock", "coupling", "support", "arm_supported")
     factors = {name: values.pop(name) for name in names}
     return ScoringOptions(factors={name: value for name, value in factors.items() if value is not None}, **values)
@@ -173,11 +188,15 @@ def info(path: str, as_json: bool, **values: Any) -> None:
 @scoring_options
 @json_option
 def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) -> None:
-    """Compare two recordings, such as before and after a change."""
+    """Compare two recordings, such as before and after a change, or files of scores."""
     from reba.analysis.exposure import compare as compare_scores
 
-    options = options_of(values).with_files_read()
+    options = options_of(values, recorded=True).with_files_read()
     first, second = options.read_and_score(a), options.read_and_score(b)
+    if first.rules != second.rules:  # of a file of scores; the other is scored by them too
+        rules = (second if first.postures.scored is None else first).rules
+        options = replace(options, rules=rules)
+        first, second = options.read_and_score(a), options.read_and_score(b)
     result = compare_scores(first, second)
     result["a"] = {"input": a, **result["a"]}
     result["b"] = {"input": b, **result["b"]}
@@ -201,8 +220,11 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) ->
 @error_option
 @json_option
 def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
-    """Print the worksheet of one frame: the angle and the rule of every point."""
-    sheet = options_of(values).read_and_score(path).explain(time)
+    """Print the worksheet of one frame: the angle and the rule of every point.
+
+    INPUT is a recording, or a file of scores that `reba score -o` wrote.
+    """
+    sheet = options_of(values, recorded=True).read_and_score(path).explain(time)
     if as_json:
         print_json(sheet.to_dict())
     else:
@@ -227,11 +249,14 @@ def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
 @scoring_options
 @json_option
 def improve(path: str, time: float | None, to_level: str | None, as_json: bool, **values: Any) -> None:
-    """Find the smallest changes that lower the action level of a frame, or of the worst frames and minute."""
+    """Find the smallest changes that lower the action level of a frame, or of the worst frames and minute.
+
+    INPUT is a recording, or a file of scores that `reba score -o` wrote.
+    """
     from reba.analysis.exposure import worst_intervals
     from reba.analysis.improve import improve_frame, improve_frames, worst_minute
 
-    scores = options_of(values).read_and_score(path)
+    scores = options_of(values, recorded=True).read_and_score(path)
     stamps = scores.time
     if time is not None:
         frames = [scores.frame_at(time)]

@@ -6,10 +6,11 @@ PostureTable or DataFrame -> angles (n, 22) + factors + activity -> score_array 
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -40,6 +41,10 @@ from reba.posture.factors import (
 )
 from reba.posture.named_angles import RADIANS_TEXT, flag_columns, refuse_infinite, warn_if_radians
 from reba.posture.table import PostureTable, angles_of, table_of
+from reba.report.plots import plot
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,19 @@ class Scores(ScoreTable):
     def improve(self, time: float) -> list[Improvement]:
         """Return the smallest changes that bring the frame nearest to `time` to a lower action level."""
         return improve_frame(self, self.frame_at(time))
+
+    def plot(self) -> Figure:
+        """Return the report's plot of REBA over time as a plotly figure, which notebooks show interactively.
+
+        Raises:
+            PostureError: there is no frame.
+
+        Example:
+            >>> frames = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})
+            >>> score(frames).plot().layout.yaxis.title.text
+            'REBA'
+        """
+        return plot(self)
 
 
 @accepts(PostureError, activity=TEXT)
@@ -90,6 +108,7 @@ def score(
 
     Warns:
         RadiansWarning: the angles look like radians, and no reader has warned before.
+        UserWarning: the postures are those of a file of scores, which were recorded with other rules.
 
     Example:
         >>> frames = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})
@@ -98,6 +117,11 @@ def score(
     """
     table = postures if isinstance(postures, PostureTable) else table_of(postures)
     chosen = rules_of(rules)
+    recorded = (table.scored or {}).get("rules")
+    if isinstance(recorded, dict) and recorded != dataclasses.asdict(chosen):
+        name = recorded.get("name")
+        text = f"{table.source}: its scores were recorded with rules {name!r}, these are by {chosen.name!r}"
+        warnings.warn(text, UserWarning, stacklevel=3)
     angles = angles_of(table.data)
     refuse_infinite(angles)
     if RADIANS_TEXT not in table.quality.warnings:  # unless a reader has warned
@@ -143,11 +167,29 @@ def _activity(
     table: PostureTable, angles: Array, used: Factors, activity: str, rules: Rules
 ) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
     """Return each kind of activity, detected or named by the caller, and its causes in the movement."""
-    if activity == "auto":
-        walking = np.broadcast_to(used.support, len(table.data)) == SUPPORTS[2]
-        detected = detect(table.data["time"].to_numpy(np.float64), angles, rules, walking, table.quality.seams)
+    if activity != "auto":
+        return {**named_activity(activity)}, {}
+    walking = np.asarray(used.support) == SUPPORTS[2]
+    if table.movement is None:
+        everywhere = np.broadcast_to(walking, len(table.data))
+        detected = detect(table.data["time"].to_numpy(np.float64), angles, rules, everywhere, table.quality.seams)
         return {kind: getattr(detected, kind) for kind in ACTIVITIES}, detected.causes
-    return {**named_activity(activity)}, {}
+    movement = table.movement
+    own = slice(table.first_frame, table.first_frame + len(table.data))
+    everywhere = walking
+    if walking.ndim:
+        everywhere = np.zeros(0, bool) if movement.support is None else movement.support == SUPPORTS[2]
+        if not np.array_equal(everywhere[own], walking):
+            raise PostureError(
+                "support is given for the frames of one block, but the activity depends on those of other blocks too; "
+                "give one support for all, or activity='none'"
+            )
+    key = rules, everywhere.tobytes()
+    if key not in movement.known:
+        everywhere = np.broadcast_to(everywhere, len(movement.time))
+        movement.known[key] = detect(movement.time, movement.column, rules, everywhere, movement.seams)
+    detected = movement.known[key]
+    return {kind: getattr(detected, kind)[own] for kind in ACTIVITIES}, detected.causes
 
 
 def named_activity(activity: str) -> dict[str, bool]:

@@ -20,7 +20,7 @@ from lgp.study.recordings import Failure, Sources, find_sources
 from lgp.study.report import render
 from lgp.study.scoring import Scored, cells, limitations, missing_cells, score_sources
 from reba.batch.run import ScoringOptions
-from reba.checks import PATH, accepts, shown
+from reba.checks import PATH, accepts, from_home, shown
 from reba.errors import did_you_mean
 from reba.files import as_json, write_atomic, write_folder, write_text
 from reba.outputs import FileOutput, Output, check_outputs
@@ -128,7 +128,8 @@ def run_study(
         )
     require_statsmodels()
     options = options.with_files_read()
-    labelled = find_sources([str(path) for path in paths], manifest, pattern, exclude)
+    names = [str(from_home(path)) for path in paths]
+    labelled = find_sources(names, from_home(manifest), pattern, from_home(exclude))
     check_outputs(*outputs, inputs=[*(file for file, _ in labelled.named), *(one.input for one in labelled.unnamed)])
     sources, order, ignored = choose(labelled, conditions)
     scored, failure = score_sources(sources, options, on_scored)

@@ -17,14 +17,16 @@ every threshold a field of `Rules`:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
 from reba.arrays import Array, Flags
 from reba.method.rules import Rules
-from reba.posture.columns import COLUMNS, INDEX, PART_COLUMNS
+from reba.posture.columns import INDEX, PART_COLUMNS, SIDES
 
 RAPID_PARTS = ("trunk", "neck", "legs", "upper_arm_left", "upper_arm_right")
 """Parts whose rapid change is a change of posture; hands and forearms move fast in ordinary work."""
@@ -52,11 +54,16 @@ class Activity:
 
 
 def detect(
-    time: Array, angles: Array, rules: Rules, walking: Flags | None = None, seams: Sequence[float] = ()
+    time: Array,
+    angles: Array | Callable[[str], Array],
+    rules: Rules,
+    walking: Flags | None = None,
+    seams: Sequence[float] = (),
 ) -> Activity:
-    """Return the activity of a recording at (n,) increasing times [s]; angles (n, 22) [deg], NaN = not measured.
+    """Return the activity of a recording at (n,) increasing times [s].
 
     Args:
+        angles: (n, 22) [deg], NaN = not measured; or a function from the name of a column to its (n,) angles.
         walking: (n,) frames known to be walking; gait seen in the knees is added to them.
         seams: times [s] across which no posture is held and no movement repeated: the clock restarted there.
 
@@ -68,36 +75,45 @@ def detect(
         >>> bool(detect(time, np.zeros((900, 22)), Rules(), seams=[45.0]).static.any())
         False
     """
-    cuts = np.searchsorted(time, np.asarray(seams, np.float64))
-    parts = [part for part in np.split(np.arange(len(time)), cuts) if len(part)]
+    column = angles if callable(angles) else lambda name: angles[:, INDEX[name]]
+    cuts = [0, *np.searchsorted(time, np.asarray(seams, np.float64)).tolist(), len(time)]
+    parts = [slice(start, stop) for start, stop in pairwise(cuts) if stop > start]
     if len(parts) <= 1:
-        return _detect(time, angles, rules, walking)
-    activities = [_detect(time[at], angles[at], rules, None if walking is None else walking[at]) for at in parts]
+        return _detect(time, column, rules, walking)
+    activities = [
+        _detect(time[at], partial(_cut, column, at), rules, None if walking is None else walking[at]) for at in parts
+    ]
     causes: dict[str, dict[str, float]] = {}
-    for part, one in zip(parts, activities, strict=True):
+    for one in activities:
         for kind, shares in one.causes.items():
             total = causes.setdefault(kind, {})
             for name, share in shares.items():
-                total[name] = total.get(name, 0.0) + share * len(part) / len(time)
+                total[name] = total.get(name, 0.0) + share * len(one.static) / len(time)
     static, repeated, unstable = (
         np.concatenate([getattr(one, kind) for one in activities]) for kind in ("static", "repeated", "unstable")
     )
     return Activity(static, repeated, unstable, causes)
 
 
-def _detect(time: Array, angles: Array, rules: Rules, walking: Flags | None) -> Activity:
+def _cut(column: Callable[[str], Array], part: slice, name: str) -> Array:
+    return column(name)[part]
+
+
+def _detect(time: Array, column: Callable[[str], Array], rules: Rules, walking: Flags | None) -> Activity:
     n = len(time)
     none = Activity(np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, bool))
     if n < 2 or not time[-1] > time[0]:
         return none
     grid = _Grid(time)
-    signals = {name: grid.sample(angles[:, INDEX[name]]) for name in COLUMNS}
-    gait = _gait(signals, rules, grid)
+    left, right = (grid.sample(column(f"knee_flexion_{side}")) for side in SIDES)
+    gait = _gait(left - right, rules, grid)
     if walking is not None:
         gait |= grid.flags(walking)
     kinds: dict[str, dict[str, Flags]] = {"static": {}, "repeated": {}, "unstable": {}}
     for part, names in PART_COLUMNS.items():
-        measured = [signals[name] for name in names if not np.isnan(signals[name]).all()]
+        # One part at a time is in memory.
+        signals = [grid.sample(column(name)) for name in names]
+        measured = [signal for signal in signals if not np.isnan(signal).all()]
         if not measured:
             continue
         kinds["static"][part] = _static(measured, rules, grid.hz)
@@ -118,24 +134,24 @@ class _Grid:
     """A regular time grid over a recording, with resampling to it and back."""
 
     def __init__(self, time: Array) -> None:
-        step = float(np.median(np.diff(time)))
+        step = float(np.median(np.diff(time), overwrite_input=True))
         self.hz = GRID_HZ if step <= 0 else min(GRID_HZ, 1.0 / step)
         # A clock that jumps far ahead must not make a huge grid: time is counted without its long gaps.
         longest = max(10 * MAX_GAP, 2 * step)
         gaps = np.maximum(np.diff(time) - longest, 0.0)
-        self.time = time - np.concatenate([[0.0], np.cumsum(gaps)])
+        self.time = time - np.concatenate([[0.0], np.cumsum(gaps)]) if gaps.any() else time
         size = int(np.floor((self.time[-1] - self.time[0]) * self.hz)) + 1
         self.points = self.time[0] + np.arange(size) / self.hz
-        nearest = np.rint((self.time - self.time[0]) * self.hz).astype(np.int64)
-        self.nearest = np.clip(nearest, 0, size - 1)
+        nearest = np.rint((self.time - self.time[0]) * self.hz).astype(np.int32)
+        self.nearest = np.clip(nearest, 0, size - 1, out=nearest)
 
     def sample(self, column: Array) -> Array:
         """Return the column on the grid, NaN where no sample is near."""
         known = ~np.isnan(column)
         if not known.any():
             return np.full(len(self.points), np.nan)
-        time = self.time[known]
-        values = np.interp(self.points, time, column[known])
+        time, column = (self.time, column) if known.all() else (self.time[known], column[known])
+        values = np.interp(self.points, time, column)
         after = np.clip(np.searchsorted(time, self.points), 1, max(len(time) - 1, 1))
         before = time[np.minimum(after - 1, len(time) - 1)]
         after_time = time[np.minimum(after, len(time) - 1)]
@@ -188,8 +204,8 @@ def _repeated(signal: Array, rules: Rules, hz: float) -> Flags:
     return flags
 
 
-def _gait(signals: dict[str, Array], rules: Rules, grid: _Grid) -> Flags:
-    difference = signals["knee_flexion_left"] - signals["knee_flexion_right"]
+def _gait(difference: Array, rules: Rules, grid: _Grid) -> Flags:
+    """Return the walking in the difference of the knees, left minus right, on the grid."""
     flags = np.zeros(len(difference), bool)
     longest = 30.0 * grid.hz / rules.gait_per_minute if rules.gait_per_minute > 0 else 0.0
     run: list[tuple[int, int]] = []

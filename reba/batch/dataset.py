@@ -241,7 +241,7 @@ def scoring_settings(options: ScoringOptions) -> dict[str, Any]:
         RebaError: a file of rules or a profile cannot be used.
     """
     options = options.with_files_read()
-    rules, profile = rules_of(options.rules), options.profile
+    rules, profile = rules_of(options.rules or "measured"), options.profile
     values = {name: value for name, value in vars(options).items() if name not in ("rules", "error")}
     if isinstance(profile, Profile):
         values["profile"] = profile.name if profile in profiles() else f"{profile.name} {_digest(asdict(profile))}"

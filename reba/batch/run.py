@@ -20,7 +20,9 @@ from reba.method.scoring import Missing
 from reba.open_file import read_settings
 from reba.outputs import FileOutput, FolderOutput, check_outputs
 from reba.readers import is_recording, is_recording_folder, read
+from reba.readers.formats.score_file import is_score_file
 from reba.readers.recording.profile import Profile, find_profile
+from reba.scored_files import score_recorded
 from reba.scores import Scores, score
 from reba.writers import SUFFIXES, table_output, write_scores
 
@@ -30,14 +32,20 @@ SCORED_SUFFIX: Final = ".scores.parquet"
 
 @dataclass(frozen=True)
 class ScoringOptions:
-    """How recordings are read and scored; the same for every input of a command."""
+    """How recordings are read and scored; the same for every input of a command.
+
+    Without `rules`, files of scores are scored by those that they were recorded with, recordings by "measured".
+    """
 
     profile: str | Path | Profile = "auto"
+    start: float | None = None
+    end: float | None = None
     topic: str | None = None
+    body: str | None = None
     neutral: str = "none"
     strict: bool = False
     rate: float | None = None
-    rules: str | Path | Rules = "measured"
+    rules: str | Path | Rules | None = "measured"
     activity: str = "auto"
     missing: Missing = "range"
     error: str | Path | MeasurementError | None = None
@@ -52,19 +60,23 @@ class ScoringOptions:
         postures = read(
             path,
             profile=self.profile,
+            start=self.start,
+            end=self.end,
             topic=self.topic,
+            body=self.body,
             neutral=self.neutral,
             strict=self.strict,
             rate=self.rate,
         )
-        return score(
-            postures,
-            rules=self.rules,
-            activity=self.activity,
-            missing=self.missing,
-            error=self.error,
+        options: dict[str, Any] = {
+            "activity": self.activity,
+            "missing": self.missing,
+            "error": self.error,
             **self.factors,
-        )
+        }
+        if self.rules is None and postures.scored is not None:
+            return score_recorded(postures, **options)
+        return score(postures, rules=self.rules or "measured", **options)
 
     def with_files_read(self) -> ScoringOptions:
         """Return equal options with the content of the files that they name, so that all recordings get the same.
@@ -74,7 +86,8 @@ class ScoringOptions:
         """
         profile = self.profile if str(self.profile) == "auto" else find_profile(self.profile)
         error = None if self.error is None else MeasurementError.of(self.error)
-        return replace(self, rules=rules_of(self.rules), profile=profile, error=error)
+        rules = None if self.rules is None else rules_of(self.rules)
+        return replace(self, rules=rules, profile=profile, error=error)
 
 
 @dataclass(frozen=True)
@@ -95,7 +108,7 @@ def find_inputs(names: Sequence[str]) -> list[str]:
     """Return the recordings named by files and folders, in order, each once.
 
     A folder that is itself one recording (a rosbag2 folder of splits) is one input; any other folder gives the
-    recordings in it at any depth, except score tables that this command wrote there.
+    recordings in it at any depth, except score tables.
 
     Raises:
         RebaError: a path does not exist or cannot be read, or a folder contains no recording.
@@ -137,7 +150,7 @@ def _recordings_in(top: Path) -> list[Path]:
                     continue
                 if path.is_dir():
                     (links if path.is_symlink() else folders).append(path)
-                elif is_recording(path):
+                elif is_recording(path) and not is_score_file(path):
                     recordings.append(path)
     return sorted(recordings)
 

@@ -277,25 +277,31 @@ def refuse_large(
         )
 
 
-def look_like_radians(angles: Array) -> bool:
+def look_like_radians(angles: Array | Iterable[Array], poses: int | None = None) -> bool:
     """Return whether angles (n, d) of postures look like radians.
 
     At least `RADIANS_POSES` poses, all but a share of `RADIANS_OUTLIERS` within `RADIANS_BELOW`, one beyond
     `RADIANS_ABOVE`.
 
+    Args:
+        angles: (n, d), or blocks of them.
+        poses: n, of blocks.
+
     >>> look_like_radians(np.full((50, 22), 0.4)), look_like_radians(np.full((50, 22), 20.0))
     (True, False)
     """
-    if len(angles) < RADIANS_POSES:
+    n = len(angles) if isinstance(angles, np.ndarray) else poses or 0
+    if n < RADIANS_POSES:
         return False
-    allowed, beyond, largest = int(len(angles) * RADIANS_OUTLIERS), 0, 0.0
-    for start in range(0, len(angles), _TILE):
-        of_pose = np.fmax.reduce(abs(angles[start : start + _TILE]), axis=1, initial=0.0)
-        large = of_pose >= RADIANS_BELOW
-        beyond += int(np.count_nonzero(large))
-        if beyond > allowed:
-            return False
-        largest = max(largest, float(np.max(of_pose[~large], initial=0.0)))
+    allowed, beyond, largest = int(n * RADIANS_OUTLIERS), 0, 0.0
+    for block in [angles] if isinstance(angles, np.ndarray) else angles:
+        for start in range(0, len(block), _TILE):
+            of_pose = np.fmax.reduce(abs(block[start : start + _TILE]), axis=1, initial=0.0)
+            large = of_pose >= RADIANS_BELOW
+            beyond += int(np.count_nonzero(large))
+            if beyond > allowed:
+                return False
+            largest = max(largest, float(np.max(of_pose[~large], initial=0.0)))
     return largest > RADIANS_ABOVE
 
 

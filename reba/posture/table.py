@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -66,6 +67,25 @@ class Quality:
         return [*notes, *self.warnings]
 
 
+@dataclass(eq=False)
+class Movement:
+    """Movement of a recording that is read in blocks: activity of a frame depends on frames of other blocks.
+
+    Attributes:
+        time: (n,) [s] of all frames.
+        column: returns the (n,) angles [deg] of a column by name.
+        seams: as in `Quality`.
+        support: (n,) of the body by the legs where the recording has it, else None.
+        known: what was detected before, by what it depends on.
+    """
+
+    time: Array
+    column: Callable[[str], Array]
+    seams: tuple[float, ...] = ()
+    support: Any = None
+    known: dict[Any, Any] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class PostureTable:
     """Postures of one recording.
@@ -82,6 +102,9 @@ class PostureTable:
         quality: what was read and how regular it is.
         epoch: Unix time [s] of time 0, 0.0 where the source does not say.
         signals: names of the joints, frames or points that were read, none for a posture table.
+        files: paths of what was read where that were several files, else empty.
+        scored: what a file of scores was written with (rules, factors, version), None for other recordings.
+        movement: of the recording that this is a block of, None for others; the block begins at its `first_frame`.
     """
 
     data: pd.DataFrame
@@ -95,6 +118,10 @@ class PostureTable:
     quality: Quality = field(default_factory=Quality)
     epoch: float = 0.0
     signals: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+    scored: Mapping[str, Any] | None = field(default=None, repr=False)
+    movement: Movement | None = field(default=None, repr=False, compare=False)
+    first_frame: int = 0
 
     def __post_init__(self) -> None:
         if not isinstance(self.data, pd.DataFrame) or "time" not in self.data:
@@ -102,6 +129,11 @@ class PostureTable:
                 f"data of a posture table is a {type(self.data).__name__} without time; expected a DataFrame with the "
                 "columns time [s] and angles [deg] by name"
             )
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Every path that was read."""
+        return self.files or (self.source,)
 
 
 def table_of(data: Any) -> PostureTable:

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from reba.errors import ReadError
 from reba.readers.recognise import Match, bodies
-from reba.readers.recording.stream import LOST, UNUSED, ReadLog, Recording, Stream
+from reba.readers.recording.stream import ASKED_FOR, LOST, UNUSED, ReadLog, Recording, Stream
 
 NOTED: Final = 0.01
 """Share of the messages above which those that are not used are a warning; a choice."""
@@ -61,6 +61,27 @@ def _seconds(stream: Stream, used: float) -> dict[str, float]:
     return {"read": round(max(read, used), 3), "used": round(used, 3)}
 
 
+def of_interval(account: dict[str, Any], inside: int, seconds: float) -> dict[str, Any]:
+    """Return the account of a stream of which an interval was asked for.
+
+    Args:
+        account: of the complete reading.
+        inside: messages in the interval, of those that it used.
+        seconds: from the first to the last frame of the interval.
+
+    >>> account = {"read": 50, "used": 49, "not_used": {"repeated_time": 1}, "seconds": {"read": 0.98}}
+    >>> of_interval(account, 20, 0.4)["not_used"]
+    {'repeated_time': 1, 'outside_interval': 29}
+    """
+    outside = account["used"] - inside
+    return {
+        **account,
+        "used": inside,
+        "not_used": {**account["not_used"], **({ASKED_FOR: outside} if outside else {})},
+        "seconds": {**account["seconds"], "used": round(seconds, 3)},
+    }
+
+
 def account_warnings(account: dict[str, Any]) -> list[str]:
     """Return a warning for each reason that leaves out more than `NOTED` of the messages of a stream.
 
@@ -70,7 +91,7 @@ def account_warnings(account: dict[str, Any]) -> list[str]:
     return [
         f"{count} of {account['read']} messages of {account['stream']} {UNUSED[reason]}: not used"
         for reason, count in account["not_used"].items()
-        if reason in UNUSED and count > NOTED * account["read"]
+        if reason in UNUSED and reason != ASKED_FOR and count > NOTED * account["read"]
     ]
 
 

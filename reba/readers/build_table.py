@@ -2,37 +2,80 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 from warnings import warn
 
 import numpy as np
 import pandas as pd
 
-from reba.arrays import Array
+from reba.arrays import Array, Flags
+from reba.checks import is_number
 from reba.errors import ProfileError, RadiansWarning, ReadError
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.named_angles import RADIANS_TEXT, look_like_radians
 from reba.posture.table import PostureTable, Quality
 from reba.readers.accounts import account_warnings, accounts_of, refuse_losses
+from reba.readers.column_statistics import ColumnStatistics
 from reba.readers.formats import file_hash
-from reba.readers.mapping import collect, mapper_for, sorted_by_time
+from reba.readers.formats.score_file import is_score_table
+from reba.readers.mapping import collect_into, mapper_for
+from reba.readers.mapping.frame_table import (
+    ROWS,
+    Disorder,
+    FileFrames,
+    Frames,
+    MemoryFrames,
+    angles_column,
+    blocks,
+    sorted_by_time,
+)
 from reba.readers.mapping.gap_codes import GapCodes
 from reba.readers.mapping.reference_frames import PelvisPose, read_pelvis_pose
 from reba.readers.mapping.segments import AXES
 from reba.readers.quality_control import (
     apply_neutral,
     beyond_limits,
-    empty_columns,
+    corrections_of,
+    equal_frames,
     find_gaps,
     first_frame_is_outlier,
     frozen_warning,
     intermittent_columns,
     median_rate,
-    quality_control,
+    neutral_posture,
+    subtract,
 )
 from reba.readers.recognise import Match
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import LOST_HINT, MESSAGES, Block, ReadLog, Recording, Stream
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A recording that was read, before its frames become a table.
+
+    Attributes:
+        whole: the posture table of all frames, without `data`.
+        time: (n,) [s].
+        data: returns frames from one position to another as `PostureTable.data`.
+        column: returns a column of (n,) values by name.
+        times: of the messages that were used [s], if they were asked for.
+        pelvis: times [s] of the pelvis from another stream, empty without one.
+    """
+
+    whole: PostureTable
+    time: Array
+    data: Callable[[int, int], pd.DataFrame]
+    column: Callable[[str], Array]
+    times: Sequence[Array] = ()
+    pelvis: Array = field(default_factory=lambda: np.zeros(0))
+
+    def table(self) -> PostureTable:
+        """Return the posture table of all frames."""
+        return replace(self.whole, data=self.data(0, len(self.time)))
 
 
 def build_table(recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False) -> PostureTable:
@@ -43,45 +86,111 @@ def build_table(recording: Recording, match: Match, *, neutral: str = "none", st
         ProfileError: no angle was measured.
         RebaError: `neutral` is wrong or has no frame.
     """
+    return read_match(recording, match, neutral, strict).table()
+
+
+def read_in_parts(
+    recording: Recording, match: Match, *, neutral: str = "none", strict: bool = False, times: bool = True
+) -> Reading:
+    """Read like `build_table`, with frames in a temporary file, so that memory does not grow with them.
+
+    Frames that have to be sorted, and posture tables, are in memory.
+
+    Args:
+        times: keep the times of the messages, which the accounts of an interval need.
+    """
+    try:
+        return read_match(recording, match, neutral, strict, FileFrames(recording.path), [] if times else None)
+    except Disorder:
+        return read_match(recording, match, neutral, strict, MemoryFrames(), [] if times else None)
+
+
+def read_match(
+    recording: Recording,
+    match: Match,
+    neutral: str,
+    strict: bool,
+    frames: Frames | None = None,
+    times: list[Array] | None = None,
+) -> Reading:
+    """Read the chosen stream of a recording into `frames` (in memory by default); `times` as in `collect_into`."""
     profile = match.profile
     if profile is None or match.names is None:
-        return _ready_table(recording, match, neutral, strict)
+        return _read_angles(recording, match, neutral, strict)
+    frames = MemoryFrames() if frames is None else frames
     pelvis = _pelvis_pose(recording, match, profile)
     helpers = tuple(stream for stream, _ in pelvis_streams(recording, match, profile)) if pelvis is not None else ()
     mapper = mapper_for(profile, match.names, match.stream, pelvis)
-    samples = collect(match.stream, mapper)
-    start = samples.from_zero() if recording.format in MESSAGES else 0.0
-    _check_samples(recording, samples.log, len(samples.table), strict)
+    log = collect_into(frames, match.stream, mapper, times)
+    _check_samples(recording, log, len(frames), strict)
+    start = float(frames.rows(0, 1)[0, 0]) if recording.format in MESSAGES else 0.0
+    frames.change(partial(_shift, start))
     posed = match.stream.rest is not None or recording.format == "mvnx"
-    if posed and first_frame_is_outlier(samples.angles):
-        samples.log.unused["first_frame"] += 1
-        samples.log.warn("the first frame is an outlier (T-pose or zeros) and was left out")
-        samples.table = samples.table[1:]
-    reasons = quality_control(samples, mapper, profile, match.stream.kind, neutral).reasons
-    unmeasured = empty_columns(samples.angles)
+    if posed and first_frame_is_outlier(frames.rows(0, FIRST_FRAMES)[:, 1:]):
+        log.unused["first_frame"] += 1
+        log.warn("the first frame is an outlier (T-pose or zeros) and was left out")
+        frames.drop_first()
+    time = frames.column(0)
+    seen = _statistics(frames)
+    corrections = corrections_of(seen, float(time[-1] - time[0]), mapper, profile, match.stream.kind, neutral)
+    frames.change(lambda rows: corrections.apply(rows[:, 1:]))
+    reasons = corrections.reasons
+    unmeasured = [column for column in COLUMNS if column in reasons]
     if len(unmeasured) == len(COLUMNS):
         why = "; ".join(dict.fromkeys(reasons.values())) or "no sample has a complete segment"
         raise ProfileError(f"{recording.path}: {match.why}, but no angle was measured: {why}; record it again")
-    note = apply_neutral(samples.time, samples.angles, neutral)
-    warnings = [*mapper.warnings, *_column_warnings(samples.angles)]
+    offsets, note = neutral_posture(time, partial(_chosen, frames), neutral)
+    if offsets:
+        frames.change(lambda rows: subtract(rows[:, 1:], offsets))
+    warnings = [*mapper.warnings, *_column_warnings(_statistics(frames))]
     assumed = [text for text in (match.note, *mapper.assumed, note) if text]
-    data = pd.DataFrame(samples.table, columns=["time", *COLUMNS], copy=False)
-    return PostureTable(
-        data=data,
+    whole = PostureTable(
+        data=pd.DataFrame(columns=["time", *COLUMNS]),
         profile=profile.name,
         source=recording.path,
         topic=match.stream.name,
         unmeasured=tuple(unmeasured),
-        why_unmeasured={column: reasons[column] for column in unmeasured if column in reasons},
+        why_unmeasured={column: reasons[column] for column in unmeasured},
         assumed=tuple(dict.fromkeys(assumed)),
         recognised=_recognised(match, reasons, unmeasured),
-        quality=_quality(recording, match, start, samples.log, samples.time, samples.angles, warnings, strict, helpers),
+        quality=_quality(recording, match, start, log, time, frames, warnings, strict, helpers),
         epoch=match.stream.epoch + start,
         signals=tuple(mapper.wanted),
+        files=recording.files,
+    )
+    since = [each - start for each in times or ()]
+    unix = np.zeros(0) if pelvis is None else pelvis.time
+    return Reading(
+        whole, time, partial(_frame, frames), partial(angles_column, frames), since, unix - match.stream.epoch - start
     )
 
 
-def _ready_table(recording: Recording, match: Match, neutral: str, strict: bool) -> PostureTable:
+FIRST_FRAMES = 12
+"""Frames that show whether the first is an outlier."""
+
+
+def _shift(start: float, rows: Array) -> None:
+    rows[:, 0] -= start
+
+
+def _statistics(frames: Frames) -> ColumnStatistics:
+    seen = ColumnStatistics()
+    for rows in blocks(frames):
+        seen.add(rows[:, 1:])
+    return seen
+
+
+def _chosen(frames: Frames, chosen: Flags) -> Array:
+    """Return the angles (k, 22) of chosen frames."""
+    first, last = np.flatnonzero(chosen)[[0, -1]]
+    return frames.rows(int(first), int(last) + 1)[chosen[first : last + 1], 1:]
+
+
+def _frame(frames: Frames, start: int, stop: int) -> pd.DataFrame:
+    return pd.DataFrame(frames.rows(start, stop), columns=["time", *COLUMNS], copy=False)
+
+
+def _read_angles(recording: Recording, match: Match, neutral: str, strict: bool) -> Reading:
     """Return the posture table that a recording already is, absent columns added as NaN."""
     log = ReadLog()
     table = _table(match, log)
@@ -96,10 +205,13 @@ def _ready_table(recording: Recording, match: Match, neutral: str, strict: bool)
     note = apply_neutral(time, angles, neutral)
     others = [column for column in ordered.columns if column not in INDEX and column != "time"]
     data = pd.concat([ordered[["time"]], pd.DataFrame(angles, columns=list(COLUMNS)), ordered[others]], axis=1)
-    unmeasured = empty_columns(angles)
+    frames = MemoryFrames.of(np.column_stack([time, angles]))
+    seen = _statistics(frames)
+    unmeasured = seen.empty_columns()
     absent = {column: "no such column" for column in unmeasured if column not in ordered.columns}
-    return PostureTable(
-        data=data,
+    scored = recording.scored if is_score_table(map(str, ordered.columns)) else None
+    whole = PostureTable(
+        data=data.iloc[:0],
         profile="table",
         source=recording.path,
         topic=match.stream.name,
@@ -107,8 +219,37 @@ def _ready_table(recording: Recording, match: Match, neutral: str, strict: bool)
         why_unmeasured={column: absent.get(column, "no value") for column in unmeasured},
         assumed=(note,) if note else (),
         recognised=match.why,
-        quality=_quality(recording, match, 0.0, log, time, angles, _column_warnings(angles), strict),
+        quality=_quality(recording, match, 0.0, log, time, frames, _column_warnings(seen), strict),
         epoch=match.stream.epoch,
+        files=recording.files,
+        scored=scored,
+    )
+    if scored is not None:
+        whole = _as_recorded(whole, scored)
+    return Reading(
+        whole,
+        time,
+        lambda start, stop: data.iloc[start:stop].reset_index(drop=True) if (start, stop) != (0, len(data)) else data,
+        lambda name: data[name].to_numpy(),
+    )
+
+
+def _as_recorded(whole: PostureTable, scored: Mapping[str, Any]) -> PostureTable:
+    """Return the table of a file of scores with what it says of the recording: profile, assumptions, restarts."""
+    quality = scored.get("quality")
+    seams = quality.get("seams") if isinstance(quality, dict) else None
+    inside = [seam for seam in seams if is_number(seam)] if isinstance(seams, list) else []
+    assumed = scored.get("assumed")
+    texts = [text for text in assumed if isinstance(text, str)] if isinstance(assumed, list) else []
+    why = scored.get("why_unmeasured")
+    reasons = {column: str(why[column]) for column in whole.unmeasured if isinstance(why, dict) and column in why}
+    return replace(
+        whole,
+        profile=scored["profile"] if isinstance(scored.get("profile"), str) else whole.profile,
+        assumed=(*whole.assumed, *texts),
+        why_unmeasured=whole.why_unmeasured | reasons,
+        epoch=float(scored["epoch"]) if is_number(scored.get("epoch")) else whole.epoch,
+        quality=replace(whole.quality, seams=tuple(map(float, inside))),
     )
 
 
@@ -157,8 +298,15 @@ def _check_samples(recording: Recording, log: ReadLog, frames: int, strict: bool
         raise ReadError(recording.path, f"no sample can be used{first}", hint="see `reba info`")
 
 
-def _column_warnings(angles: Array) -> list[str]:
-    return [f"{column}: {text}" for column, text in beyond_limits(angles).items()] + intermittent_columns(angles)
+def _column_warnings(seen: ColumnStatistics) -> list[str]:
+    return [f"{column}: {text}" for column, text in beyond_limits(seen).items()] + intermittent_columns(seen)
+
+
+def _equal(frames: Frames) -> Flags:
+    """Return (n - 1,) whether a frame is exactly the one before."""
+    return np.concatenate(
+        [equal_frames(frames.rows(max(at - 1, 0), at + ROWS)[:, 1:]) for at in range(0, len(frames), ROWS)]
+    )
 
 
 def _recognised(match: Match, reasons: dict[str, str], unmeasured: Iterable[str]) -> str:
@@ -177,7 +325,7 @@ def _quality(
     start: float,
     log: ReadLog,
     time: Array,
-    angles: Array,
+    frames: Frames,
     warnings: list[str],
     strict: bool,
     helpers: tuple[Stream, ...] = (),
@@ -186,8 +334,8 @@ def _quality(
     if strict:
         refuse_losses(recording.path, accounts[0], log)
     warnings = [*warnings, *account_warnings(accounts[0])]
-    frozen = frozen_warning(time, angles)
-    if look_like_radians(angles):
+    frozen = frozen_warning(time, _equal(frames))
+    if look_like_radians((rows[:, 1:] for rows in blocks(frames)), len(frames)):
         if strict:
             raise ReadError(recording.path, RADIANS_TEXT, hint="read it without strict to use them as they are")
         warnings = [*warnings, RADIANS_TEXT]
@@ -208,6 +356,6 @@ def _quality(
         gaps=find_gaps(time),
         seams=seams,
         warnings=tuple(dict.fromkeys(texts)),
-        sha256=file_hash(recording.path),
+        sha256="" if recording.files else file_hash(recording.path),
         accounts=accounts,
     )

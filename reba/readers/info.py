@@ -3,25 +3,55 @@
 from __future__ import annotations
 
 import math
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from reba.checks import PATH, POSITIVE, TEXT, YES_NO, accepts
+from reba.checks import accepts
 from reba.errors import ProfileError, RebaError
 from reba.file_stamp import unchanged
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
-from reba.readers.build_table import build_table
-from reba.readers.formats import open_recording
+from reba.readers import READING
+from reba.readers.formats import Paths, files_given, open_recording, paths_text
+from reba.readers.parts import table_of_match
 from reba.readers.quality_control import parse_neutral
-from reba.readers.recognise import Match, choose, matches
-from reba.readers.recording.profile import PROFILE, Profile, find_profile, profiles
-from reba.readers.recording.stream import Recording
+from reba.readers.recognise import Match, choose, matches, presence
+from reba.readers.recording.profile import Profile, find_profile, profiles
+from reba.readers.recording.stream import Recording, Stream
 
 MOST_ALTERNATIVES = 5
+
+
+@dataclass(frozen=True)
+class StreamInfo:
+    """One stream of a recording from which postures might be read.
+
+    Attributes:
+        name: topic, or the file's stem; `topic` of `reba.read` chooses it.
+        kind: "joints", "frames", "points" or "angles".
+        type: what was decoded.
+        names: of joints, segments, points or columns.
+        messages: of the name that has most of them.
+        seconds: from the first to the last message.
+        rate: mean rate of these messages [Hz], NaN for fewer than two.
+        bodies: id -> intervals [s since the start of the recording] in which the body is there; `body` of `reba.read`
+            chooses one.
+        used: whether `reba.read` uses it, alone or beside the one that it reads.
+    """
+
+    name: str
+    kind: str
+    type: str
+    names: tuple[str, ...] = ()
+    messages: int = 0
+    seconds: float = 0.0
+    rate: float = float("nan")
+    bodies: dict[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    used: bool = False
 
 
 @dataclass(frozen=True)
@@ -32,6 +62,7 @@ class Info:
         input: path of the recording.
         format: name of the reader.
         topics: one dict per topic or signal group: name, type, count, usable, why.
+        streams: what postures might be read from.
         profile: name of the profile, "table" for a posture table, "" if none was recognised; `title` describes it.
         recognised: why it was chosen, or why none was.
         usable: whether postures can be read.
@@ -54,6 +85,7 @@ class Info:
     input: str
     format: str
     topics: tuple[dict[str, Any], ...] = ()
+    streams: tuple[StreamInfo, ...] = ()
     profile: str = ""
     title: str = ""
     recognised: str = ""
@@ -84,18 +116,20 @@ class Info:
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values; NaN becomes None."""
         result = {"found" if name == "present" else name: value for name, value in asdict(self).items()}
-        result["rate"] = None if math.isnan(self.rate) else self.rate
+        for each in (result, *result["streams"]):
+            each["rate"] = None if math.isnan(each["rate"]) else each["rate"]
         return result
 
 
-@accepts(
-    RebaError, path=PATH, profile=PROFILE, topic=TEXT.or_none(), neutral=TEXT, strict=YES_NO, rate=POSITIVE.or_none()
-)
+@accepts(RebaError, **READING)
 def info(
-    path: str | Path,
+    path: Paths,
     *,
     profile: str | Path | Profile = "auto",
+    start: float | None = None,
+    end: float | None = None,
     topic: str | None = None,
+    body: str | None = None,
     neutral: str = "none",
     strict: bool = False,
     rate: float | None = None,
@@ -105,44 +139,61 @@ def info(
     A recording in which no profile is recognised is not an error here: the summary has its topics and the reason.
 
     Raises:
-        ReadError: the file is unknown, damaged or empty, or changed while it was read.
+        ReadError: the file is unknown, damaged or empty, or changed while it was read; no frame lies in the interval.
         ProfileError: the named profile does not exist or is wrong.
         RebaError: `neutral` is wrong.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp(), "shift.csv")
+        >>> _ = file.write_text("time,trunk_flexion\\n0.0,20\\n0.5,40\\n1.0,30\\n")
+        >>> [(each.name, each.kind, each.messages, each.rate, each.used) for each in info(file).streams]
+        [('shift', 'angles', 3, 2.0, True)]
     """
     parse_neutral(neutral)
     named = str(profile) != "auto"
     known = (find_profile(profile),) if named else profiles()
-    with unchanged(path):
-        return _inspected(path, known, topic, neutral, named, strict, rate)
+    with ExitStack() as guard:
+        for file in files_given(path):
+            guard.enter_context(unchanged(file))
+        recording = open_recording(path, strict=strict, rate=rate)
+        result = Info(
+            paths_text(path),
+            recording.format,
+            tuple(asdict(entry) for entry in recording.topics),
+            tuple(_stream(stream, recording, known) for stream in recording.streams),
+            warnings=tuple(recording.log.warnings),
+        )
+        try:
+            match = choose(recording, known, topic, named=named, body=body)
+            table = table_of_match(recording, match, start, end, neutral=neutral, strict=strict)
+        except ProfileError as error:
+            ended = recording.log.ended_abnormally
+            others = _alternatives(recording, known, None)
+            return replace(result, recognised=str(error), alternatives=others, ended_abnormally=ended)
+        return _described(result, match, table, _alternatives(recording, known, match))
 
 
-def _inspected(
-    path: str | Path,
-    known: tuple[Profile, ...],
-    topic: str | None,
-    neutral: str,
-    named: bool,
-    strict: bool,
-    rate: float | None,
-) -> Info:
-    recording = open_recording(path, strict=strict, rate=rate)
-    topics = tuple(asdict(entry) for entry in recording.topics)
-    start = Info(str(path), recording.format, topics, warnings=tuple(recording.log.warnings))
-    try:
-        match = choose(recording, known, topic, named=named)
-        table = build_table(recording, match, neutral=neutral, strict=strict)
-    except ProfileError as error:
-        ended = recording.log.ended_abnormally
-        others = _alternatives(recording, known, None)
-        return replace(start, recognised=str(error), alternatives=others, ended_abnormally=ended)
-    return _described(start, match, table, _alternatives(recording, known, match))
+def _stream(stream: Stream, recording: Recording, known: tuple[Profile, ...]) -> StreamInfo:
+    ends = [end for spans in stream.present.values() for span in spans for end in span]
+    seconds = max(ends) - min(ends) if ends else 0.0
+    messages = max(stream.messages.values(), default=stream.count or 0)
+    there = {
+        match.body: tuple(presence(match))
+        for match in matches(recording, known)
+        if match.stream is stream and match.fits and match.body
+    }
+    rate = (messages - 1) / seconds if seconds > 0 and messages > 1 else float("nan")
+    return StreamInfo(stream.name, stream.kind, stream.format, stream.names, messages, seconds, rate, there)
 
 
 def _described(start: Info, match: Match, table: PostureTable, alternatives: tuple[str, ...]) -> Info:
     time, quality = table.data["time"].to_numpy(np.float64), table.quality
+    used = {account["stream"] for account in quality.accounts if account["used"]}
     measured = tuple(column for column in COLUMNS if column not in table.unmeasured)
     return replace(
         start,
+        streams=tuple(replace(each, used=each.name in used) for each in start.streams),
         profile=table.profile,
         title=match.profile.title if match.profile else "posture table",
         recognised=table.recognised,

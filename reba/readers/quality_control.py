@@ -11,29 +11,13 @@ import numpy as np
 from reba.arrays import Array, Flags
 from reba.checks import shown
 from reba.errors import RebaError, join_names
-from reba.posture.columns import ANGLES, COLUMNS, INDEX, SIDES
+from reba.posture.columns import COLUMNS, INDEX, SIDES
+from reba.readers.column_statistics import ColumnStatistics
 from reba.readers.mapping import Mapper, Samples
 from reba.readers.mapping.joints import MOST_NAMES
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import Kind
 
-LIMITS: dict[str, tuple[float, float]] = {
-    "trunk_flexion": (-60.0, 180.0),
-    "trunk_side_bend": (-90.0, 90.0),
-    "trunk_twist": (-100.0, 100.0),
-    "neck_flexion": (-90.0, 110.0),
-    "neck_side_bend": (-75.0, 75.0),
-    "neck_twist": (-110.0, 110.0),
-    "knee_flexion": (-20.0, 175.0),
-    "upper_arm_flexion": (-90.0, 200.0),
-    "upper_arm_abduction": (-60.0, 90.0),
-    "shoulder_elevation": (-40.0, 70.0),
-    "lower_arm_flexion": (-20.0, 165.0),
-    "wrist_flexion": (-110.0, 110.0),
-    "wrist_deviation": (-60.0, 70.0),
-    "wrist_twist": (-130.0, 140.0),
-}
-"""[deg] Anatomical limits: normal ranges (AAOS 1965; limits of human.urdf) with a margin for soft tissue."""
 GAP = 0.2
 """[s] An interval without samples is a gap if it is longer than this and than `PERIODS` sample periods."""
 PERIODS = 5.0
@@ -53,9 +37,10 @@ CONSTANT = 1e-6
 def median_rate(time: Array) -> float:
     """Return the median sampling rate [Hz] of (n,) times [s], NaN for fewer than two samples."""
     steps = np.diff(time)
-    steps = steps[steps > 0]
+    if not (steps > 0).all():
+        steps = steps[steps > 0]
     # Times are decimal fractions: without rounding 25 Hz would read 25.000000000000533.
-    return float(f"{1.0 / np.median(steps):.9g}") if len(steps) else float("nan")
+    return float(f"{1.0 / np.median(steps, overwrite_input=True):.9g}") if len(steps) else float("nan")
 
 
 def find_gaps(time: Array) -> tuple[tuple[float, float], ...]:
@@ -82,20 +67,18 @@ def first_frame_is_outlier(angles: Array) -> bool:
     return bool(np.any((first > FIRST_FRAME_JUMP) & (first > 3.0 * later)))
 
 
-def constant_columns(angles: Array, seconds: float, kind: str, dummies: Mapping[str, float]) -> dict[str, str]:
-    """Return the constant columns of angles (n, 22) [deg] that count as not measured -> the reason; others must change.
+def constant_columns(seen: ColumnStatistics, seconds: float, kind: str, dummies: Mapping[str, float]) -> dict[str, str]:
+    """Return the constant columns that count as not measured -> the reason; others must change.
 
     Args:
         seconds: duration; up to 1 s every column counts as measured.
         kind: of the stream; constant joints at another value than 0 may be real and stay.
         dummies: column -> the value [deg] of a joint that is not measured.
     """
-    if seconds <= 1.0 or len(angles) < 3:
+    if seconds <= 1.0 or seen.frames < 3:
         return {}
+    known, low, high = seen.known > 0, seen.low, seen.high
     with np.errstate(invalid="ignore"):
-        known = np.isfinite(angles).any(axis=0)
-        low = np.min(angles, axis=0, where=np.isfinite(angles), initial=np.inf)
-        high = np.max(angles, axis=0, where=np.isfinite(angles), initial=-np.inf)
         constant = known & (high - low <= CONSTANT)
         near = 1.0 if kind == "frames" else CONSTANT
         unmeasured = constant & (np.abs(high) <= near)
@@ -107,15 +90,20 @@ def constant_columns(angles: Array, seconds: float, kind: str, dummies: Mapping[
     return {COLUMNS[index]: f"constant {round(float(high[index]), 3) + 0.0:g}" for index in np.flatnonzero(unmeasured)}
 
 
-def frozen_warning(time: Array, angles: Array) -> str | None:
-    """Return a warning about intervals of exactly equal frames, or None; without any movement none is frozen."""
-    if len(time) < 3:
-        return None
-    same = np.ones(len(time) - 1, dtype=bool)
-    for column in angles.T:
-        if np.isfinite(column).any():
-            same &= (column[1:] == column[:-1]) | np.isnan(column[1:])
-    if same.all() or not same.any():
+def equal_frames(angles: Array) -> Flags:
+    """Return (n - 1,) whether a frame of angles (n, 22) is exactly the one before; NaN equals anything before it."""
+    same: Flags = ((angles[1:] == angles[:-1]) | np.isnan(angles[1:])).all(axis=1)
+    return same
+
+
+def frozen_warning(time: Array, same: Flags) -> str | None:
+    """Return a warning about intervals of exactly equal frames, or None; without any movement none is frozen.
+
+    Args:
+        time: (n,) [s].
+        same: (n - 1,) as from `equal_frames`.
+    """
+    if len(time) < 3 or same.all() or not same.any():
         return None
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
     lengths = time[edges[1::2]] - time[edges[::2]]
@@ -128,14 +116,14 @@ def frozen_warning(time: Array, angles: Array) -> str | None:
     return None
 
 
-def beyond_limits(angles: Array) -> dict[str, str]:
+def beyond_limits(seen: ColumnStatistics) -> dict[str, str]:
     """Return the columns with angles beyond `LIMITS` -> in how many of the frames."""
-    return {column: text for column, (count, text) in _count_beyond(angles).items() if count}
+    return {column: seen.beyond_text(column) for column in COLUMNS if seen.beyond[INDEX[column]]}
 
 
-def impossible_columns(angles: Array) -> dict[str, str]:
+def impossible_columns(seen: ColumnStatistics) -> dict[str, str]:
     """Return the columns beyond `LIMITS` in more than half of the frames, and those linked to them -> the reason."""
-    wrong = {column: text for column, (count, text) in _count_beyond(angles).items() if 2 * count > len(angles)}
+    wrong = {column: seen.beyond_text(column) for column in COLUMNS if 2 * seen.beyond[INDEX[column]] > seen.frames}
     for group in LINKED:
         worst = next((column for column in group if column in wrong), None)
         if worst is not None:
@@ -144,31 +132,14 @@ def impossible_columns(angles: Array) -> dict[str, str]:
     return wrong
 
 
-def intermittent_columns(angles: Array) -> list[str]:
+def intermittent_columns(seen: ColumnStatistics) -> list[str]:
     """Return a note for each column without value in more than 1 % of the frames, but not in all."""
     notes = []
     for column, index in INDEX.items():
-        missing = float(np.mean(np.isnan(angles[:, index]))) if len(angles) else 0.0
+        missing = 1.0 - seen.known[index] / seen.frames if seen.frames else 0.0
         if 0.01 < missing < 1.0:
             notes.append(f"{column}: no value in {100 * missing:.0f} % of the frames")
     return notes
-
-
-def _count_beyond(angles: Array) -> dict[str, tuple[int, str]]:
-    result = {}
-    for angle in ANGLES:
-        low, high = LIMITS[angle.name]
-        for column in angle.columns:
-            values = angles[:, INDEX[column]]
-            with np.errstate(invalid="ignore"):
-                count = int(np.sum((values < low) | (values > high)))
-            result[column] = (count, f"{count} of {len(values)} frames beyond {low:g} .. {high:g} deg")
-    return result
-
-
-def empty_columns(angles: Array) -> list[str]:
-    """Return the columns of `COLUMNS` without any value in (n, 22) angles."""
-    return [column for column, index in INDEX.items() if not np.isfinite(angles[:, index]).any()]
 
 
 NO_ZERO = "it has no zero without a neutral posture: give one (--neutral first:3s)"
@@ -207,39 +178,46 @@ def quality_control(samples: Samples, mapper: Mapper, profile: Profile, kind: Ki
         samples: of the complete recording, all read by `mapper`.
         neutral: neutral posture that will be subtracted.
     """
-    angles = samples.angles
+    seen = ColumnStatistics().add(samples.angles)
+    corrections = corrections_of(seen, samples.seconds, mapper, profile, kind, neutral)
+    corrections.apply(samples.angles)
+    return corrections
+
+
+def corrections_of(
+    seen: ColumnStatistics, seconds: float, mapper: Mapper, profile: Profile, kind: Kind, neutral: str
+) -> Corrections:
+    """Return which columns were not measured and which have an inverted sign, by statistics of all frames."""
     reasons = {
-        **constant_columns(angles, samples.seconds, kind, profile.dummies),
-        **mapper.unmeasured_columns(samples.seconds),
+        **constant_columns(seen, seconds, kind, profile.dummies),
+        **mapper.unmeasured_columns(seconds),
     }
     if neutral == "none" and profile.needs_neutral:
-        empty = empty_columns(angles)
+        empty = seen.empty_columns()
         reasons |= {column: NO_ZERO for column in profile.needs_neutral if column not in empty}
-        if kind == "points" and np.isfinite(angles[:, INDEX["neck_flexion"]]).any():
+        if kind == "points" and seen.known[INDEX["neck_flexion"]]:
             mapper.warnings.append(UNCALIBRATED)
-    turned = _upright_sign(angles, profile.sign_from_range, mapper)
+    turned = _upright_sign(seen, profile.sign_from_range, mapper)
+    seen = seen.turned(turned)
     if kind != "joints":
-        reasons |= impossible_columns(angles)
-    elif wrong := [column for column in impossible_columns(angles) if column not in reasons]:
+        reasons |= impossible_columns(seen)
+    elif wrong := [column for column in impossible_columns(seen) if column not in reasons]:
         mapper.warnings.append(
             f"most frames are impossible in {join_names(wrong, MOST_NAMES)}: another convention than {profile.name}?"
         )
     reasons |= profile.cannot
     hidden = tuple(INDEX[column] for column in reasons)
-    angles[:, hidden] = np.nan
-    for column in empty_columns(angles):
+    for column in seen.empty_columns():
         reasons.setdefault(column, "no value in any frame")
     return Corrections(turned, hidden, reasons)
 
 
-def _upright_sign(angles: Array, columns: tuple[str, ...], mapper: Mapper) -> tuple[int, ...]:
-    """Invert the sign of hinges whose largest flexion is negative (a limb flexes one way); return their positions."""
+def _upright_sign(seen: ColumnStatistics, columns: tuple[str, ...], mapper: Mapper) -> tuple[int, ...]:
+    """Return the positions of hinges whose largest flexion is negative (a limb flexes one way): their sign is wrong."""
     at = tuple(INDEX[column] for column in columns)
-    values = angles[:, at]
-    lowest, highest = (float(pick(values, initial=0.0)) for pick in (np.nanmin, np.nanmax))
+    lowest, highest = min([0.0, *seen.low[list(at)]]), max([0.0, *seen.high[list(at)]])
     if not at or lowest >= -MAX_HYPEREXTENSION or -lowest <= highest:
         return ()
-    angles[:, at] = -values
     span = f"{lowest:.0f} .. {highest:.0f}"
     mapper.assumed.append(f"{', '.join(columns)}: flexion is negative in this source ({span} deg); sign inverted")
     return at
@@ -288,21 +266,35 @@ def subtract(angles: Array, offsets: dict[int, float]) -> None:
         angles[:, index] = np.round(angles[:, index] - offset, 9) + 0.0
 
 
-def apply_neutral(time: Array, angles: Array, spec: str) -> str:
-    """Subtract the median posture of the neutral interval from (n, 22) angles [deg] in place; return a note.
+def neutral_posture(time: Array, frames: Callable[[Flags], Array], spec: str) -> tuple[dict[int, float], str]:
+    """Return the offsets of the median posture of the neutral interval, as of `neutral_offsets`, and a note.
+
+    Args:
+        time: (n,) [s].
+        frames: returns the (k, 22) angles [deg] of chosen frames.
 
     Raises:
         RebaError: the text is wrong, or no frame lies in the interval.
     """
     window = parse_neutral(spec)
     if window is None:
-        return ""
+        return {}, ""
     chosen = window(time) if len(time) else np.zeros(0, dtype=bool)
     if not chosen.any():
         span = f"{time[0]:.2f} to {time[-1]:.2f} s" if len(time) else "no frames"
         raise RebaError(f"neutral {spec!r} contains no frame; the recording has {span}: choose a time within")
-    offsets = neutral_offsets(angles[chosen])
-    subtract(angles, offsets)
+    offsets = neutral_offsets(frames(chosen))
     parts = [f"{COLUMNS[index]} {offset:.1f}" for index, offset in offsets.items() if abs(offset) >= 5.0]
     shifts = f": {', '.join(parts)} deg" if parts else ""
-    return f"neutral posture from {int(chosen.sum())} frames ({spec}) subtracted{shifts}"
+    return offsets, f"neutral posture from {int(chosen.sum())} frames ({spec}) subtracted{shifts}"
+
+
+def apply_neutral(time: Array, angles: Array, spec: str) -> str:
+    """Subtract the median posture of the neutral interval from (n, 22) angles [deg] in place; return a note.
+
+    Raises:
+        RebaError: the text is wrong, or no frame lies in the interval.
+    """
+    offsets, note = neutral_posture(time, lambda chosen: angles[chosen], spec)
+    subtract(angles, offsets)
+    return note

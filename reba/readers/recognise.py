@@ -98,18 +98,27 @@ def matches(recording: Recording, known: Iterable[Profile]) -> list[Match]:
     return sorted(candidates, key=lambda match: (match.fits, *match.rank), reverse=True)
 
 
-def choose(recording: Recording, known: tuple[Profile, ...], topic: str | None = None, named: bool = False) -> Match:
+def choose(
+    recording: Recording,
+    known: tuple[Profile, ...],
+    topic: str | None = None,
+    named: bool = False,
+    body: str | None = None,
+) -> Match:
     """Return the stream of a recording and the profile to read it by.
 
     Args:
         known: the profiles to try.
         topic: name of a stream, id of a body, or "<stream>#<id>"; None for the best.
         named: the caller named the only profile, so a posture table in the recording is not used.
+        body: id of a body, None for the only one.
 
     Raises:
-        ProfileError: no profile fits, two fit equally, or the recording has several bodies.
+        ProfileError: no profile fits, two fit equally, or the recording has several bodies or not that of the id.
     """
     candidates = candidates_in(recording, known, topic, named)
+    if body is not None:
+        candidates = _of_body(recording, candidates, body)
     fitting = [match for match in candidates if match.fits]
     if not fitting:
         raise NoMatch(_no_match(recording, candidates, known if named else ()))
@@ -318,6 +327,15 @@ def _of_topic(recording: Recording, candidates: list[Match], topic: str) -> list
             f"{recording.path}: no stream {topic!r}{did_you_mean(topic, options)}; "
             f"streams and bodies are {', '.join(dict.fromkeys(options)) or 'none'}"
         )
+    return chosen
+
+
+def _of_body(recording: Recording, candidates: list[Match], body: str) -> list[Match]:
+    chosen = [match for match in candidates if match.body == body]
+    if not chosen:
+        ids = dict.fromkeys(f"{match.body}{seconds_text(match)}" for match in candidates if match.body and match.fits)
+        near = did_you_mean(body, [match.body for match in candidates if match.body])
+        raise ProfileError(f"{recording.path}: no body {body!r}{near}; bodies are {', '.join(ids) or 'without an id'}")
     return chosen
 
 

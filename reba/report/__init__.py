@@ -11,15 +11,14 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-from reba.analysis.score_table import SCORES
-from reba.checks import PATH, shown
+from reba.analysis.score_table import SCORES, ScoreTable
+from reba.checks import PATH, from_home, shown
 from reba.errors import RebaError
 from reba.files import write_atomic, write_text
 from reba.outputs import FileOutput, check_outputs
 from reba.report.page import page
-from reba.scores import Scores
 
-Recordings = Scores | Sequence[Scores]
+Recordings = ScoreTable | Sequence[ScoreTable]
 """Scores of one recording or of several."""
 
 
@@ -29,7 +28,7 @@ def render(scores: Recordings, *, command: str = "") -> str:
     Raises:
         RebaError: no recording was given.
     """
-    recordings = [scores] if isinstance(scores, Scores) else list(scores)
+    recordings = [scores] if isinstance(scores, ScoreTable) else list(scores)
     if not recordings:
         raise RebaError("a report needs at least one scored recording; none was given")
     return page(recordings, command)
@@ -59,11 +58,12 @@ def write_report(scores: Recordings, path: str | Path, *, command: str = "") -> 
             "write_report(path, scores) is deprecated; use write_report(scores, path)", DeprecationWarning, stacklevel=2
         )
         scores, path = path, scores  # type: ignore[assignment]
-    several: list[Scores] = list(scores) if isinstance(scores, list | tuple) else [scores]  # type: ignore[list-item]
+    several: list[ScoreTable] = list(scores) if isinstance(scores, list | tuple) else [scores]  # type: ignore[list-item]
     if not all(SCORES.fits(each) for each in several):
         raise RebaError(f"write_report: scores is {shown(scores)}; expected {SCORES.expected}, or a list of these")
     if not PATH.fits(path):
         raise RebaError(f"write_report: path is {shown(path)}; expected {PATH.expected}")
-    check_outputs(FileOutput(path), inputs=[each.postures.source for each in several])
+    path = from_home(path)
+    check_outputs(FileOutput(path), inputs=[path for each in several for path in each.postures.inputs])
     html = render(scores, command=command)
     write_atomic(Path(path), lambda part: write_text(part, html))

@@ -9,6 +9,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any, Final
 
 from reba._version import __version__
+from reba.analysis.score_table import ScoreTable
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.printable import as_markup, printable
 from reba.report import labels
@@ -27,7 +28,6 @@ from reba.report.sections import (
 )
 from reba.report.series import BUCKETS, DRAW_ALL, VIEWS
 from reba.report.summary import GRADE_RULE, RecordingSummary, seconds_of_levels, summarise
-from reba.scores import Scores
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -44,13 +44,13 @@ MIN_LENGTH_RATIO: Final = 0.2
 would be too narrow to read."""
 
 
-def page(scores: Sequence[Scores], command: str) -> str:
+def page(scores: Sequence[ScoreTable], command: str) -> str:
     """Return the report as HTML text; `command` is the command line to show, "" for none."""
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
     records = [summarise(one) for one in scores]
-    lengths = [_length(record) for record in records]
+    lengths = [record.length for record in records]
     same_axis = min(lengths) >= MIN_LENGTH_RATIO * max(lengths)
     spans = [max(lengths) if same_axis else length for length in lengths]
     filters: dict[str, Callable[..., str]] = {
@@ -75,11 +75,6 @@ def page(scores: Sequence[Scores], command: str) -> str:
         error_label=ERROR_LABEL,
         sources=SOURCES,
     )
-
-
-def _length(record: RecordingSummary) -> float:
-    time = record.scores.time
-    return max(float(time[-1] - time[0] + record.weights[-1]), 1e-3) if record.frames else 1e-3
 
 
 def _section(number: int, record: RecordingSummary, span: float) -> dict[str, Any]:

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from reba.analysis.score_table import ScoreTable
 from reba.arrays import Array
+from reba.errors import PostureError
 from reba.method.classes import angle_classes
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import ACTIVITIES, flag
 from reba.printable import as_script_data
-from reba.report.findings import WorstInterval
+from reba.report.findings import WorstInterval, worst_intervals
 from reba.report.labels import LEVEL_COLOURS, angle_name, span
 from reba.report.series import VIEWS, Curve, StepCurve, band, flag_intervals, line, steps
-from reba.report.summary import RecordingSummary
+from reba.report.summary import RecordingSummary, summarise
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 INK: Final = "#1b2430"
 RANGE_FILL: Final = "rgba(72, 52, 170, 0.42)"
@@ -49,7 +54,36 @@ def time_range(record: RecordingSummary, span: float) -> list[float]:
 
 
 def time_figure(record: RecordingSummary, intervals: list[WorstInterval], span: float) -> str:
-    """Return the plot of REBA over time as JSON: totals with their ranges, levels, gaps, worst intervals, activity.
+    """Return the plot of REBA over time as JSON; arguments as of `timeline`."""
+    return _json(timeline(record, intervals, span))
+
+
+def plot(scores: ScoreTable) -> Figure:
+    """Return the plot of REBA over time with buttons for the totals of either arm.
+
+    Raises:
+        PostureError: there is no frame.
+    """
+    if not len(scores.data):
+        raise PostureError("the scores have no frames, so there is nothing to draw")
+    record = summarise(scores)
+    figure = timeline(record, worst_intervals(record), record.length)
+    buttons = [
+        {
+            "label": title,
+            "method": "restyle",
+            "args": [{"visible": [t.meta in (name, "activity") for t in figure.data]}],
+        }
+        for name, title in VIEWS.items()
+    ]
+    place = {"x": 0.0, "y": 1.0, "xanchor": "left", "yanchor": "bottom", "pad": {"b": 22}, "showactive": True}
+    figure.update_layout(updatemenus=[{"type": "buttons", "direction": "right", "buttons": buttons, **place}])
+    figure.update_layout(height=440, margin={"t": 90})
+    return figure
+
+
+def timeline(record: RecordingSummary, intervals: list[WorstInterval], span: float) -> Figure:
+    """Return the plot of REBA over time: totals with their ranges, levels, gaps, worst intervals, activity.
 
     The recording has at least one frame; the time axis is `span` [s] long.
     """
@@ -75,7 +109,7 @@ def time_figure(record: RecordingSummary, intervals: list[WorstInterval], span: 
             "fixedrange": True, "zeroline": False, "showgrid": False, "tickfont": {"size": 11},
         },
     )  # fmt: skip
-    return _json(figure)
+    return figure
 
 
 def likely_figure(record: RecordingSummary, curve: Curve, span: float) -> str:

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.analysis.exposure import column, durations
+from reba.analysis.score_table import ScoreTable
 from reba.arrays import Array, Flags
 from reba.method.scoring import ScoreArrays, score_angles
-from reba.scores import Scores
 
 BUCKETS: Final = 2000
 """Parts of a time axis for decimation; about the pixels of a wide screen."""
@@ -59,7 +59,7 @@ class StepCurve:
     frame: NDArray[np.int64]
 
 
-def score_range(scores: Scores) -> ScoreRange:
+def score_range(scores: ScoreTable) -> ScoreRange:
     """Return both ends of the range of every score."""
     angles = scores.angles
     low = score_angles(angles, scores.factors, scores.rules, "neutral")
@@ -67,13 +67,13 @@ def score_range(scores: Scores) -> ScoreRange:
     return ScoreRange(low, low if complete else score_angles(angles, scores.factors, scores.rules, "worst"))
 
 
-def score_curve(scores: Scores, ends: ScoreRange, name: str) -> Curve:
+def score_curve(scores: ScoreTable, ends: ScoreRange, name: str) -> Curve:
     """Return one column of the score table with its range."""
     low, high = ends.low[name].astype(np.float64), ends.high[name].astype(np.float64)
     return Curve(low, high, column(scores, name))
 
 
-def gaps_of(scores: Scores) -> list[tuple[float, float]]:
+def gaps_of(scores: ScoreTable) -> list[tuple[float, float]]:
     """Return intervals without samples, (start, end) [s]: those of the reader and those in the time column, merged."""
     time = scores.time
     gaps = [gap for gap in scores.postures.quality.gaps if gap[1] > gap[0]]
@@ -89,7 +89,7 @@ def gaps_of(scores: Scores) -> list[tuple[float, float]]:
     return merged
 
 
-def steps(scores: Scores, curve: Curve, gaps: list[tuple[float, float]], buckets: int = BUCKETS) -> StepCurve:
+def steps(scores: ScoreTable, curve: Curve, gaps: list[tuple[float, float]], buckets: int = BUCKETS) -> StepCurve:
     """Return the points of a curve: all frames, or of long recordings the extremes of each bucket.
 
     Args:

@@ -10,12 +10,13 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from reba.analysis.exposure import durations, sustained
+from reba.analysis.exposure import summarise as exposure_of
+from reba.analysis.score_table import ScoreTable
 from reba.arrays import Array
 from reba.method.tables import LEVEL_OF
 from reba.posture.columns import COLUMNS
 from reba.posture.table import Quality
 from reba.report.series import VIEWS, Curve, ScoreRange, gaps_of, score_curve, score_range
-from reba.scores import Scores
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class RecordingSummary:
     """
 
     name: str
-    scores: Scores
+    scores: ScoreTable
     summary: dict[str, Any]
     sustained: tuple[int | None, int | None]
     ends: ScoreRange
@@ -54,6 +55,12 @@ class RecordingSummary:
         return float(self.weights.sum())
 
     @property
+    def length(self) -> float:
+        """Time from the first frame to the end of the last [s], at least a millisecond."""
+        time = self.scores.time
+        return max(float(time[-1] - time[0] + self.weights[-1]), 1e-3) if self.frames else 1e-3
+
+    @property
     def rate(self) -> float:
         """Sampling rate [Hz], NaN if unknown."""
         return sampling_rate(self.scores)
@@ -65,7 +72,7 @@ class RecordingSummary:
         return bool((total.low == total.high).all())
 
 
-def summarise(scores: Scores) -> RecordingSummary:
+def summarise(scores: ScoreTable) -> RecordingSummary:
     """Return the figures of one recording that the sections share."""
     scores = _contiguous(scores)
     weights = durations(scores.time)
@@ -83,13 +90,13 @@ def summarise(scores: Scores) -> RecordingSummary:
         rate=sampling_rate(scores),
     )
     name = PurePath(scores.postures.source.replace("\\", "/")).name or "recording"
-    summary = scores.summary()
+    summary = exposure_of(scores)
     low = summary["held"]["reba"]
     high = low if not width.any() else sustained(_at_worst(scores))
     return RecordingSummary(name, scores, summary, (low, high), ends, curves, weights, gaps, grade)
 
 
-def _contiguous(scores: Scores) -> Scores:
+def _contiguous(scores: ScoreTable) -> ScoreTable:
     """Return the scores with the angles in one contiguous array, which every section reads without copying."""
     import pandas as pd
 
@@ -98,11 +105,11 @@ def _contiguous(scores: Scores) -> Scores:
     return dataclasses.replace(scores, postures=dataclasses.replace(scores.postures, data=data))
 
 
-def _at_worst(scores: Scores) -> Scores:
+def _at_worst(scores: ScoreTable) -> ScoreTable:
     return dataclasses.replace(scores, data=scores.data.assign(reba_low=scores.data["reba_high"]))
 
 
-def sampling_rate(scores: Scores) -> float:
+def sampling_rate(scores: ScoreTable) -> float:
     """Return the median sampling rate [Hz]: the reader's, else from the time column; NaN for less than two frames."""
     rate = scores.postures.quality.rate
     if np.isnan(rate) and len(scores.data) > 1:

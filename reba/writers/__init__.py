@@ -21,18 +21,19 @@ from reba.cells import cells_of
 from reba.checks import PATH, YES_NO, accepts, instance
 from reba.errors import RebaError
 from reba.files import as_json, write_atomic, write_atomic_stream, write_text
+from reba.method.scoring import SCORE_COLUMNS
 from reba.outputs import FileOutput, check_outputs
+from reba.posture.columns import COLUMNS
 from reba.posture.factors import FACTORS
 from reba.posture.table import PostureTable
 from reba.provenance import parquet_metadata, with_provenance
+from reba.readers.formats.score_file import ABOUT
 from reba.scores import Scores
 from reba.writers.mcap import write_mcap
 
 BLOCK_ROWS: Final = 16_384
 """Rows converted at a time, so that writing one hour (360,000 rows at 100 Hz) needs no second copy of the table."""
 SUFFIXES: Final = (".parquet", ".csv", ".mcap")
-ABOUT: Final = ".meta.json"
-"""Ending of the file beside a CSV, added to its name."""
 
 
 def table_output(path: str | Path) -> FileOutput:
@@ -44,8 +45,8 @@ def table_output(path: str | Path) -> FileOutput:
 def write_scores(scores: Scores, path: str | Path, *, as_ros: bool = False) -> None:
     """Write the score table; the ending of `path` chooses .parquet, .csv or .mcap.
 
-    An .mcap is a copy of the scored recording if that was MCAP, with a topic of scores at the log times of its
-    messages.
+    Beside the scores stand the angles and factors that they came from; `reba.read_scores` reads them back. An .mcap is
+    a copy of the scored recording if that was MCAP, with a topic of scores at the log times of its messages.
 
     Args:
         scores: scores of one recording.
@@ -57,7 +58,7 @@ def write_scores(scores: Scores, path: str | Path, *, as_ros: bool = False) -> N
             recording itself.
     """
     check_as_ros(as_ros, path)
-    _write(scores.data, _score_metadata(scores), Path(path), scores.postures, "scores", as_ros=as_ros)
+    _write(_with_postures(scores), _score_metadata(scores), Path(path), scores.postures, "scores", as_ros=as_ros)
 
 
 def check_as_ros(as_ros: bool, path: str | Path | None) -> None:
@@ -88,7 +89,10 @@ def write_postures(
     """
     if records and Path(path).suffix.lower() != ".mcap":
         raise RebaError(f"{path}: metadata records need an .mcap file; choose the ending .mcap")
-    _write(postures.data, posture_metadata(postures), Path(path), postures, "postures", records)
+    data = postures.data
+    if postures.scored is not None:  # of a file of scores
+        data = data.drop(columns=[name for name in SCORE_COLUMNS if name in data and name not in FACTORS])
+    _write(data, posture_metadata(postures), Path(path), postures, "postures", records)
 
 
 def posture_metadata(postures: PostureTable) -> dict[str, Any]:
@@ -118,6 +122,15 @@ def _score_metadata(scores: Scores) -> dict[str, Any]:
     }
 
 
+def _with_postures(scores: Scores) -> pd.DataFrame:
+    """Return the score table with the angles and factors beside it, from which `reba.read_scores` scores again."""
+    postures, n = scores.postures.data, len(scores.data)
+    angles = postures[list(COLUMNS)] if set(COLUMNS) <= set(postures) else pd.DataFrame(scores.angles, columns=COLUMNS)
+    names = [name for name in FACTORS if name not in scores.data]  # the points of the coupling stand for it
+    factors = pd.DataFrame({name: np.broadcast_to(getattr(scores.factors, name), n) for name in names}, copy=False)
+    return pd.concat([part.reset_index(drop=True) for part in (scores.data, angles, factors)], axis=1)
+
+
 def _factor_value(values: Any) -> Any:
     """Return the value of a constant factor, else "per frame"; the score table contains the points of each frame."""
     distinct = np.unique(np.asarray(values))
@@ -134,7 +147,7 @@ def _write(
     *,
     as_ros: bool = False,
 ) -> None:
-    check_outputs(table_output(path), inputs=[postures.source])
+    check_outputs(table_output(path), inputs=postures.inputs)
     suffix = path.suffix.lower()
     if suffix == ".parquet":
         write_atomic_stream(path, lambda part: _write_parquet(data, metadata, part))

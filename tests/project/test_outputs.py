@@ -38,8 +38,8 @@ GIVEN: dict[str, tuple[str, ...]] = {
 """What each command that writes is given beside its outputs; every file of it is an input."""
 READ = {
     "reba": {
-        "--rules", "--profile", "--topic", "--neutral", "--activity", "--error", "--scheduler", "--window", "--hold",
-        "--settle",
+        "--rules", "--profile", "--topic", "--body", "--neutral", "--activity", "--error", "--scheduler", "--window",
+        "--hold", "--settle",
     },
     "dreba": {
         "--kind", "--option", "--poses", "--hold", "--joints", "--domain", "--factors", "--classes", "--name", "--to",
@@ -47,7 +47,7 @@ READ = {
     },
     "lgp": {
         "--cost", "--sequence", "--height", "--scheduler", "--manifest", "--pattern", "--conditions", "--rules",
-        "--profile", "--topic", "--neutral", "--activity", "--fault", "--replay", "--host",
+        "--profile", "--topic", "--body", "--neutral", "--activity", "--fault", "--replay", "--host",
     },
 }  # fmt: skip
 """Options with a text that is read and never written to: a new option stands here, or has an `OutputType`."""

@@ -51,18 +51,24 @@ POSES = dreba.sample(300, rng=1)
 SCORES = reba.score(pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]}))
 POSTURES = SCORES.postures
 RECORDING = DATASETS / "balancing_keypoints.trc"
+READ = {
+    "path": RECORDING,
+    "profile": "auto",
+    "start": None,
+    "end": None,
+    "topic": None,
+    "body": None,
+    "neutral": "none",
+    "strict": False,
+    "rate": None,
+}
 GOOD: dict[str, dict[str, Any]] = {
     "reba.angle_table": {"data": POSES.angles},
     "reba.compare": {"a": SCORES, "b": SCORES},
     "reba.info": {"path": RECORDING},
-    "reba.read": {
-        "path": RECORDING,
-        "profile": "auto",
-        "topic": None,
-        "neutral": "none",
-        "strict": False,
-        "rate": None,
-    },
+    "reba.read": READ,
+    "reba.read_blocks": {**READ, "seconds": 60.0},
+    "reba.read_scores": {"path": "nowhere.parquet"},
     "reba.score": {"postures": POSTURES, "rules": "measured", "activity": "auto", "missing": "range", "error": None},
     "reba.score_array": {
         "angles": POSES.angles,

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from reba.errors import ReadError
 from reba.files import sha256_of
 from reba.readers.formats.file_content import GZIP, head_of, is_packed, unpacked_name
 from reba.readers.formats.not_read import refuse_by_content, refuse_by_name
+from reba.readers.formats.score_file import mcap_record
 from reba.readers.mcap import is_mcap, open_mcap, sniff
 from reba.readers.recording.stream import Recording
 from reba.recording_folder import is_split
@@ -65,8 +68,23 @@ PACKED: tuple[bytes, ...] = (b"\x89MCAP", b"PAR1", b"PK\x03\x04", GZIP)
 """First bytes of formats that are packed themselves, which are not read from gzip."""
 
 
-def open_recording(path: str | Path, *, strict: bool = False, rate: float | None = None) -> Recording:
-    """Open a recording of any known format; a folder counts as a recording in splits, as of rosbag2.
+Paths = str | Path | Sequence[str | Path]
+"""Path of a recording, or those of its files."""
+
+
+def files_given(path: Paths) -> list[str | Path]:
+    """Return every path of a recording."""
+    return [path] if isinstance(path, str | os.PathLike) else list(path)
+
+
+def paths_text(path: Paths) -> str:
+    """Return the path of a recording, or those of its files, as text."""
+    return " + ".join(map(str, files_given(path)))
+
+
+def open_recording(path: Paths, *, strict: bool = False, rate: float | None = None) -> Recording:
+    """Open a recording of any known format; a folder counts as a recording in splits, as of rosbag2, and so does
+    a list.
 
     Args:
         rate: [Hz] of a recording without times, whose rows it numbers.
@@ -74,6 +92,8 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
     Raises:
         ReadError: the file does not exist, has an unknown format, is damaged, or is truncated and `strict` is set.
     """
+    if not isinstance(path, str | os.PathLike):
+        return _open_files(list(path), strict, rate)
     place = Path(path)
     try:
         if not place.exists():
@@ -89,7 +109,7 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
     if place.is_dir() or sniff(place):
         if rate is not None:
             raise ReadError(place, "recordings of messages have times of their own", hint="leave the rate out")
-        return open_mcap(place, strict=strict)
+        return _with_record(open_mcap(place, strict=strict))
     try:
         head = head_of(place)
         packed = is_packed(place)
@@ -117,6 +137,39 @@ def open_recording(path: str | Path, *, strict: bool = False, rate: float | None
         ]
     )
     raise ReadError(place, what, hint=f"known formats are {readable}")
+
+
+def _open_files(paths: list[str | Path], strict: bool, rate: float | None) -> Recording:
+    """Open the MCAP files of one recording.
+
+    Raises:
+        ReadError: a file is no MCAP recording or stands twice, or two of them were recorded at one time.
+    """
+    if len(paths) <= 1:
+        if not paths:
+            raise ReadError("an empty list", "no file", hint="give the path of a recording")
+        return open_recording(paths[0], strict=strict, rate=rate)
+    if rate is not None:
+        raise ReadError(paths_text(paths), "MCAP recordings have times of their own", hint="leave the rate out")
+    files = [Path(path) for path in paths]
+    for number, file in enumerate(files):
+        try:
+            is_file = file.is_file() and is_mcap(file)
+            twice = is_file and any(os.path.samefile(file, other) for other in files[:number])
+        except (OSError, ValueError) as error:
+            raise ReadError(file, getattr(error, "strerror", None) or str(error), hint="give readable files") from error
+        if not is_file:
+            what = "not an MCAP file" if file.exists() else "no such file"
+            hint = "a list holds the MCAP files of one recording; read several recordings one by one"
+            raise ReadError(file, what, hint=hint)
+        if twice:
+            raise ReadError(file, "stands twice in the list", hint="name each file of the recording once")
+    return _with_record(open_mcap(files, strict=strict))
+
+
+def _with_record(recording: Recording) -> Recording:
+    """Return an MCAP recording with what its scores, if it has any, were written with."""
+    return recording if recording.scored is None else replace(recording, scored=mcap_record(recording.scored))
 
 
 def is_recording(path: Path) -> bool:

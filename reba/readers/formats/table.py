@@ -22,6 +22,7 @@ from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.file_content import head_of, unpacked_name
 from reba.readers.formats.long_points import wide_points
 from reba.readers.formats.motive import is_motive, open_motive
+from reba.readers.formats.score_file import recorded_with
 from reba.readers.formats.table_columns import (
     DEGREES,
     LEAST_POINTS,
@@ -107,6 +108,7 @@ def table_recording(path: Path, format: str, file: TableFile, log: ReadLog, rate
     frame = file.frame
     if not len(frame):
         raise ReadError(path, "the table has no rows", hint="give at least one row of values")
+    scored = recorded_with(path, map(str, frame.columns), file.scored)
     if (wide := wide_points(frame)) is not None:
         frame, file = wide, replace(file, where=lambda row: f"frame {row + 1}")
     frame, units = named_units(frame, KNOWN)
@@ -130,7 +132,8 @@ def table_recording(path: Path, format: str, file: TableFile, log: ReadLog, rate
     check_time(time, log)
     others = [column for column in (*numbers, *texts)[:MAX_CHECKED] if column not in KNOWN]
     absent = [column for column in KNOWN if column not in frame.columns]
-    if near := near_names(others, absent):
+    near = "" if scored is not None else near_names(others, absent)
+    if near:
         near = f"not read as columns of a posture table: {near}"
         log.warn(near)
     kind: Literal["angles", "joints"] = "angles" if angles else "joints"
@@ -158,7 +161,7 @@ def table_recording(path: Path, format: str, file: TableFile, log: ReadLog, rate
     if not angles:
         topics += [Topic(text, "column", len(time), False, "text, not numbers") for text in texts]
     hint = f"{near}; rename them" if near else ""
-    return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log, hint)
+    return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log, hint, scored=scored)
 
 
 def _points(

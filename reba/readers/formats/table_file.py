@@ -17,6 +17,7 @@ from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.file_content import file_bytes
+from reba.readers.formats.score_file import parquet_record
 from reba.readers.formats.text import decode
 from reba.readers.recording.stream import ReadLog, Topic, clip, unique_names
 
@@ -36,11 +37,13 @@ class TableFile:
         frame: the columns under unique names; blank rows are left out.
         where: position of a row in `frame` -> "line 12" or "row 12".
         left_out: columns that are not read (lists, records).
+        scored: what a file of scores was written with if it is in the file itself, else None.
     """
 
     frame: pd.DataFrame
     where: Callable[[int], str]
     left_out: tuple[Topic, ...] = ()
+    scored: dict[str, Any] | None = None
 
 
 def read_csv(path: Path, log: ReadLog) -> TableFile:
@@ -119,7 +122,7 @@ def read_parquet(path: Path, log: ReadLog) -> TableFile:
     left_out = tuple(
         Topic(name, "Parquet column", len(frame), False, "lists or records, not numbers") for name in nested
     )
-    return TableFile(frame, lambda row: f"row {row + 1}", left_out)
+    return TableFile(frame, lambda row: f"row {row + 1}", left_out, parquet_record(schema.metadata))
 
 
 def separator_of(line: str) -> str:

@@ -10,7 +10,8 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.posture.angles import SegmentFrames, posture_angles
-from reba.posture.columns import COLUMNS, INDEX
+from reba.posture.columns import INDEX
+from reba.readers.mapping.frame_table import Frames, MemoryFrames
 from reba.readers.mapping.gap_codes import GapCodes
 from reba.readers.mapping.joints import JointMapper
 from reba.readers.mapping.markers import PointMapper
@@ -118,12 +119,6 @@ class Samples:
         """(n, 22) [deg], a view."""
         return self.table[:, 1:]
 
-    def from_zero(self) -> float:
-        """Let the time begin at 0, and return the time [s] at which it began."""
-        start = float(self.table[0, 0]) if len(self.table) else 0.0
-        self.table[:, 0] -= start
-        return start
-
     @property
     def seconds(self) -> float:
         """Duration of the recording [s]."""
@@ -132,49 +127,35 @@ class Samples:
 
 def collect(stream: Stream, mapper: Mapper) -> Samples:
     """Read a stream to its end and return its angles, sorted by time, each time once."""
+    frames = MemoryFrames()
+    log = collect_into(frames, stream, mapper)
+    return Samples(frames.table, log)
+
+
+def collect_into(frames: Frames, stream: Stream, mapper: Mapper, times: list[Array] | None = None) -> ReadLog:
+    """Read a stream to its end into `frames`, and return the log of its reader.
+
+    Args:
+        times: gets the times [s] of the messages that were used.
+    """
     gaps = GapCodes(stream.kind)
-    table, log = _pass(stream, mapper, gaps)
+    log = _pass(frames, stream, mapper, gaps, times)
     for _ in range(PASSES - 1):
         if all([gaps.is_consistent(), mapper.is_consistent()]):
             break
-        del table
-        table, log = _pass(stream, mapper, gaps)
+        log = _pass(frames, stream, mapper, gaps, times)
     gaps.note(log)
-    return Samples(sorted_by_time(table, log), log)
+    frames.end(log)
+    return log
 
 
-def _pass(stream: Stream, mapper: Mapper, gaps: GapCodes) -> tuple[Array, ReadLog]:
-    """Return the (n, 23) rows of one reading; the table grows in place by halves, so at most a third is spare."""
-    log = ReadLog()
+def _pass(frames: Frames, stream: Stream, mapper: Mapper, gaps: GapCodes, times: list[Array] | None = None) -> ReadLog:
+    log = ReadLog(times=times)
+    if times is not None:
+        times.clear()
     mapper.begin()
     gaps.begin()
-    table = np.empty((max(stream.count or 0, 1024), 1 + len(COLUMNS)))
-    n = 0
+    frames.begin(stream.count or 0)
     for block in stream.blocks(log, mapper.wanted):
-        size = len(block.time)
-        if n + size > len(table):
-            table.resize((max(n + size, len(table) * 3 // 2), table.shape[1]), refcheck=False)
-        table[n : n + size, 0] = block.time
-        table[n : n + size, 1:] = block_angles(mapper, gaps.without(block))
-        n += size
-    table.resize((n, table.shape[1]), refcheck=False)
-    return table, log
-
-
-def sorted_by_time(table: Array, log: ReadLog) -> Array:
-    """Return rows sorted by time, their first column; repeated and non-finite times are left out and noted."""
-    time = table[:, 0]
-    if not np.isfinite(time).all():
-        bad = int(np.sum(~np.isfinite(time)))
-        log.unused["no_time"] += bad
-        log.warn(f"{bad} samples without a time were left out")
-        table = table[np.isfinite(time)]
-    if len(table) and np.any(np.diff(table[:, 0]) < 0):
-        log.warn("samples were not in the order of time; they were sorted")
-        table = table[np.argsort(table[:, 0], kind="stable")]
-    repeated = np.flatnonzero(np.diff(table[:, 0]) == 0) + 1
-    if len(repeated):
-        log.unused["repeated_time"] += len(repeated)
-        log.warn(f"{len(repeated)} samples repeat the time of the one before and were left out")
-        table = np.delete(table, repeated, axis=0)
-    return table
+        frames.append(block.time, block_angles(mapper, gaps.without(block)))
+    return log

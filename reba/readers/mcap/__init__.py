@@ -8,14 +8,15 @@ Summary, indexes and declared lengths are checked before use: see `container`. F
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from reba.errors import ReadError
 from reba.open_file import open_regular
 from reba.readers.mcap.bytes import MAGIC, ZSTD_MAGIC
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify, recording_files
-from reba.readers.mcap.container import Container
+from reba.readers.mcap.container import OWN, Container
 from reba.readers.mcap.contents import Contents
 from reba.readers.mcap.database import SQLITE_MAGIC, Database
 from reba.readers.mcap.gather import recording_of
@@ -70,13 +71,16 @@ def open_file(path: Path, *, check_crc: bool = True, limit_bytes: int = MAX_CHUN
     return kind(path, check_crc=check_crc, limit_bytes=limit_bytes)
 
 
-def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK) -> Recording:
+def open_mcap(
+    path: Path | Sequence[Path], *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK
+) -> Recording:
     """Open a recording, or a folder with the splits of one; its log notes a truncated end.
 
     Without joint states, transforms or posture angles it has no streams; `topics` has the reason for each topic.
 
     Args:
-        path: an .mcap or .db3 file, plain or zstd-compressed as a whole, a .bag, or a folder with splits of one format.
+        path: an .mcap or .db3 file, plain or zstd-compressed as a whole, a .bag, a folder with splits of one format, or
+            a list of files, which must follow each other in time.
         strict: refuse a truncated recording, and a folder with a damaged split.
         check_crc: compare the CRC of every chunk that has one.
         limit_bytes: the largest chunk, record or unpacked file that is accepted.
@@ -86,14 +90,20 @@ def open_mcap(path: Path, *, strict: bool = False, check_crc: bool = True, limit
     """
     log = ReadLog()
     channels: list[DecodableChannel | Unused] = []
-    for container, channels_of_file in open_files(
-        path, log, strict=strict, check_crc=check_crc, limit_bytes=limit_bytes
-    ):
-        _note(container, log, path.is_dir())
+    given = [] if isinstance(path, Path) else list(path)
+    if not isinstance(path, Path):
+        path = Path(" + ".join(map(str, given)))
+    record: dict[str, str] = {}
+    opened = open_files(path, log, given, strict=strict, check_crc=check_crc, limit_bytes=limit_bytes)
+    for container, channels_of_file in opened:
+        _note(container, log, len(given) > 1 or path.is_dir())
         channels += channels_of_file
+        record |= container.records.get(OWN, {}) if isinstance(container, Container) else {}
     if strict and log.ended_abnormally:
         raise ReadError(path, log.ended_abnormally, hint="read it without strict to use the messages before")
-    recording = gathered(path, channels, log, strict=strict)
+    recording = replace(
+        gathered(path, channels, log, strict=strict), files=tuple(map(str, given)), scored=record or None
+    )
     if strict and log.lost:
         raise ReadError(path, log.lost, hint=LOST_HINT)
     return recording
@@ -119,14 +129,23 @@ def gathered(
 
 
 def open_files(
-    path: Path, log: ReadLog, *, strict: bool = False, check_crc: bool = True, limit_bytes: int = MAX_CHUNK
+    path: Path,
+    log: ReadLog,
+    given: Sequence[Path] = (),
+    *,
+    strict: bool = False,
+    check_crc: bool = True,
+    limit_bytes: int = MAX_CHUNK,
 ) -> list[tuple[StoredFile, list[DecodableChannel | Unused]]]:
     """Return the files of a recording and their channels by start time; a damaged one of several is noted and left out.
+
+    Args:
+        given: files of a recording that was given as a list, which must follow each other in time.
 
     Raises:
         ReadError: no file can be read, or the recording is one file or `strict` and that is damaged.
     """
-    files = recording_files(path)
+    files = list(given) or recording_files(path)
     opened = []
     for file in files:
         try:
@@ -145,8 +164,13 @@ def open_files(
     ]
     starts = [store.segments[0].start if store.segments else 0 for store, _ in by_time[1:]]
     # Where log times repeat, a clock restarted, and the names have the order of recording.
-    repeat = any(start < end - JITTER for start, end in zip(starts, ends, strict=False))
-    return opened if repeat else by_time
+    repeats = [start < end - JITTER for start, end in zip(starts, ends, strict=False)]
+    if given and any(repeats):
+        at = repeats.index(True)
+        one, other = (by_time[number][0].path for number in (at, at + 1))
+        hint = "a list holds the files of one recording; read several recordings one by one"
+        raise ReadError(path, f"{one.name} and {other.name} were recorded at one time", hint=hint)
+    return opened if any(repeats) else by_time
 
 
 def _classified(container: Store) -> list[DecodableChannel | Unused]:

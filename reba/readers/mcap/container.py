@@ -16,6 +16,7 @@ from typing import Final
 from mcap.opcode import Opcode
 
 from reba.errors import ReadError
+from reba.open_file import SETTINGS_BYTES
 from reba.readers.mcap import records
 from reba.readers.mcap.bytes import MAGIC, MOST_RATIO, NOT_MCAP, BadChunk, ByteSource, unpack
 from reba.readers.mcap.packed_messages import MessageUnpacker
@@ -32,6 +33,8 @@ _RECORD_AGAIN: Final = "copy the file again from its source, or record it again"
 FREE_RECORDS: Final = 1000
 """Records that a file may hold beyond one for each of its (packed) bytes, which bounds the time that a file can take; a
 choice. A message has a time of its own, so even well packed it takes several bytes."""
+OWN: Final = "reba"
+"""Name of the metadata record that is written with scores."""
 PRIVATE: Final = 0x80
 """First opcode for records of applications, https://mcap.dev/spec#records."""
 _OTHERS: Final = (Opcode.HEADER, Opcode.ATTACHMENT, Opcode.METADATA)
@@ -48,6 +51,7 @@ class Container:
         ended_abnormally: None, or where the file is truncated.
         lost: None, or what the file states to have and does not.
         others: (opcode, offset of the content, length) of the header, attachments, metadata and private records.
+        records: name -> metadata record, of those named "reba".
         publish_time: whether messages are loaded with their publish times in the place of log times.
 
     Raises:
@@ -74,6 +78,7 @@ class Container:
         self.lost: str | None = None
         self.others: list[tuple[int, int, int]] = []
         self.warnings: list[str] = []
+        self.records: dict[str, dict[str, str]] = {}
         self.span: tuple[int, int] | None = None
         self._last: Loaded | None = None
         self._ahead = (0, b"")
@@ -275,6 +280,10 @@ class Container:
             summary.indexes += 1
         elif opcode in _OTHERS or opcode >= PRIVATE:
             self.others.append((opcode, at, length))
+            if opcode == Opcode.METADATA and length <= SETTINGS_BYTES:
+                name, record = records.metadata(self._window(at, length))
+                if name == OWN:
+                    self.records[name] = record
         elif opcode > Opcode.DATA_END:
             self._warn(f"the record at byte {at - records.HEAD} has the unknown type {opcode:#x} and was not read")
         elif opcode == Opcode.FOOTER:

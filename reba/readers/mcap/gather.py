@@ -10,7 +10,8 @@ from reba.readers.mcap.channels import DecodableChannel, Unused
 from reba.readers.mcap.container import Container
 from reba.readers.mcap.contents import Contents
 from reba.readers.mcap.database import Database
-from reba.readers.mcap.streams import StreamReader, stream_header
+from reba.readers.mcap.stream_header import stream_header
+from reba.readers.mcap.streams import StreamReader
 from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic
 
 WHAT: Final = {

@@ -62,15 +62,7 @@ class Channel:
     @property
     def metadata(self) -> dict[str, str]:
         """Metadata by name; empty where it is damaged."""
-        metadata: dict[str, str] = {}
-        try:
-            pairs = Fields(Fields(self.described).data32())
-            while pairs.at < len(pairs.data):
-                name = pairs.text()
-                metadata[name] = pairs.text()
-        except BadRecord:
-            return {}
-        return metadata
+        return _pairs(Fields(self.described))
 
 
 @dataclass(frozen=True)
@@ -291,3 +283,26 @@ def gather(data: NDArray[np.uint8], starts: NDArray[np.int64], width: int) -> ND
     """Return the (n, width) bytes that begin at each of the n `starts`."""
     windows = np.ndarray((len(data) - width + 1, width), np.uint8, data, 0, (1, 1))
     return windows[starts]
+
+
+def metadata(content: bytes) -> tuple[str, dict[str, str]]:
+    """Return name and texts by key of a metadata record; empty where it is damaged, which spoils no messages."""
+    fields = Fields(content)
+    try:
+        name = fields.text()
+    except BadRecord:
+        return "", {}
+    return name, _pairs(fields)
+
+
+def _pairs(fields: Fields) -> dict[str, str]:
+    """Return the map of texts that follows; empty where it is damaged."""
+    result: dict[str, str] = {}
+    try:
+        pairs = Fields(fields.data32())
+        while pairs.at < len(pairs.data):
+            name = pairs.text()
+            result[name] = pairs.text()
+    except BadRecord:
+        return {}
+    return result

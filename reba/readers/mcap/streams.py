@@ -5,127 +5,33 @@ Contents -> names, parents and zero of each stream -> blocks, decoded again wher
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from reba.arrays import Array
 from reba.readers.mcap.channels import DecodableChannel, batch_of
-from reba.readers.mcap.clock import RecordingClock
 from reba.readers.mcap.contents import (
-    TOGETHER,
     Contents,
-    Interval,
-    Presence,
-    Signal,
     Track,
-    at_once,
     clock_name,
-    united,
 )
 from reba.readers.mcap.decode import Batch, Piece, load_json
 from reba.readers.mcap.extract import row_stamp
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.log_times import log_times
-from reba.readers.mcap.merge import MOST_SIGNALS, Merger
+from reba.readers.mcap.merge import Merger
 from reba.readers.mcap.records import LATEST
 from reba.readers.mcap.store import ChunkRef, Store
+from reba.readers.mcap.stream_header import StreamHeader
 from reba.readers.mcap.trace import NO_STAMP
 from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-NONE: Final = np.zeros(0, np.int64)
-
-
-@dataclass(frozen=True)
-class StreamHeader:
-    """What all messages of a stream name, and when.
-
-    Attributes:
-        signals: names and parents that are read.
-        clock: of the stream.
-        source: where its times come from.
-        zero: time of the recording [ns] at time 0 of the stream; `epoch`: its Unix time [ns].
-        intervals: name -> log times [ns] between which it is there.
-        messages: name -> messages that have it.
-        warnings: for the user.
-    """
-
-    signals: tuple[Signal, ...]
-    clock: RecordingClock
-    source: str
-    zero: int
-    epoch: int
-    intervals: Mapping[str, list[Interval]]
-    messages: Mapping[str, int]
-    warnings: tuple[str, ...]
-
-
-def stream_header(parts: Sequence[DecodableChannel], kind: Kind, contents: Contents) -> StreamHeader | None:
-    """Return the header of the stream of some channels, None if none of its messages is usable."""
-    of = (kind, parts[0].group)
-    present: dict[Signal, Presence] = {}
-    for signals, one in contents.presence.get(of, {}).items():
-        for signal in signals:
-            total = present.setdefault(signal, Presence())
-            total.messages += one.messages
-            total.intervals += one.intervals
-    clocks = [track.clock for part in parts if (track := contents.tracks.get(id(part))) and track.clock]
-    if not present or not clocks:
-        return None
-    for piece in contents.static.get(of, []):
-        for signal in zip(piece.names, piece.parents, strict=True):
-            present.setdefault(signal, Presence())
-    spans = {signal: united(one.intervals) for signal, one in present.items()}
-    signals, warnings = _chosen(spans, present)
-    spans_by_name: dict[str, list[Interval]] = {}
-    for name, parent in signals:
-        spans_by_name.setdefault(name, []).extend(spans[name, parent])
-    intervals = {name: united(all_spans) for name, all_spans in spans_by_name.items()}
-    messages: Counter[str] = Counter()
-    for name, parent in signals:
-        messages[name] += present[name, parent].messages
-    clock = contents.clocks[clock_name(kind, of[1])]
-    first, logged = min(clock_.first for clock_ in clocks), min(clock_.first_log for clock_ in clocks)
-    if kind == "angles" and clock.source == "header.stamp":
-        # Rows of a posture table keep their time; the log time gives the epoch.
-        return StreamHeader(signals, clock, "time", 0, logged - first, intervals, messages, warnings)
-    return StreamHeader(signals, clock, clock.source, first, first, intervals, messages, warnings)
-
-
-def _chosen(
-    spans: Mapping[Signal, list[Interval]], present: Mapping[Signal, Presence]
-) -> tuple[tuple[Signal, ...], tuple[str, ...]]:
-    """Return the signals that are read, and warnings: at most `MOST_SIGNALS`, and one parent of a frame at a time."""
-    chosen: dict[str, list[str]] = {}
-    warnings = []
-    named = list(spans)
-    if len(named) > MOST_SIGNALS:
-        frequent = {*sorted(named, key=lambda signal: -present[signal].messages)[:MOST_SIGNALS]}
-        named = [signal for signal in named if signal in frequent]
-        warnings.append(f"more than {MOST_SIGNALS} signals; the others are left out")
-    for name, parent in named:
-        others = chosen.setdefault(name, [])
-        mine = spans[name, parent]
-        rival = next((other for other in others if _meet(mine, spans[name, other])), None)
-        if rival is None and not (others and not spans[name, parent]):
-            others.append(parent)
-        else:
-            first = others[0] if rival is None else rival
-            warnings.append(f"frame {name!r} has the parents {first!r} and {parent!r} at once; the first is used")
-    return tuple((name, parent) for name, parents in chosen.items() for parent in parents), tuple(warnings)
-
-
-def _meet(one: Sequence[Interval], other: Sequence[Interval]) -> bool:
-    """Return whether two parents of a frame are there at once for longer than a hand-over takes."""
-    separate = not one or not other or one[-1][1] <= other[0][0] or other[-1][1] <= one[0][0]
-    return not separate and at_once(one, other) > TOGETHER
 
 
 class McapBlockDecoder:
@@ -188,10 +94,20 @@ class McapBlockDecoder:
         for part in self._parts:
             if part.container is container:
                 pieces = self._pieces(part, segment)
-                for piece in pieces:
-                    self._add(self._tracks[id(part)], piece)
-                used = [piece.number for piece in pieces if piece.names or self._rows]
-                self.used += len(used[0]) if len(used) == 1 else len(np.unique(np.concatenate(used or [NONE])))
+                times = [self._add(self._tracks[id(part)], piece) for piece in pieces]
+                pairs = zip(pieces, times, strict=True)
+                used = [(piece.number, time) for piece, time in pairs if piece.names or self._rows]
+                if len(used) == 1:
+                    self._use(used[0][1])
+                elif used:
+                    _, first = np.unique(np.concatenate([number for number, _ in used]), return_index=True)
+                    self._use(np.concatenate([time for _, time in used])[first])
+
+    def _use(self, times: Array) -> None:
+        """Count messages with a wanted signal, by their (n,) times [s]."""
+        self.used += len(times)
+        if self._log.times is not None:
+            self._log.times.append(times)
 
     def _pieces(self, part: DecodableChannel, segment: ChunkRef) -> list[Piece]:
         """Return the messages of a channel in a segment, kept ones or decoded again."""
@@ -204,9 +120,10 @@ class McapBlockDecoder:
         batch = batch_of(part.container, segment, part.channel, place.first)
         return self._decoders[id(part)].decode(batch, ReadLog())
 
-    def _add(self, track: Track, piece: Piece) -> None:
+    def _add(self, track: Track, piece: Piece) -> Array:
+        """Add the samples of a piece, and return their (n,) times [s]."""
         if track.clock is None or not len(piece.log):
-            return
+            return np.zeros(len(piece.log))
         time, unstamped = track.clock.times(piece.number, piece.log, piece.stamp)
         if unstamped:
             self._log.warn("some messages have no usable time stamp; theirs follows from the log time")
@@ -220,8 +137,10 @@ class McapBlockDecoder:
                 tuple(self._renamed.get(name, name) for name in texts) for texts in (piece.names, piece.parents)
             )
             piece = replace(piece, names=names, parents=parents)
+        seconds = np.asarray((time - self._header.zero) / 1e9)
         if piece.names:
-            self._merger.add(np.asarray((time - self._header.zero) / 1e9), piece)
+            self._merger.add(seconds, piece)
+        return seconds
 
     @property
     def full(self) -> bool:

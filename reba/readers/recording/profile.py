@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
-from reba.checks import PATH, Allowed
+from reba.checks import PATH, Allowed, from_home
 from reba.errors import ProfileError, did_you_mean
 from reba.open_file import read_settings
 from reba.posture.columns import ANGLES, COLUMNS, SIDES
@@ -134,6 +134,7 @@ def profile_text(name: str) -> str:
 PROFILE = Allowed(
     "'auto', the name of a profile, a TOML file or a Profile",
     lambda value: PATH.fits(value) or isinstance(value, Profile),
+    from_home,
 )
 """What a profile may be given as."""
 

@@ -107,6 +107,7 @@ class ReadLog:
         time_source: "header.stamp", "log_time", "file", "frame rate" ...
         time_why: why another time than the first choice is used, "" if that is.
         unused: reason -> decoded messages that were not used, see `UNUSED`.
+        times: gets the times [s] of the messages with a signal that is read, where a list is given; else None.
     """
 
     messages: int = 0
@@ -118,6 +119,7 @@ class ReadLog:
     time_why: str = ""
     warnings: list[str] = field(default_factory=list)
     unused: Counter[str] = field(default_factory=Counter)
+    times: list[Array] | None = None
 
     def account(self) -> dict[str, Any]:
         """Return messages read, used and not used by reason; the last two add up to the first."""
@@ -148,8 +150,11 @@ UNUSED = {
     "first_frame": "are a first frame that is an outlier",
     "other_body": "are of another body",
     "other_signals": "have no signal of the profile",
+    "outside_interval": "are outside the interval asked for",
 }
 """Reason -> why decoded messages are not used, to complete a sentence."""
+ASKED_FOR = "outside_interval"
+"""Reason that the caller gave."""
 LOST = ("undecodable", "repeated_time", "no_time")
 """Reasons that lose what was recorded; the others leave out what is not of the person."""
 LogTimes = Callable[[Array, frozenset[str]], tuple[NDArray[np.int64], NDArray[np.int64]]]
@@ -230,6 +235,8 @@ class Recording:
         topics: every topic or signal group, for `reba info`.
         log: notes made on opening (truncated, no summary ...).
         hint: what to do where no profile fits, "" for the usual.
+        files: paths of a recording that was given as a list of files, else empty.
+        scored: what a file of scores was written with, None for others.
     """
 
     path: str
@@ -238,6 +245,8 @@ class Recording:
     topics: tuple[Topic, ...] = ()
     log: ReadLog = field(default_factory=ReadLog)
     hint: str = ""
+    files: tuple[str, ...] = ()
+    scored: Mapping[str, Any] | None = None
 
 
 BLOCK = 20_000
@@ -287,6 +296,9 @@ def array_stream(
                 tuple(parents[index] for index in columns) if parents else (),
             )
 
+    known = time[np.isfinite(time)]
+    if len(known):
+        more.setdefault("present", dict.fromkeys(signals, ((float(known.min()), float(known.max())),)))
     return Stream(name, kind, format, signals, read, count=len(time), **more)
 
 

@@ -80,7 +80,7 @@ def after_reading(monkeypatch: pytest.MonkeyPatch, change: Callable[[], None], n
 
 
 def scores_in(folder: Path) -> pd.DataFrame:
-    return pd.read_parquet(folder)
+    return pd.read_parquet(folder)[["time", *reba.SCORE_COLUMNS, "recording"]]
 
 
 def check_new_content(out: Path, recording: Path) -> None:
@@ -113,19 +113,19 @@ def test_a_recording_that_changes_before_its_hash_is_scored_again(
 ) -> None:
     recording, out = tmp_path / "a.csv", tmp_path / "out"
     recording.write_text(table(LOW))
-    original = readers.build_table
+    original = readers.table_of_match
 
     def changing(*args: Any, **options: Any) -> Any:
-        monkeypatch.setattr(readers, "build_table", original)
+        monkeypatch.setattr(readers, "table_of_match", original)
         opened = original(*args, **options)
         change(recording)
         return opened
 
-    monkeypatch.setattr(readers, "build_table", changing)
+    monkeypatch.setattr(readers, "table_of_match", changing)
     with pytest.raises(reba.ReadError, match="changed while it was read"):
         reba.read(recording)
     recording.write_text(table(LOW))
-    monkeypatch.setattr(readers, "build_table", changing)
+    monkeypatch.setattr(readers, "table_of_match", changing)
     assert run(out, [str(recording)]).failed == 1
     check_new_content(out, recording)
 

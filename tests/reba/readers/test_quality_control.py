@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reba.errors import RebaError
-from reba.readers.quality_control import find_gaps, frozen_warning, parse_neutral
+from reba.readers.quality_control import equal_frames, find_gaps, frozen_warning, parse_neutral
 from tests.support.says import says
 from tests.support.synthetic_bodies import RATE
 
@@ -23,6 +23,6 @@ def test_gaps_and_frozen_stretches() -> None:
     assert find_gaps(time) == ((0.98, 5.0),)
     assert find_gaps(np.arange(5) * 10.0) == ()
     angles = np.random.default_rng(1).normal(size=(100, 22))
-    assert frozen_warning(np.arange(100) / RATE, angles) is None
+    assert frozen_warning(np.arange(100) / RATE, equal_frames(angles)) is None
     angles[20:80] = angles[20]
-    says(frozen_warning(np.arange(100) / RATE, angles) or "", "equal frames", "0.40 s")
+    says(frozen_warning(np.arange(100) / RATE, equal_frames(angles)) or "", "equal frames", "0.40 s")

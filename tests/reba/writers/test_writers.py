@@ -30,7 +30,9 @@ def test_parquet_holds_table_and_rules(scores: Scores, tmp_path: Path) -> None:
     path = tmp_path / "deep" / "scores.parquet"
     reba.write_scores(scores, path)
     table = pd.read_parquet(path)
-    pd.testing.assert_frame_equal(table, scores.data, check_dtype=False)
+    pd.testing.assert_frame_equal(table[list(scores.data)], scores.data, check_dtype=False)
+    pd.testing.assert_frame_equal(table[list(reba.COLUMNS)], pd.DataFrame(scores.angles, columns=list(reba.COLUMNS)))
+    assert list(table)[len(scores.data.columns) :][:22] == list(reba.COLUMNS)
     about = json.loads(pq.read_schema(path).metadata[b"reba"])
     assert about["rules"] == dataclasses.asdict(reba.PRESETS["paper"])
     assert "wrist_flexion_left" in about["unmeasured"]
@@ -60,7 +62,9 @@ def test_mcap_holds_one_message_a_frame(scores: Scores, tmp_path: Path) -> None:
     assert rows[3][0] == round(scores.time[3] * 1e9)
     assert json.loads(notes["reba"]["rules"])["name"] == "paper"
     assert schema.encoding == "jsonschema"
-    assert set(json.loads(schema.data)["properties"]) == set(scores.data.columns)
+    properties = json.loads(schema.data)["properties"]
+    assert {*scores.data.columns, *reba.COLUMNS, "load", "support", "static"} <= set(properties)
+    assert {properties[name]["type"] for name in ("load", "support", "static")} == {"number", "string", "boolean"}
 
 
 def test_mcap_keeps_the_original_topics(tmp_path: Path) -> None:

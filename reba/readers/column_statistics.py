@@ -1,0 +1,94 @@
+"""Statistics of the angle columns of a recording, block by block: they decide without all frames in memory."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reba.arrays import Array
+from reba.posture.columns import ANGLES, COLUMNS, INDEX
+
+LIMITS: Final[dict[str, tuple[float, float]]] = {
+    "trunk_flexion": (-60.0, 180.0),
+    "trunk_side_bend": (-90.0, 90.0),
+    "trunk_twist": (-100.0, 100.0),
+    "neck_flexion": (-90.0, 110.0),
+    "neck_side_bend": (-75.0, 75.0),
+    "neck_twist": (-110.0, 110.0),
+    "knee_flexion": (-20.0, 175.0),
+    "upper_arm_flexion": (-90.0, 200.0),
+    "upper_arm_abduction": (-60.0, 90.0),
+    "shoulder_elevation": (-40.0, 70.0),
+    "lower_arm_flexion": (-20.0, 165.0),
+    "wrist_flexion": (-110.0, 110.0),
+    "wrist_deviation": (-60.0, 70.0),
+    "wrist_twist": (-130.0, 140.0),
+}
+"""[deg] Anatomical limits: normal ranges (AAOS 1965; limits of human.urdf) with a margin for soft tissue."""
+_LOW, _HIGH = np.array([LIMITS[angle.name] for angle in ANGLES for _ in angle.columns]).T
+_ROWS: Final = 20_000
+Counts = NDArray[np.int64]
+
+
+def _none() -> Counts:
+    return np.zeros(len(COLUMNS), np.int64)
+
+
+@dataclass
+class ColumnStatistics:
+    """Statistics of frames with the 22 angle columns.
+
+    Attributes:
+        frames: how many.
+        known: (22,) frames with a finite value.
+        low, high: (22,) smallest and largest finite value [deg]; infinite without one.
+        beyond: (22,) frames beyond `LIMITS`; `beyond_turned`: of the angles with the opposite sign.
+    """
+
+    frames: int = 0
+    known: Counts = field(default_factory=_none)
+    low: Array = field(default_factory=lambda: np.full(len(COLUMNS), np.inf))
+    high: Array = field(default_factory=lambda: np.full(len(COLUMNS), -np.inf))
+    beyond: Counts = field(default_factory=_none)
+    beyond_turned: Counts = field(default_factory=_none)
+
+    def add(self, angles: Array) -> ColumnStatistics:
+        """Add (n, 22) angles [deg], and return the statistics.
+
+        >>> ColumnStatistics().add(np.zeros((3, 22))).add(np.full((2, 22), 8.0)).high[0]
+        np.float64(8.0)
+        """
+        for start in range(0, len(angles), _ROWS):
+            part = angles[start : start + _ROWS]
+            self.frames += len(part)
+            finite = np.isfinite(part)
+            self.known += np.count_nonzero(finite, axis=0)
+            self.low = np.minimum(self.low, np.min(part, axis=0, where=finite, initial=np.inf))
+            self.high = np.maximum(self.high, np.max(part, axis=0, where=finite, initial=-np.inf))
+            with np.errstate(invalid="ignore"):
+                self.beyond += np.count_nonzero((part < _LOW) | (part > _HIGH), axis=0)
+                self.beyond_turned += np.count_nonzero((-part < _LOW) | (-part > _HIGH), axis=0)
+        return self
+
+    def turned(self, columns: Sequence[int]) -> ColumnStatistics:
+        """Return the statistics with the opposite sign of some columns, by their positions."""
+        at = list(columns)
+        low, high = self.low.copy(), self.high.copy()
+        beyond, turned = self.beyond.copy(), self.beyond_turned.copy()
+        low[at], high[at] = -self.high[at], -self.low[at]
+        beyond[at], turned[at] = self.beyond_turned[at], self.beyond[at]
+        return dataclasses.replace(self, low=low, high=high, beyond=beyond, beyond_turned=turned)
+
+    def empty_columns(self) -> list[str]:
+        """Return the columns without any value."""
+        return [column for column, index in INDEX.items() if not self.known[index]]
+
+    def beyond_text(self, column: str) -> str:
+        """Return in how many frames a column is beyond `LIMITS`, as text."""
+        low, high = _LOW[INDEX[column]], _HIGH[INDEX[column]]
+        return f"{self.beyond[INDEX[column]]} of {self.frames} frames beyond {low:g} .. {high:g} deg"

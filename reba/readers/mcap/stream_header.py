@@ -1,0 +1,98 @@
+"""Header of a stream: the names, parents and clock that all messages of its channels give."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from reba.readers.mcap.channels import DecodableChannel
+from reba.readers.mcap.clock import RecordingClock
+from reba.readers.mcap.contents import TOGETHER, Contents, Interval, Presence, Signal, at_once, clock_name, united
+from reba.readers.mcap.merge import MOST_SIGNALS
+from reba.readers.recording.stream import Kind
+
+
+@dataclass(frozen=True)
+class StreamHeader:
+    """What all messages of a stream name, and when.
+
+    Attributes:
+        signals: names and parents that are read.
+        clock: of the stream.
+        source: where its times come from.
+        zero: time of the recording [ns] at time 0 of the stream; `epoch`: its Unix time [ns].
+        intervals: name -> log times [ns] between which it is there.
+        messages: name -> messages that have it.
+        warnings: for the user.
+    """
+
+    signals: tuple[Signal, ...]
+    clock: RecordingClock
+    source: str
+    zero: int
+    epoch: int
+    intervals: Mapping[str, list[Interval]]
+    messages: Mapping[str, int]
+    warnings: tuple[str, ...]
+
+
+def stream_header(parts: Sequence[DecodableChannel], kind: Kind, contents: Contents) -> StreamHeader | None:
+    """Return the header of the stream of some channels, None if none of its messages is usable."""
+    of = (kind, parts[0].group)
+    present: dict[Signal, Presence] = {}
+    for signals, one in contents.presence.get(of, {}).items():
+        for signal in signals:
+            total = present.setdefault(signal, Presence())
+            total.messages += one.messages
+            total.intervals += one.intervals
+    clocks = [track.clock for part in parts if (track := contents.tracks.get(id(part))) and track.clock]
+    if not present or not clocks:
+        return None
+    for piece in contents.static.get(of, []):
+        for signal in zip(piece.names, piece.parents, strict=True):
+            present.setdefault(signal, Presence())
+    spans = {signal: united(one.intervals) for signal, one in present.items()}
+    signals, warnings = _chosen(spans, present)
+    spans_by_name: dict[str, list[Interval]] = {}
+    for name, parent in signals:
+        spans_by_name.setdefault(name, []).extend(spans[name, parent])
+    intervals = {name: united(all_spans) for name, all_spans in spans_by_name.items()}
+    messages: Counter[str] = Counter()
+    for name, parent in signals:
+        messages[name] += present[name, parent].messages
+    clock = contents.clocks[clock_name(kind, of[1])]
+    first, logged = min(clock_.first for clock_ in clocks), min(clock_.first_log for clock_ in clocks)
+    if kind == "angles" and clock.source == "header.stamp":
+        # Rows of a posture table keep their time; the log time gives the epoch.
+        return StreamHeader(signals, clock, "time", 0, logged - first, intervals, messages, warnings)
+    return StreamHeader(signals, clock, clock.source, first, first, intervals, messages, warnings)
+
+
+def _chosen(
+    spans: Mapping[Signal, list[Interval]], present: Mapping[Signal, Presence]
+) -> tuple[tuple[Signal, ...], tuple[str, ...]]:
+    """Return the signals that are read, and warnings: at most `MOST_SIGNALS`, and one parent of a frame at a time."""
+    chosen: dict[str, list[str]] = {}
+    warnings = []
+    named = list(spans)
+    if len(named) > MOST_SIGNALS:
+        frequent = {*sorted(named, key=lambda signal: -present[signal].messages)[:MOST_SIGNALS]}
+        named = [signal for signal in named if signal in frequent]
+        warnings.append(f"more than {MOST_SIGNALS} signals; the others are left out")
+    for name, parent in named:
+        others = chosen.setdefault(name, [])
+        mine = spans[name, parent]
+        rival = next((other for other in others if _meet(mine, spans[name, other])), None)
+        if rival is None and not (others and not spans[name, parent]):
+            others.append(parent)
+        else:
+            first = others[0] if rival is None else rival
+            warnings.append(f"frame {name!r} has the parents {first!r} and {parent!r} at once; the first is used")
+    return tuple((name, parent) for name, parents in chosen.items() for parent in parents), tuple(warnings)
+
+
+def _meet(one: Sequence[Interval], other: Sequence[Interval]) -> bool:
+    """Return whether two parents of a frame are there at once for longer than a hand-over takes."""
+    separate = not one or not other or one[-1][1] <= other[0][0] or other[-1][1] <= one[0][0]
+    return not separate and at_once(one, other) > TOGETHER
