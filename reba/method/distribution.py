@@ -32,7 +32,7 @@ from reba.method.rules import Rules, rules_of
 from reba.method.tables import ACTION_LEVEL_FROM, TABLE_A, TABLE_B, TABLE_C, UNKNOWN, Scores8
 from reba.posture.columns import COLUMNS, GROUP_A, GROUP_B, SIDES
 from reba.posture.factors import Factors
-from reba.posture.named_angles import check_angles, flag_columns, read_angles, warn_if_radians
+from reba.posture.named_angles import checked_poses, flag_columns
 
 LEVELS: Final = range(1, len(ACTION_LEVEL_FROM))
 """Action levels whose probability of being reached is given."""
@@ -146,9 +146,7 @@ def score_probabilities(
         >>> score_probabilities(posture, error={"trunk_flexion": 3.0})[0, :3].round(3).tolist()
         [0.252, 0.748, 0.0]
     """
-    table, _ = read_angles(angles, COLUMNS)
-    check_angles(table)
-    warn_if_radians(table)
+    table, _ = checked_poses(angles, stacklevel=5)
     spread, chosen = MeasurementError.of(error).without(flag_columns(angles)), rules_of(rules)
     result = np.zeros((len(table), SCORES))
     for rows, of_table, activity in _blocks(table, points(Factors.of(factors), chosen, len(table)), chosen, spread):

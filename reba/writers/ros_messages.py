@@ -1,6 +1,6 @@
 """Scores as ROS messages of their own type, for readers that know no JSON: rosbags, PlotJuggler, `ros2 bag`.
 
-A field for each column, so that every viewer plots them by name; the definition is in the file. A value that is missing
+A field for each column of numbers, so that every viewer plots them by name; the definition is in the file. A value that is missing
 is NaN, which leaves a gap in a plot. ROS 2: CDR, https://design.ros2.org/articles/generated_interfaces_cpp.html and
 OMG DDS-XTypes 1.3, section 7.4; ROS 1: https://wiki.ros.org/msg.
 """
@@ -15,6 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from reba.arrays import Indices
+from reba.writers.json_messages import json_type
 
 BLOCK_ROWS: Final = 16_384
 """Frames encoded at a time."""
@@ -35,14 +36,20 @@ def definition(data: pd.DataFrame, profile: str) -> str:
     >>> print(definition(pd.DataFrame({"time": [0.0], "reba": [3]}), "ros1").splitlines()[3])
     float64 reba
     """
-    fields = "".join(f"float64 {name}\n" for name in data.columns)
+    fields = "".join(f"float64 {name}\n" for name in _numbers(data))
     head = "# REBA scores of one frame, time in seconds since the start of the recording; NaN: not known.\n"
     header = f"{_LINE}\nMSG: std_msgs/Header\n{_STAMP[profile]}\nstring frame_id\n"
     return f"{head}std_msgs/Header header\n{fields}{header}{_TIME if profile == ROS2 else ''}"
 
 
+def _numbers(data: pd.DataFrame) -> list[str]:
+    """Return the columns that are numbers; texts, such as the stance, are left out."""
+    return [str(name) for name, column in data.items() if json_type(column) != "string"]
+
+
 def ros_rows(data: pd.DataFrame, order: Indices, stamps: NDArray[np.int64], profile: str) -> Iterator[bytes]:
     """Yield the message of rows in an order; `stamps` [ns] are the times in their headers, of all rows."""
+    data = data[_numbers(data)]
     names = [str(name) for name in data.columns]
     # The frame id is empty: its length with the final zero, and that zero, in ROS 2; its length in ROS 1.
     frame = [("length", "<u4")]

@@ -89,6 +89,7 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "reba.angle_table(data)": reba.angle_table,
     "reba.score(postures)": lambda data: of_scores(reba.score(data)),
     "reba.score_array(angles)": lambda data: of_factors(reba.score_array(data)),
+    "reba.score_probabilities(angles)": lambda data: reba.score_probabilities(data, error="optical"),
     "reba.PostureTable(data)": lambda data: of_scores(reba.score(posture_table(data))),
     "dreba.Poses(angles)": lambda data: dreba.Poses(data, poses().reba).angles,
 }
@@ -96,6 +97,8 @@ CALLS: dict[str, Callable[[Any], Any]] = {
 RECORDS = frozenset((
     "reba.Scores(data)", "reba.Scores(postures)", "reba.write_postures(postures)", "dreba.compare(poses)",
     "dreba.evaluate(poses)", "dreba.fit_to(train)", "dreba.fit_to(held_out)", "dreba.write_report(poses)",
+    "reba.ScoreDistribution(mean_low)", "reba.ScoreDistribution(mean_high)", "reba.ScoreDistribution(level_low)",
+    "reba.ScoreDistribution(level_high)",
 ))  # fmt: skip
 """Entrances that take a record whose own entrance is among `CALLS`."""
 

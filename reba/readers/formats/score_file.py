@@ -18,8 +18,8 @@ from reba.provenance import MEMBER
 
 ABOUT: Final = ".meta.json"
 """Ending of the file beside a CSV, added to its name."""
-MARKS: Final = ("score_a", "reba_low", "reba_high")
-"""Columns of every score table."""
+MARKS: Final = ("reba_low", "reba_high")
+"""Columns of every score table that always have a value: in MCAP the others may be absent."""
 HEAD: Final = 8192
 """[bytes] In which a CSV has the names of its columns."""
 KEY: Final = "reba"

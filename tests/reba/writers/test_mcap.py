@@ -107,7 +107,10 @@ def test_every_property_has_one_plain_type_and_missing_ones_are_left_out(tmp_pat
     (schema,) = [schema for schema in copy.schemas.values() if schema.encoding == "jsonschema"]
     texts = copy.payloads(TOPIC)
     assert problems_of_texts(schema.data, texts) == []
-    for text, row in zip(texts, scores.data.itertuples(index=False), strict=True):
+    reba.write_scores(scores, tmp_path / "out.parquet")
+    table = pd.read_parquet(tmp_path / "out.parquet")
+    assert {"reba", "trunk_flexion", "support"} < set(table.columns)
+    for text, row in zip(texts, table.itertuples(index=False), strict=True):
         message = json.loads(text)
         known = {name: value for name, value in row._asdict().items() if not pd.isna(value)}
         assert message == pytest.approx(known, abs=1e-8)

@@ -189,7 +189,7 @@ def test_measurement_error_is_written_with_its_columns(tmp_path: Path) -> None:
     for name in ("scores.parquet", "scores.csv", "scores.mcap"):
         reba.write_scores(scores, tmp_path / name)
     table = pd.read_parquet(tmp_path / "scores.parquet")
-    pd.testing.assert_frame_equal(table, scores.data)
+    pd.testing.assert_frame_equal(table[list(scores.data)], scores.data)
     assert json.loads(pq.read_schema(tmp_path / "scores.parquet").metadata[b"reba"])["error"]["name"] == "optical"
     assert pd.read_csv(tmp_path / "scores.csv")["reba_95_high"].tolist() == table["reba_95_high"].tolist()
     with (tmp_path / "scores.mcap").open("rb") as stream:
