@@ -30,7 +30,7 @@ from reba.method.part_probabilities import (
 )
 from reba.method.rules import Rules, rules_of
 from reba.method.tables import ACTION_LEVEL_FROM, TABLE_A, TABLE_B, TABLE_C, UNKNOWN, Scores8
-from reba.posture.columns import COLUMNS, GROUP_A, GROUP_B, SIDES
+from reba.posture.columns import GROUP_A, GROUP_B, SIDES
 from reba.posture.factors import Factors
 from reba.posture.named_angles import checked_poses, flag_columns
 
@@ -141,8 +141,9 @@ def score_probabilities(
 
     Example:
         >>> import numpy as np
+        >>> from reba.posture.columns import INDEX
         >>> posture = np.zeros((1, 22))
-        >>> posture[0, COLUMNS.index("trunk_flexion")] = 62.0
+        >>> posture[0, INDEX["trunk_flexion"]] = 62.0
         >>> score_probabilities(posture, error={"trunk_flexion": 3.0})[0, :3].round(3).tolist()
         [0.252, 0.748, 0.0]
     """

@@ -1,8 +1,9 @@
 """Scores as ROS messages of their own type, for readers that know no JSON: rosbags, PlotJuggler, `ros2 bag`.
 
-A field for each column of numbers, so that every viewer plots them by name; the definition is in the file. A value that is missing
-is NaN, which leaves a gap in a plot. ROS 2: CDR, https://design.ros2.org/articles/generated_interfaces_cpp.html and
-OMG DDS-XTypes 1.3, section 7.4; ROS 1: https://wiki.ros.org/msg.
+A field for each column of numbers, so that every viewer plots them by name; the definition is in the file. A value that
+is missing is NaN, which leaves a gap in a plot. ROS 2: CDR,
+https://design.ros2.org/articles/generated_interfaces_cpp.html and OMG DDS-XTypes 1.3, section 7.4; ROS 1:
+https://wiki.ros.org/msg.
 """
 
 from __future__ import annotations
