@@ -115,7 +115,7 @@ class Rows:
         self._chunk = bytearray()
 
     def until(self, time: int | None) -> None:
-        """Write the messages up to a log time [ns] in whole chunks, all of them without one."""
+        """Write the messages up to a log time [ns], all of them without one, so that chunks stay in order of time."""
         stop = len(self._log) if time is None else int(np.searchsorted(self._log, min(time, LATEST), side="right"))
         for at in range(self._next, stop):
             sequence, log, publish = int(self._order[at]), int(self._log[at]), int(self._publish[at])
@@ -123,8 +123,7 @@ class Rows:
             if len(self._chunk) >= CHUNK_BYTES:
                 self._write()
         self._next = max(stop, self._next)
-        if time is None:
-            self._write()
+        self._write()
 
     def _write(self) -> None:
         self._file.chunk(bytes(self._chunk))
