@@ -9,6 +9,7 @@ Links and `..` are followed only inside these folders. Textures and other files 
 from __future__ import annotations
 
 import io
+import warnings
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any, Final
@@ -86,8 +87,11 @@ def read_mesh(file: Path) -> list[Body]:
         _check_nodes(root, file)
         _check_numbers(root, file)
     try:
-        # Without a path and a resolver no other file can be opened.
-        scene = trimesh.load_scene(io.BytesIO(data), file_type=ending[1:], process=False)
+        with warnings.catch_warnings():
+            # What the reader of DAE calls is deprecated in newer versions of NumPy.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            # Without a path and a resolver no other file can be opened.
+            scene = trimesh.load_scene(io.BytesIO(data), file_type=ending[1:], process=False)
         uses = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
         if sum(len(getattr(use, "faces", ())) for use in uses) > MOST_FACES:
             raise WorldError(f"{file}: has more than {MOST_FACES} triangles; export a simpler mesh")
