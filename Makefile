@@ -35,7 +35,7 @@ test-fast: setup
 test-lowest: setup
 	PYTHON=$(PYTHON) .ci/versions lowest
 
-# The fast tests with the newest versions that exist, also on the newest Python that is found.
+# The fast tests with the newest versions that exist, on the newest Python that is found.
 test-newest: setup
 	PYTHON=$(PYTHON) .ci/versions newest
 
