@@ -110,8 +110,12 @@ def bvh() -> list[bytes]:
     from tests.reba.readers.formats.test_bvh import SMALL
 
     names = [name for name in _points("bvh_motionbuilder") if name != "Hips"]
-    channels = "OFFSET 0 10 0\nCHANNELS 3 Zrotation Yrotation Xrotation\n"
-    joints = "".join(f"JOINT {name}\n{{\n{channels}End Site\n{{\nOFFSET 0 1 0\n}}\n}}\n" for name in names)
+    aside = {"Left": 10, "Righ": -10}
+    joints = "".join(
+        f"JOINT {name}\n{{\nOFFSET {aside.get(name[:4], 0)} 10 0\nCHANNELS 3 Zrotation Yrotation Xrotation\n"
+        "End Site\n{\nOFFSET 0 1 0\n}\n}\n"
+        for name in names
+    )
     row = " ".join(["5"] * (6 + 3 * len(names)))
     body = (
         "HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\n"

@@ -58,10 +58,10 @@ def casadi_function(model: Surrogate, *, temperature: float | None = None, name:
 def casadi_json(model: Surrogate, *, temperature: float | None = None, name: str = "dreba") -> str:
     """Return the text of the function for `casadi.Function.deserialize`, which reads to the end of the function.
 
-    The lines after it say which version wrote the text, and the order of the angles.
+    The lines after it say the order of the angles, and which version wrote the text.
     """
     function = casadi_function(model, temperature=temperature, name=name)
-    return f"{function.serialize()}\n{generator()}\nangles [deg]: {', '.join(model.joints_)}\n"
+    return f"{function.serialize()}\nangles [deg]: {', '.join(model.joints_)}\n{generator()}\n"
 
 
 def _convex(casadi: Any, model: ConvexModel, angles: Any) -> Any:

@@ -111,7 +111,7 @@ def test_casadi_file_reads_back(tmp_path: Path) -> None:
     written = dreba.export_model(model("soft"), tmp_path / "cost.casadi", to="casadi", name="posture_cost")
     function = casadi.Function.deserialize(written.read_text())
     assert function.name() == "posture_cost"
-    assert written.read_text().splitlines()[-1] == f"angles [deg]: {', '.join(COLUMNS)}"
+    assert written.read_text().splitlines()[-2] == f"angles [deg]: {', '.join(COLUMNS)}"
     pose = np.full(22, 12.0)
     assert float(function(pose, 0.0, [0, 0], 0.0)[0]) == pytest.approx(model("soft").value(pose), abs=1e-10)
 

@@ -90,7 +90,7 @@ def test_pandas_and_pyarrow_read_it_as_one_table(inputs: list[str], tmp_path: Pa
     assert set(whole["recording"].unique()) == {Path(name).name for name in inputs}
     one = ds.dataset(out, partitioning="hive").to_table(filter=ds.field("recording") == "shift002.parquet").to_pandas()
     expected = reba.score(reba.read(inputs[2])).data
-    pd.testing.assert_frame_equal(one.drop(columns="recording"), expected, check_dtype=False)
+    pd.testing.assert_frame_equal(one[list(expected)], expected, check_dtype=False)
 
 
 def test_the_manifest_says_what_became_of_each(inputs: list[str], tmp_path: Path) -> None:
@@ -206,7 +206,8 @@ def complete_and_once(folder: Path, inputs: list[str]) -> None:
     assert not list(folder.rglob("*.part"))
     for name in inputs:
         scores = pd.read_parquet(part(folder, name), partitioning=None)
-        pd.testing.assert_frame_equal(scores, reba.score(reba.read(name)).data, check_dtype=False)
+        expected = reba.score(reba.read(name)).data
+        pd.testing.assert_frame_equal(scores[list(expected)], expected, check_dtype=False)
 
 
 def test_the_guide_prints_what_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
