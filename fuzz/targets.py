@@ -154,7 +154,7 @@ def load_robot(path: Path) -> object:
 
 
 def load_mesh(path: Path) -> object:
-    from lgp.page.mesh_file import read_mesh
+    from lgp.kinematics.mesh_file import read_mesh
     from lgp.page.objects import reduced
 
     return reduced([(vertices, faces, seeds.GREY) for vertices, faces, _ in read_mesh(path)])

@@ -105,9 +105,10 @@ class Planner:
 
     def planned(self, number: int) -> ActionMotion:
         """Return the planned motion of an action."""
-        slices = self.motion.phases.slices
-        knots = self.motion.path[number * slices : (number + 1) * slices + 1]
-        return ActionMotion(JointTrajectory(knots, self.motion.phases.seconds))
+        slices, path = self.motion.phases.slices, self.motion.path
+        first, last = number * slices, (number + 1) * slices
+        beside = path[max(first - 1, 0)], path[min(last + 1, len(path) - 1)]
+        return ActionMotion(JointTrajectory(path[first : last + 1], self.motion.phases.seconds, beside=beside))
 
     def deviations(self, number: int, view: TrackedWorld) -> list[str]:
         """Return, in words, joints and objects that are away from the start of the planned motion of an action."""

@@ -1,7 +1,7 @@
 """Motions over time: the slices of one phase as a smooth trajectory from rest to rest, and a brake.
 
-The wait between two actions is unknown, so every motion ends at rest. The path through the slices is a cubic spline;
-its path parameter has a trapezoidal rate: constant, with a linear ramp at either end.
+The wait between two actions is unknown, so every motion ends at rest. The path through the slices is that of the plan,
+monotone cubic in every joint; its path parameter has a trapezoidal rate: constant, with a linear ramp at either end.
 """
 
 from __future__ import annotations
@@ -26,18 +26,26 @@ class JointTrajectory:
         knots: (S + 1, n) configurations, the initial one first [rad, m].
         seconds: duration at constant rate.
         scale: factor of its duration, 1 or more, see `time_scaled`.
+        beside: configurations (n,) one slice before the first knot and after the last, where the path goes on; at rest
+            by default.
 
     >>> trajectory = JointTrajectory(np.array([[0.0], [1.0], [2.0]]), 1.0)
     >>> trajectory.duration, float(trajectory.at(0.65)[0].round(9)), float(trajectory.velocity(0.0)[0])
     (1.3, 1.0, 0.0)
     """
 
-    def __init__(self, knots: Array, seconds: float, scale: float = 1.0) -> None:
-        from scipy.interpolate import CubicSpline
+    def __init__(
+        self, knots: Array, seconds: float, scale: float = 1.0, beside: tuple[Array, Array] | None = None
+    ) -> None:
+        from scipy.interpolate import PchipInterpolator
 
         self.knots, self.seconds, self.scale = np.asarray(knots, dtype=float), seconds, scale
-        bend = "natural" if len(self.knots) > 2 else "clamped"
-        self._spline = CubicSpline(np.linspace(0.0, seconds, len(self.knots)), self.knots, bc_type=bend)
+        self.beside = (self.knots[0], self.knots[-1]) if beside is None else beside
+        step = seconds / (len(self.knots) - 1)
+        times = np.linspace(-step, seconds + step, len(self.knots) + 2)
+        self._spline = PchipInterpolator(
+            times, np.concatenate([self.beside[0][None], self.knots, self.beside[1][None]])
+        )
         self._ramp = min(RAMP, seconds)
 
     @property
@@ -99,7 +107,7 @@ Move = JointTrajectory | Brake
 STEP = 0.01
 """[s] Time between samples at which limits are checked."""
 MARGIN = 1e-3
-"""[rad, m] Overshoot of a position limit that is allowed to a spline; robot controllers clip it."""
+"""[rad, m] Excess of a position limit that is allowed; robot controllers clip it."""
 
 
 @dataclass(frozen=True)
@@ -159,4 +167,5 @@ def time_scaled(world: World, trajectory: JointTrajectory, columns: Indices) -> 
     factor = max([1.0, *(1.001 * ratio for ratio in ratios)])
     if factor == 1.0:
         return trajectory, 1.0
-    return JointTrajectory(trajectory.knots, trajectory.seconds, trajectory.scale * factor), factor
+    scale = trajectory.scale * factor
+    return JointTrajectory(trajectory.knots, trajectory.seconds, scale, trajectory.beside), factor

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from lgp.kinematics.features import rotation_about_z
 from lgp.kinematics.human import ISB, LEGS, sided
 from lgp.scene.body_measures import lengths, table
+from lgp.scene.model import Human
 from reba.arrays import Array
 from reba.posture.columns import SIDES
 
@@ -138,6 +140,54 @@ def _about(axis: int, angle: Array) -> Array:
     out[:, j, i] = np.sin(angle)
     out[:, i, j] = -out[:, j, i]
     return out
+
+
+class LegSegments:
+    """Hip, knee and ankle of a person whose soles stay in place, from the pose of the pelvis.
+
+    The knee is in front, in the plane of hip, ankle and the direction of the foot.
+    """
+
+    def __init__(self, person: Human) -> None:
+        self.measures = lengths(person.stature, person.sex)
+        self.rotation = rotation_about_z(np.radians(person.yaw))
+        self.origin = np.array(person.position)
+
+    def ends(self, leg: str, rotation: Array, position: Array) -> tuple[Array, Array]:
+        """Return both ends (n, 3) [m] of "left thigh", "right shank" ... for poses (n, 3, 3), (n, 3) of the pelvis."""
+        side, _, segment = leg.partition(" ")
+        hip = self.hip(side, rotation, position)
+        knee = self.knee(side, hip)
+        return (hip, knee) if segment == "thigh" else (knee, np.broadcast_to(self._ankle(side), hip.shape))
+
+    def hip(self, side: str, rotation: Array, position: Array) -> Array:
+        """Return the hip (n, 3) [m]."""
+        return position + rotation @ ISB @ np.array([0.0, 0.0, self._out(side)])
+
+    def knee(self, side: str, hip: Array) -> Array:
+        """Return the knee (n, 3) [m] for hips (n, 3)."""
+        thigh, shank = self.measures["thigh"], self.measures["shank"]
+        ankle = self._ankle(side)
+        upwards = hip - ankle
+        distance = np.linalg.norm(upwards, axis=1, keepdims=True)
+        upwards = upwards / distance
+        forward = self.rotation[:, 0] - (upwards @ self.rotation[:, 0])[:, None] * upwards
+        forward /= np.linalg.norm(forward, axis=1, keepdims=True)
+        share = (distance**2 + shank**2 - thigh**2) / (2.0 * distance)
+        bent = np.sqrt(np.maximum(shank**2 - share**2, 0.0))
+        return np.asarray(ankle + share * upwards + bent * forward)
+
+    def knee_by_hip(self, side: str, hip: Array) -> Array:
+        """Return the derivative (n, 3, 3) of the knee by the hip, by central differences."""
+        steps = 1e-6 * np.eye(3)
+        ahead, behind = (np.stack([self.knee(side, hip + sense * step) for step in steps], 2) for sense in (1.0, -1.0))
+        return np.asarray((ahead - behind) / 2e-6)
+
+    def _out(self, side: str) -> float:
+        return self.measures["half_hips"] * (1.0 if side == "right" else -1.0)
+
+    def _ankle(self, side: str) -> Array:
+        return self.origin + self.rotation @ np.array([0.0, -self._out(side), self.measures["ankle_height"]])
 
 
 def rest_posture(stature: float, sex: str) -> dict[str, float]:

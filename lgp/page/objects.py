@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.errors import WorldError
+from lgp.kinematics.mesh_file import mesh_path, read_mesh
 from lgp.kinematics.robot import urdf_of
 from lgp.kinematics.urdf import read_urdf
 from lgp.page.mesh import Mesh, colour, joined
-from lgp.page.mesh_file import mesh_path, read_mesh
 from lgp.scene.model import Robot, SceneObject, Table
 from reba.arrays import Array
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lgp.kinematics import human
+from lgp.kinematics.interpolation import interpolate
 from lgp.motion import Motion
 from lgp.page.camera import Shot, shots_of
 from lgp.page.mesh import Mesh, surface_points
@@ -57,7 +58,7 @@ class SceneAnimation:
 
 
 def scene_animation(motion: Motion) -> SceneAnimation:
-    """Return the animation of a feasible plan, interpolated between its slices by cubic splines of the joints.
+    """Return the animation of a feasible plan, as the plan interpolates between its slices.
 
     Raises:
         LgpError: the meshes of a robot cannot be read.
@@ -86,14 +87,13 @@ def scene_animation(motion: Motion) -> SceneAnimation:
 
 def _dense(motion: Motion) -> tuple[Motion, int]:
     """Return the motion in shorter slices, and their number per slice of the plan."""
-    from scipy.interpolate import CubicSpline
-
     plan = motion.plan
     longest = float(np.diff(motion.time).max())
     steps = max(1, int(np.ceil(longest * RATE - 1e-9)))
-    at = np.interp(np.arange(1, steps * len(plan.time) + 1) / steps, np.arange(len(motion.time)), motion.time)
-    path = CubicSpline(motion.time, motion.path, bc_type="clamped")(at)
-    path = np.clip(path, motion.world.lower, motion.world.upper)
+    points = np.arange(steps * len(plan.time))
+    before, share = points // steps, (points % steps + 1) / steps
+    at = motion.time[before] * (1.0 - share) + motion.time[before + 1] * share
+    path = interpolate(motion.path, before, share)
     finer: Plan = replace(plan, path=path, time=at, phase=np.repeat(plan.phase, steps))
     return Motion(finer, motion.world), steps
 

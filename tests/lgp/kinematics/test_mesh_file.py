@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from lgp.errors import WorldError
-from lgp.page.mesh_file import mesh_path, read_mesh
+from lgp.kinematics.mesh_file import mesh_path, read_mesh
 from tests.support.page_packages import needs_page
 from tests.support.robot_files import DAE, DAE_NODES, STL, STL_TEXT, dae, with_mesh
 from tests.support.says import says
