@@ -166,6 +166,12 @@ def path(data: dict[str, Any]) -> Iterator[Figure]:
         yield from _growth("path, set up and solved", rows, word)
 
 
+def audit(data: dict[str, Any]) -> Iterator[Figure]:
+    for name, row in data["plans"].items():
+        value = f"{1000 * row['all']:.0f} ms, {row['samples']} samples, {row['pairs']} pairs"
+        yield Figure(f"audit of {name}", value, "0.1 s", row["all"] / 0.1)
+
+
 def study_nulls(data: dict[str, Any]) -> Iterator[Figure]:
     for conditions, tests in data["null"].items():
         for name, row in tests.items():
@@ -225,6 +231,7 @@ SCRIPTS: tuple[Script, ...] = (
     Script("bounds", bounds, ("--runs", "1")),
     Script("cost_models", cost_models, ("--runs", "1", "--models", "convex")),
     Script("path", path, ("--repeat", "1", "--no-growth")),
+    Script("audit", audit, ("screwdriver_panda", "--repeat", "2")),
     Script("toolbox", toolbox, ("--parts", "2", "--seconds", "5")),
     Script("study_nulls", study_nulls, ("--studies", "20", "--files", "0")),
     Script("scale", scale, ("--recordings", "4", "--minutes", "1", "--subset", "2", "--mcap", "1")),

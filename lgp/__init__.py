@@ -14,6 +14,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from lgp.audit.audit import audit_plan
+    from lgp.audit.faults import Audit
     from lgp.errors import LgpError, LogicError, SceneError, WorldError
     from lgp.execution.run_plan import run_plan
     from lgp.experiments.screwdriver_experiment import experiment_screwdriver
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from lgp.study.study import run_study
 
 __all__ = [
+    "Audit",
     "Ergonomics",
     "LgpError",
     "LogicError",
@@ -42,6 +45,7 @@ __all__ = [
     "Weights",
     "World",
     "WorldError",
+    "audit_plan",
     "experiment_screwdriver",
     "experiment_toolbox",
     "load_scene",
@@ -53,6 +57,7 @@ __all__ = [
 ]
 # Scenes are read without the numerical packages that planning needs; the commands handle interrupts before any import.
 _LAZY = {
+    "Audit": "lgp.audit.faults",
     "Ergonomics": "lgp.path.ergonomics",
     "LgpError": "lgp.errors",
     "LogicError": "lgp.errors",
@@ -64,6 +69,7 @@ _LAZY = {
     "Weights": "lgp.path.costs",
     "World": "lgp.kinematics.world",
     "WorldError": "lgp.errors",
+    "audit_plan": "lgp.audit.audit",
     "load_scene": "lgp.scene.scene_file",
     "shipped_scenes": "lgp.scene.scene_file",
     "plan": "lgp.planner",

@@ -13,6 +13,7 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
     """Print a plan: actions with the mean REBA score of each phase, costs, residuals and search statistics."""
     if not summary["actions"]:
         console.print(f"{summary['scene']}: the goal holds already; no action is needed")
+        show_audit(console, summary["audit"])
         return
     table = Table(title=f"Plan for {summary['scene']}", title_justify="left", header_style="bold")
     table.add_column("action")
@@ -22,12 +23,14 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
         table.add_row(Text(action), "-" if score is None else f"{score:.1f}")
     console.print(table)
     cost, residuals, search = summary["cost"], summary["residuals"], summary["search"]
+    satisfied = f"satisfied within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"
+    faults = len(summary["audit"]["faults"])
     console.print(
         f"cost {cost['total']:.3f}: acceleration {cost['acceleration']:.3f}, ergonomics {cost['ergonomics']:.3f}; "
-        f"constraints are satisfied within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"
+        + (f"the audit found {_count(faults)}, the constraints of the planner are " if faults else "constraints are ")
+        + satisfied
     )
-    if residuals.get("penetration"):
-        console.print(f"deepest penetration of two bodies: {residuals['penetration']:.3f} m")
+    show_audit(console, summary["audit"])
     if summary["reba"]["mean"] is not None:
         console.print(f"REBA: mean {summary['reba']['mean']:.2f}, max {summary['reba']['max']}")
     best = {
@@ -38,6 +41,31 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
         f"search: {search['poses']} poses, {search['sequences']} sequences, {search['paths']} paths in "
         f"{search['seconds']:.1f} s; {best}"
     )
+
+
+def show_audit(console: Console, audit: dict[str, Any]) -> None:
+    """Print what the audit of a plan found: nothing, or the deepest pair of each class and every other fault."""
+    hands, speed, samples = audit["hands"], audit["speed"], audit["samples"]
+    measures = [] if hands is None else [f"hands {100 * hands:.1f} cm apart"]
+    measures += [] if speed is None else [f"at most {speed:.0%} of joint speed limits".replace("%", " %")]
+    looked = f"in {samples} samples" if samples > 1 else "at the start"
+    result = "nothing deeper than 1 mm" if audit["clean"] else _count(len(audit["faults"]))
+    console.print(Text(", ".join([f"audit: {result} {looked}", *measures])))
+    for one in audit["deepest"]:
+        if one["depth"] > audit["touching"]:
+            first, second = one["pair"]
+            depth, time = 1000 * one["depth"], one["time"]
+            more = f", and {one['pairs'] - 1} more" if one["pairs"] > 1 else ""
+            console.print(Text(f"  {one['class']}: {first} is {depth:.1f} mm in {second} at {time:.2f} s{more}"))
+    for fault in audit["faults"]:
+        if fault["kind"] != "contact":
+            console.print(Text(f"  {fault['what']} at {fault['time']:.2f} s"))
+    for what in audit["unaudited"]:
+        console.print(Text(f"  not judged: {what}"))
+
+
+def _count(faults: int) -> str:
+    return f"{faults} fault" if faults == 1 else f"{faults} faults"
 
 
 def show_toolbox(console: Console, summary: dict[str, Any]) -> None:

@@ -58,6 +58,7 @@ class Plan:
         search: expanded, pruned, poses, sequences, paths, seconds, bound, gap, and statistics of each level.
         tree: nodes of the searched tree; not saved.
         provenance: the version that computed the plan; {} if it is unknown.
+        audit: what `lgp.audit_plan` found, as `Audit.summary` gives it; {} without a plan, and of older plans.
     """
 
     scene: Scene
@@ -79,6 +80,7 @@ class Plan:
     solver: dict[str, Any] = field(default_factory=dict)
     tree: tuple[Any, ...] = field(default=(), repr=False)
     provenance: dict[str, Any] = field(default_factory=provenance)
+    audit: dict[str, Any] = field(default_factory=dict)
 
     def reba(self, rules: Rules | str = "measured") -> ScoreArrays | None:
         """Return the true REBA scores of every slice, None without a plan or a human.
@@ -107,6 +109,7 @@ class Plan:
             "cost": self.costs or {"total": None, "acceleration": None, "ergonomics": None},
             "reba": reba,
             "residuals": self.residuals or {"equality": None, "inequality": None},
+            "audit": plain_data(self.audit),
             "search": plain_data(self.search),
             "solver": self.solver,
         }
@@ -145,6 +148,8 @@ PLAIN: Final[dict[str, type]] = {
     "variables": dict,
 }
 """Fields that are saved as they are, with their JSON types."""
+LATER: Final[dict[str, type]] = {"audit": dict, "provenance": dict}
+"""Fields that older plans do not have, with their JSON types."""
 NUMBERS: Final = ("costs", "residuals", "variables")
 """Fields whose values are numbers by name."""
 
@@ -157,7 +162,7 @@ def save(plan: Plan, folder: Path) -> None:
     data["scene"] = {"name": plan.scene.name, "values": plan.scene.values}
     data |= {name: getattr(plan, name) for name in PLAIN}
     data |= {"actions": list(plan.actions), "joints": list(plan.joints), "start": plan.start.tolist()}
-    data |= {"reba": plan.summary()["reba"], "provenance": plan.provenance}
+    data |= {"reba": plan.summary()["reba"]} | {name: getattr(plan, name) for name in LATER}
     times = {"time": plan.time, "phase": plan.phase}
 
     def write(part: Path) -> None:
@@ -183,7 +188,7 @@ def load(folder: Path) -> Plan:
         for name, value in data["search"].items()
     }
     fields["scene"] = _scene(file, data["scene"])
-    fields["provenance"] = data.get("provenance", {})
+    fields |= {name: data.get(name, kind()) for name, kind in LATER.items()}
     fields |= {"actions": tuple(data["actions"]), "joints": tuple(data["joints"])}
     try:
         fields["start"] = np.array(data["start"], dtype=float)
@@ -212,7 +217,7 @@ def _read(file: Path) -> dict[str, Any]:
 
 def _check(file: Path, data: dict[str, Any]) -> None:
     """Refuse fields of a wrong type."""
-    kinds = {**PLAIN, "provenance": dict}
+    kinds = {**PLAIN, **LATER}
     wrong = [name for name, kind in kinds.items() if not isinstance(data.get(name, kind()), kind)]
     wrong += [name for name in NUMBERS if name not in wrong and not all(map(_is_number, data[name].values()))]
     for name in ("actions", "joints"):

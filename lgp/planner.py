@@ -10,6 +10,7 @@ import os
 import re
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +19,7 @@ import numpy as np
 
 import dreba
 from dreba.surrogates.base import Surrogate
+from lgp.audit.audit import audit_plan
 from lgp.defaults import COST
 from lgp.errors import LgpError, LogicError
 from lgp.kinematics.posture import PostureMap
@@ -88,8 +90,9 @@ def plan(
         collisions: constrain the path to be collision-free; `residuals["penetration"]` is computed either way.
 
     Returns:
-        The plan, without actions where the goal holds already; the best so far after an interrupt (Ctrl-C) of the
-        search. Where `feasible` is false, `reason` names the constraint or precondition that fails.
+        The plan with what an independent `audit` of it found, without actions where the goal holds already; the best so
+        far after an interrupt (Ctrl-C) of the search. Where `feasible` is false, `reason` names the constraint or
+        precondition that fails.
 
     Raises:
         LgpError: the scene, model, sequence or initial configuration is invalid.
@@ -121,7 +124,8 @@ def plan_within(
     A `sequence` is planned for instead of searching; `first` is as for `lgp.search.tree_search.search`.
     """
     result = search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence)
-    return _record(bounds.world.scene, bounds, result)
+    plan = _record(bounds.world.scene, bounds, result)
+    return replace(plan, audit=audit_plan(plan).summary()) if plan.feasible else plan
 
 
 def task_of(scene: Scene) -> Task:

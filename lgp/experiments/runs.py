@@ -48,6 +48,7 @@ RUN_COLUMNS: Final[dict[str, str]] = {
     "actions": "string",  # in the notation of the paper, joined by "; "
     "initial": "string",  # initial posture, one of STARTS
     "reason": "string",  # why it is infeasible, else empty
+    "faults": "int64",  # that the audit of the plan found, 0 if infeasible
 }
 """Columns of runs.parquet and their types."""
 PATH_COLUMNS: Final[dict[str, str]] = {

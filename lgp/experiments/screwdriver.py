@@ -153,6 +153,7 @@ def _row(scene: Scene, plan: Plan) -> dict[str, Any]:
         "seconds": plan.search["seconds"],
         "actions": "; ".join(plan.actions),
         "reason": plan.reason,
+        "faults": len(plan.audit.get("faults", ())),
     }
     scores = plan.reba()
     if scores is None:

@@ -80,6 +80,7 @@ def _start(runs: pd.DataFrame, paths: pd.DataFrame, start: str) -> dict[str, Any
     return {
         "runs": int(selected["run"].nunique()),
         "infeasible": _infeasible(selected),
+        "audit": {name: _faults(selected[selected["condition"] == name]) for name in CONDITIONS},
         "drawn_height": {**asdict(mean_of(heights.ravel())), "published": _mean_sd(published.DRAWN_HEIGHT)},
         "table_choice": {condition: _choice(selected, start, condition) for condition in CONDITIONS},
         "table_change": asdict(compare_choices(tables[NON_ERGONOMIC], tables[ERGONOMIC], TABLES)),
@@ -103,6 +104,13 @@ def _infeasible(runs: pd.DataFrame) -> dict[str, Any]:
         ]
         infeasible[condition] = {"n": len(failed), "of": len(selected), "runs": reasons}
     return infeasible
+
+
+def _faults(runs: pd.DataFrame) -> dict[str, int]:
+    """Number of plans, of those with a fault that their audit found, and of faults."""
+    feasible = runs[runs["feasible"]]
+    with_fault = feasible["faults"] > 0
+    return {"plans": len(feasible), "with_fault": int(with_fault.sum()), "faults": int(feasible["faults"].sum())}
 
 
 def _choice(runs: pd.DataFrame, start: str, condition: str) -> dict[str, Any]:

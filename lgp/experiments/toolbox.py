@@ -252,6 +252,7 @@ def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[s
         "sequences": condition.sequences,
         **scores_of(plan),
         "residuals": plan.residuals,
+        "audit": plan.audit,
         "status": plan.status,
         "search": plan.search,
         "solver": plan.solver,
@@ -288,6 +289,7 @@ def write_tables(folder: Path, summary: dict[str, Any], conditions: dict[str, Co
             "reba_grasp": float(np.mean(np.asarray(exact.reba, float)[ends])) if exact is not None else np.nan,
             "reba_mean": scores["mean"], "cost": one.plan.costs["total"], "feasible": True,
             "seconds": one.plan.search["seconds"], "actions": "; ".join(one.plan.actions),
+            "faults": len(one.plan.audit["faults"]),
         })  # fmt: skip
     frame = pd.DataFrame(rows)
     write_atomic(folder / "runs.parquet", lambda part: write_parquet(frame, part))

@@ -25,7 +25,8 @@ def one_run(run, start, worse):
         table = "center" if condition == "ergonomic" else TABLES[run % 4 % 3 % 2]
         grasp = SCORE[condition] + rng.integers(-1, 2) + (worse if condition == "non-ergonomic" else 0)
         key = {"run": run, "condition": condition, "initial": start}
-        row = {**key, "seed": 0, "feasible": ok, "seconds": 0.5, "reason": "" if ok else "<0.1 m> too far"}
+        row = {**key, "seed": 0, "feasible": ok, "seconds": 0.5, "faults": 2 * ok * (run == 0)}
+        row |= {"reason": "" if ok else "<0.1 m> too far"}
         row |= {f"height_{name}": height for name, height in zip(TABLES, heights, strict=True)}
         row |= {"actions": "grasp(1, baxter.left, screwdriver)", "table": table if ok else None}
         row |= {"chosen_height": heights[TABLES.index(table)], "reba_grasp": grasp, "reba_mean": grasp / 2, "cost": 1.0}

@@ -33,7 +33,7 @@ def made(run, initial="rest", failed=(), tables=("left", "center", "left"), scor
     for condition, table, score in zip(CONDITIONS, tables, scores, strict=True):
         ok = condition not in failed
         key = {"run": run, "condition": condition, "initial": initial}
-        row = {**key, "seed": 0, "feasible": ok, "seconds": 0.5, "reason": "" if ok else "0.1 m too far"}
+        row = {**key, "seed": 0, "feasible": ok, "seconds": 0.5, "reason": "" if ok else "0.1 m too far", "faults": 0}
         row |= {f"height_{name}": height for name, height in zip(TABLES, heights, strict=True)}
         row |= {"actions": "grasp(1, baxter.left, screwdriver)" if ok else "", "table": table if ok else None}
         row |= {"chosen_height": heights[TABLES.index(table)], "reba_grasp": score, "reba_mean": score - 1, "cost": 1.0}

@@ -58,7 +58,7 @@ def made(run: int, table: str | None) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return rows of a run whose two searched conditions chose a table, or found no plan."""
     numbers = {"chosen_height": 1.0, "reba_grasp": 2.0, "reba_mean": 2.0, "cost": 1.0}
     row = {"run": run, "seed": 0, "initial": "rest", "table": table, "feasible": table is not None, "seconds": 1.0}
-    row |= {"actions": "", "reason": "", "height_left": 1.0, "height_center": 1.0, "height_right": 1.0}
+    row |= {"actions": "", "reason": "", "faults": 0, "height_left": 1.0, "height_center": 1.0, "height_right": 1.0}
     row |= numbers if table else dict.fromkeys(numbers, np.nan)
     runs = pd.DataFrame([row | {"condition": condition} for condition in CONDITIONS])
     return runs[list(RUN_COLUMNS)].astype(RUN_COLUMNS), empty(PATH_COLUMNS)

@@ -19,6 +19,8 @@ def test_summary_counts_choices_heights_and_infeasible_runs(both, summary):
         "non-ergonomic": 1, "ergonomic": 0, "re-optimized": 1,
     }  # fmt: skip
     assert rest["infeasible"]["non-ergonomic"]["runs"] == [{"run": 2, "reason": "<0.1 m> too far"}]
+    assert rest["audit"]["ergonomic"] == {"plans": RUNS, "with_fault": 1, "faults": 2}
+    assert rest["audit"]["non-ergonomic"]["plans"] == RUNS - 1
     choice = rest["table_choice"]["ergonomic"]
     assert choice["percent"] == {"left": 0.0, "center": 100.0, "right": 0.0}
     assert choice["published"] == {"left": 26, "center": 40, "right": 34}

@@ -1,0 +1,126 @@
+"""A robot as its URDF describes it: https://wiki.ros.org/urdf/XML. Joints that move, frames, and <collision> bodies."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from lgp.audit.joint_tree import BASE, Frame, TreeJoint, about, chain_of
+from lgp.audit.shapes import Shape, ball, box, capsule, cylinder, mesh
+from lgp.errors import WorldError
+from lgp.kinematics.mesh_file import mesh_path, read_mesh
+from lgp.kinematics.urdf import read_urdf
+from reba.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class RobotFile:
+    """A URDF: moving joints, frames of links and joints, (link, frame, shape) of each body, links without one."""
+
+    joints: tuple[TreeJoint, ...]
+    frames: Mapping[str, Frame]
+    parts: tuple[tuple[str, Frame, Shape], ...]
+    notes: tuple[str, ...]
+
+    def chain(self, number: int) -> list[int]:
+        """Return the frames from one to the base, both included."""
+        return chain_of(self.joints, number)
+
+
+MOVES: Final = ("revolute", "continuous", "prismatic")
+
+
+@cache
+def robot_file(path: Path) -> RobotFile:
+    """Return a URDF file (read once)."""
+    root, _ = read_urdf(path)
+    by_parent: dict[str, list[ET.Element]] = {}
+    for element in root.findall("joint"):
+        by_parent.setdefault(_link(element, "parent"), []).append(element)
+    children = {_link(element, "child") for element in root.findall("joint")}
+    first = next(link.get("name", "") for link in root.findall("link") if link.get("name") not in children)
+    frames, joints, waiting = {first: Frame(BASE, np.eye(3), np.zeros(3))}, [], [first]
+    while waiting:
+        parent = waiting.pop()
+        for element in by_parent.get(parent, []):
+            at, child = frames[parent].then(*_origin(element)), _link(element, "child")
+            if element.get("type") in MOVES:
+                joints.append(_joint(element, at))
+                at = Frame(len(joints), np.eye(3), np.zeros(3))
+            frames[child] = at
+            frames.setdefault(element.get("name", ""), at)
+            waiting.append(child)
+    parts, notes = [], []
+    for link in root.findall("link"):
+        for element in link.findall("collision"):
+            try:
+                shape, middle = _shape(element, path)
+            except WorldError as error:
+                if "does not exist" not in str(error):
+                    raise
+                notes.append(f"link {link.get('name')!r} has no body, because its mesh is not there")
+                continue
+            rotation, position = _origin(element)
+            frame = frames[link.get("name", "")].then(rotation, position)
+            parts.append((link.get("name", ""), frame.then(np.eye(3), middle), shape))
+    return RobotFile(tuple(joints), frames, tuple(parts), tuple(notes))
+
+
+def _link(joint: ET.Element, tag: str) -> str:
+    element = joint.find(tag)
+    return "" if element is None else element.get("link", "")
+
+
+def _numbers(element: ET.Element | None, key: str, default: str) -> Array:
+    return np.array([float(word) for word in (default if element is None else element.get(key, default)).split()])
+
+
+def _origin(element: ET.Element) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and position (3,) of <origin>: roll, pitch, yaw about fixed axes."""
+    origin = element.find("origin")
+    turn = np.eye(3)
+    for axis, angle in zip(np.eye(3), _numbers(origin, "rpy", "0 0 0"), strict=True):
+        turn = about(axis, np.array([angle]))[0] @ turn
+    return turn, _numbers(origin, "xyz", "0 0 0")
+
+
+def _joint(element: ET.Element, at: Frame) -> TreeJoint:
+    axis, limit, mimic = _numbers(element.find("axis"), "xyz", "1 0 0"), element.find("limit"), element.find("mimic")
+    lower, upper, speed = (float(_numbers(limit, key, "0")[0]) for key in ("lower", "upper", "velocity"))
+    endless = element.get("type") == "continuous"
+    follows = None
+    if mimic is not None:
+        factor, offset = (float(_numbers(mimic, key, text)[0]) for key, text in (("multiplier", "1"), ("offset", "0")))
+        follows = (mimic.get("joint", ""), factor, offset)
+    return TreeJoint(
+        name=element.get("name", ""),
+        at=at,
+        axis=axis / np.linalg.norm(axis),
+        slides=element.get("type") == "prismatic",
+        lower=-np.inf if endless else lower,
+        upper=np.inf if endless else upper,
+        speed=speed if speed > 0.0 else np.inf,
+        follows=follows,
+    )
+
+
+def _shape(element: ET.Element, path: Path) -> tuple[Shape, Array]:
+    """Return the shape of a <collision> and where its middle is (3,) [m]."""
+    shape: Any = next(iter(element.find("geometry") or ()))
+    if shape.tag == "mesh":
+        parts = read_mesh(mesh_path(str(shape.get("filename")), path))
+        counts = np.cumsum([0, *(len(vertices) for vertices, *_ in parts)])
+        faces = np.concatenate([own + first for (_, own, _), first in zip(parts, counts, strict=False)])
+        return mesh(np.concatenate([vertices for vertices, *_ in parts]) * _numbers(shape, "scale", "1 1 1"), faces)
+    if shape.tag == "box":
+        return box(_numbers(shape, "size", "")), np.zeros(3)
+    radius = float(shape.get("radius", "0"))
+    if shape.tag == "sphere":
+        return ball(radius), np.zeros(3)
+    return (capsule if shape.tag == "capsule" else cylinder)(radius, float(shape.get("length", "0"))), np.zeros(3)
