@@ -44,7 +44,7 @@ def definition(data: pd.DataFrame, profile: str) -> str:
 
 
 def _numbers(data: pd.DataFrame) -> list[str]:
-    """Return the columns that are numbers; texts, such as the stance, are left out."""
+    """Return the columns that are numbers; texts, such as the support, are left out."""
     return [str(name) for name, column in data.items() if json_type(column) != "string"]
 
 
