@@ -138,7 +138,7 @@ def robot_columns(world: World) -> Indices:
 
 
 def violations(world: World, trajectory: JointTrajectory, columns: Indices) -> list[LimitViolation]:
-    """Return the largest violation of each joint in `columns` of q and each kind, sampled every `STEP` before scaling."""
+    """Return the largest violation of each joint in `columns` of q and of each kind."""
     # At the same places of the path however it is slowed down.
     times = np.linspace(0.0, trajectory.duration, max(round(trajectory.duration / trajectory.scale / STEP), 1) + 1)
     speed_limit = np.asarray(world.model.velocityLimit, dtype=float)
