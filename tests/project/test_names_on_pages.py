@@ -142,6 +142,7 @@ def toolbox_report(folder: Path) -> Path:
         "sequences": [{**row, "verdict": MARKUP}, {**row, "verdict": "infeasible"}],
         "search": {"gap": 0.0, "levels": {MARKUP: {"solved": 1, "infeasible": 0, "seconds": 1.0}}},
         "residuals": {"metres": 0.0, "radians": 0.0},
+        "audit": {"faults": [{"what": MARKUP}], "deepest": [{"pair": [MARKUP, MARKUP], "depth": 0.01}]},
     }  # fmt: skip
     summary = {
         "conditions": {"non-ergonomic": one, "ergonomic": one}, "published": MARKUP,
