@@ -121,7 +121,8 @@ class Processes:
         for tracker in (resource_tracker, loky_tracker):  # started on demand, they let signals through again
             tracker.ensure_running()
         env = {name: "1" for name in THREAD_VARIABLES if name not in os.environ}
-        return ProcessPoolExecutor(jobs, initializer=_exit_with_parent, initargs=(os.getpid(),), env=env)
+        with held_back():  # a semaphore that is half made at an interrupt would be told of at the end
+            return ProcessPoolExecutor(jobs, initializer=_exit_with_parent, initargs=(os.getpid(),), env=env)
 
 
 def _exit_with_parent(parent: int) -> None:
