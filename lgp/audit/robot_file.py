@@ -112,7 +112,7 @@ def _joint(element: ET.Element, at: Frame) -> TreeJoint:
 
 def _shape(element: ET.Element, path: Path) -> tuple[Shape, Array]:
     """Return the shape of a <collision> and where its middle is (3,) [m]."""
-    shape: Any = next(iter(element.find("geometry") or ()))
+    shape: Any = element.find("geometry/*")
     if shape.tag == "mesh":
         parts = read_mesh(mesh_path(str(shape.get("filename")), path))
         counts = np.cumsum([0, *(len(vertices) for vertices, *_ in parts)])

@@ -68,7 +68,7 @@ def robot_meshes(robot: Robot) -> list[LinkMesh]:
 def _shape(visual: ET.Element, urdf: Path, rgb: NDArray[np.uint8]) -> tuple[str, Mesh | None]:
     import trimesh
 
-    shape = next(iter(visual.find("geometry") or ()), None)
+    shape = visual.find("geometry/*")
     if shape is None:
         return "", None
     if shape.tag == "mesh":

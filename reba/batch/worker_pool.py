@@ -121,7 +121,7 @@ class Processes:
         for tracker in (resource_tracker, loky_tracker):  # started on demand, they let signals through again
             tracker.ensure_running()
         env = {name: "1" for name in THREAD_VARIABLES if name not in os.environ}
-        with held_back():  # a semaphore that is half made at an interrupt would be told of at the end
+        with held_back():  # a semaphore that is half made at an interrupt is complained of at the end
             return ProcessPoolExecutor(jobs, initializer=_exit_with_parent, initargs=(os.getpid(),), env=env)
 
 

@@ -15,6 +15,7 @@ from typing import Any, BinaryIO, Final
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from reba.analysis.score_table import SCORES
 from reba.cells import cells_of
@@ -127,8 +128,14 @@ def _with_postures(scores: Scores) -> pd.DataFrame:
     postures, n = scores.postures.data, len(scores.data)
     angles = postures[list(COLUMNS)] if set(COLUMNS) <= set(postures) else pd.DataFrame(scores.angles, columns=COLUMNS)
     names = [name for name in FACTORS if name not in scores.data]  # the points of the coupling stand for it
-    factors = pd.DataFrame({name: np.broadcast_to(getattr(scores.factors, name), n) for name in names}, copy=False)
+    factors = pd.DataFrame({name: _of_frames(getattr(scores.factors, name), n) for name in names}, copy=False)
     return pd.concat([part.reset_index(drop=True) for part in (scores.data, angles, factors)], axis=1)
+
+
+def _of_frames(values: Any, n: int) -> NDArray[Any]:
+    """Return the value of a factor in each of n frames; texts in memory of their own, as older Arrow needs them."""
+    every = np.broadcast_to(values, n)
+    return every.astype(object) if every.dtype.kind in "OU" else every
 
 
 def _factor_value(values: Any) -> Any:
@@ -168,6 +175,9 @@ def _write_parquet(data: pd.DataFrame, metadata: dict[str, Any], stream: BinaryI
     import pyarrow.parquet as pq
 
     schema = pa.Schema.from_pandas(data.iloc[:0], preserve_index=False)
+    for at, name in enumerate(schema.names):
+        if data[name].dtype == object:  # texts, whose type no empty column shows
+            schema = schema.set(at, pa.field(name, pa.array(data[name], from_pandas=True).type))
     schema = schema.with_metadata({**parquet_metadata(schema.metadata), b"reba": as_json(metadata).encode()})
     with pq.ParquetWriter(stream, schema, compression="zstd") as writer:
         for start in range(0, max(len(data), 1), BLOCK_ROWS):
