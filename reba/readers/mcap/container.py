@@ -33,6 +33,8 @@ _RECORD_AGAIN: Final = "copy the file again from its source, or record it again"
 FREE_RECORDS: Final = 1000
 """Records that a file may hold beyond one for each of its (packed) bytes, which bounds the time that a file can take; a
 choice. A message has a time of its own, so even well packed it takes several bytes."""
+KEPT_SCANS: Final = 1 << 24
+"""[bytes] Of positions of messages that a file keeps: about half a million messages; a choice."""
 OWN: Final = "reba"
 """Name of the metadata record that is written with scores."""
 PRIVATE: Final = 0x80
@@ -69,6 +71,8 @@ class Container:
         self._unpacker = MessageUnpacker(limit_bytes, self.source.packed_size)
         self.check_crc = check_crc
         self.publish_time = False
+        self._scans: dict[tuple[int, bool], Scan] = {}
+        self._scans_left = KEPT_SCANS
         self.limit_bytes = limit_bytes
         self.segments: list[ChunkRef] = []
         self.schemas: dict[int, Schema] = {}
@@ -96,11 +100,7 @@ class Container:
             self._last = None
             data = self._bytes(segment)
             try:
-                most = 1 << 62 if segment.scanned else self._most_records - self._records
-                scan = self._scan(data, most)
-                self._records += 0 if segment.scanned else scan.records
-                segment.scanned = True
-                self._define(data, scan)
+                scan = self._known_scan(segment, data)
                 data, scan = self._unpacker.unpacked(segment, data, scan, self.channels, self.message_head)
                 loaded = Loaded(segment, data, scan, head=self.message_head)
             except BadRecord as error:
@@ -111,6 +111,22 @@ class Container:
                 ) from error
             self._last = loaded
         return self._last
+
+    def _known_scan(self, segment: ChunkRef, data: bytes) -> Scan:
+        """Return the messages of a segment, which each stream asks for: found once, and kept if they fit."""
+        key = segment.offset, self.publish_time
+        if key in self._scans:
+            return self._scans[key]
+        most = 1 << 62 if segment.scanned else self._most_records - self._records
+        scan = self._scan(data, most)
+        self._records += 0 if segment.scanned else scan.records
+        segment.scanned = True
+        self._define(data, scan)
+        size = sum(part.nbytes for part in (scan.payloads, scan.lengths, scan.channels, scan.times))
+        if size <= self._scans_left:
+            self._scans_left -= size
+            self._scans[key] = scan
+        return scan
 
     def release(self) -> None:
         """Free the memory of the loaded segment."""
