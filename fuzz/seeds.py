@@ -18,7 +18,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "datasets")]
 FRAMES = 4
 
 
-def _shipped(pattern: str) -> list[bytes]:
+def shipped(pattern: str) -> list[bytes]:
+    """Return the content of files of the package."""
     return [path.read_bytes() for path in sorted(ROOT.glob(pattern))]
 
 
@@ -234,17 +235,17 @@ def rules() -> list[bytes]:
 def errors() -> list[bytes]:
     """The tables of measurement error, and one of a user."""
     own = b'base = "optical"\ntrunk_twist = 5\n[knee_flexion]\nsd = 2\nbias = 1\n'
-    return [*_shipped("reba/method/errors/*.toml"), own]
+    return [*shipped("reba/method/errors/*.toml"), own]
 
 
 def profiles() -> list[bytes]:
     """All that come with the package."""
-    return _shipped("reba/readers/recording/profiles/*.toml")
+    return shipped("reba/readers/recording/profiles/*.toml")
 
 
 def domains() -> list[bytes]:
     """All that come with `dreba`."""
-    return _shipped("dreba/domains/*.toml")
+    return shipped("dreba/domains/*.toml")
 
 
 def models() -> list[bytes]:
@@ -268,80 +269,6 @@ def poses() -> list[bytes]:
     return files
 
 
-HUMAN_ONLY = """
-domain = "screwdriver"
-initial = ["on_table(box)", "free(human.right_hand)"]
-goal = ["grasped(human.right_hand, box)"]
-[human]
-hands = ["right_hand"]
-position = [0.0, 0.1]
-stature = 1.7
-[tables.near]
-position = [0.5, 0.1]
-size = [0.6, 0.4]
-height = 0.8
-[objects.box]
-size = [0.3, 0.1, 0.2]
-mass = 2.0
-on = "table.near"
-"""
-
-
-def scenes() -> list[bytes]:
-    """All that come with `lgp`, and a human alone."""
-    return [HUMAN_ONLY.encode(), *_shipped("lgp/scenes/*.toml")]
-
-
-def pddl() -> list[bytes]:
-    """All domains that come with `lgp`."""
-    return _shipped("lgp/domains/*.pddl")
-
-
-def _plan(folder: Path) -> None:
-    import tomllib
-
-    from lgp.plan_record import Plan
-    from lgp.scene.scene_file import read_scene
-    from reba.posture.columns import COLUMNS
-
-    scene = read_scene(tomllib.loads(scenes()[0].decode()), "lift")
-    Plan(
-        scene=scene,
-        feasible=True,
-        status="optimal",
-        reason="",
-        joints=("a", "b"),
-        start=np.zeros(2),
-        search={"expanded": 1, "seconds": 0.5, "gap": float("inf"), "levels": {"pose": {"solved": 2}}},
-        actions=("grasp(1, human.right_hand, box)",),
-        time=np.arange(3.0),
-        phase=np.zeros(3, np.intp),
-        path=np.zeros((3, 2)),
-        variables={"box.x": 0.1},
-        posture=np.full((3, len(COLUMNS)), 5.0),
-        carried=np.zeros(3),
-        costs={"total": 1.0, "acceleration": 0.5, "ergonomics": 0.5},
-        residuals={"equality": 1e-9, "inequality": 0.0},
-        solver={"status": "solved", "iterations": 3},
-    ).save(folder)
-
-
-def _of_plan(name: str) -> bytes:
-    with TemporaryDirectory() as folder:
-        _plan(Path(folder))
-        return (Path(folder) / name).read_bytes()
-
-
-def plans() -> list[bytes]:
-    """The `plan.json` of a plan of one action."""
-    return [_of_plan("plan.json")]
-
-
-def motions() -> list[bytes]:
-    """The `path.parquet` of the same plan."""
-    return [_of_plan("path.parquet")]
-
-
 def study() -> list[bytes]:
     """Manifests of studies."""
     return [
@@ -360,46 +287,3 @@ def datasets() -> list[bytes]:
     }  # fmt: skip
     other = {**line, "recording": "day.csv", "input": "day.csv", "outcome": "failed", "error": "day.csv: damaged"}
     return ["".join(json.dumps(one) + "\n" for one in (line, other, line)).encode()]
-
-
-def runs() -> list[bytes]:
-    """The journal of an experiment: an infeasible and a feasible run."""
-    from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES
-    from reba.provenance import with_provenance
-
-    def cell(kind: str, number: int) -> object:
-        return {"int64": number, "float64": 1.0 + number / 10, "bool": True}.get(kind, "")
-
-    lines = []
-    for number in range(2):
-        row = {name: [cell(kind, number)] for name, kind in RUN_COLUMNS.items()}
-        row |= {"condition": [CONDITIONS[0]], "table": [TABLES[0]], "initial": ["rest"]}
-        path = {name: [cell(kind, number)] for name, kind in PATH_COLUMNS.items()}
-        path |= {"condition": [CONDITIONS[0]], "initial": ["rest"], "reba": [3.0], "slice": [0], "phase": [0]}
-        lines.append(json.dumps(with_provenance({"runs": row, "paths": path})) + "\n")
-    return ["".join(lines).encode()]
-
-
-GREY = np.array([120, 120, 120], np.uint8)
-"""Colour of meshes without one."""
-
-
-def robots() -> list[bytes]:
-    """A base with a sliding and a turning joint and every simple shape, and an arm without shapes."""
-    from tests.support.robot_files import URDF, arm
-
-    return [URDF.encode(), arm(3).encode()]
-
-
-def dae() -> list[bytes]:
-    """A tetrahedron, used once and by nodes that use each other."""
-    from tests.support.robot_files import DAE, DAE_NODES
-
-    return [DAE.encode(), DAE_NODES.encode()]
-
-
-def stl() -> list[bytes]:
-    """A tetrahedron in binary and as text."""
-    from tests.support.robot_files import STL, STL_TEXT
-
-    return [STL, STL_TEXT.encode()]

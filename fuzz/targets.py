@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 import mutate
+import planner_seeds
 import seeds
 
 
@@ -126,7 +127,7 @@ def load_plan(path: Path) -> object:
 
     if not (path.parent / "postures.parquet").exists() or path.name == "path.parquet":
         data = path.read_bytes()
-        seeds._plan(path.parent)
+        planner_seeds.write_plan(path.parent)
         path.write_bytes(data)
     return lgp.Plan.load(path.parent).summary()
 
@@ -157,7 +158,7 @@ def load_mesh(path: Path) -> object:
     from lgp.kinematics.mesh_file import read_mesh
     from lgp.page.objects import reduced
 
-    return reduced([(vertices, faces, seeds.GREY) for vertices, faces, _ in read_mesh(path)])
+    return reduced([(vertices, faces, planner_seeds.GREY) for vertices, faces, _ in read_mesh(path)])
 
 
 def load_runs(path: Path) -> object:
@@ -190,15 +191,15 @@ TARGETS: dict[str, Target] = {
         Target("domain", "fuzz.toml", seeds.domains, mutate.mutate_text, load_domain),
         Target("model", "fuzz.json", seeds.models, mutate.mutate_json, load_model),
         Target("poses", "fuzz.parquet", seeds.poses, mutate.mutate_bytes, load_poses),
-        Target("scene", "fuzz.toml", seeds.scenes, mutate.mutate_text, load_scene),
-        Target("pddl", "fuzz.pddl", seeds.pddl, mutate.mutate_text, load_pddl),
-        Target("plan", "plan.json", seeds.plans, mutate.mutate_json, load_plan),
-        Target("motion", "path.parquet", seeds.motions, mutate.mutate_bytes, load_plan),
+        Target("scene", "fuzz.toml", planner_seeds.scenes, mutate.mutate_text, load_scene),
+        Target("pddl", "fuzz.pddl", planner_seeds.pddl, mutate.mutate_text, load_pddl),
+        Target("plan", "plan.json", planner_seeds.plans, mutate.mutate_json, load_plan),
+        Target("motion", "path.parquet", planner_seeds.motions, mutate.mutate_bytes, load_plan),
         Target("study", "study.csv", seeds.study, mutate.mutate_text, load_study),
-        Target("robot", "fuzz.urdf", seeds.robots, mutate.mutate_text, load_robot),
-        Target("dae", "fuzz.dae", seeds.dae, mutate.mutate_text, load_mesh),
-        Target("stl", "fuzz.stl", seeds.stl, mutate.mutate_bytes, load_mesh),
-        Target("runs", "unfinished.jsonl", seeds.runs, mutate.mutate_json_lines, load_runs),
+        Target("robot", "fuzz.urdf", planner_seeds.robots, mutate.mutate_text, load_robot),
+        Target("dae", "fuzz.dae", planner_seeds.dae, mutate.mutate_text, load_mesh),
+        Target("stl", "fuzz.stl", planner_seeds.stl, mutate.mutate_bytes, load_mesh),
+        Target("runs", "unfinished.jsonl", planner_seeds.runs, mutate.mutate_json_lines, load_runs),
     )
 }
 """Every target by name."""
