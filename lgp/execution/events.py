@@ -7,6 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+INSTRUCTIONS = ("told", "started", "late", "retargeted", "slowed", "ended", "finished")
+"""Kinds after which the page may show the instruction of the current action: the world is as the plan says, or that
+action is under way. After all others the reader has to wait."""
+
 
 @dataclass(frozen=True)
 class Event:
@@ -35,7 +39,7 @@ class Event:
     def page(self) -> dict[str, Any]:
         """Return the data that the page receives."""
         about = {"action": self.action, "state": self.state, "text": self.text, "time": round(self.time, 3)}
-        return {**about, "plan": self.plan}
+        return {**about, "plan": self.plan, "wait": self.kind not in INSTRUCTIONS}
 
     def record(self) -> dict[str, Any]:
         """Return all fields as plain data, as the log holds them."""

@@ -32,12 +32,16 @@ from lgp.execution.tracked_scene import ObjectUnavailable, carrier
 from lgp.execution.tracking import TrackedPose, TrackedWorld
 from lgp.execution.trajectory import BRAKE, Brake, robot_columns, time_scaled, violations
 from lgp.motion import Motion
-from lgp.page.sentences import sentences
+from lgp.page.sentences import in_words, sentences
 
 OnEvent = Callable[[str, str, str, dict[str, Any]], None]
 """Callback with the state, kind, text and details of an event, see `events.Event`."""
 DROP_OBSERVATIONS = 3
 """Number of successive observations without an object in the hand that count as a drop, against tracker noise."""
+
+
+OUT_OF_REACH = "an object is where the planned motion does not reach it"
+"""Why there is a new plan, for people, where no disturbance was seen."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +104,7 @@ class Executive:
         self._since: float | None = None
         self._attempts = 0
         self._restarts = self._previous_retargeted = False
-        self._last_reason = ""
+        self._last_reason = self._stopped_by = ""
         self._drop_observations = 0
         self._known_since = 0.0
 
@@ -166,7 +170,7 @@ class Executive:
             self._fail(f"waited {self._waited:.0f} s, limit {self.settings.patience:.0f} s: {why}")
         elif (reason := re.sub(r"[\d.]+", "", why)) != self._last_reason and self._waited > 0.5 * self.settings.grace:
             self._last_reason = reason
-            self.on_event("waiting", "waiting", f"{why[:1].upper()}{why[1:]}.", {})
+            self.on_event("waiting", "waiting", self._please_wait(why), {"why": why})
 
     def _prepare(self) -> None:
         """Start the motion of the action, retargeted if the world deviates from the plan."""
@@ -180,7 +184,7 @@ class Executive:
                 return
             retargeted = self.planner.retarget(self.number, scene, self.view.now.q)
             if isinstance(retargeted, str):
-                self._replan(f"the motion cannot be retargeted: {retargeted}")
+                self._replan(f"the motion cannot be retargeted: {retargeted}", self._stopped_by or OUT_OF_REACH)
                 return
             details = {"cost": retargeted.cost, "why": ", ".join(deviations) or "start from here"}
             self.on_event("waiting", "retargeted", "The motion is adapted to where the objects are.", details)
@@ -210,7 +214,7 @@ class Executive:
 
     def _begin(self, phase: ActionMotion) -> None:
         action, scene = self.planner.actions[self.number], self.planner.plan.scene
-        self.phase, self._restarts = phase, False
+        self.phase, self._restarts, self._stopped_by = phase, False, ""
         self._expected = {
             name: at for name in action.arguments if name in scene.objects and (at := self.view.mean(name)) is not None
         }
@@ -289,10 +293,9 @@ class Executive:
         if phase is not None:
             since = self._waited
             self.robots.follow(Brake(phase.trajectory.at(since), phase.trajectory.velocity(since)))
-        self.phase, self._restarts = None, True
+        self.phase, self._restarts, self._stopped_by = None, True, why
         self._enter("waiting")
-        stops = {0: "", 1: "The robot stops: "}.get(len(self.planner.plan.scene.robots), "The robots stop: ")
-        self.on_event("waiting", kind, f"{stops or why[:1].upper()}{why if stops else why[1:]}.", {})
+        self.on_event("waiting", kind, self._please_wait(why), {"why": why})
 
     def _repeat(self, why: str) -> None:
         """Repeat the action, or fail after the last attempt."""
@@ -307,8 +310,8 @@ class Executive:
         self._enter("waiting")
         self.on_event("waiting", "timeout", "The action takes too long and is repeated.", {"why": why})
 
-    def _replan(self, why: str) -> None:
-        """Replan the remaining actions from the tracked world."""
+    def _replan(self, why: str, words: str = "") -> None:
+        """Replan the remaining actions from the tracked world; people read `words`, by default the reason itself."""
         planner = self.planner
         if self.replans >= self.settings.attempts * len(planner.actions):
             self._fail(f"replanned {self.replans} times without success: {why}")
@@ -320,7 +323,9 @@ class Executive:
             return
         if self._open_empty():
             return
-        self.on_event("waiting", "planning", "The remaining actions are replanned.", {"why": why})
+        self.on_event(
+            "waiting", "planning", self._please_wait(f"{words or why}; a new plan is being made"), {"why": why}
+        )
         plan = planner.replan(self.number, scene, self.view.now.q, self.settings.search)
         if not plan.feasible:
             timeout = f"none was found in {self.settings.search:.0f} s, and {why}"
@@ -337,6 +342,10 @@ class Executive:
             "actions": list(plan.actions), "cost": plan.costs["total"], "seconds": plan.search["seconds"],
             "why": why,
         })  # fmt: skip
+
+    def _please_wait(self, why: str) -> str:
+        """Return the sentence for a person while the instruction of the action does not count."""
+        return f"Please wait. {in_words(self.planner.plan.scene, why)}."
 
     def _open_empty(self) -> bool:
         """Open closed grippers without an object; return whether there were any."""

@@ -203,7 +203,7 @@ def sent(event: Event) -> str:
 
     >>> print(sent(Event(7, 1.5, 0, "running", "started", "The robot moves")), end="")
     id: 7
-    data: {"action": 0, "state": "running", "text": "The robot moves", "time": 1.5, "plan": 0}
+    data: {"action": 0, "state": "running", "text": "The robot moves", "time": 1.5, "plan": 0, "wait": false}
     <BLANKLINE>
     """
     return f"id: {event.number}\ndata: {json.dumps(event.page())}\n\n"

@@ -57,6 +57,26 @@ def humanised(name: str) -> str:
     return " ".join([*first, *(word for word in words if word not in first)])
 
 
+def in_words(scene: Scene, text: str) -> str:
+    """Return a text about a scene with its objects, tables and hands in words, as the reader knows them.
+
+    >>> from lgp.scene.scene_file import load_scene
+    >>> in_words(load_scene("screwdriver"), "screwdriver lies on table.start, not in human.right_hand")
+    'The screwdriver lies on the start table, not in your right hand'
+    """
+    names = {name: f"the {humanised(name)}" for name in (*scene.objects, *scene.tables)}
+    names |= {
+        hand: f"your {humanised(scene.hands[hand].name)}"
+        if _is_human(scene, hand)
+        else table()["words"]["taker"].format(robot=_robot(scene, hand), arm=_limb(scene, hand))
+        for hand in scene.hands
+    }
+    if names:
+        longest_first = "|".join(map(re.escape, sorted(names, key=len, reverse=True)))
+        text = re.sub(rf"(?<![\w./])(?:{longest_first})(?![\w/]|\.\w)", lambda match: names[match[0]], text)
+    return text[:1].upper() + text[1:]
+
+
 @cache
 def table() -> dict[str, Any]:
     """Return the table sentences.toml (read once)."""
@@ -78,8 +98,9 @@ def _line(scene: Scene, switch: KinematicSwitch, source_table: str) -> Instructi
         "taker": words["taker"].format(robot=_robot(scene, switch.hand), arm=_limb(scene, switch.hand)),
     }
     kind = f"{switch.kind}_to_{'human' if takes else 'robot'}" if switch.giver else switch.kind
-    text = table()["human" if you else "robot"][kind].format(**names)
-    return Instruction(text[0].upper() + text[1:], table()["short"][switch.kind].format(**names), you)
+    actor_kind = "human" if you else "robot"
+    text = table()[actor_kind][kind].format(**names)
+    return Instruction(text[0].upper() + text[1:], table()["short"][actor_kind][switch.kind].format(**names), you)
 
 
 def _is_human(scene: Scene, hand: str) -> bool:

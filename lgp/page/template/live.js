@@ -23,14 +23,18 @@ function showBanner(kind, state, words) {
   if (stage) stage.fit(find("figure", player.slide));
 }
 
-function onEvent({ action, state, text, plan: number }) {
+function onEvent({ action, state, text, plan: number, wait }) {
   // The run continues with a new plan, whose page has the same address.
   if (follow.plan !== undefined && number !== undefined && number !== follow.plan) location.reload();
   follow.plan = number;
   follow.state = state;
+  // An instruction counts only while the world is as the plan says; until then the reason stands in its place.
+  root.classList.toggle("wait", Boolean(wait));
   const known = Number.isInteger(action) && plan.actions[action];
   const yours = Boolean(known && known.you);
-  if (state !== "done") {
+  if (wait && state === "waiting") {
+    showBanner("waiting", "Please wait", (text || "").replace(/^Please wait\. /, ""));
+  } else if (state !== "done") {
     const heading = STATES[state];
     const kind = yours && (state === "waiting" || state === "running") ? "yours" : state;
     if (heading) showBanner(kind, heading(yours), text || "");

@@ -139,9 +139,9 @@ def test_exported_trajectories_are_those_of_every_robot(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("giver", "taker", "text"),
     [
-        ("baxter.left", "baxter.right", "The robot stops: box was dropped."),
-        ("human.left_hand", "panda.hand", "The robot stops: box was dropped."),
-        ("human.left_hand", "human.right_hand", "Box was dropped."),
+        ("baxter.left", "baxter.right", "Please wait. The box was dropped."),
+        ("human.left_hand", "panda.hand", "Please wait. The box was dropped."),
+        ("human.left_hand", "human.right_hand", "Please wait. The box was dropped."),
     ],
 )
 def test_what_is_dropped_in_a_handover_is_fetched_and_handed_over_again(

@@ -64,7 +64,10 @@ def heard(answer: HTTPResponse) -> tuple[int, dict[str, Any]]:
 def test_the_present_state_is_told_at_once_and_then_what_follows(server: PageServer, hub: Hub) -> None:
     with stream(server) as answer:
         assert answer.headers["content-type"].startswith("text/event-stream")
-        assert heard(answer) == (2, {"action": 1, "state": "running", "text": "step 2", "time": 1.0, "plan": 0})
+        assert heard(answer) == (
+            2,
+            {"action": 1, "state": "running", "text": "step 2", "time": 1.0, "plan": 0, "wait": False},
+        )
         hub.add(event(3, "waiting"))
         assert heard(answer)[1]["state"] == "waiting"
 

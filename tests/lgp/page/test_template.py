@@ -233,6 +233,12 @@ def banner(browser: Any, words: str) -> None:
     until(browser, f"""document.querySelector(".banner").textContent.includes({json.dumps(words)})""")
 
 
+def shown_instruction(browser: Any) -> bool:
+    """Whether the text of an action is visible."""
+    script = 'return getComputedStyle(document.querySelector("section.action .text")).visibility'
+    return bool(browser.execute_script(script) == "visible")
+
+
 def test_it_follows_a_run_and_comes_back_after_a_drop(browser: Any, serve: Callable[[bool], str]) -> None:
     address = serve(True)
     events = Live.events
@@ -246,6 +252,14 @@ def test_it_follows_a_run_and_comes_back_after_a_drop(browser: Any, serve: Calla
     events.put({"action": 0, "state": "waiting", "text": "The box is not in the hand yet", "time": 2.0})
     banner(browser, "Waiting for you")
     assert state(browser)[0] == 3
+    assert shown_instruction(browser)
+    stopped = {"action": 0, "state": "waiting", "text": "Please wait. The box was moved.", "time": 2.2, "wait": True}
+    events.put(stopped)
+    banner(browser, "Please waitThe box was moved")
+    assert not shown_instruction(browser)  # of a box that is gone
+    events.put({"action": 0, "state": "running", "text": "Reach for the box", "time": 2.4, "wait": False})
+    banner(browser, "Reach for the box")
+    assert shown_instruction(browser)
     events.put({"action": 0, "state": "done", "text": "", "time": 2.5})
     events.put({"action": 1, "state": "waiting", "text": "Put it down", "time": 2.6})
     banner(browser, "Put it down")
