@@ -128,7 +128,7 @@ def cli() -> None:
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
 @click.option(
     "-o", "--output", type=OutputType(scores_output), metavar="OUT",
-    help="Score table (.parquet .csv .mcap), or the folder of a growing dataset.",
+    help="Score table (.parquet .csv .mcap .xlsx), or the folder of a growing dataset.",
 )  # fmt: skip
 @click.option("--as-ros", is_flag=True, help="Scores in an .mcap as ROS messages, not as JSON: for rosbags, ROS tools.")
 @click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
@@ -293,7 +293,7 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
 @click.argument("path", metavar="INPUT")
 @click.option(
     "-o", "--output", required=True, type=OutputType(table_output), metavar="OUT",
-    help="Posture table (.parquet .csv .mcap).",
+    help="Posture table (.parquet .csv .mcap .xlsx).",
 )  # fmt: skip
 @reading_options
 @json_option
