@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 from reba._version import __version__
+from reba.app.command import app_command
 from reba.batch.run import ScoringOptions, find_inputs, plan_outputs, score_many, scores_output
 from reba.command_line import (
     GROUP,
@@ -367,6 +368,9 @@ def live(source: str, **values: Any) -> None:
     code = run_live(source, live_options(values))
     if code:
         raise Stop(code)
+
+
+cli.add_command(app_command)
 
 
 @contextmanager

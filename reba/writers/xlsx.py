@@ -24,6 +24,7 @@ from reba.cells import cell_of
 from reba.errors import RebaError
 from reba.extras import missing
 from reba.method.tables import TABLE_A, TABLE_B, TABLE_C
+from reba.open_file import open_regular
 from reba.posture.angles import against_gravity
 from reba.provenance import generator
 from reba.writers.xlsx_worksheet import AGAINST_GRAVITY, ARM_COLUMNS, worksheet_rows
@@ -32,7 +33,7 @@ MOST_FRAMES: Final = 1_048_575
 """Rows of a sheet in Excel, without the header."""
 EPOCH: Final = dt.datetime(1980, 1, 1)
 """Time of creation that a workbook states; a workbook that states none gets the present one."""
-_MODIFIED: Final = re.compile(rb"(<dcterms:modified[^>]*>)[^<]*")
+_MODIFIED: Final = re.compile(r"(<dcterms:modified[^>]*>)[^<]*")
 WIDTHS: Final = {"Summary": (34, 60), "Intervals": (8, 10, 10, 10, 8, 8, 100), "Worksheet": (40, 18, 16, 16, 60)}
 """Sheet -> widths of its columns in characters."""
 _LEFT_OUT: Final = ("worst", "accounts", "rules")
@@ -66,6 +67,7 @@ def write_xlsx(data: pd.DataFrame, about: Mapping[str, Any], scores: ScoreTable 
         scores: that the table is of, None for postures.
     """
     from openpyxl import Workbook
+    from openpyxl.writer.excel import ExcelWriter
 
     book = Workbook(write_only=True)
     book.properties.creator = generator("reba")
@@ -82,23 +84,29 @@ def write_xlsx(data: pd.DataFrame, about: Mapping[str, Any], scores: ScoreTable 
     if scores is not None and len(data):
         _sheet(book, "Worksheet", worksheet_rows(scores, list(data.columns), _worst_frame(scores)))
         _sheet(book, "Tables", _tables())
-    whole = part.with_name(f"{part.name}.whole")
-    try:
-        book.save(whole)
-        _without_times(whole, part)
-    finally:
-        whole.unlink(missing_ok=True)
+    with _Undated(part, "w", zipfile.ZIP_DEFLATED) as archive:
+        ExcelWriter(book, archive).save()
 
 
-def _without_times(book: Path, part: Path) -> None:
-    """Copy a workbook without the times of its parts: the same scores give the same bytes."""
-    with zipfile.ZipFile(book) as source, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as target:
-        for entry in source.infolist():
-            with source.open(entry) as content, target.open(zipfile.ZipInfo(entry.filename), "w") as copy:
-                if entry.filename == "docProps/core.xml":
-                    copy.write(_MODIFIED.sub(rb"\g<1>1980-01-01T00:00:00Z", content.read()))
-                else:
-                    shutil.copyfileobj(content, copy)
+class _Undated(zipfile.ZipFile):
+    """An archive without the times at which its parts were written: the same scores give the same bytes."""
+
+    def write(self, filename: Any, arcname: Any = None, *_: Any, **__: Any) -> None:
+        """Add a file; openpyxl writes each sheet into one first."""
+        with open_regular(Path(filename)) as source, self.open(name=self._entry(arcname), mode="w") as target:
+            shutil.copyfileobj(source, target)
+
+    def writestr(self, zinfo_or_arcname: Any, data: Any, *_: Any, **__: Any) -> None:
+        """Add a text."""
+        if zinfo_or_arcname == "docProps/core.xml":
+            data = _MODIFIED.sub(r"\g<1>1980-01-01T00:00:00Z", data.decode() if isinstance(data, bytes) else data)
+        super().writestr(self._entry(zinfo_or_arcname), data)
+
+    @staticmethod
+    def _entry(name: str) -> zipfile.ZipInfo:
+        entry = zipfile.ZipInfo(name)
+        entry.compress_type = zipfile.ZIP_DEFLATED
+        return entry
 
 
 def _sheet(book: Any, title: str, rows: Iterable[Iterable[Any]]) -> None:
