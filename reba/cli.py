@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 from reba._version import __version__
+from reba.app.command import app_command
 from reba.batch.run import ScoringOptions, find_inputs, plan_outputs, score_many, scores_output
 from reba.command_line import (
     GROUP,
@@ -128,7 +129,7 @@ def cli() -> None:
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
 @click.option(
     "-o", "--output", type=OutputType(scores_output), metavar="OUT",
-    help="Score table (.parquet .csv .mcap), or the folder of a growing dataset.",
+    help="Score table (.parquet .csv .mcap .xlsx), or the folder of a growing dataset.",
 )  # fmt: skip
 @click.option("--as-ros", is_flag=True, help="Scores in an .mcap as ROS messages, not as JSON: for rosbags, ROS tools.")
 @click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
@@ -293,7 +294,7 @@ def improve(path: str, time: float | None, to_level: str | None, as_json: bool, 
 @click.argument("path", metavar="INPUT")
 @click.option(
     "-o", "--output", required=True, type=OutputType(table_output), metavar="OUT",
-    help="Posture table (.parquet .csv .mcap).",
+    help="Posture table (.parquet .csv .mcap .xlsx).",
 )  # fmt: skip
 @reading_options
 @json_option
@@ -367,6 +368,9 @@ def live(source: str, **values: Any) -> None:
     code = run_live(source, live_options(values))
     if code:
         raise Stop(code)
+
+
+cli.add_command(app_command)
 
 
 @contextmanager

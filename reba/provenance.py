@@ -5,6 +5,7 @@
     CSV       the JSON beside it (`<name>.meta.json`): a column or a line of its own would break readers of numbers
     MCAP      `library` of the header (a copy has that of the recording behind it), and key `provenance` of the
               metadata record
+    Excel     the creator in its properties, and rows of the sheet `Summary`
     HTML      <meta name="generator">
     SVG       <metadata>
     code      a line of its own with the generator

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 from lgp.errors import LgpError
 from lgp.execution.events import Event, Hub
-from lgp.execution.guard import WAIT_SECONDS, Guard, bounded_connection
 from lgp.execution.session import ExecutionRun, RunOptions
 from lgp.page.page import write_page
 from lgp.plan_record import Plan
 from reba.extras import missing
+from reba.loopback import WAIT_SECONDS, Guard, bounded_connection
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette

@@ -190,7 +190,7 @@ def plan_outputs(
             raise RebaError(f"{output}: lies in a folder that is searched for recordings; choose a place outside")
         return path, None
     if path.suffix and not path.is_dir() and len(inputs) == 1 and not output.endswith(("/", os.sep)):
-        raise RebaError(f"{output}: ending {path.suffix!r} is unknown; choose .parquet, .csv, .mcap or a folder")
+        raise RebaError(f"{output}: ending {path.suffix!r} is unknown; choose .parquet, .csv, .mcap, .xlsx or a folder")
     folder = path.resolve()
     if _searched(folder, names) and any(folder in Path(name).resolve().parents for name in inputs):
         hint = f"give another folder, such as {path / 'scores'}"

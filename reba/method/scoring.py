@@ -26,7 +26,7 @@ from reba.method.rules import Rules, rules_of
 from reba.method.steps import PartSteps, outside, part_steps
 from reba.method.tables import LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C, UNKNOWN, Scores8
 from reba.posture.angles import against_gravity
-from reba.posture.columns import ANGLES, BEST, COLUMNS, GROUP_A, GROUP_B, SIDES
+from reba.posture.columns import BEST, COLUMNS, GROUP_A, GROUP_B, SIDES, WORST
 from reba.posture.factors import Factors
 from reba.posture.named_angles import (
     LARGEST,
@@ -45,7 +45,7 @@ CHUNK: Final = 16_000
 TILE: Final = 1000
 """Frames turned from rows to columns at once: a tile of 88 kB is read and written within the first caches."""
 _BEST: Final = np.array([BEST[column] for column in COLUMNS])
-_WORST: Final = np.array([angle.worst for angle in ANGLES for _ in angle.columns])
+_WORST: Final = np.array([WORST[column] for column in COLUMNS])
 _A, _B, _C = (np.ascontiguousarray(table.ravel()) for table in (TABLE_A, TABLE_B, TABLE_C))
 # A cell of the flat tables is score * stride + score * stride + score - first, all in uint8: strides of cells of one
 # byte are plain integers. Scores start at 1.

@@ -56,6 +56,8 @@ INDEX: dict[str, int] = {column: index for index, column in enumerate(COLUMNS)}
 """Position of each angle column in `COLUMNS`."""
 COLUMNS_OF: dict[str, tuple[str, ...]] = {angle.name: angle.columns for angle in ANGLES}
 """Columns of each angle name without a side."""
+WORST: dict[str, float] = {column: angle.worst for angle in ANGLES for column in angle.columns}
+"""[deg] The angle of the highest part score of each column."""
 BEST: dict[str, float] = {column: angle.best for angle in ANGLES for column in angle.columns}
 """[deg] The angle of the lowest part score of each column."""
 MIRRORED: tuple[str, ...] = tuple(a.name for a in ANGLES if not a.sided and not a.name.endswith("_flexion"))

@@ -1,4 +1,4 @@
-"""Write score tables and posture tables: Parquet, CSV and MCAP.
+"""Write score tables and posture tables: Parquet, CSV, MCAP and Excel workbooks.
 
 The rules with every threshold, the assumed factors and the unmeasured angles are written with the numbers: as Parquet
 metadata (key `reba`), as an MCAP metadata record, and beside a CSV as `<name>.meta.json`, with the version that
@@ -31,10 +31,11 @@ from reba.provenance import parquet_metadata, with_provenance
 from reba.readers.formats.score_file import ABOUT
 from reba.scores import Scores
 from reba.writers.mcap import write_mcap
+from reba.writers.xlsx import check_frames, write_xlsx
 
 BLOCK_ROWS: Final = 16_384
 """Rows converted at a time, so that writing one hour (360,000 rows at 100 Hz) needs no second copy of the table."""
-SUFFIXES: Final = (".parquet", ".csv", ".mcap")
+SUFFIXES: Final = (".parquet", ".csv", ".mcap", ".xlsx")
 
 
 def table_output(path: str | Path) -> FileOutput:
@@ -44,10 +45,12 @@ def table_output(path: str | Path) -> FileOutput:
 
 @accepts(RebaError, scores=SCORES, path=PATH, as_ros=YES_NO)
 def write_scores(scores: Scores, path: str | Path, *, as_ros: bool = False) -> None:
-    """Write the score table; the ending of `path` chooses .parquet, .csv or .mcap.
+    """Write the score table; the ending of `path` chooses .parquet, .csv, .mcap or .xlsx.
 
-    Beside the scores stand the angles and factors that they came from; `reba.read_scores` reads them back. An .mcap is
-    a copy of the scored recording if that was MCAP, with a topic of scores at the log times of its messages.
+    A workbook has sheets for summary, worst intervals and frames, and one whose formulas take the angles of a frame to
+    its REBA. Beside the scores stand the angles and factors that they came from; `reba.read_scores` reads them back.
+    An .mcap is a copy of the scored recording if that was MCAP, with a topic of scores at the log times of its
+    messages.
 
     Args:
         scores: scores of one recording.
@@ -59,7 +62,8 @@ def write_scores(scores: Scores, path: str | Path, *, as_ros: bool = False) -> N
             recording itself.
     """
     check_as_ros(as_ros, path)
-    _write(_with_postures(scores), _score_metadata(scores), Path(path), scores.postures, "scores", as_ros=as_ros)
+    data, about = _with_postures(scores), _score_metadata(scores)
+    _write(data, about, Path(path), scores.postures, "scores", as_ros=as_ros, scores=scores)
 
 
 def check_as_ros(as_ros: bool, path: str | Path | None) -> None:
@@ -77,7 +81,7 @@ def check_as_ros(as_ros: bool, path: str | Path | None) -> None:
 def write_postures(
     postures: PostureTable, path: str | Path, *, records: Mapping[str, Mapping[str, str]] | None = None
 ) -> None:
-    """Write a posture table; the ending of `path` chooses .parquet, .csv or .mcap.
+    """Write a posture table; the ending of `path` chooses .parquet, .csv, .mcap or .xlsx.
 
     Args:
         postures: postures of one recording.
@@ -153,9 +157,14 @@ def _write(
     records: Mapping[str, Mapping[str, str]] | None = None,
     *,
     as_ros: bool = False,
+    scores: Scores | None = None,
 ) -> None:
     check_outputs(table_output(path), inputs=postures.inputs)
     suffix = path.suffix.lower()
+    if suffix == ".xlsx":
+        check_frames(path, len(data))
+        write_atomic(path, lambda part: write_xlsx(data, with_provenance(metadata), scores, part))
+        return
     if suffix == ".parquet":
         write_atomic_stream(path, lambda part: _write_parquet(data, metadata, part))
     elif suffix == ".csv":

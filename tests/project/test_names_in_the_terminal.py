@@ -105,7 +105,7 @@ def hostile_commands(here: Path) -> list[list[str]]:
         ["reba", "live", str(recording), "--until-idle", "0.2", "--settle", "0.1"],
         ["reba", "live", str(recording), "--until-idle", "0.2", "--profile", FORGED],
         ["reba", "live", "-", "--window", FORGED, f"<{lines}"], ["reba", "live", "-", "--topic", FORGED, f"<{lines}"],
-        ["reba", "live", "-", "--settle", "0", f"<{lines}"],
+        ["reba", "live", "-", "--settle", "0", f"<{lines}"], ["reba", "app", "--port", FORGED],
         ["dreba", FORGED], ["dreba", "fit", "-n", "300", "--kind", FORGED, "-o", f"{out}.json"],
         ["dreba", "fit", "-n", "600", "--classes", "1:6", "-o", f"{out}.json", "--report", f"{out} model.html"],
         ["dreba", "fit", "--poses", str(postures), "-o", f"{out}.json"], ["dreba", "sample", "-n", "9", "-o", FORGED],

@@ -7,6 +7,7 @@ import json
 import os
 import re
 import sys
+import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
@@ -44,6 +45,7 @@ on = "table.near"
 """
 COMMANDS: Mapping[str, tuple[str, ...]] = {
     "reba score": ("in.csv -o s.parquet --report s.html --json", "in.csv -o s.csv", "in.csv -o s.mcap",
+                   "in.csv -o s.xlsx",
                    "in.csv other.csv -o dataset --json"),
     "reba info": ("in.csv --json",),
     "reba compare": ("in.csv other.csv --report c.html --json",),
@@ -133,6 +135,9 @@ def versions(path: Path) -> set[str]:
         return {json.loads(pq.read_schema(path).metadata[b"provenance"])["version"]}
     if path.suffix == ".mcap":
         return {of_mcap(path)}
+    if path.suffix == ".xlsx":
+        with zipfile.ZipFile(path) as archive:
+            return {of_markup("<dc:creator>(.+)</dc:creator>")(archive.read("docProps/core.xml").decode())}
     if path.suffix == ".csv":
         path = path.with_name(f"{path.name}.meta.json")
     text = path.read_text(encoding="utf-8")

@@ -127,8 +127,8 @@ def test_nothing_is_left_or_lost_on_failure(scores: Scores, tmp_path: Path, monk
 
 def test_unknown_ending_is_refused(scores: Scores, tmp_path: Path) -> None:
     with pytest.raises(reba.RebaError) as error:
-        reba.write_scores(scores, tmp_path / "scores.xlsx")
-    says(error, "'.xlsx'", ".parquet", ".csv", ".mcap")
+        reba.write_scores(scores, tmp_path / "scores.ods")
+    says(error, "'.ods'", ".parquet", ".csv", ".mcap", ".xlsx")
 
 
 def test_what_belongs_to_the_numbers_is_strict_json_and_names_the_factors(tmp_path: Path) -> None:

@@ -1,9 +1,9 @@
-"""What the page server answers, to whom, and how long it waits for a client.
+"""What a server of pages answers, to whom, and how long it waits for a client.
 
 A server on the loopback interface is reachable from every web page that a browser on this machine shows: by requests
 to its port (their `Origin` names the page), and under a name of that page's site which comes to point here (DNS
 rebinding; the `Host` names that). Both are refused. Connections are few, carry one request each, and end if the client
-neither asks nor reads, so that no client can hold up the run or the other ones.
+neither asks nor reads, so that no client can hold up the other ones.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ HEADERS: Final = (
 
 
 class Guard:
-    """ASGI application that passes on what may be answered: GET requests under a name of this server.
+    """ASGI application that passes on what may be answered: requests under a name of this server, from its own pages.
 
     Args:
         host: the name or address that the user gave; a request may name it, besides those of the loopback interface.
         port: of the server.
+        methods: that are answered.
     """
 
-    def __init__(self, app: Any, host: str, port: int) -> None:
-        self._app = app
+    def __init__(self, app: Any, host: str, port: int, methods: tuple[str, ...] = ("GET",)) -> None:
+        self._app, self._methods = app, methods
         self._host, self._port = _in_url(host), port
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
@@ -47,7 +48,7 @@ class Guard:
         if not status:
             await self._app(scope, receive, send_guarded)
             return
-        headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"allow", b"GET")]
+        headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"allow", ", ".join(self._methods).encode())]
         await send_guarded({"type": "http.response.start", "status": status, "headers": headers})
         await send_guarded({"type": "http.response.body", "body": f"{text}\n".encode()})
 
@@ -62,8 +63,8 @@ class Guard:
             return 421, f"this server has another name; open http://{self._host}:{self._port}/"
         if any(origin.lower() not in {f"http://{name}" for name in ours} for origin in given[b"origin"]):
             return 403, "other pages may not read this server"
-        if scope["method"] != "GET":
-            return 405, "this server answers GET requests only"
+        if scope["method"] not in self._methods:
+            return 405, f"this server answers {' and '.join(self._methods)} requests only"
         if "\0" in scope["path"]:
             return 404, "there is no such file"
         return 0, ""

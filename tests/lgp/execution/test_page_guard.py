@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from lgp.execution.events import Event, Hub
-from lgp.execution.guard import MAX_CONNECTIONS
 from lgp.execution.server import MAX_READERS, PageServer
+from reba.loopback import MAX_CONNECTIONS
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("uvicorn", reason="uvicorn is not installed")

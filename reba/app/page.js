@@ -1,0 +1,215 @@
+// Drop, see what was recognised, set what is missing, score, compare. Texts enter as text only, never as markup.
+"use strict";
+
+const find = (selector, within = document) => within.querySelector(selector);
+const results = []; // { id, label }
+
+function element(tag, text, attributes = {}) {
+  const made = document.createElement(tag);
+  if (text !== undefined) made.textContent = text;
+  Object.entries(attributes).forEach(([name, value]) => made.setAttribute(name, value));
+  return made;
+}
+
+// Answers of the server: JSON, or an error in one line.
+async function ask(address, options) {
+  let answer;
+  try {
+    answer = await fetch(address, options);
+  } catch {
+    throw new Error("The server does not answer. Is reba app still running?");
+  }
+  const content = await answer.json().catch(() => ({ error: `The server answered ${answer.status}.` }));
+  if (!answer.ok) throw new Error(content.error || `The server answered ${answer.status}.`);
+  return content;
+}
+
+function alarm(place, error) {
+  place.replaceChildren(element("p", error.message, { class: "alarm" }));
+}
+
+function seconds(value) {
+  return value === null || value === undefined ? "" : `${value.toFixed(1)} s`;
+}
+
+function percent(share) {
+  return `${(100 * share).toFixed(1)} %`;
+}
+
+function list(title, items) {
+  const box = element("details");
+  box.append(element("summary", `${title} (${items.length})`));
+  const rows = element("ul");
+  items.forEach((item) => rows.append(element("li", item)));
+  box.append(rows);
+  return box;
+}
+
+function table(head, rows) {
+  const made = element("table");
+  const top = element("tr");
+  head.forEach((text) => top.append(element("th", text, { scope: "col" })));
+  made.append(element("thead"), element("tbody"));
+  made.tHead.append(top);
+  rows.forEach((cells) => {
+    const row = element("tr");
+    cells.forEach((cell, number) => row.append(element(number ? "td" : "th", cell, number ? {} : { scope: "row" })));
+    made.tBodies[0].append(row);
+  });
+  return made;
+}
+
+async function add(file) {
+  const card = find("#recording").content.cloneNode(true).firstElementChild;
+  find("h2", card).textContent = file.name;
+  find("#recordings").append(card);
+  const about = find(".about", card);
+  about.replaceChildren(element("p", "Reading …"));
+  try {
+    const { id } = await ask(`recordings?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
+    card.dataset.recording = id;
+    connect(card, id);
+    describe(about, await ask(`recordings/${id}`));
+    find("form", card).hidden = false;
+  } catch (error) {
+    alarm(about, error);
+  }
+}
+
+function describe(place, about) {
+  const lines = [element("p", about.recognised)];
+  if (about.usable) {
+    lines.push(element("p", `${about.frames} frames, ${seconds(about.seconds)}, ${about.measured.length} of 22 angles measured`));
+  }
+  const missing = Object.entries(about.unmeasured).map(([name, why]) => `${name.replaceAll("_", " ")}: ${why}`);
+  if (missing.length) lines.push(list("Not measured: the scores show the range that is left open", missing));
+  if (about.assumed.length) lines.push(list("Assumed", about.assumed));
+  if (about.warnings.length) lines.push(list("Warnings", about.warnings));
+  place.replaceChildren(...lines);
+}
+
+function connect(card, id) {
+  const form = find("form", card);
+  find(".add", form).addEventListener("click", () => {
+    const row = element("tr");
+    for (const [name, type] of [["name", "text"], ["start", "number"], ["end", "number"]]) {
+      const cell = element("td");
+      cell.append(element("input", undefined, { type, "data-part": name, step: "any", "aria-label": name }));
+      row.append(cell);
+    }
+    find(".tasks tbody", form).append(row);
+    find("input", row).focus();
+  });
+  find(".remove", form).addEventListener("click", async () => {
+    await ask(`recordings/${id}`, { method: "DELETE" }).catch(() => {});
+    card.remove();
+  });
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const place = find(".results", card);
+    const button = find("button[type=submit]", form);
+    button.disabled = true;
+    place.replaceChildren(element("p", "Scoring …"));
+    try {
+      show(place, await ask(`recordings/${id}/scores`, { method: "POST", body: JSON.stringify(settings(form)) }));
+    } catch (error) {
+      alarm(place, error);
+    }
+    button.disabled = false;
+  });
+}
+
+function settings(form) {
+  const given = {};
+  for (const [name, value] of new FormData(form)) if (value !== "") given[name] = value === "on" ? true : value;
+  if (given.load !== undefined) given.load = Number(given.load);
+  given.tasks = [...form.querySelectorAll(".tasks tbody tr")].map((row) => {
+    const task = {};
+    row.querySelectorAll("input").forEach((input) => {
+      if (input.value !== "") task[input.dataset.part] = input.type === "number" ? Number(input.value) : input.value;
+    });
+    return task;
+  });
+  return given;
+}
+
+function show(place, result) {
+  const high = (row) => row.action_levels["3"] + row.action_levels["4"];
+  const range = (row, name) =>
+    row.range[`${name}_low`] === row.range[`${name}_high`]
+      ? `${row.range[`${name}_low`]}`
+      : `${row.range[`${name}_low`]} to ${row.range[`${name}_high`]}`;
+  const rows = result.rows.map((row) => [
+    row.name, seconds(row.seconds), range(row, "p90"), range(row, "max"), percent(high(row)), percent(row.undetermined),
+    row.worst.map((one) => seconds(one.time)).join(", "),
+  ]);
+  const head = ["Task", "Length", "90th percentile", "Highest", "High risk or more", "Undetermined", "Worst at"];
+  const scroll = element("div", undefined, { class: "scroll" });
+  scroll.append(table(head, rows));
+  const links = element("p");
+  const label = { "report.html": "Open the report", "scores.csv": "Table (CSV)", "scores.xlsx": "Workbook (Excel)" };
+  result.files.forEach((name) => {
+    const link = element("a", label[name], { href: `results/${result.id}/${name}` });
+    if (name.endsWith(".html")) link.target = "_blank";
+    else link.download = name;
+    links.append(link);
+  });
+  const keep = element("a", "Save the report", { href: `results/${result.id}/report.html`, download: "report.html" });
+  links.append(keep);
+  place.replaceChildren(scroll, links);
+  results.push({ id: result.id, label: `${result.name}, result ${results.length + 1}` });
+  offerComparison();
+}
+
+function offerComparison() {
+  find("#comparison").hidden = results.length < 2;
+  for (const [place, chosen] of [["#first", results.length - 2], ["#second", results.length - 1]]) {
+    const select = find(place);
+    select.replaceChildren(...results.map(({ id, label }) => element("option", label, { value: id })));
+    select.selectedIndex = chosen;
+  }
+}
+
+find("#compare").addEventListener("click", async () => {
+  const place = find("#compared");
+  const body = JSON.stringify({ first: find("#first").value, second: find("#second").value });
+  try {
+    const { a, b, difference } = await ask("comparison", { method: "POST", body });
+    const known = (value) => value !== null && value !== undefined;
+    const range = ({ range: ends }, name) => {
+      const [low, high] = [ends[`${name}_low`], ends[`${name}_high`]];
+      return low === high ? low.toFixed(1) : `${low.toFixed(1)} to ${high.toFixed(1)}`;
+    };
+    const titles = { mean: "mean", median: "median", p90: "90th percentile", max: "highest" };
+    const rows = Object.entries(titles).map(([name, title]) => [
+      `REBA, ${title}`, range(a, name), range(b, name),
+      known(difference.reba[name]) ? difference.reba[name].toFixed(1) : "undetermined",
+    ]);
+    place.replaceChildren(table(["", "Before", "After", "Difference"], rows));
+  } catch (error) {
+    alarm(place, error);
+  }
+});
+
+async function addAll(files) {
+  const busy = find("#busy");
+  for (const [number, file] of [...files].entries()) {
+    busy.textContent = files.length > 1 ? `Recording ${number + 1} of ${files.length}` : "";
+    await add(file);
+  }
+  busy.textContent = "";
+}
+
+const zone = find("#zone");
+find("#files").addEventListener("change", ({ target }) => {
+  const chosen = [...target.files];
+  target.value = ""; // so that the same file can be chosen again
+  addAll(chosen);
+});
+for (const kind of ["dragover", "dragleave", "drop"]) {
+  document.addEventListener(kind, (event) => {
+    event.preventDefault();
+    zone.classList.toggle("over", kind === "dragover");
+    if (kind === "drop") addAll(event.dataTransfer.files);
+  });
+}

@@ -1,0 +1,163 @@
+"""`reba app`: from drop to download in a browser, answers to other requests, and that nothing is kept."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import shutil
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import reba
+from reba.app.recordings import Recordings
+from reba.errors import RebaError
+from tests.support.browser import chromium, needs_browser, resize, until
+from tests.support.paths import ROOT
+from tests.support.says import says
+
+pytestmark = pytest.mark.slow
+pytest.importorskip("starlette", reason="starlette is not installed")
+pytest.importorskip("uvicorn", reason="uvicorn is not installed")
+RECORDING = ROOT / "datasets" / "simulated_assembly.csv"
+
+
+@pytest.fixture
+def address() -> Iterator[str]:
+    from reba.app.server import AppServer
+
+    server = AppServer()
+    folder = Path(server._folder.name)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    yield server.address
+    server.stop()
+    thread.join(10.0)
+    assert not folder.exists()
+
+
+def ask(address: str, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, Any]:
+    connection = http.client.HTTPConnection(address.removeprefix("http://").rstrip("/"), timeout=60)
+    sent = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
+    connection.request(method, path, sent, headers)
+    answer = connection.getresponse()
+    content = answer.read()
+    connection.close()
+    if answer.headers.get("content-type") == "application/json":
+        return answer.status, json.loads(content)
+    return answer.status, content
+
+
+def uploaded(address: str, path: Path = RECORDING) -> str:
+    status, content = ask(address, "POST", f"/recordings?name={path.name}", path.read_bytes())
+    assert status == 200, content
+    return str(content["id"])
+
+
+def test_scores_are_those_of_the_command(address: str) -> None:
+    key = uploaded(address)
+    status, about = ask(address, "GET", f"/recordings/{key}")
+    assert (status, about["usable"], about["frames"]) == (200, True, len(reba.read(RECORDING).data))
+    tasks = [{"name": "first half", "end": 30.0}, {"name": "second half", "start": 30.0}]
+    settings = {"load": 8, "coupling": "fair", "tasks": tasks}
+    status, result = ask(address, "POST", f"/recordings/{key}/scores", settings)
+    assert status == 200, result
+    for row, task in zip(result["rows"], tasks, strict=True):
+        postures = reba.read(RECORDING, start=task.get("start"), end=task.get("end"))
+        summary = reba.score(postures, load=8, coupling="fair").summary()
+        assert (row["name"], row["reba"]) == (task["name"], summary["reba"])
+    status, page = ask(address, "GET", f"/results/{result['id']}/report.html")
+    assert status == 200
+    assert b"first half" in page
+    assert b"second half" in page
+    assert ask(address, "GET", f"/results/{result['id']}/scores.xlsx")[1].startswith(b"PK")
+    status, compared = ask(address, "POST", "/comparison", {"first": result["id"], "second": result["id"]})
+    assert (status, compared["a"]) == (200, compared["b"])
+    assert ask(address, "DELETE", f"/recordings/{key}")[0] == 200
+    assert ask(address, "GET", f"/recordings/{key}")[0] == 400
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "headers", "status"),
+    [
+        ("GET", "/", {"Host": "evil.example"}, 421),
+        ("POST", "/recordings?name=a.csv", {"Origin": "http://evil.example"}, 403),
+        ("PUT", "/recordings", {}, 405),
+        ("GET", "/results/x/../../etc/passwd", {}, 404),
+        ("GET", "/results/none/report.html", {}, 404),
+        ("GET", "/nothing", {}, 404),
+        ("POST", "/comparison", {}, 400),
+    ],
+)
+def test_other_requests_are_refused(address: str, method: str, path: str, headers: dict[str, str], status: int) -> None:
+    assert ask(address, method, path, b"{" if method == "POST" else None, **headers)[0] == status
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "facts"),
+    [
+        ("../../evil", b"time,trunk_flexion\n0,abc\n", ("evil",)),
+        ("bad.csv", b"time,trunk_flexion\n0,abc\n", ("bad.csv", "abc")),
+        ("bad.mcap", b"no recording", ("bad.mcap",)),
+    ],
+)
+def test_what_is_no_recording_is_one_line(address: str, name: str, content: bytes, facts: tuple[str, ...]) -> None:
+    status, kept = ask(address, "POST", f"/recordings?name={name}", content)
+    assert status == 200
+    assert "/" not in kept["name"]
+    status, about = ask(address, "GET", f"/recordings/{kept['id']}")
+    text = about["error"] if status == 400 else about["recognised"]
+    assert "/reba-app-" not in text  # places of the server are nobody's business
+    says(text, *facts)
+
+
+@pytest.mark.parametrize(
+    ("settings", "facts"),
+    [
+        ({"load": -1}, ("load", "-1")),
+        ({"load": True}, ("load", "True")),
+        ({"rules": "mine.toml"}, ("rules", "mine.toml", "measured")),
+        ({"coupling": "good "}, ("coupling", "good")),
+        ({"colour": 1}, ("colour", "load")),
+        ({"tasks": [{"name": "x", "start": "now"}]}, ("'x'", "'now'", "seconds")),
+        ({"tasks": "all"}, ("tasks", "list")),
+        ({"tasks": [{"name": "late", "start": 1e6}]}, ("1",)),
+    ],
+)
+def test_wrong_settings_are_one_line(tmp_path: Path, settings: dict[str, Any], facts: tuple[str, ...]) -> None:
+    recordings = Recordings(tmp_path)
+    place = tmp_path / "key"
+    place.mkdir()
+    shutil.copy(RECORDING, place)
+    recordings._recordings["key"] = place / RECORDING.name
+    with pytest.raises(RebaError) as error:
+        recordings.score("key", settings)
+    says(error, *facts)
+
+
+@needs_browser
+def test_from_drop_to_download(address: str, tmp_path: Path) -> None:
+    with chromium(tmp_path / "profile") as browser:
+        browser.get(address)
+        for _ in range(2):
+            browser.find_element("id", "files").send_keys(str(RECORDING))
+            until(browser, "!document.querySelector('#busy').textContent")
+        until(browser, "document.querySelectorAll('form:not([hidden])').length === 2")
+        for load in (0, 12):
+            card = browser.find_elements("css selector", ".recording")[1 if load else 0]
+            card.find_element("name", "load").send_keys(str(load))
+            card.find_element("css selector", "[type=submit]").click()
+            until(browser, f"document.querySelectorAll('.results a').length >= {8 if load else 4}")
+        text = browser.find_element("css selector", ".results").text
+        assert "90th percentile" in text
+        browser.find_element("id", "compare").click()
+        until(browser, "document.querySelector('#compared table')")
+        resize(browser, 390)
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+        link = browser.find_element("link text", "Open the report").get_attribute("href")
+        browser.get(link)
+        assert "REBA" in browser.title
+        assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
