@@ -37,7 +37,7 @@ from reba.command_line import (
 )
 from reba.method.measurement_error import MEASUREMENTS
 from reba.method.rules import PRESETS
-from reba.method.tables import ACTION_LEVELS
+from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.posture.factors import COUPLINGS, SUPPORTS
 from reba.writers import check_as_ros, table_output
 
@@ -234,59 +234,66 @@ def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
         show_worksheet(console(), sheet)
 
 
-@cli.command(epilog="Example: reba improve shift.mcap --load 12 --at 12.5 --to low")
+@cli.command(epilog="Example: reba improve shift.mcap --load 12   or: reba improve shift.mcap --at 12.5 --to low")
 @click.argument("path", metavar="INPUT")
 @click.option(
     "--to",
     "to_level",
     type=click.Choice([risk.replace(" ", "-") for risk, _ in ACTION_LEVELS[:-1]]),
     default=None,
-    help="Action level to reach; by default the next lower one.",
+    help="Action level to reach; by default medium, and of one frame the next lower one.",
 )
-@click.option(
-    "--at", "time", type=SECONDS, default=None, metavar="SECONDS", help="One frame instead of the worst ones."
-)
+@click.option("--at", "time", type=SECONDS, default=None, metavar="SECONDS", help="The smallest changes of one frame.")
+@click.option("--all", "every", is_flag=True, help="List every change, not only the first three.")
 @scoring_options
 @json_option
-def improve(path: str, time: float | None, to_level: str | None, as_json: bool, **values: Any) -> None:
-    """Find the smallest changes that lower the action level of a frame, or of the worst frames and minute.
+def improve(path: str, time: float | None, to_level: str | None, every: bool, as_json: bool, **values: Any) -> None:
+    """Rank changes of the workplace by the time at high risk that each takes out of the recording.
 
-    INPUT is a recording, or a file of scores that `reba score -o` wrote.
+    Pairs and triples of changes are searched too. With --at, the smallest changes of angles and factors that lower the
+    action level of one frame. INPUT is a recording, or a file of scores that `reba score -o` wrote.
     """
+    from reba.analysis.advice import advise
     from reba.analysis.exposure import worst_intervals
-    from reba.analysis.improve import improve_frame, improve_frames, worst_minute
+    from reba.analysis.improve import improve_frame, worst_minute
 
     scores = options_of(values, recorded=True).read_and_score(path)
     stamps = scores.time
-    if time is not None:
-        frames = [scores.frame_at(time)]
-        minute = None
-    else:
-        frames = [interval.frame for interval in worst_intervals(scores)]
-        minute = worst_minute(scores)
     level = None if to_level is None else [risk for risk, _ in ACTION_LEVELS].index(to_level)
-    improvements = [(float(stamps[frame]), improve_frame(scores, frame, level)) for frame in frames]
-    of_minute = None if minute is None else improve_frames(scores, minute, level)
+    at_least = None if level is None else ACTION_LEVEL_FROM[level + 1]
+    advice = advise(scores, at_least=at_least) if time is None else None
     if as_json:
-        result: dict[str, Any] = {"input": path, "rules": scores.rules.name}
-        result["taken_as_neutral"] = list(scores.unmeasured)
-        result["frames"] = [{"time": at, "improvements": [i.to_dict() for i in some]} for at, some in improvements]
-        if minute is not None and of_minute is not None:
+        frames = [scores.frame_at(time)] if time is not None else [one.frame for one in worst_intervals(scores)]
+        result: dict[str, Any] = {
+            "input": path,
+            "rules": scores.rules.name,
+            "taken_as_neutral": list(scores.unmeasured),
+        }
+        result["frames"] = [
+            {
+                "time": float(stamps[frame]),
+                "improvements": [one.to_dict() for one in improve_frame(scores, frame, level)],
+            }
+            for frame in frames
+        ]
+        if advice is not None:
+            minute = worst_minute(scores)
+            of_minute = advise(scores, minute, at_least).to_dict()
             span = {"start": float(stamps[minute[0]]), "end": float(stamps[minute[-1]])}
-            result["worst_minute"] = {**span, "improvements": [i.to_dict() for i in of_minute]}
+            result["advice"] = advice.to_dict()
+            result["worst_minute"] = {**span, "improvements": of_minute.pop("single"), **of_minute}
         print_json(result)
         return
-    from reba.console import show_improvements
+    from reba.advice_console import show_advice, show_improvements
     from reba.terminal import console
 
-    out = console()
-    for at, some in improvements:
-        show_improvements(out, f"frame at {at:.2f} s", some)
-    if minute is not None and of_minute is not None:
-        title = f"worst minute, every frame from {stamps[minute[0]]:.1f} to {stamps[minute[-1]]:.1f} s"
-        show_improvements(out, title, of_minute)
+    if advice is not None:
+        show_advice(console(), advice, every=every)
+    elif time is not None:
+        frame = scores.frame_at(time)
+        show_improvements(console(), f"frame at {stamps[frame]:.2f} s", improve_frame(scores, frame, level))
     if scores.unmeasured:
-        echo("unmeasured angles count as neutral here: only measured angles can be changed")
+        echo("unmeasured angles are neutral at the low end and at their worst at the high end; they are not changed")
 
 
 @cli.command(epilog="Example: reba convert walk.bvh -o walk.parquet")

@@ -8,7 +8,6 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from reba.analysis.improve import Improvement
 from reba.analysis.worksheet import Worksheet
 from reba.batch.run import RecordingResult
 from reba.method.tables import ACTION_LEVELS
@@ -213,15 +212,6 @@ def _chances(implied: dict[str, float | None]) -> str:
     ]
     both = _both(implied["reba_95_low"], implied["reba_95_high"], "{:g}".format)
     return "; ".join([f"{first}, with a probability of 95 % {both}", *reached])
-
-
-def show_improvements(console: Console, title: str, improvements: Sequence[Improvement]) -> None:
-    """Print the smallest changes for a frame or an interval."""
-    console.print(Text(title, style="bold"))
-    if not improvements:
-        console.print("  at or below this action level already, or no change of measured angles reaches it")
-    for improvement in improvements:
-        console.print(Text(f"  {improvement.goal}: {improvement.text()}"))
 
 
 def show_comparison(console: Console, result: dict[str, Any]) -> None:

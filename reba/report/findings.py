@@ -10,11 +10,12 @@ import numpy as np
 
 from reba.analysis.exposure import HELD_SECONDS
 from reba.analysis.improve import Improvement, improve_frame, improve_frames, worst_minute
+from reba.analysis.wording import percent, seconds, span
 from reba.errors import join_names
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, PART_MAXIMA
 from reba.posture.columns import SIDES
 from reba.posture.skeleton import SPOTS, Mark, stick_figure
-from reba.report.labels import PARTS, action, body_parts, percent, risk, seconds, span
+from reba.report.labels import PARTS, action, body_parts, risk
 from reba.report.sections import PartContribution
 from reba.report.summary import RecordingSummary
 

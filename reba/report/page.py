@@ -9,6 +9,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any, Final
 
 from reba._version import __version__
+from reba.analysis import wording
 from reba.analysis.score_table import ScoreTable
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.printable import as_markup, printable
@@ -54,8 +55,8 @@ def page(scores: Sequence[ScoreTable], command: str) -> str:
     same_axis = min(lengths) >= MIN_LENGTH_RATIO * max(lengths)
     spans = [max(lengths) if same_axis else length for length in lengths]
     filters: dict[str, Callable[..., str]] = {
-        "seconds": labels.seconds,
-        "percent": labels.percent,
+        "seconds": wording.seconds,
+        "percent": wording.percent,
         "breakable": lambda name: Markup(as_markup(name).replace("_", "_<wbr>")),
     }
     scripts = (get_plotlyjs(), read("reba.report", "page.js"))
@@ -91,7 +92,7 @@ def _section(number: int, record: RecordingSummary, span: float) -> dict[str, An
         "record": record,
         "empty": not record.frames,
         "headline": headline(record, contributions),
-        "sustained": labels.span(*record.sustained),
+        "sustained": wording.span(*record.sustained),
         "high_risk": _high_risk(record),
         "side": worse_side(record)[0] if record.frames else "",
         "views": VIEWS,
@@ -129,7 +130,7 @@ def _section(number: int, record: RecordingSummary, span: float) -> dict[str, An
 
 
 def _high_risk(record: RecordingSummary) -> str:
-    low, high = (labels.percent(share) for share in high_risk_share(record))
+    low, high = (wording.percent(share) for share in high_risk_share(record))
     return low if low == high else f"{low} to {high}"
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from reba.analysis.score_table import ScoreTable
+from reba.analysis.wording import span
 from reba.arrays import Array
 from reba.errors import PostureError
 from reba.method.classes import angle_classes
@@ -15,7 +16,7 @@ from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import ACTIVITIES, flag
 from reba.printable import as_script_data
 from reba.report.findings import WorstInterval, worst_intervals
-from reba.report.labels import LEVEL_COLOURS, angle_name, span
+from reba.report.labels import LEVEL_COLOURS, angle_name
 from reba.report.series import VIEWS, Curve, StepCurve, band, flag_intervals, line, steps
 from reba.report.summary import RecordingSummary, summarise
 

@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from reba.analysis.exposure import column
+from reba.analysis.wording import percent, span
 from reba.arrays import Array
 from reba.method.classes import angle_classes
 from reba.method.rules import PRESETS
@@ -21,7 +22,7 @@ from reba.posture.columns import COLUMNS_OF, INDEX, SIDES
 from reba.posture.columns import PARTS as BODY_PARTS
 from reba.posture.factors import ACTIVITIES, ASSUMED, COUPLINGS, FACTORS, flag, load_kg
 from reba.report.labels import FACTORS as FACTOR_TITLES
-from reba.report.labels import PARTS, RULES, angle_name, percent, span
+from reba.report.labels import PARTS, RULES, angle_name
 from reba.report.summary import RecordingSummary
 
 QUANTILES: Final = (0.05, 0.50, 0.95)
