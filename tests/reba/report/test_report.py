@@ -291,7 +291,7 @@ def test_an_hour_stays_small(tmp_path: Path) -> None:
 
 def test_measurement_error_has_its_section_only_if_given() -> None:
     data = frames()
-    assert "measurement error" not in _Page(render(scored(data))).text
+    assert "With measurement error" not in _Page(render(scored(data))).text
     scores = reba.score(data, error="inertial", load=4.0)
     page = _Page(render(scores))
     assert "With measurement error: inertial" in page.text
