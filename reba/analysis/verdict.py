@@ -63,12 +63,18 @@ def verdict(
     """
     low, high = p90
     if low is None or high is None:
-        return {"text": "No frames, so there is no score.", "risk": "", "high_seconds": [0.0, 0.0], "causes": []}
+        return {
+            "text": "No frames, so there is no score.",
+            "risk": "",
+            "high_seconds": [0.0, 0.0],
+            "causes": [],
+            "parts": [],
+        }
     ends = [scores.data[f"reba_{end}"].to_numpy(np.int64) for end in ("low", "high")]
     time_high = [float(weights[end >= HIGH].sum()) for end in ends]
     total = float(weights.sum()) or 1.0
     risk = both(*(ACTION_LEVELS[LEVEL_OF[end]][0] for end in p90))
-    causes, at_least = _causes(scores, weights, ends[0])
+    groups, causes, at_least = _causes(scores, weights, ends[0])
     if time_high[1] > 0:
         shares = both(*(_share(end / total) for end in time_high))
         lasting = f"{both(*(_time(end) for end in time_high))} ({shares}) at REBA {HIGH} or more"
@@ -88,6 +94,7 @@ def verdict(
         "risk": risk,
         "high_seconds": time_high,
         "causes": causes,
+        "parts": groups,
     }
 
 
@@ -104,8 +111,8 @@ def _moment(time: float, total: float) -> str:
     return f"{time:.1f} s" if total < 10 else f"{int(time)} s" if time < 120 else seconds(time)
 
 
-def _causes(scores: ScoreTable, weights: Array, low: NDArray[np.int64]) -> tuple[list[str], int]:
-    """Return what explains most of the time at risk, several in a tie, and the score from which that time counts.
+def _causes(scores: ScoreTable, weights: Array, low: NDArray[np.int64]) -> tuple[list[str], list[str], int]:
+    """Return what explains most of the time at risk, several in a tie, the same in words, and its lowest score.
 
     A part explains the time that would not be at risk if the part always had its lowest score. The time is that at
     high risk, or at the highest action level that occurs.
@@ -113,7 +120,7 @@ def _causes(scores: ScoreTable, weights: Array, low: NDArray[np.int64]) -> tuple
     at_least = min(HIGH, ACTION_LEVEL_FROM[LEVEL_OF[low.max()]])
     frames = np.flatnonzero(low >= at_least)
     if at_least < ACTION_LEVEL_FROM[1]:
-        return [], at_least
+        return [], [], at_least
     parts: Any = scores.data
     if np.isnan(scores.angles[frames]).any():
         parts = score_angles(scores.angles, scores.factors, scores.rules, "neutral")
@@ -123,12 +130,12 @@ def _causes(scores: ScoreTable, weights: Array, low: NDArray[np.int64]) -> tuple
         drop = float(((one.before - one.after) * one.weights).sum())
         explained[one.group] = (float(one.weights[one.after < at_least].sum()), drop)
     if not max(drop for _, drop in explained.values()) > 0:
-        return [], at_least
+        return [], [], at_least
     # Where no part alone takes time out of the risk, the mean score decides.
     which = 0 if max(time for time, _ in explained.values()) > 0 else 1
     most = max(value[which] for value in explained.values())
     equal = [group for group, value in explained.items() if value[which] >= most * (1 - TIE)]
-    return [_words(scores, group, frames, weights[frames], at_risk) for group in equal], at_least
+    return equal, [_words(scores, group, frames, weights[frames], at_risk) for group in equal], at_least
 
 
 def _words(

@@ -20,14 +20,19 @@ COLOURS: Final = (PART_COLOURS[0], PART_COLOURS[2], PART_COLOURS[3], PART_COLOUR
 SCALE: Final = tuple(zip(("0 %", "under 10 %", "10 to 25 %", "25 to 50 %", "over 50 %"), COLOURS, strict=True))
 """Each colour with the shares that it stands for."""
 _PLACES: Final[dict[str, tuple[str, float, float, str]]] = {
-    "neck": ('<circle cx="150" cy="34" r="21"/><rect x="141" y="52" width="18" height="16" rx="5"/>', 196, 38, "start"),
-    "trunk": ('<rect x="118" y="68" width="64" height="96" rx="18"/>', 214, 128, "start"),
+    "neck": ('<circle cx="150" cy="34" r="21"/><rect x="141" y="52" width="18" height="16" rx="5"/>', 196, 16, "start"),
+    "trunk": (
+        '<rect x="118" y="68" width="64" height="96" rx="18"/><path class="leader" d="M174 78L194 58"/>',
+        198,
+        50,
+        "start",
+    ),
     "legs": ('<path d="M134 172v112M166 172v112"/>', 214, 240, "start"),
-    "upper_arm_right": ('<path d="M106 82L88 134"/>', 76, 92, "end"),
-    "lower_arm_right": ('<path d="M86 142L76 190"/>', 64, 152, "end"),
+    "upper_arm_right": ('<path d="M106 82L88 134"/>', 74, 104, "end"),
+    "lower_arm_right": ('<path d="M86 142L76 190"/>', 60, 158, "end"),
     "wrist_right": ('<circle cx="73" cy="206" r="10"/>', 52, 212, "end"),
-    "upper_arm_left": ('<path d="M194 82L212 134"/>', 224, 92, "start"),
-    "lower_arm_left": ('<path d="M214 142L224 190"/>', 238, 162, "start"),
+    "upper_arm_left": ('<path d="M194 82L212 134"/>', 226, 104, "start"),
+    "lower_arm_left": ('<path d="M214 142L224 190"/>', 240, 158, "start"),
     "wrist_left": ('<circle cx="227" cy="206" r="10"/>', 246, 212, "start"),
 }
 """Part score -> its shape on a person seen from the front, and where its label stands."""
@@ -71,11 +76,10 @@ def body_map(record: RecordingSummary) -> str:
     for one in shares:
         shape, x, y, anchor = _PLACES[one.name]
         step = int(np.searchsorted(STEPS, one.low, side="right")) - 1 if one.low > 0 else 0
-        line = "d=" in shape
+        line = shape.startswith("<path")
         kind = f'class="limb" stroke="{COLOURS[step]}"' if line else f'fill="{COLOURS[step]}"'
         outline = f'<g class="outline">{shape}</g>' if line else ""
-        title = f"{PARTS[one.name]}: score {one.least} or more for {one.text} of the time"
-        drawn.append(f"{outline}<g {kind}><title>{as_markup(title)}</title>{shape}</g>")
+        drawn.append(f"{outline}<g {kind}>{shape}</g>")
         name = one.title.capitalize()
         drawn.append(f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}">{name}</text>')
         drawn.append(f'<text class="share" x="{x:g}" y="{y + 15:g}" text-anchor="{anchor}">{one.text}</text>')

@@ -14,17 +14,19 @@ from numpy.typing import NDArray
 
 from reba.method.classes import angle_classes
 from reba.method.tables import PART_MAXIMA
-from reba.posture.columns import COLUMNS, INDEX, SIDES
+from reba.posture.columns import COLUMNS, INDEX
+from reba.posture.columns import PARTS as BODY_PARTS
 from reba.posture.factors import ACTIVITIES, SUPPORTS, codes, flag
 from reba.posture.skeleton import LENGTHS, LIMBS, NEUTRAL, SPOTS
-from reba.report.findings import WorstInterval
+from reba.report.findings import WorstInterval, worse_side
 from reba.report.labels import PARTS, angle_name
 from reba.report.plots import drawn_gaps, time_range
 from reba.report.series import VIEWS, steps
 from reba.report.summary import RecordingSummary
 
-BUCKETS: Final = 700
-"""Parts of the time axis of one recording; at most six frames of each are kept."""
+BUCKETS: Final = 750
+"""Parts of the time axis of one recording; at most `OF_BUCKET` frames of each are kept."""
+OF_BUCKET: Final = 6
 FULL_RATE: Final = 1250
 """Frames of the worst intervals that are kept beside them, shared by the intervals."""
 UNMEASURED: Final = -32768
@@ -98,15 +100,25 @@ def explorer(record: RecordingSummary, intervals: list[WorstInterval], span: flo
         "activity": _packed(np.asarray(activity, np.uint8)),
         "gaps": [[round(a, 4), round(b, 4)] for a, b in drawn_gaps(record)],
         "intervals": [[one.number, one.start, one.end, one.time] for one in intervals],
-        "frames": n,
-        "sides": [side for side in SIDES if scores.rules.two_sides in (side, "worse")],
+        "first": first_part(record),
     }  # fmt: skip
+
+
+def first_part(record: RecordingSummary) -> str:
+    """Return the part whose angles are shown first: the main cause that has angles, else the trunk."""
+    for group in record.summary["verdict"]["parts"]:
+        if group in BODY_PARTS:
+            worse = "right" if worse_side(record)[0] == "right" else "left"
+            return group if group in PARTS else f"{group}_{worse}"
+    return "trunk"
 
 
 def cursor_frames(record: RecordingSummary, intervals: list[WorstInterval], number: int = 1) -> NDArray[np.int64]:
     """Return the rows of the frames that the cursor can reach, in time order."""
     scores = record.scores
     buckets = max(BUCKETS // number, 60)
+    if record.frames <= OF_BUCKET * buckets:
+        return np.arange(record.frames)
     chosen = [steps(scores, record.curves["reba"], record.gaps, buckets).frame]
     room = FULL_RATE // number // max(len(intervals), 1)
     for one in intervals:

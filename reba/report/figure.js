@@ -65,7 +65,7 @@ const Person = (() => {
   function draw(canvas, model, angles, sitting, marks, degrees) {
     const { width, height, pen, ink, soft, ground } = surface(canvas);
     // One scale for all postures and views: arms stretched up, or forward from a bent trunk, fit.
-    const scale = Math.min(height / 1.43, width / 1.7);
+    const scale = Math.min(height / 1.3, width / 1.5);
     const place = joints(model, angles, sitting), view = turn(1, -degrees), seen = {};
     for (const name in place) seen[name] = apply(view, place[name]);
     const lowest = Math.min(...Object.values(seen).map((p) => p[1]));

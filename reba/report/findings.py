@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 
 from reba.analysis.exposure import HELD_SECONDS
-from reba.analysis.improve import Improvement, improve_frame
 from reba.analysis.wording import percent, seconds, span
 from reba.errors import join_names
 from reba.method.tables import ACTION_LEVEL_FROM, LEVEL_OF, PART_MAXIMA
@@ -161,14 +160,6 @@ def _sentences(record: RecordingSummary) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-GOALS: Final[dict[str, str]] = {
-    "least movement": "Least movement",
-    "load only": "Load alone",
-    "coupling only": "Grip alone",
-}
-"""Goals of `reba.analysis.improve` that the report shows -> their titles."""
-
-
 @dataclass(frozen=True)
 class WorstInterval:
     """One of the worst intervals.
@@ -180,7 +171,6 @@ class WorstInterval:
         sustained: score that every frame of the interval reaches.
         reba: score or range of the frame, with its action `levels` at both ends and the name of its `risk`.
         why: angles and factors with the most points.
-        changes: (goal, change as text).
         likely: what the measurement error implies for the frame, "" without one.
         svg: drawing of the posture.
     """
@@ -195,7 +185,6 @@ class WorstInterval:
     levels: tuple[int, int]
     risk: str
     why: tuple[str, ...]
-    changes: tuple[tuple[str, str], ...]
     likely: str
     svg: str
 
@@ -224,7 +213,6 @@ def _worst_interval(record: RecordingSummary, number: int, interval: dict[str, A
         levels=(int(LEVEL_OF[low]), int(LEVEL_OF[high])),
         risk=risk(low, high),
         why=why,
-        changes=_changes(improve_frame(scores, frame)),
         likely=_likely(interval.get("distribution")),
         svg=stick_figure(scores.angles[frame], _marks(record, frame), label, sitting),
     )
@@ -252,7 +240,3 @@ def _marks(record: RecordingSummary, frame: int) -> dict[str, Mark]:
         if low > 1:
             marks[name] = Mark(f"{low}" if low == high else f"{low}+", (low - 1) / (highest - 1))
     return marks
-
-
-def _changes(improvements: list[Improvement]) -> tuple[tuple[str, str], ...]:
-    return tuple((GOALS[one.goal], one.text()) for one in improvements if one.goal in GOALS)

@@ -143,14 +143,14 @@ def _section(number: int, record: RecordingSummary, span: float, recordings: int
             "advice": advise(record.scores),
             "body_map": Markup(body_map(record)),
             "time_label": time_label(record),
-            "time_svg": Markup(time_svg(record, intervals, span)),
+            "time_svg": Markup(time_svg(record, intervals, span, number=recordings)),
             "explorer": _json(data),
             "explored": len(cursor_frames(record, intervals, recordings)),
             "settings": table.settings,
             "what_if": _json({**table.packed(), "seconds": record.seconds}),
         }
     if (error := section["error"]) is not None:
-        section["error_svg"] = Markup(time_svg(record, [], span, error.curve, ERROR_LABEL))
+        section["error_svg"] = Markup(time_svg(record, [], span, curve=error.curve, label=ERROR_LABEL))
     return section
 
 

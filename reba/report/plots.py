@@ -215,13 +215,20 @@ _BOTTOM: Final = 0.5
 
 
 def time_svg(
-    record: RecordingSummary, intervals: list[WorstInterval], length: float, curve: Curve | None = None, label: str = ""
+    record: RecordingSummary,
+    intervals: list[WorstInterval],
+    length: float,
+    *,
+    curve: Curve | None = None,
+    label: str = "",
+    number: int = 1,
 ) -> str:
     """Return the static plot of REBA over time as SVG.
 
     Args:
         length: of the time axis [s].
         curve, label: what is plotted and its text alternative; None: the total.
+        number: recordings in the report, which share its size.
     """
     start, end = time_range(record, length)
 
@@ -242,7 +249,7 @@ def time_svg(
         a, b = x(np.array([one.start, one.end])).tolist()
         parts.append(_rect(a, _UP, max(b - a, 1.0), _DOWN - _UP, 'class="worst"'))
     total = record.curves["reba"] if curve is None else curve
-    points = steps(record.scores, total, record.gaps, _BUCKETS)
+    points = steps(record.scores, total, record.gaps, max(_BUCKETS // number, 200))
     low, high, value = (part[points.frame] for part in (total.low, total.high, total.value))
     px, py = band(points, low, high, low < high)
     parts.append(f'<path class="range" d="{_path(x(px), y(py), closed=True)}"/>')

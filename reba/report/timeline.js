@@ -1,7 +1,7 @@
 "use strict";
 // The timeline: one cursor and one zoom over REBA, the part scores and the angles of the chosen part.
 const Timeline = (() => {
-  const LEFT = 104, RIGHT = 10, ROW = 20, MISSING = -32768;
+  const LEFT = 116, RIGHT = 10, ROW = 20, MISSING = -32768;
   const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const unpack = {
     reals: (text) => new Float64Array(bytes(text).buffer),
@@ -34,16 +34,9 @@ const Timeline = (() => {
       this.legend = root.querySelector(".angle-legend");
       this.slider = root.querySelector(".tracks");
       this.buttons = [...root.querySelectorAll(".part-names button")];
-      this.pick(this.drivingPart());
+      this.pick(data.first);
       this.listen();
       this.draw();
-    }
-
-    // The part that is highest within its range where the cursor stands.
-    drivingPart() {
-      const share = (part) => (part.low[this.at] - (part.highest > 3 ? 1 : 0)) / part.highest;
-      const measured = this.parts.filter((part) => this.angles.some((angle) => angle.part === part.name));
-      return (measured.sort((a, b) => share(b) - share(a))[0] || this.parts[0]).name;
     }
 
     nearest(seconds) {
@@ -175,8 +168,8 @@ const Timeline = (() => {
       });
     }
 
-    // Draws step lines of values in the shown interval; `value` is null where there is none.
-    steps(pen, width, y, value) {
+    // Draws a line of values in the shown interval: steps if they `hold`; `value` is null where there is none.
+    line(pen, width, y, value, hold) {
       const [first, last] = this.visible();
       pen.beginPath();
       let open = false;
@@ -185,8 +178,8 @@ const Timeline = (() => {
         if (here === null) { open = false; continue; }
         const a = this.x(this.time[i], width), b = this.x(this.until[i], width);
         if (open) pen.lineTo(a, y(here)); else pen.moveTo(a, y(here));
-        pen.lineTo(b, y(here));
         open = i < last && Math.abs(this.time[i + 1] - this.until[i]) < 1e-6;
+        if (hold || !open) pen.lineTo(b, y(here));
       }
       pen.stroke();
     }
@@ -217,7 +210,7 @@ const Timeline = (() => {
       const y = (score) => bottom - ((score - 0.5) / 15.1) * (bottom - top);
       pen.textAlign = "right";
       for (const [low, high, fill, name] of this.levels) {
-        pen.globalAlpha = 0.45;
+        pen.globalAlpha = Number(Person.color("--band"));
         pen.fillStyle = fill;
         pen.fillRect(LEFT, y(high), width - LEFT - RIGHT, y(low) - y(high));
         pen.globalAlpha = 1;
@@ -238,7 +231,7 @@ const Timeline = (() => {
       }
       pen.strokeStyle = ink;
       pen.lineWidth = 1.6;
-      this.steps(pen, width, y, (i) => (low[i] === high[i] ? low[i] : null));
+      this.line(pen, width, y, (i) => (low[i] === high[i] ? low[i] : null), true);
       for (const [number, start, end] of this.intervals) {
         const a = this.x(start, width), b = this.x(end, width);
         pen.lineWidth = 1;
@@ -313,7 +306,7 @@ const Timeline = (() => {
         pen.strokeStyle = number ? soft : ink;
         pen.setLineDash(number === 2 ? [2, 2] : []);
         pen.lineWidth = 1.6;
-        this.steps(pen, width, y, (i) => (angle.values[i] === MISSING ? null : angle.values[i] / 10));
+        this.line(pen, width, y, (i) => (angle.values[i] === MISSING ? null : angle.values[i] / 10), false);
       });
       pen.setLineDash([]);
       this.gapsAndCursor(area);
