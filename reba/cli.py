@@ -119,7 +119,7 @@ def cli() -> None:
     """Exact REBA scores from recordings of posture.
 
     \b
-    Start with:  reba info RECORDING      contents, and the angles that REBA can use
+    Start with:  reba info RECORDING      contents, and what REBA can use of them
     Then:        reba score RECORDING     scores, exposure and a report
     """
 

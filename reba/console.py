@@ -10,7 +10,7 @@ from rich.table import Table
 
 from reba.analysis.worksheet import Worksheet
 from reba.batch.run import RecordingResult
-from reba.method.tables import ACTION_LEVELS
+from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.posture.columns import COLUMNS
 from reba.readers.info import Info
 from reba.readers.mapping import measurable_columns
@@ -21,6 +21,11 @@ WIDE = 120
 """Columns of a terminal from which a table has room for the names of recordings."""
 MAX_FAILURES = 20
 """Failures that are listed under the totals of many recordings."""
+LEVEL_SCORES = tuple(
+    str(low) if low + 1 == after else f"{low}-{after - 1}"
+    for low, after in zip(ACTION_LEVEL_FROM, (*ACTION_LEVEL_FROM[1:], 16), strict=True)
+)
+"""Scores of each action level."""
 LEVEL_STYLES = ("green", "green", "yellow", "dark_orange", "red")
 
 
@@ -40,6 +45,9 @@ def show_results(console: Console, results: Sequence[RecordingResult]) -> None:
             console.print(_result_table("REBA", scored, [str(number + 1) for number in range(len(scored))]))
         else:
             console.print(_result_table("REBA", scored, [summary["input"] for summary in scored]))
+    if scored:
+        risks = ", ".join(f"{scores} {risk}" for scores, (risk, _) in zip(LEVEL_SCORES, ACTION_LEVELS, strict=True))
+        console.print(Text(f"for 1 s: highest score sustained for a second; share of time at REBA {risks} risk"))
     for line in _notes(scored):
         console.print(Text(line))
     for result in results:
@@ -79,16 +87,16 @@ def _result_table(title: str, scored: Sequence[dict[str, Any]], labels: Sequence
         title_justify="left",
         header_style="bold",
         box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+        padding=0,
         pad_edge=False,
     )
     if labels:
         table.add_column("recording" if len(labels[0]) > 3 else "", overflow="fold")
-    for name in ("time\n[s]", "mean", "med-\nian", "p90", "sus-\ntained\n1 s", "max"):
+    for name in ("time\n[s]", "mean", "median", "p90", "for\n1 s", "max"):
         table.add_column(Text(name, keep="\n"), justify="right", no_wrap=True)
-    for level, (risk, _) in enumerate(ACTION_LEVELS):
-        heading = risk.replace(" ", "\n").replace("negligible", "negli-\ngible").replace("medium", "me-\ndium")
-        table.add_column(Text(heading, keep="\n"), justify="right", style=LEVEL_STYLES[level], no_wrap=True)
+    for level, scores in enumerate(LEVEL_SCORES):
+        heading = Text(f"REBA\n{scores}", keep="\n")
+        table.add_column(heading, justify="right", style=LEVEL_STYLES[level], no_wrap=True)
     open_share = any(summary["action_level_undetermined"] > 0 for summary in scored)
     if open_share:
         table.add_column("open", justify="right", no_wrap=True)
@@ -221,16 +229,20 @@ def show_comparison(console: Console, result: dict[str, Any]) -> None:
     """Print two recordings side by side."""
     a, b = result["a"], result["b"]
     table = Table(title="REBA, side by side", title_justify="left", header_style="bold")
-    for name in ("", str(a["input"]), str(b["input"]), "change"):
+    names = [str(a["input"]), str(b["input"])]
+    for letter, one in (("a", a), ("b", b)):
+        console.print(Text(f"{letter}: {one['input']}: {one['verdict']['text']}"))
+    for name in ("", *(names if console.width >= WIDE else ("a", "b")), "change"):
         table.add_column(Text(name), justify="left" if not name else "right", overflow="fold")
     for key in ("mean", "median", "p90", "max"):
         low, high = result["difference"]["range"][f"{key}_low"], result["difference"]["range"][f"{key}_high"]
         table.add_row(key, _span(a, key), _span(b, key), _change(low, high))
     for level, (risk, _) in enumerate(ACTION_LEVELS):
-        shares = (a["action_levels"][str(level)], b["action_levels"][str(level)])
-        table.add_row(
-            f"time at {risk}", _percent(shares[0]), _percent(shares[1]), f"{(shares[1] - shares[0]) * 100:+.0f} %"
-        )
+        shares = a["action_levels"][str(level)], b["action_levels"][str(level)]
+        table.add_row(f"time at {risk}", *map(_percent, shares), _points(shares))
+    shares = a["action_level_undetermined"], b["action_level_undetermined"]
+    if any(shares):
+        table.add_row("time not determined", *map(_percent, shares), _points(shares))
     for part, change in result["difference"]["parts"].items():
         means = (a["parts"][part]["mean"], b["parts"][part]["mean"])
         if any(mean is not None for mean in means):
@@ -242,6 +254,11 @@ def show_comparison(console: Console, result: dict[str, Any]) -> None:
         if columns:
             name = result[side]["input"]
             console.print(Text(f"only {name} lacks: {', '.join(short_columns(columns))}; compare the ranges with care"))
+
+
+def _points(shares: tuple[float, float]) -> str:
+    """Return the difference of two shares in percentage points."""
+    return f"{(shares[1] - shares[0]) * 100:+.0f} %"
 
 
 def _change(low: float | None, high: float | None) -> str:

@@ -300,6 +300,7 @@ def compare(a: ScoreTable, b: ScoreTable) -> dict[str, Any]:
             level: _minus(first["action_levels"][level], second["action_levels"][level])
             for level in first["action_levels"]
         },
+        "action_level_undetermined": _minus(first["action_level_undetermined"], second["action_level_undetermined"]),
         "parts": {part: _minus(first["parts"][part]["mean"], second["parts"][part]["mean"]) for part in PARTS},
     }
     only = {

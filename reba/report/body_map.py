@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from reba.analysis.wording import both, percent
+from reba.analysis.wording import percent
 from reba.method.tables import PART_MAXIMA
 from reba.posture.columns import GROUP_A, GROUP_B, SIDES
 from reba.printable import as_markup
@@ -51,7 +51,9 @@ class UpperShare:
     @property
     def text(self) -> str:
         """The share as text."""
-        return both(percent(self.low), percent(self.high))
+        low, high = percent(self.low), percent(self.high)
+        unit = "\xa0%"
+        return low if low == high else f"{low.removesuffix(unit)} to {high}"
 
 
 def upper_shares(record: RecordingSummary) -> list[UpperShare]:
@@ -87,4 +89,4 @@ def body_map(record: RecordingSummary) -> str:
         drawn.append(f'<text class="side" x="{x}" y="300" text-anchor="middle">{side}</text>')
     texts = "; ".join(f"{PARTS[one.name].lower()} {one.text}" for one in shares)
     label = as_markup(f"Share of time in the upper classes: {texts}")
-    return f'<svg class="body-map" viewBox="-30 0 370 310" role="img" aria-label="{label}">{"".join(drawn)}</svg>'
+    return f'<svg class="body-map" viewBox="-36 0 382 310" role="img" aria-label="{label}">{"".join(drawn)}</svg>'

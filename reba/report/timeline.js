@@ -220,7 +220,8 @@ const Timeline = (() => {
       }
       pen.textAlign = "center";
       for (const tick of this.ticks(Math.max(Math.floor((width - LEFT) / 80), 2))) {
-        pen.fillText(`${tick} s`, clamp(this.x(tick, width), LEFT + 12, width - RIGHT - 14), height - 8);
+        const minutes = this.shown[1] - this.shown[0] > 900;
+        pen.fillText(minutes ? `${+(tick / 60).toFixed(2)} min` : `${tick} s`, clamp(this.x(tick, width), LEFT + 12, width - RIGHT - 14), height - 8);
       }
       area.inside();
       const { low, high } = this.totals[this.total];
@@ -232,26 +233,30 @@ const Timeline = (() => {
       pen.strokeStyle = ink;
       pen.lineWidth = 1.6;
       this.line(pen, width, y, (i) => (low[i] === high[i] ? low[i] : null), true);
-      for (const [number, start, end] of this.intervals) {
+      let free = -Infinity;
+      for (const [number, start, end] of [...this.intervals].sort((one, two) => one[1] - two[1])) {
         const a = this.x(start, width), b = this.x(end, width);
         pen.lineWidth = 1;
         pen.setLineDash([2, 3]);
         pen.strokeRect(a, top, Math.max(b - a, 1), bottom - top);
         pen.setLineDash([]);
         pen.fillStyle = ink;
-        pen.fillRect((a + b) / 2 - 8, 1, 16, 16);
+        const middle = Math.max((a + b) / 2, free);
+        free = middle + 18;
+        pen.fillRect(middle - 8, 1, 16, 16);
         pen.fillStyle = Person.color("--card");
         pen.font = "700 12px system-ui, sans-serif";
-        pen.fillText(String(number), (a + b) / 2, 13.5);
+        pen.fillText(String(number), middle, 13.5);
       }
       this.gapsAndCursor(area, 26);
       pen.restore();
     }
 
     ticks(count) {
-      const rough = (this.shown[1] - this.shown[0]) / count;
+      const unit = this.shown[1] - this.shown[0] > 900 ? 60 : 1;
+      const rough = (this.shown[1] - this.shown[0]) / count / unit;
       const power = 10 ** Math.floor(Math.log10(rough));
-      const step = [1, 2, 5, 10].map((factor) => factor * power).find((value) => value >= rough);
+      const step = [1, 2, 5, 10].map((factor) => factor * power).find((value) => value >= rough) * unit;
       const ticks = [];
       for (let tick = Math.ceil(this.shown[0] / step) * step; tick < this.shown[1]; tick += step) ticks.push(Number(tick.toFixed(3)) + 0);
       return ticks;
