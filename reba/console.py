@@ -196,12 +196,19 @@ def show_worksheet(console: Console, sheet: Worksheet) -> None:
         shown = line.part
         table.add_row(part, "?" if line.points is None else f"{line.points:+d}", line.what, line.value, line.rule)
     console.print(table)
-    s = {name: "?" if value is None else str(value) for name, value in sheet.scores.items()}
+    s = {name: "?" if value is None else str(value) for name, value in {**sheet.scores, **sheet.tables}.items()}
+    console.print(
+        f"Table A (trunk {s['trunk']}, neck {s['neck']}, legs {s['legs']}): {s['table_a']} + load and force "
+        f"{s['load_force']} = Score A {s['score_a']}"
+    )
     for side in ("left", "right"):
+        upper, lower, wrist, coupling, score_b = (
+            s[f"{name}_{side}"] for name in ("upper_arm", "lower_arm", "wrist", "coupling", "score_b")
+        )
         console.print(
-            f"{side}: Score A {s['score_a']} (Table A + load {s['load_force']}), "
-            f"Score B {s[f'score_b_{side}']} (Table B + coupling {s[f'coupling_{side}']}), "
-            f"Table C + activity {s['activity']} = {s[f'reba_{side}']}"
+            f"{side}: Table B (upper arm {upper}, lower arm {lower}, wrist {wrist}): {s[f'table_b_{side}']} + coupling "
+            f"{coupling} = Score B {score_b}; Table C (A {s['score_a']}, B {score_b}): {s[f'table_c_{side}']} + activity "
+            f"{s['activity']} = REBA {s[f'reba_{side}']}"
         )
     if sheet.scores["reba"] is None:
         total = f"REBA {s['reba_low']} to {s['reba_high']}: not everything was measured"
