@@ -30,9 +30,9 @@ from reba.command_line import (
     command_line,
     echo,
     json_option,
-    output_file,
     parallel_options,
     print_json,
+    report_options,
     run,
 )
 from reba.method.measurement_error import MEASUREMENTS
@@ -131,14 +131,14 @@ def cli() -> None:
     help="Score table (.parquet .csv .mcap), or the folder of a growing dataset.",
 )  # fmt: skip
 @click.option("--as-ros", is_flag=True, help="Scores in an .mcap as ROS messages, not as JSON: for rosbags, ROS tools.")
-@click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
+@report_options
 @scoring_options
 @error_option
 @parallel_options
 @json_option
 def score(
-    inputs: tuple[str, ...], output: str | None, as_ros: bool, report: str | None, jobs: int, scheduler: str | None,
-    as_json: bool, **values: Any,
+    inputs: tuple[str, ...], output: str | None, as_ros: bool, report: str | None, task: str, assessor: str, date: str,
+    jobs: int, scheduler: str | None, as_json: bool, **values: Any,
 ) -> None:  # fmt: skip
     """Score recordings: files, or folders of them.
 
@@ -152,13 +152,14 @@ def score(
     options = options_of(values).with_files_read()
     paths = find_inputs(inputs)
     file, folder = plan_outputs(inputs, paths, output, report)
+    form = {"task": task, "assessor": assessor, "date": date}
     where: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "keep_scores": report is not None}
     if folder is not None:
-        failed = score_command.into_dataset(folder, paths, options, report, as_json, _progress(len(paths)), where)
+        failed = score_command.into_dataset(folder, paths, options, report, form, as_json, _progress(len(paths)), where)
     else:
         with _progress(len(paths)) as advance:
             results = score_many(paths, file, options, as_ros=as_ros, on_done=advance, **where)
-        failed = score_command.show(results, file, report, as_json)
+        failed = score_command.show(results, file, report, form, as_json)
     if failed:
         raise Stop(1)
 
@@ -184,10 +185,12 @@ def info(path: str, as_json: bool, **values: Any) -> None:
 @cli.command(epilog="Example: reba compare before.mcap after.mcap --load 8")
 @click.argument("a", metavar="A")
 @click.argument("b", metavar="B")
-@click.option("--report", type=output_file(), metavar="FILE.html", help="Write both into one HTML report.")
+@report_options
 @scoring_options
 @json_option
-def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) -> None:
+def compare(
+    a: str, b: str, report: str | None, task: str, assessor: str, date: str, as_json: bool, **values: Any
+) -> None:
     """Compare two recordings, such as before and after a change, or files of scores."""
     from reba.analysis.exposure import compare as compare_scores
 
@@ -203,7 +206,8 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) ->
     if report is not None:
         from reba.report import write_report
 
-        write_report([first, second], report, command=command_line("reba"))
+        form = {"task": task, "assessor": assessor, "date": date}
+        write_report([first, second], report, command=command_line("reba"), **form)
     if as_json:
         print_json(result)
     else:

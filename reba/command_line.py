@@ -119,6 +119,21 @@ def parallel_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options for the report."""
+    for option in (
+        click.option("--date", default="", metavar="TEXT", help="Date on the first printed page."),
+        click.option("--assessor", default="", metavar="TEXT", help="Assessor on the first printed page."),
+        click.option("--task", default="", metavar="TEXT", help="Task on the first printed page."),
+        click.option(
+            "--report", type=output_file(), metavar="FILE.html|FILE.pdf",
+            help="Write a self-contained report; a PDF is printed by a browser on this machine.",
+        ),
+    ):  # fmt: skip
+        command = option(command)
+    return command
+
+
 class Stop(Exception):
     """Ends a command with an exit code after all output was printed."""
 

@@ -206,9 +206,9 @@ def show_worksheet(console: Console, sheet: Worksheet) -> None:
             s[f"{name}_{side}"] for name in ("upper_arm", "lower_arm", "wrist", "coupling", "score_b")
         )
         console.print(
-            f"{side}: Table B (upper arm {upper}, lower arm {lower}, wrist {wrist}): {s[f'table_b_{side}']} + coupling "
-            f"{coupling} = Score B {score_b}; Table C (A {s['score_a']}, B {score_b}): {s[f'table_c_{side}']} + activity "
-            f"{s['activity']} = REBA {s[f'reba_{side}']}"
+            f"{side}: Table B (upper arm {upper}, lower arm {lower}, wrist {wrist}): {s[f'table_b_{side}']} + "
+            f"coupling {coupling} = Score B {score_b}; Table C (A {s['score_a']}, B {score_b}): {s[f'table_c_{side}']} "
+            f"+ activity {s['activity']} = REBA {s[f'reba_{side}']}"
         )
     if sheet.scores["reba"] is None:
         total = f"REBA {s['reba_low']} to {s['reba_high']}: not everything was measured"

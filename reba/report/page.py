@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,6 +19,7 @@ from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.printable import as_markup, as_script_data, printable
 from reba.report import labels
 from reba.report.body_map import SCALE, body_map
+from reba.report.comparison import compared_figures, differing
 from reba.report.error_section import error_section
 from reba.report.explorer import cursor_frames, explorer, skeleton
 from reba.report.findings import WHY_P90, headline, high_risk_share, worse_side, worst_intervals
@@ -53,7 +55,16 @@ MIN_LENGTH_RATIO: Final = 0.2
 would be too narrow to read."""
 
 
-def page(scores: Sequence[ScoreTable], command: str) -> str:
+@dataclass(frozen=True)
+class Form:
+    """What the printed page says beside the figures: free texts, "" for a line to fill in by hand."""
+
+    task: str = ""
+    assessor: str = ""
+    date: str = ""
+
+
+def page(scores: Sequence[ScoreTable], command: str, form: Form) -> str:
     """Return the report as HTML text; `command` is the command line to show, "" for none."""
     from markupsafe import Markup
 
@@ -73,12 +84,14 @@ def page(scores: Sequence[ScoreTable], command: str) -> str:
             for number, (name, _) in enumerate(ACTION_LEVELS)
         ],
         sections=[
-            _section(i + 1, record, span, len(records))
-            for i, (record, span) in enumerate(zip(records, spans, strict=True))
+            _section(i + 1, *one, len(records), max(lengths)) for i, one in enumerate(zip(records, spans, strict=True))
         ],
         explorer_model=_json(explorer_model()),
         same_axis=same_axis,
+        comparison=compared_figures(*records) if len(records) == 2 else [],
+        differing=list(differing(*records)) if len(records) == 2 else [],
         command=command,
+        form=form,
         interval_rule=INTERVAL_RULE,
         grade_rule=GRADE_RULE,
         why_p90=WHY_P90,
@@ -104,8 +117,8 @@ def _json(data: Any) -> Any:
     return Markup(as_script_data(as_json(data)))
 
 
-def _section(number: int, record: RecordingSummary, span: float, recordings: int) -> dict[str, Any]:
-    """Return the template variables of one recording; `span` [s] is the length of its time axis."""
+def _section(number: int, record: RecordingSummary, span: float, recordings: int, longest: float) -> dict[str, Any]:
+    """Return the template variables of one recording; `span` and `longest` [s]: its time axis, and that of all."""
     from markupsafe import Markup
 
     intervals = worst_intervals(record)
@@ -135,6 +148,7 @@ def _section(number: int, record: RecordingSummary, span: float, recordings: int
         "gaps": record.gaps,
         "error": error_section(record),
         "part_titles": PARTS,
+        "shared_svg": "",
     }
     if record.frames:
         data = explorer(record, intervals, span, recordings)
@@ -144,6 +158,7 @@ def _section(number: int, record: RecordingSummary, span: float, recordings: int
             "body_map": Markup(body_map(record)),
             "time_label": time_label(record),
             "time_svg": Markup(time_svg(record, intervals, span, number=recordings)),
+            "shared_svg": Markup(time_svg(record, intervals, longest, number=recordings)) if recordings == 2 else "",
             "explorer": _json(data),
             "explored": len(cursor_frames(record, intervals, recordings)),
             "settings": table.settings,

@@ -27,10 +27,12 @@ from reba.posture.skeleton import LIMBS, VIEWS, joints, stick_figure
 from reba.posture.table import Quality, table_of
 from reba.report import render, write_report
 from reba.report.body_map import upper_shares
+from reba.report.comparison import compared_figures, differing
 from reba.report.error_section import error_section
 from reba.report.explorer import cursor_frames
 from reba.report.findings import worst_intervals
 from reba.report.labels import BODY, FACTORS, LEVEL_COLOURS, PARTS, RULES
+from reba.report.page import Form
 from reba.report.series import Curve, StepCurve, band, line, steps
 from reba.report.summary import quality_grade, seconds_of_levels, summarise
 from reba.scores import Scores
@@ -485,3 +487,54 @@ def test_importing_the_report_loads_no_plots() -> None:
     code = "import sys, reba.report; print([name for name in ('plotly', 'jinja2') if name in sys.modules])"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_without_a_browser_there_is_no_pdf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("reba.report.pdf.find_browser", lambda: None)
+    with pytest.raises(RebaError) as error:
+        write_report(scored(frames(20)), tmp_path / "report.pdf")
+    says(error, "no browser was found", "install Chromium", ".html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_browser_that_prints_nothing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("reba.report.pdf.find_browser", lambda: sys.executable)
+    with pytest.raises(RebaError) as error:
+        write_report(scored(frames(20)), tmp_path / "report.pdf")
+    says(error, sys.executable, "printed nothing", ".html")
+
+
+def test_what_the_assessor_writes_is_escaped() -> None:
+    page = _Page(render(scored(frames(20)), form=Form(HOSTILE, HOSTILE, HOSTILE)))
+    assert page.text.count(HOSTILE) == 3
+
+
+def test_a_comparison_has_every_figure_with_what_is_open() -> None:
+    """The rows of the levels and of what is not determined add up to the whole of each recording."""
+    a = summarise(scored(frames(120), "a.csv"))
+    better = frames(120)
+    better["trunk_flexion"] = 0.0
+    b = summarise(scored(better, "b.csv"))
+    rows = {row.name: row for row in compared_figures(a, b)}
+    for place in ("first", "second"):
+        levels = [
+            getattr(row, place) for name, row in rows.items() if name.startswith("At ") or name == "Not determined"
+        ]
+        shares = [float(text.replace("<", "").removesuffix("\xa0%")) for text in levels]
+        assert sum(shares) == pytest.approx(100, abs=1.5)
+    assert float(rows["Not determined"].first.removesuffix("\xa0%")) > 0
+    ends = [one.summary["range"] for one in (a, b)]
+    low, high = ends[1]["mean_low"] - ends[0]["mean_high"], ends[1]["mean_high"] - ends[0]["mean_low"]
+    assert low < 0 < high
+    assert rows["REBA, mean"].change == f"−{-low:.2f} to +{high:.2f}"
+    assert rows["REBA, mean"].better == 0, "the ranges overlap"
+    assert rows["Trunk, mean score"].better == 1
+    assert rows["Neck, mean score"].change == "0.00" or "to" in rows["Neck, mean score"].change
+    text = _Page(render([a.scores, b.scores])).text
+    assert "B minus A" in text
+    assert compared_figures(a, summarise(scored(frames(0)))) == []
+
+
+def test_what_makes_a_comparison_hard_is_said() -> None:
+    a, b = (summarise(scored(frames(50, without=lacks), name)) for lacks, name in (("wrist", "a.csv"), ("^$", "b.csv")))
+    assert list(differing(a, b)) == ["Only in a.csv not measured: the wrists."]

@@ -199,3 +199,29 @@ def test_prints_as_pages(browser: Any, report: Path) -> None:
     assert visible(browser, ".explorer, .what-if") == 0
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     assert 4 <= pages_on_paper(browser) <= 30
+
+
+def test_the_first_printed_page_stands_alone(browser: Any, tmp_path: Path) -> None:
+    path = tmp_path / "one.html"
+    write_report(scored(1500, 1), path, task="Palletising boxes", assessor="A. Example")
+    show(browser, path, 703)  # A4 without its margins
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    code = """const sheet = document.querySelector('.sheet');
+        return [sheet.getBoundingClientRect().bottom + scrollY,
+        sheet.textContent, sheet.querySelectorAll('.postures svg').length,
+        sheet.querySelectorAll('.actions li').length]"""
+    bottom, text, postures, actions = browser.execute_script(code)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert bottom < 273 / 25.4 * 96, "it ends on the page on which it begins"
+    assert (postures, actions) == (3, 3)
+    for words in ("Palletising boxes", "A. Example", "90th percentile", "Load [kg]: 7 (given)", "Rules: measured"):
+        assert words in text
+
+
+def test_a_report_is_printed_as_pdf(tmp_path: Path) -> None:
+    path = tmp_path / "report.pdf"
+    write_report(scored(300, 1), path)
+    content = path.read_bytes()
+    assert content.startswith(b"%PDF")
+    assert content.count(b"/Type /Page\n") + content.count(b"/Type /Page ") >= 4
+    assert [file.name for file in tmp_path.iterdir()] == ["report.pdf"]
