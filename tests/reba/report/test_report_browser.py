@@ -196,6 +196,7 @@ def test_prints_as_pages(browser: Any, report: Path) -> None:
     show(browser, report, 1280)
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
     assert visible(browser, ".still svg") == 2
+    assert visible(browser, ".comparison svg") == 2
     assert visible(browser, ".explorer, .what-if") == 0
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     assert 4 <= pages_on_paper(browser) <= 30
@@ -216,6 +217,16 @@ def test_the_first_printed_page_stands_alone(browser: Any, tmp_path: Path) -> No
     assert (postures, actions) == (3, 3)
     for words in ("Palletising boxes", "A. Example", "90th percentile", "Load [kg]: 7 (given)", "Rules: measured"):
         assert words in text
+
+
+def test_a_comparison_is_printed_on_one_page(browser: Any, report: Path) -> None:
+    show(browser, report, 703)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    bottom = browser.execute_script(
+        "return document.querySelector('.comparison').getBoundingClientRect().bottom + scrollY"
+    )
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert bottom < 273 / 25.4 * 96
 
 
 def test_a_report_is_printed_as_pdf(tmp_path: Path) -> None:
