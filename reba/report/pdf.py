@@ -60,5 +60,5 @@ def print_pdf(html: str, path: Path) -> None:
 
 def find_browser() -> str | None:
     """Return the path of a browser that prints, None if there is none."""
-    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    return found or next((path for path in PLACES if Path(path).exists()), None)
+    named = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    return named or next((path for path in PLACES if Path(path).exists()), None)
