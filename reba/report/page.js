@@ -47,7 +47,7 @@
       return segment;
     });
     bar.replaceChildren(...segments);
-    const at = (choice) => settings.reduce((index, [, values], k) => index * values.length + choice[k], 0) * 6;
+    const at = (choice) => settings.reduce((index, [, values], k) => index * values.length + choice[k], 0) * 8;
     const cells = (share) => `${(share * seconds).toFixed(1)} s (${(100 * share).toFixed(share && share < 0.0995 ? 1 : 0)} %)`;
     const show = () => {
       const choice = inputs.map((input) => Number(input.value));
@@ -64,10 +64,8 @@
         row.children[2].textContent = cells(is);
         segments[k].style.width = `${100 * is}%`;
       });
-      const high = (from) => (table[from + 3] + table[from + 4]) / one;
-      const open = table[now + 5] / one;
-      root.querySelector(".outcome").textContent =
-        `High or very high risk: ${cells(high(now))}, as recorded ${cells(high(before))}${open ? `; not determined ${cells(open)}` : ""}.`;
+      const high = (from) => [...new Set([6, 7].map((end) => cells(table[from + end] / one)))].join(" to ");
+      root.querySelector(".outcome").textContent = `REBA 8 or more: ${high(now)}; as recorded ${high(before)}.`;
     };
     inputs.forEach((input) => input.addEventListener("input", show));
     root.querySelector("button").addEventListener("click", () => {

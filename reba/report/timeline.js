@@ -1,7 +1,7 @@
 "use strict";
 // The timeline: one cursor and one zoom over REBA, the part scores and the angles of the chosen part.
 const Timeline = (() => {
-  const LEFT = 116, RIGHT = 10, ROW = 20, MISSING = -32768;
+  const LEFT = 126, RIGHT = 10, ROW = 20, MISSING = -32768;
   const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const unpack = {
     reals: (text) => new Float64Array(bytes(text).buffer),
@@ -184,6 +184,13 @@ const Timeline = (() => {
       pen.stroke();
     }
 
+    // The last frame that follows a frame without a gap and with the same range: they are one rectangle.
+    alike(i, last, low, high) {
+      let j = i;
+      while (j < last && low[j + 1] === low[i] && high[j + 1] === high[i] && this.time[j + 1] - this.until[j] < 1e-6) j += 1;
+      return j;
+    }
+
     frame(canvas) {
       const area = Person.surface(canvas);
       area.pen.font = "12px system-ui, sans-serif";
@@ -227,8 +234,10 @@ const Timeline = (() => {
       const { low, high } = this.totals[this.total];
       const [first, last] = this.visible();
       pen.fillStyle = Person.color("--range");
-      for (let i = first; i <= last; i += 1) {
-        if (low[i] < high[i]) pen.fillRect(this.x(this.time[i], width), y(high[i]), Math.max(this.x(this.until[i], width) - this.x(this.time[i], width), 0.6), y(low[i]) - y(high[i]));
+      for (let i = first; i <= last; ) {
+        const j = this.alike(i, last, low, high), a = this.x(this.time[i], width);
+        if (low[i] < high[i]) pen.fillRect(a, y(high[i]), Math.max(this.x(this.until[j], width) - a, 0.6), y(low[i]) - y(high[i]));
+        i = j + 1;
       }
       pen.strokeStyle = ink;
       pen.lineWidth = 1.6;
@@ -268,9 +277,7 @@ const Timeline = (() => {
       const [first, last] = this.visible();
       this.parts.forEach((part, row) => {
         for (let i = first; i <= last; ) {
-          // Equal neighbors are one rectangle.
-          let j = i;
-          while (j < last && part.low[j + 1] === part.low[i] && part.high[j + 1] === part.high[i] && this.time[j + 1] - this.until[j] < 1e-6) j += 1;
+          const j = this.alike(i, last, part.low, part.high);
           const a = this.x(this.time[i], width), b = this.x(this.until[j], width);
           const open = part.low[i] < part.high[i];
           pen.fillStyle = open ? "#8f98a5" : this.partColors[part.low[i]];

@@ -28,7 +28,9 @@ LOADS: Final = {"under 5 kg": 2.5, "5 to 10 kg": 7.5, "over 10 kg": 12.5}
 """Class of the load -> a load in it [kg]."""
 SUPPORTS: Final = {"both legs": "bilateral", "one leg": "unilateral", "sitting": "sitting"}
 LEVELS: Final = 5
-"""Action levels; the time that is not determined stands after them."""
+"""Action levels; after them stand the time that is not determined, and both ends of that at high risk or above."""
+HIGH: Final = 3
+"""Action level of high risk."""
 SHARE_ONE: Final = 50_000
 """A share of 1 in the packed table."""
 
@@ -39,8 +41,8 @@ class WhatIf:
 
     Attributes:
         settings: name of an assumption -> its values in words, the first of which is `AS_RECORDED`.
-        shares: (combinations, 6) share of time at action levels 0 to 4 and not determined; the last setting varies
-            fastest.
+        shares: (combinations, 8) share of time at action levels 0 to 4, not determined, and the lowest and the highest
+            share at high risk or above; the last setting varies fastest.
     """
 
     settings: dict[str, tuple[str, ...]]
@@ -129,7 +131,8 @@ def _shares(
     rows = []
     for t, a, f, g, s in itertools.product(trunk, arms, loads, grips, supports):
         low, high = LEVEL_OF[TABLE_C[score_a[t, f, s] - 1, score_b[a, g] - 1] + parts["activity", 0]]
-        rows.append(np.bincount(np.where(low == high, low, LEVELS), times, minlength=LEVELS + 1) / total)
+        levels = np.bincount(np.where(low == high, low, LEVELS), times, minlength=LEVELS + 1)
+        rows.append(np.append(levels, [times[end >= HIGH].sum() for end in (low, high)]) / total)
     return np.array(rows)
 
 
