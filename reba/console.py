@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from reba.analysis.wording import both, span
 from reba.analysis.worksheet import Worksheet
 from reba.batch.run import RecordingResult
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
@@ -153,20 +154,16 @@ def _with_error(summary: dict[str, Any]) -> list[str]:
     if "distribution" not in summary:
         return []
     expected = summary["distribution"]
-    reached = {level: _both(ends["low"], ends["high"], _percent) for level, ends in expected["at_least"].items()}
-    mean = _both(expected["mean_low"], expected["mean_high"], "{:.1f}".format)
+    reached = {
+        level: both(_percent(ends["low"]), _percent(ends["high"])) for level, ends in expected["at_least"].items()
+    }
+    mean = span(expected["mean_low"], expected["mean_high"], 1)
     approximate = f"; approximate: {expected['approximate']}" if expected["approximate"] else ""
     return [
         f"with measurement error ({expected['error']['name']}): mean {mean}; probability of medium risk or above "
         f"{reached['2']}, of high risk or above {reached['3']}; the 95 % range of a frame is "
         f"{expected['mean_width']:.1f} points wide on average{approximate}"
     ]
-
-
-def _both(low: float | None, high: float | None, text: Callable[[Any], str]) -> str:
-    """Return both ends of a range as text, or one where they read the same."""
-    first, second = text(low), text(high)
-    return first if first == second else f"{first} to {second}"
 
 
 def short_columns(columns: Sequence[str]) -> list[str]:
@@ -225,11 +222,12 @@ def _chances(implied: dict[str, float | None]) -> str:
     likely = implied["reba_likely"]
     first = "most likely score undetermined" if likely is None else f"most likely {likely:g}"
     reached = [
-        _both(implied[f"p_level_{level}_low"], implied[f"p_level_{level}_high"], _percent) + f" {risk} risk or above"
+        both(*(_percent(implied[f"p_level_{level}_{end}"] or 0.0) for end in ("low", "high")))
+        + f" {risk} risk or above"
         for level, risk in ((2, "medium"), (3, "high"))
     ]
-    both = _both(implied["reba_95_low"], implied["reba_95_high"], "{:g}".format)
-    return "; ".join([f"{first}, with a probability of 95 % {both}", *reached])
+    likely_range = span(implied["reba_95_low"], implied["reba_95_high"])
+    return "; ".join([f"{first}, with a probability of 95 % {likely_range}", *reached])
 
 
 def show_comparison(console: Console, result: dict[str, Any]) -> None:
@@ -242,8 +240,7 @@ def show_comparison(console: Console, result: dict[str, Any]) -> None:
     for name in ("", *(names if console.width >= WIDE else ("a", "b")), "change"):
         table.add_column(Text(name), justify="left" if not name else "right", overflow="fold")
     for key in ("mean", "median", "p90", "max"):
-        low, high = result["difference"]["range"][f"{key}_low"], result["difference"]["range"][f"{key}_high"]
-        table.add_row(key, _span(a, key), _span(b, key), _change(low, high))
+        table.add_row(key, _span(a, key), _span(b, key), _change(a["range"], b["range"], key))
     for level, (risk, _) in enumerate(ACTION_LEVELS):
         shares = a["action_levels"][str(level)], b["action_levels"][str(level)]
         table.add_row(f"time at {risk}", *map(_percent, shares), _points(shares))
@@ -268,11 +265,12 @@ def _points(shares: tuple[float, float]) -> str:
     return f"{(shares[1] - shares[0]) * 100:+.0f} %"
 
 
-def _change(low: float | None, high: float | None) -> str:
-    if low is None or high is None:
+def _change(a: dict[str, Any], b: dict[str, Any], key: str) -> str:
+    """Return the difference of two figures, from the lowest to the highest that unmeasured angles leave."""
+    if a[f"{key}_low"] is None or b[f"{key}_low"] is None:
         return ""
-    first, second = f"{low:+.1f}", f"{high:+.1f}"
-    return first if first == second else f"{first} / {second}"
+    ends = b[f"{key}_low"] - a[f"{key}_high"], b[f"{key}_high"] - a[f"{key}_low"]
+    return both(*(f"{end:+.1f}" for end in ends))
 
 
 MAX_NAMES = 12
