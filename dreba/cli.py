@@ -65,8 +65,8 @@ def cli() -> None:
     """Differentiable surrogates of the REBA posture score.
 
     \b
-    Start with:  dreba fit -o model.json      poses drawn, model fitted, error per REBA class
-    Then:        dreba compare model.json     beside the published model
+    Start with:  dreba fit -o model.json   a model, and its error per REBA class
+    Then:        dreba compare model.json  beside the published model
     """
     warnings.simplefilter("once", RadiansWarning)  # training and held-out poses would each warn
 

@@ -44,7 +44,7 @@ def cli() -> None:
     """Plan the actions and motions of a human and robots, with ergonomics.
 
     \b
-    Start with:  lgp plan screwdriver        a shipped scene, or the path of your own
+    Start with:  lgp plan screwdriver   a shipped scene, or the path of your own
     """
 
 
@@ -161,7 +161,7 @@ def experiment(
     """Repeat an experiment of the paper: tables, figures and tests, ours beside the published ones.
 
     \b
-    screwdriver   choice of one of three tables, over random draws of their heights
+    screwdriver   choice of one of three tables of random heights
     toolbox       order of actions in one scene; uses --cost, -o and --json only
     """
     if name == "toolbox":

@@ -31,14 +31,14 @@ from reba.command_line import (
     command_line,
     echo,
     json_option,
-    output_file,
     parallel_options,
     print_json,
+    report_options,
     run,
 )
 from reba.method.measurement_error import MEASUREMENTS
 from reba.method.rules import PRESETS
-from reba.method.tables import ACTION_LEVELS
+from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.posture.factors import COUPLINGS, SUPPORTS
 from reba.writers import check_as_ros, table_output
 
@@ -120,7 +120,7 @@ def cli() -> None:
     """Exact REBA scores from recordings of posture.
 
     \b
-    Start with:  reba info RECORDING      contents, and the angles that REBA can use
+    Start with:  reba info RECORDING      contents, and what REBA can use of them
     Then:        reba score RECORDING     scores, exposure and a report
     """
 
@@ -132,14 +132,14 @@ def cli() -> None:
     help="Score table (.parquet .csv .mcap .xlsx), or the folder of a growing dataset.",
 )  # fmt: skip
 @click.option("--as-ros", is_flag=True, help="Scores in an .mcap as ROS messages, not as JSON: for rosbags, ROS tools.")
-@click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
+@report_options
 @scoring_options
 @error_option
 @parallel_options
 @json_option
 def score(
-    inputs: tuple[str, ...], output: str | None, as_ros: bool, report: str | None, jobs: int, scheduler: str | None,
-    as_json: bool, **values: Any,
+    inputs: tuple[str, ...], output: str | None, as_ros: bool, report: str | None, task: str, assessor: str, date: str,
+    jobs: int, scheduler: str | None, as_json: bool, **values: Any,
 ) -> None:  # fmt: skip
     """Score recordings: files, or folders of them.
 
@@ -153,13 +153,14 @@ def score(
     options = options_of(values).with_files_read()
     paths = find_inputs(inputs)
     file, folder = plan_outputs(inputs, paths, output, report)
+    form = {"task": task, "assessor": assessor, "date": date}
     where: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "keep_scores": report is not None}
     if folder is not None:
-        failed = score_command.into_dataset(folder, paths, options, report, as_json, _progress(len(paths)), where)
+        failed = score_command.into_dataset(folder, paths, options, report, form, as_json, _progress(len(paths)), where)
     else:
         with _progress(len(paths)) as advance:
             results = score_many(paths, file, options, as_ros=as_ros, on_done=advance, **where)
-        failed = score_command.show(results, file, report, as_json)
+        failed = score_command.show(results, file, report, form, as_json)
     if failed:
         raise Stop(1)
 
@@ -185,10 +186,12 @@ def info(path: str, as_json: bool, **values: Any) -> None:
 @cli.command(epilog="Example: reba compare before.mcap after.mcap --load 8")
 @click.argument("a", metavar="A")
 @click.argument("b", metavar="B")
-@click.option("--report", type=output_file(), metavar="FILE.html", help="Write both into one HTML report.")
+@report_options
 @scoring_options
 @json_option
-def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) -> None:
+def compare(
+    a: str, b: str, report: str | None, task: str, assessor: str, date: str, as_json: bool, **values: Any
+) -> None:
     """Compare two recordings, such as before and after a change, or files of scores."""
     from reba.analysis.exposure import compare as compare_scores
 
@@ -204,7 +207,8 @@ def compare(a: str, b: str, report: str | None, as_json: bool, **values: Any) ->
     if report is not None:
         from reba.report import write_report
 
-        write_report([first, second], report, command=command_line("reba"))
+        form = {"task": task, "assessor": assessor, "date": date}
+        write_report([first, second], report, command=command_line("reba"), **form)
     if as_json:
         print_json(result)
     else:
@@ -235,59 +239,66 @@ def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
         show_worksheet(console(), sheet)
 
 
-@cli.command(epilog="Example: reba improve shift.mcap --load 12 --at 12.5 --to low")
+@cli.command(epilog="Example: reba improve shift.mcap --load 12   or: reba improve shift.mcap --at 12.5 --to low")
 @click.argument("path", metavar="INPUT")
 @click.option(
     "--to",
     "to_level",
     type=click.Choice([risk.replace(" ", "-") for risk, _ in ACTION_LEVELS[:-1]]),
     default=None,
-    help="Action level to reach; by default the next lower one.",
+    help="Action level to reach; by default medium, and of one frame the next lower one.",
 )
-@click.option(
-    "--at", "time", type=SECONDS, default=None, metavar="SECONDS", help="One frame instead of the worst ones."
-)
+@click.option("--at", "time", type=SECONDS, default=None, metavar="SECONDS", help="The smallest changes of one frame.")
+@click.option("--all", "every", is_flag=True, help="List every change, not only the first three.")
 @scoring_options
 @json_option
-def improve(path: str, time: float | None, to_level: str | None, as_json: bool, **values: Any) -> None:
-    """Find the smallest changes that lower the action level of a frame, or of the worst frames and minute.
+def improve(path: str, time: float | None, to_level: str | None, every: bool, as_json: bool, **values: Any) -> None:
+    """Rank changes of the workplace by the time at high risk that each takes out of the recording.
 
-    INPUT is a recording, or a file of scores that `reba score -o` wrote.
+    Pairs and triples of changes are searched too. With --at, the smallest changes of angles and factors that lower the
+    action level of one frame. INPUT is a recording, or a file of scores that `reba score -o` wrote.
     """
+    from reba.analysis.advice import advise
     from reba.analysis.exposure import worst_intervals
-    from reba.analysis.improve import improve_frame, improve_frames, worst_minute
+    from reba.analysis.improve import improve_frame, worst_minute
 
     scores = options_of(values, recorded=True).read_and_score(path)
     stamps = scores.time
-    if time is not None:
-        frames = [scores.frame_at(time)]
-        minute = None
-    else:
-        frames = [interval.frame for interval in worst_intervals(scores)]
-        minute = worst_minute(scores)
     level = None if to_level is None else [risk for risk, _ in ACTION_LEVELS].index(to_level)
-    improvements = [(float(stamps[frame]), improve_frame(scores, frame, level)) for frame in frames]
-    of_minute = None if minute is None else improve_frames(scores, minute, level)
+    at_least = None if level is None else ACTION_LEVEL_FROM[level + 1]
+    advice = advise(scores, at_least=at_least) if time is None else None
     if as_json:
-        result: dict[str, Any] = {"input": path, "rules": scores.rules.name}
-        result["taken_as_neutral"] = list(scores.unmeasured)
-        result["frames"] = [{"time": at, "improvements": [i.to_dict() for i in some]} for at, some in improvements]
-        if minute is not None and of_minute is not None:
+        frames = [scores.frame_at(time)] if time is not None else [one.frame for one in worst_intervals(scores)]
+        result: dict[str, Any] = {
+            "input": path,
+            "rules": scores.rules.name,
+            "taken_as_neutral": list(scores.unmeasured),
+        }
+        result["frames"] = [
+            {
+                "time": float(stamps[frame]),
+                "improvements": [one.to_dict() for one in improve_frame(scores, frame, level)],
+            }
+            for frame in frames
+        ]
+        if advice is not None:
+            minute = worst_minute(scores)
+            of_minute = advise(scores, minute, at_least).to_dict()
             span = {"start": float(stamps[minute[0]]), "end": float(stamps[minute[-1]])}
-            result["worst_minute"] = {**span, "improvements": [i.to_dict() for i in of_minute]}
+            result["advice"] = advice.to_dict()
+            result["worst_minute"] = {**span, "improvements": of_minute.pop("single"), **of_minute}
         print_json(result)
         return
-    from reba.console import show_improvements
+    from reba.advice_console import show_advice, show_improvements
     from reba.terminal import console
 
-    out = console()
-    for at, some in improvements:
-        show_improvements(out, f"frame at {at:.2f} s", some)
-    if minute is not None and of_minute is not None:
-        title = f"worst minute, every frame from {stamps[minute[0]]:.1f} to {stamps[minute[-1]]:.1f} s"
-        show_improvements(out, title, of_minute)
+    if advice is not None:
+        show_advice(console(), advice, every=every)
+    elif time is not None:
+        frame = scores.frame_at(time)
+        show_improvements(console(), f"frame at {stamps[frame]:.2f} s", improve_frame(scores, frame, level))
     if scores.unmeasured:
-        echo("unmeasured angles count as neutral here: only measured angles can be changed")
+        echo("unmeasured angles are neutral at the low end and at their worst at the high end; they are not changed")
 
 
 @cli.command(epilog="Example: reba convert walk.bvh -o walk.parquet")

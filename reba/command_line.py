@@ -65,9 +65,19 @@ class Command(click.Command):
 
 
 class Group(click.Group):
-    """A command group whose commands check their outputs."""
+    """A command group whose commands check their outputs; its help has the first sentence of each in full."""
 
     command_class = Command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands with their first sentences, wrapped and not cut."""
+        commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        rows = [
+            (name, one.get_short_help_str(limit=1000)) for name, one in commands if one is not None and not one.hidden
+        ]
+        if rows:
+            with formatter.section("Commands"):
+                formatter.write_dl(rows)
 
 
 GROUP: Final[dict[str, Any]] = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
@@ -105,6 +115,21 @@ def parallel_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--jobs", default=1, type=click.IntRange(1, MOST_JOBS), show_default=True, help="Processes on this machine."
         ),
     ):
+        command = option(command)
+    return command
+
+
+def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options for the report."""
+    for option in (
+        click.option("--date", default="", metavar="TEXT", help="Date on the first printed page."),
+        click.option("--assessor", default="", metavar="TEXT", help="Assessor on the first printed page."),
+        click.option("--task", default="", metavar="TEXT", help="Task on the first printed page."),
+        click.option(
+            "--report", type=output_file(), metavar="FILE.html|FILE.pdf",
+            help="Write a self-contained report; a PDF is printed by a browser on this machine.",
+        ),
+    ):  # fmt: skip
         command = option(command)
     return command
 
@@ -182,7 +207,8 @@ def _call(group: click.Group, name: str) -> None:
     if variable in os.environ:
         raise SystemExit(shell_complete(group, {}, name, variable, os.environ[variable]))
     try:
-        with group.make_context(name, sys.argv[1:]) as context:
+        # A name alone asks what there is: it is no wrong usage.
+        with group.make_context(name, sys.argv[1:] or ["--help"]) as context:
             group.invoke(context)
     except click.exceptions.Exit:  # --help and --version have printed
         pass

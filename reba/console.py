@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from reba.analysis.improve import Improvement
+from reba.analysis.wording import both, span
 from reba.analysis.worksheet import Worksheet
 from reba.batch.run import RecordingResult
-from reba.method.tables import ACTION_LEVELS
+from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.posture.columns import COLUMNS
 from reba.readers.info import Info
 from reba.readers.mapping import measurable_columns
@@ -22,6 +22,11 @@ WIDE = 120
 """Columns of a terminal from which a table has room for the names of recordings."""
 MAX_FAILURES = 20
 """Failures that are listed under the totals of many recordings."""
+LEVEL_SCORES = tuple(
+    str(low) if low + 1 == after else f"{low}-{after - 1}"
+    for low, after in zip(ACTION_LEVEL_FROM, (*ACTION_LEVEL_FROM[1:], 16), strict=True)
+)
+"""Scores of each action level."""
 LEVEL_STYLES = ("green", "green", "yellow", "dark_orange", "red")
 
 
@@ -30,6 +35,9 @@ def show_results(console: Console, results: Sequence[RecordingResult]) -> None:
     scored = [result.summary for result in results if result.summary is not None]
     if scored:
         # The figures need 80 columns: a narrow terminal gets a numbered list of names above the table.
+        for number, summary in enumerate(scored, 1):
+            label = "" if len(scored) == 1 else f"{number}: " if console.width < WIDE else f"{summary['input']}: "
+            console.print(Text(f"{label}{summary['verdict']['text']}", "bold"))
         if len(scored) == 1:
             console.print(_result_table(f"REBA of {scored[0]['input']}", scored, []))
         elif console.width < WIDE:
@@ -38,6 +46,9 @@ def show_results(console: Console, results: Sequence[RecordingResult]) -> None:
             console.print(_result_table("REBA", scored, [str(number + 1) for number in range(len(scored))]))
         else:
             console.print(_result_table("REBA", scored, [summary["input"] for summary in scored]))
+    if scored:
+        risks = ", ".join(f"{scores} {risk}" for scores, (risk, _) in zip(LEVEL_SCORES, ACTION_LEVELS, strict=True))
+        console.print(Text(f"for 1 s: highest score sustained for a second; share of time at REBA {risks} risk"))
     for line in _notes(scored):
         console.print(Text(line))
     for result in results:
@@ -77,16 +88,16 @@ def _result_table(title: str, scored: Sequence[dict[str, Any]], labels: Sequence
         title_justify="left",
         header_style="bold",
         box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+        padding=0,
         pad_edge=False,
     )
     if labels:
         table.add_column("recording" if len(labels[0]) > 3 else "", overflow="fold")
-    for name in ("time\n[s]", "mean", "med-\nian", "p90", "sus-\ntained\n1 s", "max"):
+    for name in ("time\n[s]", "mean", "median", "p90", "for\n1 s", "max"):
         table.add_column(Text(name, keep="\n"), justify="right", no_wrap=True)
-    for level, (risk, _) in enumerate(ACTION_LEVELS):
-        heading = risk.replace(" ", "\n").replace("negligible", "negli-\ngible").replace("medium", "me-\ndium")
-        table.add_column(Text(heading, keep="\n"), justify="right", style=LEVEL_STYLES[level], no_wrap=True)
+    for level, scores in enumerate(LEVEL_SCORES):
+        heading = Text(f"REBA\n{scores}", keep="\n")
+        table.add_column(heading, justify="right", style=LEVEL_STYLES[level], no_wrap=True)
     open_share = any(summary["action_level_undetermined"] > 0 for summary in scored)
     if open_share:
         table.add_column("open", justify="right", no_wrap=True)
@@ -143,20 +154,16 @@ def _with_error(summary: dict[str, Any]) -> list[str]:
     if "distribution" not in summary:
         return []
     expected = summary["distribution"]
-    reached = {level: _both(ends["low"], ends["high"], _percent) for level, ends in expected["at_least"].items()}
-    mean = _both(expected["mean_low"], expected["mean_high"], "{:.1f}".format)
+    reached = {
+        level: both(_percent(ends["low"]), _percent(ends["high"])) for level, ends in expected["at_least"].items()
+    }
+    mean = span(expected["mean_low"], expected["mean_high"], 1)
     approximate = f"; approximate: {expected['approximate']}" if expected["approximate"] else ""
     return [
         f"with measurement error ({expected['error']['name']}): mean {mean}; probability of medium risk or above "
         f"{reached['2']}, of high risk or above {reached['3']}; the 95 % range of a frame is "
         f"{expected['mean_width']:.1f} points wide on average{approximate}"
     ]
-
-
-def _both(low: float | None, high: float | None, text: Callable[[Any], str]) -> str:
-    """Return both ends of a range as text, or one where they read the same."""
-    first, second = text(low), text(high)
-    return first if first == second else f"{first} to {second}"
 
 
 def short_columns(columns: Sequence[str]) -> list[str]:
@@ -186,12 +193,19 @@ def show_worksheet(console: Console, sheet: Worksheet) -> None:
         shown = line.part
         table.add_row(part, "?" if line.points is None else f"{line.points:+d}", line.what, line.value, line.rule)
     console.print(table)
-    s = {name: "?" if value is None else str(value) for name, value in sheet.scores.items()}
+    s = {name: "?" if value is None else str(value) for name, value in {**sheet.scores, **sheet.tables}.items()}
+    console.print(
+        f"Table A (trunk {s['trunk']}, neck {s['neck']}, legs {s['legs']}): {s['table_a']} + load and force "
+        f"{s['load_force']} = Score A {s['score_a']}"
+    )
     for side in ("left", "right"):
+        upper, lower, wrist, coupling, score_b = (
+            s[f"{name}_{side}"] for name in ("upper_arm", "lower_arm", "wrist", "coupling", "score_b")
+        )
         console.print(
-            f"{side}: Score A {s['score_a']} (Table A + load {s['load_force']}), "
-            f"Score B {s[f'score_b_{side}']} (Table B + coupling {s[f'coupling_{side}']}), "
-            f"Table C + activity {s['activity']} = {s[f'reba_{side}']}"
+            f"{side}: Table B (upper arm {upper}, lower arm {lower}, wrist {wrist}): {s[f'table_b_{side}']} + "
+            f"coupling {coupling} = Score B {score_b}; Table C (A {s['score_a']}, B {score_b}): {s[f'table_c_{side}']} "
+            f"+ activity {s['activity']} = REBA {s[f'reba_{side}']}"
         )
     if sheet.scores["reba"] is None:
         total = f"REBA {s['reba_low']} to {s['reba_high']}: not everything was measured"
@@ -208,36 +222,31 @@ def _chances(implied: dict[str, float | None]) -> str:
     likely = implied["reba_likely"]
     first = "most likely score undetermined" if likely is None else f"most likely {likely:g}"
     reached = [
-        _both(implied[f"p_level_{level}_low"], implied[f"p_level_{level}_high"], _percent) + f" {risk} risk or above"
+        both(*(_percent(implied[f"p_level_{level}_{end}"] or 0.0) for end in ("low", "high")))
+        + f" {risk} risk or above"
         for level, risk in ((2, "medium"), (3, "high"))
     ]
-    both = _both(implied["reba_95_low"], implied["reba_95_high"], "{:g}".format)
-    return "; ".join([f"{first}, with a probability of 95 % {both}", *reached])
-
-
-def show_improvements(console: Console, title: str, improvements: Sequence[Improvement]) -> None:
-    """Print the smallest changes for a frame or an interval."""
-    console.print(Text(title, style="bold"))
-    if not improvements:
-        console.print("  at or below this action level already, or no change of measured angles reaches it")
-    for improvement in improvements:
-        console.print(Text(f"  {improvement.goal}: {improvement.text()}"))
+    likely_range = span(implied["reba_95_low"], implied["reba_95_high"])
+    return "; ".join([f"{first}, with a probability of 95 % {likely_range}", *reached])
 
 
 def show_comparison(console: Console, result: dict[str, Any]) -> None:
     """Print two recordings side by side."""
     a, b = result["a"], result["b"]
     table = Table(title="REBA, side by side", title_justify="left", header_style="bold")
-    for name in ("", str(a["input"]), str(b["input"]), "change"):
+    names = [str(a["input"]), str(b["input"])]
+    for letter, one in (("a", a), ("b", b)):
+        console.print(Text(f"{letter}: {one['input']}: {one['verdict']['text']}"))
+    for name in ("", *(names if console.width >= WIDE else ("a", "b")), "change"):
         table.add_column(Text(name), justify="left" if not name else "right", overflow="fold")
     for key in ("mean", "median", "p90", "max"):
-        low, high = result["difference"]["range"][f"{key}_low"], result["difference"]["range"][f"{key}_high"]
-        table.add_row(key, _span(a, key), _span(b, key), _change(low, high))
+        table.add_row(key, _span(a, key), _span(b, key), _change(a["range"], b["range"], key))
     for level, (risk, _) in enumerate(ACTION_LEVELS):
-        shares = (a["action_levels"][str(level)], b["action_levels"][str(level)])
-        table.add_row(
-            f"time at {risk}", _percent(shares[0]), _percent(shares[1]), f"{(shares[1] - shares[0]) * 100:+.0f} %"
-        )
+        shares = a["action_levels"][str(level)], b["action_levels"][str(level)]
+        table.add_row(f"time at {risk}", *map(_percent, shares), _points(shares))
+    shares = a["action_level_undetermined"], b["action_level_undetermined"]
+    if any(shares):
+        table.add_row("time not determined", *map(_percent, shares), _points(shares))
     for part, change in result["difference"]["parts"].items():
         means = (a["parts"][part]["mean"], b["parts"][part]["mean"])
         if any(mean is not None for mean in means):
@@ -251,11 +260,17 @@ def show_comparison(console: Console, result: dict[str, Any]) -> None:
             console.print(Text(f"only {name} lacks: {', '.join(short_columns(columns))}; compare the ranges with care"))
 
 
-def _change(low: float | None, high: float | None) -> str:
-    if low is None or high is None:
+def _points(shares: tuple[float, float]) -> str:
+    """Return the difference of two shares in percentage points."""
+    return f"{(shares[1] - shares[0]) * 100:+.0f} %"
+
+
+def _change(a: dict[str, Any], b: dict[str, Any], key: str) -> str:
+    """Return the difference of two figures, from the lowest to the highest that unmeasured angles leave."""
+    if a[f"{key}_low"] is None or b[f"{key}_low"] is None:
         return ""
-    first, second = f"{low:+.1f}", f"{high:+.1f}"
-    return first if first == second else f"{first} / {second}"
+    ends = b[f"{key}_low"] - a[f"{key}_high"], b[f"{key}_high"] - a[f"{key}_low"]
+    return both(*(f"{end:+.1f}" for end in ends))
 
 
 MAX_NAMES = 12

@@ -23,7 +23,9 @@ MAX_LISTED: Final = 40
 """Recordings up to which each has a line in the terminal; of more, only the totals are printed."""
 
 
-def show(results: Sequence[RecordingResult], file: Path | None, report: str | None, as_json: bool) -> int:
+def show(
+    results: Sequence[RecordingResult], file: Path | None, report: str | None, form: dict[str, str], as_json: bool
+) -> int:
     """Print results, write the report, and return the number of failed recordings.
 
     Raises:
@@ -31,7 +33,7 @@ def show(results: Sequence[RecordingResult], file: Path | None, report: str | No
     """
     failed = sum(result.error is not None for result in results)
     _raise_single_failure(results, failed)
-    written = _write_report(report, [result.scores for result in results if result.scores is not None])
+    written = _write_report(report, form, [result.scores for result in results if result.scores is not None])
     if as_json:
         print_results(results)
     else:
@@ -46,6 +48,7 @@ def into_dataset(
     inputs: Sequence[str],
     options: ScoringOptions,
     report: str | None,
+    form: dict[str, str],
     as_json: bool,
     progress: AbstractContextManager[Callable[[str], None]],
     where: dict[str, Any],
@@ -60,7 +63,7 @@ def into_dataset(
             run = score_into(dataset, inputs, options, on_done=advance, **where)
         if len(inputs) == 1:
             _raise_single_failure(list(dataset.results(inputs)), run.failed)
-        written = _write_report(report, [run.scores[name] for name in inputs if name in run.scores])
+        written = _write_report(report, form, [run.scores[name] for name in inputs if name in run.scores])
         if as_json:
             print_results(dataset.results(inputs), dataset={"output": str(folder), **run.to_dict()})
             return run.failed
@@ -107,9 +110,9 @@ def _raise_single_failure(results: Sequence[RecordingResult], failed: int) -> No
         raise RebaError(results[0].error or "the recording could not be scored")
 
 
-def _write_report(report: str | None, scores: list[Any]) -> list[str]:
+def _write_report(report: str | None, form: dict[str, str], scores: list[Any]) -> list[str]:
     """Write the report if requested, and return its path."""
     if report is None or not scores:
         return []
-    write_report(scores, report, command=command_line("reba"))
+    write_report(scores, report, command=command_line("reba"), **form)
     return [report]

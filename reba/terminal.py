@@ -5,15 +5,21 @@ The commands use these classes instead of those of rich, which passes escape cod
 
 from __future__ import annotations
 
+import copy
 import os
 import sys
-from typing import Any
+from typing import Any, Final
 
 import rich.console
+import rich.measure
 import rich.text
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 from reba.printable import printable
+
+LARGE: Final = 10_000
+"""Columns in which every table has room: the width that it needs is measured there."""
 
 
 class Text(rich.text.Text):
@@ -37,6 +43,52 @@ class Console(rich.console.Console):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(highlight=False, markup=False, emoji=False, **options)
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print; a table whose words and numbers do not fit side by side is printed row by row, so that none is cut."""
+        if len(objects) != 1 or not isinstance(objects[0], Table) or not objects[0].show_header:
+            super().print(*objects, **options)
+            return
+        table = copy.copy(objects[0])
+        table.columns = [copy.copy(column) for column in table.columns]
+        if table.title:
+            # As a line of its own: within the table a title is folded to its width.
+            super().print(table.title, style="" if isinstance(table.title, rich.text.Text) else "italic")
+            table.title = None
+        if self._fitted(table):
+            super().print(table, **options)
+            return
+        cells = [list(column.cells) for column in table.columns]
+        for row in zip(*cells, strict=True):
+            grid = Table.grid(padding=(0, 2, 0, 0))
+            grid.add_column(no_wrap=True)
+            grid.add_column(overflow="fold")
+            for column, cell in zip(table.columns, row, strict=True):
+                if str(cell):
+                    grid.add_row(self._heading(column.header), cell)
+            super().print(grid)
+            super().print()
+
+    def _fitted(self, table: Table) -> bool:
+        """Give the columns the room that their longest words need, and share the rest; return whether it is enough."""
+        room = self.options.update(width=LARGE)
+        needs = []
+        for column in table.columns:
+            need = rich.measure.measure_renderables(self, room, [column.header, *column.cells])
+            needs.append((need.maximum if column.no_wrap else need.minimum, need.maximum))
+        whole = rich.measure.Measurement.get(self, room, table)
+        if whole.maximum <= self.width:
+            return True
+        left = self.width - whole.maximum + sum(most - least for least, most in needs)
+        wanted = sum(most - least for least, most in needs)
+        for column, (least, most) in zip(table.columns, needs, strict=True):
+            column.width = least + (left * (most - least) // wanted if wanted else 0)
+        return left >= 0
+
+    def _heading(self, header: Any) -> rich.text.Text:
+        """Return the heading of a column in one line."""
+        text = header.plain if isinstance(header, rich.text.Text) else str(header)
+        return Text(" ".join(text.split()), "bold")
 
     def render_str(self, text: str, **options: Any) -> rich.text.Text:
         """Return a string to print, a cell or a heading as text to lay out."""

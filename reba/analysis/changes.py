@@ -14,21 +14,29 @@ from reba.method.classes import AngleClasses, angle_classes
 from reba.method.factor_points import knees_count, leg_points
 from reba.method.rules import LOAD_EDGES, load_points
 from reba.posture.angles import against_gravity
-from reba.posture.columns import BEST, COLUMNS, INDEX, SIDES
+from reba.posture.columns import ANGLES, BEST, COLUMNS, INDEX, SIDES
 from reba.posture.factors import ACTIVITIES, COUPLINGS, SUPPORTS, codes
 
 Points = NDArray[np.int16]
+MEASUREMENT_ERROR: Final = 5.0
+"""[deg] A smaller change of an angle is lost in the error of a measurement: between the standard deviations of markers
+and of inertial sensors in `reba/method/errors`."""
 _BEST: Final = np.array([BEST[column] for column in COLUMNS])
+_WORST: Final = np.array([angle.worst for angle in ANGLES for _ in angle.columns])
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """One alternative: the points (F,) that remain, the mean movement of the frames [deg], and both states in words."""
+    """One alternative: the points (F,) that remain, the mean movement of the frames [deg], and both states in words.
+
+    `limits` are the lowest and highest angle of the class [deg]; None for factors.
+    """
 
     points: Points
     degrees: float
     target: str
     before: str
+    limits: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -79,8 +87,14 @@ class PostureChange:
     option: int
 
     def text(self) -> str:
-        """Return "trunk flexion 62.0 -> up to 60.0 deg"."""
-        return f"{self.what} {self.before} -> {self.target}"
+        """Return "trunk flexion 72.0 deg -> up to 60 deg"; a change below the measurement error is named as such."""
+        if self.kind != "angle" or self.degrees >= MEASUREMENT_ERROR:
+            return f"{self.what} {self.before} -> {self.target}"
+        beyond = "less than 0.1" if self.degrees < 0.1 else f"{self.degrees:.1f}"
+        return (
+            f"{self.what} -> {self.target} ({beyond} deg beyond it, "
+            f"below the measurement error of {MEASUREMENT_ERROR:g} deg)"
+        )
 
 
 @dataclass(frozen=True)
@@ -118,21 +132,32 @@ def objectives() -> tuple[Objective, ...]:
     )
 
 
-def choices(scores: ScoreTable, frames: NDArray[np.int64]) -> tuple[Modifiable, ...]:
-    """Return the modifiable angles and factors of the frames that count for the total, with their present points."""
+def seen_angles(scores: ScoreTable, frames: NDArray[np.int64]) -> Array:
+    """Return the angles (22, F) [deg] as the rules see them: upper arms against their reference; NaN = not measured."""
     angles = np.array(scores.angles[frames], np.float64).T
     if scores.rules.upper_arm_reference == "gravity":
         against_gravity(angles)
-    angles = np.where(np.isnan(angles), _BEST[:, None], angles)
+    return angles
+
+
+def choices(scores: ScoreTable, frames: NDArray[np.int64], *, worst: bool = False) -> tuple[Modifiable, ...]:
+    """Return the modifiable angles and factors of the frames that count for the total, with their present points.
+
+    Unmeasured angles are neutral, or at their `worst`; no option changes them.
+    """
+    seen = seen_angles(scores, frames)
+    measured = ~np.isnan(seen)
+    angles = np.where(measured, seen, (_WORST if worst else _BEST)[:, None])
     knees = knees_count(_support(scores, frames), scores.rules)
-    of_angles = [_angle(quantity, angles, knees) for quantity in angle_classes(scores.rules)]
+    of_angles = [_angle(quantity, angles, measured, knees) for quantity in angle_classes(scores.rules)]
     counted = SIDES if scores.rules.two_sides == "worse" else (scores.rules.two_sides,)
     groups = ("a", *counted, "activity")
     return tuple(choice for choice in (*of_angles, *_factors(scores, frames)) if choice.group in groups)
 
 
-def _angle(quantity: AngleClasses, angles: Array, knees: Flags) -> Modifiable:
-    rows = angles[[INDEX[column] for column in quantity.columns]]
+def _angle(quantity: AngleClasses, angles: Array, measured: Flags, knees: Flags) -> Modifiable:
+    places = [INDEX[column] for column in quantity.columns]
+    rows, given = angles[places], measured[places]
     side = quantity.columns[0].rsplit("_", 1)[-1]
     group = side if side in SIDES and quantity.part != "legs" else "a"
     counts = knees.astype(np.int16) if quantity.part == "legs" else np.ones(rows.shape[1], np.int16)
@@ -142,14 +167,16 @@ def _angle(quantity: AngleClasses, angles: Array, knees: Flags) -> Modifiable:
     worst = points.max(axis=0)
     options = []
     for limit in reversed(quantity.classes[:-1]):
-        limited = np.clip(rows, limit.low, limit.high)
-        if worst.max() > limit.points:
+        limited = np.where(given, np.clip(rows, limit.low, limit.high), rows)
+        if (points[given] > limit.points).any():
+            left = np.where(given, np.minimum(points, limit.points), points).max(axis=0)
             options.append(
                 Alternative(
-                    points=(np.minimum(worst, limit.points) * counts).astype(np.int16),
+                    points=(left * counts).astype(np.int16),
                     degrees=float(np.abs(rows - limited).sum(axis=0).mean()),
                     target=interval_text(limit.low, limit.high),
-                    before=_range(rows),
+                    before=_range(rows[given]),
+                    limits=(limit.low, limit.high),
                 )
             )
     shares = quantity.adjusts if quantity.adjusts != quantity.name else ""
@@ -206,7 +233,7 @@ def _factors(scores: ScoreTable, frames: NDArray[np.int64]) -> list[Modifiable]:
     both = Alternative(np.minimum(base, 1).astype(np.int16), 0.0, "both legs", "one leg")
     factors.append(Modifiable("support", "support", "a", "legs", "", base, (both,) if base.max() > 1 else ()))
     for side in SIDES:
-        factors += [_coupling(scores, frames, side), _arm_support(side, yes(f"arm_supported_{side}"))]
+        factors += [_coupling(scores, frames, side), _arm_support(side, yes(f"arm_supported_{side}"), load > 0)]
     targets = {"static": "change posture within a minute", "repeated": "fewer repetitions", "unstable": "move steadily"}
     factors += [removable(k, "activity", "activity", "activity", yes(k), targets[k]) for k in ACTIVITIES]
     return factors
@@ -221,7 +248,8 @@ def _coupling(scores: ScoreTable, frames: NDArray[np.int64], side: str) -> Modif
     return Modifiable(f"{side} coupling", "coupling", side, "coupling", "", codes, tuple(better))
 
 
-def _arm_support(side: str, supported: Points) -> Modifiable:
-    rest = Alternative(-np.ones_like(supported), 0.0, "supported", "unsupported")
-    options = () if supported.all() else (rest,)
+def _arm_support(side: str, supported: Points, carrying: Flags) -> Modifiable:
+    """Return the support of an arm; hands that carry a load leave no arm to rest."""
+    left = np.where(carrying, -supported, -1).astype(np.int16)
+    options = () if (left == -supported).all() else (Alternative(left, 0.0, "supported", "unsupported"),)
     return Modifiable(f"{side} arm", "support", side, "upper_arm", "", (-supported).astype(np.int16), options)

@@ -15,21 +15,24 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from reba.analysis.contributions import PARTS
 from reba.analysis.expected_exposure import expected_exposure, frame_distribution
 from reba.analysis.score_table import SCORES, ScoreTable
+from reba.analysis.verdict import verdict
 from reba.analysis.worksheet import contributions
 from reba.arrays import Array
 from reba.checks import accepts
 from reba.errors import PostureError
-from reba.method.scoring import SCORE_COLUMNS
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 
 HELD_SECONDS: Final = 1.0
 """[s] Shortest time of a sustained score; shorter peaks are likely measurement noise."""
 WORST_INTERVALS: Final = 5
 """How many worst intervals are listed."""
-PARTS: Final = SCORE_COLUMNS[: SCORE_COLUMNS.index("score_a")]
-"""Columns of part scores."""
+INTERVAL_RULE: Final = (
+    "An interval is a time at its score or above; a pause below it that is shorter than a second and than the times on "
+    "either side does not end it."
+)
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ class Interval:
 
     Attributes:
         start, end: [s], the end one period after the last frame.
-        reba: the score that is reached throughout (by the low end of the range).
+        reba: the score that is reached throughout (by the low end of the range), short pauses aside.
         frame: the frame that stands for it: one of the highest in it, nearest to the middle.
     """
 
@@ -129,13 +132,15 @@ def intervals(scores: ScoreTable, at_least: int) -> list[Interval]:
 def worst_intervals(scores: ScoreTable, count: int = WORST_INTERVALS) -> list[Interval]:
     """Return the worst intervals, highest score first, then longest, without overlap.
 
-    Intervals of at least one second come first; shorter ones only where there are not enough.
+    One rule: an interval is a time at or above a score, and a pause below it that is shorter than a second and than
+    the times on either side of it does not end it (`INTERVAL_RULE`). Intervals of at least one second come first,
+    shorter ones only where there are not enough.
     """
     timeline = _Timeline(scores)
     chosen: list[tuple[int, int, int]] = []
     for least in (HELD_SECONDS, 0.0):
         for score in (score for score in timeline.scores if score > 1):
-            first, last = timeline.runs(score, least)
+            first, last = timeline.merged(score, least)
             order = np.lexsort((first, timeline.start[first] - timeline.end[last]))
             for place in order.tolist():
                 if len(chosen) == count:
@@ -169,6 +174,18 @@ class _Timeline:
         long = self.end[last] - self.start[first] >= seconds - 1e-9
         return first[long], last[long]
 
+    def merged(self, at_least: int, seconds: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return first and last frame of the runs at or above a score, joined across short pauses."""
+        first, last = self.runs(at_least)
+        pause = self.start[first[1:]] - self.end[last[:-1]]
+        length = self.end[last] - self.start[first]
+        cuts = np.cumsum(np.append(0, self.broken))  # gaps and seams before each frame
+        short = pause < np.minimum(HELD_SECONDS, np.minimum(length[:-1], length[1:]))
+        joined = short & (cuts[first[1:]] == cuts[last[:-1]])
+        first, last = first[np.append(True, ~joined)[: len(first)]], last[np.append(~joined, True)[-len(last) :]]
+        long = self.end[last] - self.start[first] >= seconds - 1e-9
+        return first[long], last[long]
+
     def interval(self, first: int, last: int, reba: int) -> Interval:
         """Return a run as an interval, with the frame that stands for it."""
         low = self.low[first : last + 1]
@@ -188,8 +205,9 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
     shares = level_shares(scores)
     undetermined = shares.pop("undetermined")
     low_end, high_end = distribution(low, weights), distribution(high, weights)
+    intervals = worst_intervals(scores)
     worst = []
-    for interval in worst_intervals(scores):
+    for interval in intervals:
         row = scores.data.iloc[interval.frame]
         reba = row["reba"]
         worst.append(
@@ -205,7 +223,9 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
                 **({"distribution": chances} if (chances := frame_distribution(scores, interval.frame)) else {}),
             }
         )
+    ends = (low_end.p90, high_end.p90)
     return {
+        "verdict": verdict(scores, weights, ends, [float(time[one.frame]) for one in intervals]),
         "frames": len(time),
         "seconds": float(weights.sum()),
         "rules": dataclasses.asdict(scores.rules),
@@ -280,6 +300,7 @@ def compare(a: ScoreTable, b: ScoreTable) -> dict[str, Any]:
             level: _minus(first["action_levels"][level], second["action_levels"][level])
             for level in first["action_levels"]
         },
+        "action_level_undetermined": _minus(first["action_level_undetermined"], second["action_level_undetermined"]),
         "parts": {part: _minus(first["parts"][part]["mean"], second["parts"][part]["mean"]) for part in PARTS},
     }
     only = {

@@ -17,15 +17,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from reba.analysis.changes import Modifiable, Objective, PostureChange, choices, objectives
+from reba.analysis.changes import Modifiable, Objective, Points, PostureChange, choices, objectives
+from reba.analysis.modified_scores import part_score, parts_of, sides_of, table_score, total
 from reba.analysis.score_table import ScoreTable
 from reba.errors import PostureError
-from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, PART_MAXIMA, TABLE_A, TABLE_B, TABLE_C
-from reba.posture.columns import GROUP_A, GROUP_B, SIDES
+from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, TABLE_C
 
 WORST_SECONDS: Final = 60.0
 """[s] Length of the worst interval, which one set of changes improves."""
-Points = NDArray[np.int16]
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ def improve_frames(scores: ScoreTable, frames: NDArray[np.int64], to_level: int 
         to_level: highest action level (0 to 3) that may remain; by default one below the highest among the frames.
     """
     available = choices(scores, frames)
-    before = int(_total(available, {}).max())
+    before = int(total(available, {}).max())
     level = int(LEVEL_OF[before])
     goal_level = level - 1 if to_level is None else to_level
     if level <= goal_level or goal_level < 0:
@@ -100,7 +99,7 @@ def improve_frames(scores: ScoreTable, frames: NDArray[np.int64], to_level: int 
         if best is None or any({c.what for c in best} == {c.what for c in other.changes} for other in improvements):
             continue
         chosen = {change.choice: change.option for change in best}
-        after = int(_total(available, chosen).max())
+        after = int(total(available, chosen).max())
         improvements.append(
             Improvement(
                 goal=objective.name,
@@ -130,7 +129,7 @@ Ranked = list[tuple[Points, _Combination]]
 def _search(available: tuple[Modifiable, ...], objective: Objective, target: int) -> list[PostureChange] | None:
     """Return the cheapest changes under an objective that keep every frame at or under the target, or None."""
     a = _combinations(available, objective, "a")
-    arms = [_combinations(available, objective, side) for side in _sides(available)]
+    arms = [_combinations(available, objective, side) for side in sides_of(available)]
     active = _combinations(available, objective, "activity")
     best: tuple[float, tuple[tuple[int, int], ...]] | None = None
     limits: dict[bytes, tuple[float, tuple[tuple[int, int], ...]] | None] = {}
@@ -170,14 +169,14 @@ def _combinations(available: tuple[Modifiable, ...], objective: Objective, group
     Each part is searched by itself first: no table falls along an index, so that a combination which is dominated
     within its part is dominated within the group.
     """
-    parts = _parts(available, group)
+    parts = parts_of(available, group)
     ranked = [_undominated(_part_combinations(available, objective, members)) for members in parts.values()]
     combinations = []
     for picked in itertools.product(*ranked):
         points = dict(zip(parts, (points for points, _ in picked), strict=True))
         options = tuple(option for _, combination in picked for option in combination.options)
         cost = sum(combination.cost for _, combination in picked)
-        combinations.append((_group_score(points, group), _Combination(options, cost)))
+        combinations.append((table_score(points, group), _Combination(options, cost)))
     return _undominated(combinations)
 
 
@@ -187,7 +186,7 @@ def _part_combinations(available: tuple[Modifiable, ...], objective: Objective, 
     for picked in itertools.product(*(_options(available[index]) for index in useful)):
         chosen = {index: option for index, option in zip(useful, picked, strict=True) if option is not None}
         cost = sum(objective.cost(available[index], option) for index, option in chosen.items())
-        combinations.append((_part_score(available, members, chosen), _Combination(tuple(chosen.items()), cost)))
+        combinations.append((part_score(available, members, chosen), _Combination(tuple(chosen.items()), cost)))
     return combinations
 
 
@@ -205,61 +204,6 @@ def _undominated(combinations: Ranked) -> Ranked:
     return undominated
 
 
-def _parts(available: tuple[Modifiable, ...], group: str) -> dict[str, list[int]]:
-    """Return the choices of each part of a group."""
-    parts: dict[str, list[int]] = {}
-    for index in _members(available, group):
-        parts.setdefault(available[index].part, []).append(index)
-    return parts
-
-
-def _members(available: tuple[Modifiable, ...], group: str) -> list[int]:
-    return [index for index, choice in enumerate(available) if choice.group == group]
-
-
-def _sides(available: tuple[Modifiable, ...]) -> list[str]:
-    """Return the sides that count for the total."""
-    return [side for side in SIDES if _members(available, side)]
-
-
 def _options(choice: Modifiable) -> Iterator[int | None]:
     yield None
     yield from range(len(choice.options))
-
-
-def _part_score(available: tuple[Modifiable, ...], members: list[int], chosen: dict[int, int]) -> Points:
-    """Return the score of one part (F,) with some options chosen."""
-    shared: dict[str, Points] = {}
-    score = np.zeros_like(available[members[0]].points)
-    for index in members:
-        choice = available[index]
-        points = choice.options[chosen[index]].points if index in chosen else choice.points
-        if choice.shares:
-            shared[choice.shares] = np.maximum(shared.get(choice.shares, np.zeros_like(points)), points)
-        else:
-            score = score + points
-    part = available[members[0]].part
-    lowest = 1 if part in GROUP_A + GROUP_B else 0
-    return np.clip(sum(shared.values(), score), lowest, PART_MAXIMA[part])
-
-
-def _group_score(parts: dict[str, Points], group: str) -> Points:
-    """Return Score A, Score B of a side or the activity points (F,) from the scores of its parts."""
-    if group == "activity":
-        return parts["activity"]
-    table, body, extra = (TABLE_A, GROUP_A, "load_force") if group == "a" else (TABLE_B, GROUP_B, "coupling")
-    score: Points = table[tuple(parts[part] - 1 for part in body)].astype(np.int16) + parts[extra]
-    return score
-
-
-def _total(available: tuple[Modifiable, ...], chosen: dict[int, int]) -> Points:
-    """Return REBA (F,) with some options chosen."""
-    score: dict[str, Points] = {}
-    sides = _sides(available)
-    for group in ("a", *sides, "activity"):
-        parts = _parts(available, group)
-        points = {part: _part_score(available, members, chosen) for part, members in parts.items()}
-        score[group] = _group_score(points, group)
-    score_b = np.maximum.reduce([score[side] for side in sides])
-    total: Points = TABLE_C[score["a"] - 1, score_b - 1].astype(np.int16) + score["activity"]
-    return total

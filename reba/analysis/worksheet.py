@@ -68,9 +68,19 @@ class Worksheet:
         """Return the lines of one part."""
         return tuple(line for line in self.lines if line.part == part)
 
+    @property
+    def tables(self) -> dict[str, int | None]:
+        """The values of Tables A, B and C, as they stand on the paper worksheet; None where undetermined."""
+        steps = {"table_a": ("score_a", "load_force")}
+        for side in SIDES:
+            steps[f"table_b_{side}"] = (f"score_b_{side}", f"coupling_{side}")
+            steps[f"table_c_{side}"] = (f"reba_{side}", "activity")
+        values = {name: (self.scores[total], self.scores[extra]) for name, (total, extra) in steps.items()}
+        return {name: None if a is None or b is None else a - b for name, (a, b) in values.items()}
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
-        return asdict(self)
+        return {**asdict(self), "tables": self.tables}
 
 
 def worksheet(scores: ScoreTable, frame: int) -> Worksheet:

@@ -1,4 +1,4 @@
-"""A person drawn from posture angles: 3D joint centres, two views, one SVG.
+"""A person drawn from posture angles: 3D joint centres, three views, one SVG.
 
 The trunk's frame and the direction of the upper arm follow `reba.posture.angles`: x forward, y up, z to the right. What
 the angles leave open is drawn plainly: hips and ankles so that the feet stay below the body, unmeasured limbs in their
@@ -50,9 +50,14 @@ SPOTS: Final[dict[str, tuple[str, ...]]] = {
     },
 }
 """Part score -> the joints that carry its mark."""
-VIEWS: Final[tuple[tuple[str, float], ...]] = (("from the right", 0.0), ("from the front", 65.0))
+VIEWS: Final[tuple[tuple[str, float], ...]] = (
+    ("from the right", 0.0),
+    ("three-quarter view", 45.0),
+    ("from the front", 90.0),
+)
 """Title of each view and how far the person is turned towards the viewer [deg]."""
-_HEIGHT, _WIDTH, _SCALE = 250.0, 190.0, 220.0
+_HEIGHT, _WIDTH, _SCALE = 236.0, 180.0, 165.0
+# One scale for all views and postures: arms stretched above the head and in front of a bent trunk fit.
 
 
 @dataclass(frozen=True)
@@ -164,11 +169,9 @@ def _view(
     seen = {name: _turn(1, -turn) @ point for name, point in place.items()}
     x = [point[0] for point in seen.values()]
     y = [point[1] for point in seen.values()]
-    # Raised arms reach beyond stature, level ones beyond the width: such a figure is drawn smaller.
-    scale = min(_SCALE, (_HEIGHT - 28) / (max(y) - min(y)), (_WIDTH - 24) / (max(x) - min(x)))
-    shift = _WIDTH / 2 - (min(x) + max(x)) / 2 * scale
-    floor = _HEIGHT - 8 + min(y) * scale
-    at = {name: (shift + p[0] * scale, floor - p[1] * scale) for name, p in seen.items()}
+    shift = _WIDTH / 2 - (min(x) + max(x)) / 2 * _SCALE
+    floor = _HEIGHT - 8 + min(y) * _SCALE
+    at = {name: (shift + p[0] * _SCALE, floor - p[1] * _SCALE) for name, p in seen.items()}
     ground = _HEIGHT - 4
     parts = [f'<line class="floor" x1="8" y1="{ground:g}" x2="{_WIDTH - 8:g}" y2="{ground:g}"/>']
     if sitting:
@@ -184,7 +187,7 @@ def _view(
     for a, b in (("shoulder_left", "shoulder_right"), ("hip_left", "hip_right")):
         parts.append(_stroke("limb near", at[a], at[b]))
     head = "unmeasured" if np.isnan(angles[INDEX["neck_flexion"]]) else "near"
-    radius = LENGTHS["head"] / 2 * scale
+    radius = LENGTHS["head"] / 2 * _SCALE
     parts.append(f'<circle class="head {head}" cx="{at["head"][0]:.1f}" cy="{at["head"][1]:.1f}" r="{radius:.1f}"/>')
     parts.append(_stroke(f"nose {head}", *(_towards(at["head"], at["nose"], share) for share in (0.75, 1.15))))
     parts += [_badge(at[joint], mark) for part, mark in marks.items() for joint in SPOTS.get(part, ())]

@@ -16,13 +16,16 @@ from reba.checks import PATH, from_home, shown
 from reba.errors import RebaError
 from reba.files import write_atomic, write_text
 from reba.outputs import FileOutput, check_outputs
-from reba.report.page import page
+from reba.report.page import Form, page
+from reba.report.pdf import print_pdf
 
 Recordings = ScoreTable | Sequence[ScoreTable]
 """Scores of one recording or of several."""
+BLANK = Form()
+"""Lines to fill in by hand."""
 
 
-def render(scores: Recordings, *, command: str = "") -> str:
+def render(scores: Recordings, *, command: str = "", form: Form = BLANK) -> str:
     """Return the report on one recording or several as HTML text; `command` is the command line that reproduces it.
 
     Raises:
@@ -31,19 +34,24 @@ def render(scores: Recordings, *, command: str = "") -> str:
     recordings = [scores] if isinstance(scores, ScoreTable) else list(scores)
     if not recordings:
         raise RebaError("a report needs at least one scored recording; none was given")
-    return page(recordings, command)
+    return page(recordings, command, form)
 
 
-def write_report(scores: Recordings, path: str | Path, *, command: str = "") -> None:
-    """Write the report as one HTML file, which appears only when it is complete.
+def write_report(
+    scores: Recordings, path: str | Path, *, command: str = "", task: str = "", assessor: str = "", date: str = ""
+) -> None:
+    """Write the report as one HTML file, or as PDF if the path ends so; it appears only when it is complete.
+
+    A PDF is printed by Chromium, Chrome or Edge on this machine, without a network.
 
     Args:
         scores: scores of one recording or of several.
         path: file to write; its folder is created if missing.
         command: command line to show, with which the report can be reproduced.
+        task, assessor, date: what the first printed page says of them; "" leaves a line to fill in.
 
     Raises:
-        RebaError: no recording was given, the file cannot be written, or it is a recording.
+        RebaError: no recording was given, the file cannot be written, it is a recording, or no browser prints the PDF.
 
     Example:
         >>> import tempfile, pandas, reba
@@ -65,5 +73,8 @@ def write_report(scores: Recordings, path: str | Path, *, command: str = "") -> 
         raise RebaError(f"write_report: path is {shown(path)}; expected {PATH.expected}")
     path = from_home(path)
     check_outputs(FileOutput(path), inputs=[path for each in several for path in each.postures.inputs])
-    html = render(scores, command=command)
-    write_atomic(Path(path), lambda part: write_text(part, html))
+    html = render(several, command=command, form=Form(str(task), str(assessor), str(date)))
+    if Path(path).suffix.lower() == ".pdf":
+        write_atomic(Path(path), lambda part: print_pdf(html, part))
+    else:
+        write_atomic(Path(path), lambda part: write_text(part, html))

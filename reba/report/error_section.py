@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from reba.analysis.wording import percent, span
 from reba.method.distribution import SHARE
 from reba.method.measurement_error import MeasurementError
 from reba.method.tables import ACTION_LEVEL_FROM, UNKNOWN
 from reba.posture.columns import COLUMNS_OF, INDEX
-from reba.report.labels import percent, span
 from reba.report.series import Curve
 from reba.report.summary import RecordingSummary
 

@@ -1,25 +1,21 @@
-"""Headline and worst intervals: the figures that a reader of the report sees first."""
+"""Verdict, figures and worst intervals: what a reader of the report sees first."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from reba.analysis.exposure import HELD_SECONDS
-from reba.analysis.improve import Improvement, improve_frame, improve_frames, worst_minute
+from reba.analysis.wording import percent, seconds, span
 from reba.errors import join_names
-from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF, PART_MAXIMA
+from reba.method.tables import ACTION_LEVEL_FROM, LEVEL_OF, PART_MAXIMA
 from reba.posture.columns import SIDES
 from reba.posture.skeleton import SPOTS, Mark, stick_figure
-from reba.report.labels import PARTS, action, body_parts, percent, risk, seconds, span
-from reba.report.sections import PartContribution
+from reba.report.labels import PARTS, action, body_parts, risk
 from reba.report.summary import RecordingSummary
 
-NOTABLE: Final = 0.1
-"""Contribution of a part to the mean REBA [score] from which the headline names it; less is not visible in a mean."""
 WHY_P90: Final = (
     "The headline is the time-weighted 90th percentile (p90): REBA is at or below it for 90 % of the recording. "
     "Single noisy frames change the maximum but not the 90th percentile, and the mean hides peaks that it shows."
@@ -40,6 +36,7 @@ class Headline:
     """The headline of a recording.
 
     Attributes:
+        verdict: how bad, for how long, when and why.
         p90: 90th percentile, a score or a range; "" without frames.
         levels: lowest and highest action level of the 90th percentile, with the names `risk` and `action`.
         because: reason of the range, "" for a single score.
@@ -47,6 +44,7 @@ class Headline:
         tiles: further figures.
     """
 
+    verdict: str
     p90: str
     levels: tuple[int, int]
     risk: str
@@ -56,11 +54,12 @@ class Headline:
     tiles: tuple[Tile, ...]
 
 
-def headline(record: RecordingSummary, contributions: Sequence[PartContribution]) -> Headline:
-    """Return the headline of a recording; `contributions` of the parts, largest first."""
+def headline(record: RecordingSummary) -> Headline:
+    """Return the headline of a recording."""
+    verdict = record.summary["verdict"]["text"]
     if not record.frames:
         sentences = ("The recording contains no frames, so there is no score.",)
-        return Headline("", (0, 0), "not known", "", "", sentences, (_quality_tile(record),))
+        return Headline(verdict, "", (0, 0), "not known", "", "", sentences, (_quality_tile(record),))
     ends = record.summary["range"]
     low, high = ends["p90_low"], ends["p90_high"]
     levels = int(LEVEL_OF[low]), int(LEVEL_OF[high])
@@ -80,12 +79,13 @@ def headline(record: RecordingSummary, contributions: Sequence[PartContribution]
         _quality_tile(record),
     )
     return Headline(
+        verdict,
         span(low, high),
         levels,
         risk(low, high),
         " or ".join(actions),
         range_reason(record),
-        _sentences(record, contributions),
+        _sentences(record),
         tiles,
     )
 
@@ -139,22 +139,13 @@ def _quality_tile(record: RecordingSummary) -> Tile:
     return Tile("Data quality", record.quality_grade.letter, record.quality_grade.text)
 
 
-def _sentences(record: RecordingSummary, contributions: Sequence[PartContribution]) -> tuple[str, ...]:
+def _sentences(record: RecordingSummary) -> tuple[str, ...]:
     ends = record.summary["range"]
     low, high = ends["p90_low"], ends["p90_high"]
     clause = range_reason(record)
-    limit = f"between {low} and {high}" if low != high else f"{low}"
-    sentences = [
-        f"For 90 % of the time REBA is {'at most a score ' if low != high else ''}{limit}"
-        f"{'' if low != high else ' or lower'} ({risk(low, high)} risk)"
-        + (f": it is a range because {clause}." if clause and low != high else ".")
-    ]
-    longest = max(range(5), key=lambda level: record.summary["action_levels"][str(level)])
-    share = record.summary["action_levels"][str(longest)]
-    if share > 0:
-        sentences.append(
-            f"{percent(share)} of the time is at {ACTION_LEVELS[longest][0]} risk, more than at any other level."
-        )
+    sentences = []
+    if clause and low != high:
+        sentences.append(f"REBA is a range because {clause}.")
     open_share = record.summary["action_level_undetermined"]
     if open_share > 0:
         sentences.append(f"For {percent(open_share)} of the time the action level is not determined.")
@@ -164,24 +155,9 @@ def _sentences(record: RecordingSummary, contributions: Sequence[PartContributio
         sentences.append(
             f"With unmeasured angles set to their {fill} values, as requested, p90 is {p90}; ranges are without that."
         )
-    if contributions and contributions[0].drop >= NOTABLE:
-        first = contributions[0]
-        sentences.append(
-            f"Largest contribution: {first.title.lower()}. If it always had its lowest score, the mean would fall from "
-            f"{first.mean + first.drop:.1f} to {first.mean:.1f}"
-            + ("." if record.fully_measured else " (unmeasured angles neutral).")
-        )
     if not np.isfinite(record.rate):
         sentences.append("There is only one frame: durations and percentiles describe that frame alone.")
     return tuple(sentences)
-
-
-GOALS: Final[dict[str, str]] = {
-    "least movement": "Least movement",
-    "load only": "Load alone",
-    "coupling only": "Grip alone",
-}
-"""Goals of `reba.analysis.improve` that the report shows -> their titles."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +171,6 @@ class WorstInterval:
         sustained: score that every frame of the interval reaches.
         reba: score or range of the frame, with its action `levels` at both ends and the name of its `risk`.
         why: angles and factors with the most points.
-        changes: (goal, change as text).
         likely: what the measurement error implies for the frame, "" without one.
         svg: drawing of the posture.
     """
@@ -210,7 +185,6 @@ class WorstInterval:
     levels: tuple[int, int]
     risk: str
     why: tuple[str, ...]
-    changes: tuple[tuple[str, str], ...]
     likely: str
     svg: str
 
@@ -218,17 +192,6 @@ class WorstInterval:
 def worst_intervals(record: RecordingSummary) -> list[WorstInterval]:
     """Return the worst intervals, highest score first."""
     return [_worst_interval(record, number, interval) for number, interval in enumerate(record.summary["worst"], 1)]
-
-
-def worst_minute_row(record: RecordingSummary) -> tuple[float, float, tuple[tuple[str, str], ...]] | None:
-    """Return start and end [s] of the worst minute and the changes that lower the action level of all its frames."""
-    if not record.frames:
-        return None
-    frames = worst_minute(record.scores)
-    first, last = int(frames[0]), int(frames[-1])
-    time = record.scores.time
-    changes = _changes(improve_frames(record.scores, frames))
-    return float(time[first]), float(time[last] + record.weights[last]), changes
 
 
 def _worst_interval(record: RecordingSummary, number: int, interval: dict[str, Any]) -> WorstInterval:
@@ -250,7 +213,6 @@ def _worst_interval(record: RecordingSummary, number: int, interval: dict[str, A
         levels=(int(LEVEL_OF[low]), int(LEVEL_OF[high])),
         risk=risk(low, high),
         why=why,
-        changes=_changes(improve_frame(scores, frame)),
         likely=_likely(interval.get("distribution")),
         svg=stick_figure(scores.angles[frame], _marks(record, frame), label, sitting),
     )
@@ -278,7 +240,3 @@ def _marks(record: RecordingSummary, frame: int) -> dict[str, Mark]:
         if low > 1:
             marks[name] = Mark(f"{low}" if low == high else f"{low}+", (low - 1) / (highest - 1))
     return marks
-
-
-def _changes(improvements: list[Improvement]) -> tuple[tuple[str, str], ...]:
-    return tuple((GOALS[one.goal], one.text()) for one in improvements if one.goal in GOALS)

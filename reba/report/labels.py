@@ -1,4 +1,4 @@
-"""Labels, colours and explanations of the report, and the formatting of its numbers."""
+"""Labels, colours and explanations of the report."""
 
 from __future__ import annotations
 
@@ -100,42 +100,6 @@ LIMITS: Final[tuple[str, ...]] = (
     "either side of it. The edges used are listed under Assumptions.",
 )
 """Limits of the method that a reader must know before using the figures."""
-
-
-def seconds(value: float) -> str:
-    """Return a duration: "12.3 s", "2 min 56 s", "1 h 00 min".
-
-    >>> seconds(176.2)
-    '2 min 56 s'
-    """
-    if value < 120:
-        return f"{value:.1f} s"
-    if value < 7200:
-        return f"{int(value) // 60} min {int(value) % 60:02d} s"
-    return f"{int(value) // 3600} h {int(value) // 60 % 60:02d} min"
-
-
-def percent(share: float) -> str:
-    """Return a share: "0 %", "<0.1 %", "3.4 %", "38 %", with a space that does not break.
-
-    >>> percent(0.034)
-    '3.4\xa0%'
-    """
-    if 0 < share < 0.001:
-        return "<0.1\xa0%"
-    return f"{100 * share:.0f}\xa0%" if share == 0 or share >= 0.0995 else f"{100 * share:.1f}\xa0%"
-
-
-def span(low: float | None, high: float | None, digits: int = 0) -> str:
-    """Return a range as text, "4 to 8", or one number if both ends are equal; "not known" for None.
-
-    >>> span(4, 8), span(5.04, 5.02, 1)
-    ('4 to 8', '5.0')
-    """
-    if low is None or high is None:
-        return "not known"
-    first, second = f"{low:.{digits}f}", f"{high:.{digits}f}"
-    return first if first == second else f"{first} to {second}"
 
 
 def risk(low: int | None, high: int | None) -> str:

@@ -1,62 +1,86 @@
 "use strict";
-// Replaces the static plots of the page by interactive ones, and handles the choice of total and of angle.
+// Starts the timelines and the tables of assumptions, and follows links to moments.
 (() => {
-  const config = {
-    responsive: true,
-    displaylogo: false,
-    // Listed explicitly: the default set contains a button that uploads the plot.
-    modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
-  };
-  const views = (drawing, total) =>
-    drawing.data.map((trace) => trace.meta === "activity" || trace.meta === total);
+  const json = (id) => JSON.parse(document.getElementById(id).textContent);
+  const common = document.getElementById("explorer-model") ? json("explorer-model") : null;
+  const explorers = {};
 
-  const edges = (drawing, number) =>
-    drawing.data[number].meta.edges.map((edge) => ({
-      type: "line", xref: "paper", x0: 0, x1: 1, y0: edge, y1: edge,
-      line: { color: "#b92d2b", width: 1, dash: "dash" },
-    }));
-
-  const drawings = [];
-  for (const figure of document.querySelectorAll("figure.plot")) {
-    const { data, layout } = JSON.parse(document.getElementById(figure.dataset.figure).textContent);
-    const drawing = figure.querySelector(".drawing");
-    const gaps = layout.shapes || [];
-    for (const part of [figure, ...figure.querySelectorAll(".live")]) part.hidden = false;
-    figure.querySelectorAll(".still").forEach((still) => still.classList.add("replaced"));
-    const narrow = window.innerWidth < 600;
-    if (narrow) {
-      // Touch must scroll the page, not the plot.
-      layout.dragmode = false;
-      layout.margin.t = 26;
-      layout.margin.r = 8;
-      for (const name of (layout.annotations || []).filter((note) => note.xref === "paper")) name.xanchor = "right";
-      layout.margin.l = 46;
-      layout.xaxis.nticks = 5;
-      if (layout.yaxis2) layout.yaxis2.ticktext = layout.yaxis2.ticktext.map((text) => text.slice(0, 6));
-    }
-    drawings.push(
-      Plotly.newPlot(drawing, data, layout, { ...config, displayModeBar: narrow ? false : "hover" }).then(() => {
-        const select = figure.querySelector("select");
-        if (select) {
-          const show = () => {
-            const number = Number(select.value);
-            const shapes = [...gaps, ...edges(drawing, number)];
-            const visible = data.map((_, index) => index === number);
-            return Plotly.update(drawing, { visible }, { shapes, "yaxis.autorange": true });
-          };
-          select.addEventListener("change", show);
-          return show();
-        }
-        for (const choice of figure.querySelectorAll("input[type=radio]")) {
-          choice.addEventListener("change", () => Plotly.restyle(drawing, { visible: views(drawing, choice.value) }));
-        }
-        return null;
-      }),
-    );
+  for (const root of document.querySelectorAll(".explorer")) {
+    root.hidden = false;
+    root.parentElement.querySelectorAll(".still").forEach((still) => still.classList.add("replaced"));
+    const explorer = new Timeline.Explorer(root, json(`${root.dataset.recording}-explorer`), common.skeleton, common.levels, common.parts);
+    explorers[root.dataset.recording] = explorer;
   }
+  window.explorers = explorers;
+
+  const follow = () => {
+    const [, recording, time] = location.hash.match(/^#(r\d+)-at-([\d.-]+)$/) || [];
+    const explorer = explorers[recording];
+    if (!explorer) return;
+    const seconds = Number(time);
+    const interval = explorer.intervals.find(([, start, end]) => start <= seconds + 1e-6 && seconds <= end + 1e-6);
+    const [start, end] = interval ? [interval[1], interval[2]] : [seconds, seconds];
+    const margin = Math.max(end - start, 2);
+    explorer.go(seconds, [start - margin, end + margin]);
+    explorer.root.scrollIntoView({ block: "start" });
+    explorer.slider.focus({ preventScroll: true });
+  };
+  window.addEventListener("hashchange", follow);
+  for (const link of document.querySelectorAll("a.moment")) {
+    link.addEventListener("click", (event) => {
+      event.preventDefault();
+      history.replaceState(null, "", link.getAttribute("href"));
+      follow();
+    });
+  }
+
+  for (const root of document.querySelectorAll(".what-if")) {
+    root.hidden = false;
+    const { settings, one, shares, seconds } = json(`${root.dataset.recording}-what-if`);
+    const table = new Uint16Array(Timeline.bytes(shares).buffer);
+    const inputs = [...root.querySelectorAll("input[type=range]")];
+    const rows = [...root.querySelectorAll("tbody tr")];
+    const bar = root.querySelector(".bar");
+    const segments = rows.map((row) => {
+      const segment = document.createElement("i");
+      segment.className = row.dataset.level === "open" ? "open" : `l${row.dataset.level}`;
+      return segment;
+    });
+    bar.replaceChildren(...segments);
+    const at = (choice) => settings.reduce((index, [, values], k) => index * values.length + choice[k], 0) * 8;
+    const cells = (share) => `${(share * seconds).toFixed(1)} s (${(100 * share).toFixed(share && share < 0.0995 ? 1 : 0)} %)`;
+    const show = () => {
+      const choice = inputs.map((input) => Number(input.value));
+      inputs.forEach((input, k) => {
+        const text = settings[k][1][choice[k]];
+        input.nextElementSibling.textContent = text;
+        input.setAttribute("aria-valuetext", text);
+      });
+      const now = at(choice), before = at(choice.map(() => 0));
+      rows.forEach((row, k) => {
+        const level = row.dataset.level === "open" ? 5 : Number(row.dataset.level);
+        const [was, is] = [table[before + level] / one, table[now + level] / one];
+        row.children[1].textContent = cells(was);
+        row.children[2].textContent = cells(is);
+        segments[k].style.width = `${100 * is}%`;
+      });
+      const high = (from) => [...new Set([6, 7].map((end) => cells(table[from + end] / one)))].join(" to ");
+      root.querySelector(".outcome").textContent = `REBA 8 or more: ${high(now)}; as recorded ${high(before)}.`;
+    };
+    inputs.forEach((input) => input.addEventListener("input", show));
+    root.querySelector("button").addEventListener("click", () => {
+      inputs.forEach((input) => { input.value = 0; });
+      show();
+    });
+    show();
+  }
+
   // On paper, collapsed details cannot be opened.
   window.addEventListener("beforeprint", () => {
     for (const details of document.querySelectorAll("details")) details.open = true;
   });
-  Promise.all(drawings).then(() => document.documentElement.setAttribute("data-drawn", String(drawings.length)));
+  follow();
+  requestAnimationFrame(() => requestAnimationFrame(() => {
+    document.documentElement.setAttribute("data-drawn", String(Object.keys(explorers).length));
+  }));
 })();

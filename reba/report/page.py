@@ -5,18 +5,26 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Final
 
 from reba._version import __version__
+from reba.analysis import wording
+from reba.analysis.advice import SHOWN, advise
+from reba.analysis.exposure import INTERVAL_RULE
 from reba.analysis.score_table import ScoreTable
+from reba.files import as_json
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
-from reba.printable import as_markup, printable
+from reba.printable import as_markup, as_script_data, printable
 from reba.report import labels
+from reba.report.body_map import SCALE, body_map
+from reba.report.comparison import compared_figures, differing
 from reba.report.error_section import error_section
-from reba.report.findings import WHY_P90, headline, high_risk_share, worse_side, worst_intervals, worst_minute_row
-from reba.report.labels import LEVEL_COLOURS, LIMITS, PART_COLOURS, SOURCES, TEXT_ON
-from reba.report.plots import angle_figure, likely_figure, time_figure, time_label, time_svg
+from reba.report.explorer import cursor_frames, explorer, skeleton
+from reba.report.findings import WHY_P90, headline, high_risk_share, worse_side, worst_intervals
+from reba.report.labels import LEVEL_COLOURS, LIMITS, PART_COLOURS, PARTS, SOURCES, TEXT_ON
+from reba.report.plots import level_bands, time_label, time_svg
 from reba.report.sections import (
     activity_rows,
     angle_rows,
@@ -26,8 +34,9 @@ from reba.report.sections import (
     rule_rows,
     unmeasured_rows,
 )
-from reba.report.series import BUCKETS, DRAW_ALL, VIEWS
+from reba.report.series import VIEWS
 from reba.report.summary import GRADE_RULE, RecordingSummary, seconds_of_levels, summarise
+from reba.report.what_if import what_if
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -39,67 +48,95 @@ LEVEL_SCORES: Final = tuple(
 """Scores of each action level as text."""
 ERROR_LABEL: Final = "Most likely REBA over time, in the range that holds REBA with a probability of 95 %"
 """Text alternative of the plot under measurement error."""
+SCRIPTS: Final = ("figure.js", "timeline.js", "page.js")
+"""What makes a report of recordings with frames interactive, in this order."""
 MIN_LENGTH_RATIO: Final = 0.2
 """Shortest recording as a share of the longest up to which all time axes have equal length; below, the short plot
 would be too narrow to read."""
 
 
-def page(scores: Sequence[ScoreTable], command: str) -> str:
+@dataclass(frozen=True)
+class Form:
+    """What the printed page says beside the figures: free texts, "" for a line to fill in by hand."""
+
+    task: str = ""
+    assessor: str = ""
+    date: str = ""
+
+
+def page(scores: Sequence[ScoreTable], command: str, form: Form) -> str:
     """Return the report as HTML text; `command` is the command line to show, "" for none."""
     from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
 
     records = [summarise(one) for one in scores]
     lengths = [record.length for record in records]
     same_axis = min(lengths) >= MIN_LENGTH_RATIO * max(lengths)
     spans = [max(lengths) if same_axis else length for length in lengths]
     filters: dict[str, Callable[..., str]] = {
-        "seconds": labels.seconds,
-        "percent": labels.percent,
+        "seconds": wording.seconds,
+        "percent": wording.percent,
         "breakable": lambda name: Markup(as_markup(name).replace("_", "_<wbr>")),
     }
-    scripts = (get_plotlyjs(), read("reba.report", "page.js"))
+    scripts = ["\n".join(read("reba.report", name) for name in SCRIPTS)] if any(one.frames for one in records) else []
     return template("reba.report", "template.html", filters, scripts).render(
         levels=[
             {"number": number, "name": name, "action": labels.action(number), "scores": LEVEL_SCORES[number]}
             for number, (name, _) in enumerate(ACTION_LEVELS)
         ],
-        sections=[_section(i + 1, record, span) for i, (record, span) in enumerate(zip(records, spans, strict=True))],
+        sections=[
+            _section(i + 1, *one, len(records), max(lengths)) for i, one in enumerate(zip(records, spans, strict=True))
+        ],
+        explorer_model=_json(explorer_model()),
         same_axis=same_axis,
+        comparison=compared_figures(*records) if len(records) == 2 else [],
+        differing=list(differing(*records)) if len(records) == 2 else [],
         command=command,
-        buckets=BUCKETS,
-        all_drawn=DRAW_ALL * BUCKETS,
+        form=form,
+        interval_rule=INTERVAL_RULE,
         grade_rule=GRADE_RULE,
         why_p90=WHY_P90,
         limits=LIMITS,
         error_label=ERROR_LABEL,
+        shown=SHOWN,
+        explored=bool(scripts),
+        report_style=Markup(read("reba.report", "recording.css")),
+        map_scale=SCALE,
         sources=SOURCES,
     )
 
 
-def _section(number: int, record: RecordingSummary, span: float) -> dict[str, Any]:
-    """Return the template variables of one recording; `span` [s] is the length of its time axis."""
+def explorer_model() -> dict[str, Any]:
+    """Return what the timelines of all recordings share: the skeleton, the bands of the levels and the colours."""
+    bands = [[low, high, colour, name.capitalize()] for low, high, colour, name in level_bands()]
+    return {"skeleton": skeleton(), "levels": bands, "parts": PART_COLOURS}
+
+
+def _json(data: Any) -> Any:
+    from markupsafe import Markup
+
+    return Markup(as_script_data(as_json(data)))
+
+
+def _section(number: int, record: RecordingSummary, span: float, recordings: int, longest: float) -> dict[str, Any]:
+    """Return the template variables of one recording; `span` and `longest` [s]: its time axis, and that of all."""
     from markupsafe import Markup
 
     intervals = worst_intervals(record)
-    contributions = part_contributions(record)
     postures = record.scores.postures
-    angle_plot = angle_figure(record, span) if record.frames else None
     section: dict[str, Any] = {
         "id": f"r{number}",
         "name": record.name,
         "record": record,
         "empty": not record.frames,
-        "headline": headline(record, contributions),
-        "sustained": labels.span(*record.sustained),
+        "headline": headline(record),
+        "sustained": wording.span(*record.sustained),
         "high_risk": _high_risk(record),
         "side": worse_side(record)[0] if record.frames else "",
         "views": VIEWS,
         "level_rows": _level_rows(record),
         "intervals": [(one, Markup(one.svg)) for one in intervals],
-        "minute": worst_minute_row(record),
         "parts": part_shares(record),
-        "contributions": contributions,
+        "contributions": part_contributions(record),
         "angles": angle_rows(record),
         "unmeasured": unmeasured_rows(record),
         "factors": factor_rows(record),
@@ -110,26 +147,30 @@ def _section(number: int, record: RecordingSummary, span: float) -> dict[str, An
         "grade": record.quality_grade,
         "gaps": record.gaps,
         "error": error_section(record),
-        "time_svg": "",
-        "time_label": "",
-        "figures": {},
-        "angle_names": [],
+        "part_titles": PARTS,
+        "shared_svg": "",
     }
     if record.frames:
-        section["time_label"] = time_label(record)
-        section["time_svg"] = Markup(time_svg(record, intervals, span))
-        section["figures"]["time"] = Markup(time_figure(record, intervals, span))
+        data = explorer(record, intervals, span, recordings)
+        table = what_if(record.scores, record.weights)
+        section |= {
+            "advice": advise(record.scores),
+            "body_map": Markup(body_map(record)),
+            "time_label": time_label(record),
+            "time_svg": Markup(time_svg(record, intervals, span, number=recordings)),
+            "shared_svg": Markup(time_svg(record, intervals, longest, number=recordings)) if recordings == 2 else "",
+            "explorer": _json(data),
+            "explored": len(cursor_frames(record, intervals, recordings)),
+            "settings": table.settings,
+            "what_if": _json({**table.packed(), "seconds": record.seconds}),
+        }
     if (error := section["error"]) is not None:
-        section["error_svg"] = Markup(time_svg(record, [], span, error.curve, ERROR_LABEL))
-        section["figures"]["error"] = Markup(likely_figure(record, error.curve, span))
-    if angle_plot is not None:
-        section["figures"]["angles"] = Markup(angle_plot[0])
-        section["angle_names"] = angle_plot[1]
+        section["error_svg"] = Markup(time_svg(record, [], span, curve=error.curve, label=ERROR_LABEL))
     return section
 
 
 def _high_risk(record: RecordingSummary) -> str:
-    low, high = (labels.percent(share) for share in high_risk_share(record))
+    low, high = (wording.percent(share) for share in high_risk_share(record))
     return low if low == high else f"{low} to {high}"
 
 

@@ -1,4 +1,4 @@
-"""Plots of REBA and of the angles over time: interactive as plotly JSON, static as SVG for print."""
+"""Plots of REBA over time: for notebooks as a plotly figure, static as SVG for print."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from reba.analysis.score_table import ScoreTable
+from reba.analysis.wording import span
 from reba.arrays import Array
 from reba.errors import PostureError
-from reba.method.classes import angle_classes
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
-from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.factors import ACTIVITIES, flag
-from reba.printable import as_script_data
 from reba.report.findings import WorstInterval, worst_intervals
-from reba.report.labels import LEVEL_COLOURS, angle_name, span
+from reba.report.labels import LEVEL_COLOURS
 from reba.report.series import VIEWS, Curve, StepCurve, band, flag_intervals, line, steps
 from reba.report.summary import RecordingSummary, summarise
 
@@ -28,8 +26,6 @@ RANGE_LINE: Final = "#403a82"
 GAP_FILL: Final = "rgba(110, 118, 130, 0.28)"
 TOP: Final = 15.6
 """Upper end of the score axis: the highest score with a margin."""
-ANGLE_BUCKETS: Final = 300
-"""Parts of the time axis for angles, fewer than for scores: 22 curves share the size of the file."""
 MAX_GAPS: Final = 200
 """Gaps drawn as grey areas, the longest ones; lines are interrupted at every gap."""
 
@@ -51,11 +47,6 @@ def time_range(record: RecordingSummary, span: float) -> list[float]:
     start = float(record.scores.time[0]) if record.frames else 0.0
     margin = 0.01 * span
     return [start - margin, start + span + margin]
-
-
-def time_figure(record: RecordingSummary, intervals: list[WorstInterval], span: float) -> str:
-    """Return the plot of REBA over time as JSON; arguments as of `timeline`."""
-    return _json(timeline(record, intervals, span))
 
 
 def plot(scores: ScoreTable) -> Figure:
@@ -110,26 +101,6 @@ def timeline(record: RecordingSummary, intervals: list[WorstInterval], span: flo
         },
     )  # fmt: skip
     return figure
-
-
-def likely_figure(record: RecordingSummary, curve: Curve, span: float) -> str:
-    """Return the plot of the most likely REBA over time in its 95 % range as JSON; the time axis is `span` [s] long."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
-    for trace in _curve_traces(record, curve, shown=True):
-        figure.add_trace(go.Scatter(**trace))
-    figure.update_layout(
-        **_layout("Most likely REBA", 320),
-        shapes=[*_level_shapes(), *_gap_shapes(record)],
-        annotations=_level_names(),
-        xaxis={**_TIME_AXIS, "range": time_range(record, span)},
-        yaxis={
-            "range": [0.5, TOP], "tickvals": [1, 2, 4, 8, 11, 15], "fixedrange": True, "title": {"text": "REBA"},
-            "zeroline": False, "showgrid": False,
-        },
-    )  # fmt: skip
-    return _json(figure)
 
 
 def _curve_traces(record: RecordingSummary, curve: Curve, *, shown: bool) -> list[dict[str, Any]]:
@@ -218,40 +189,6 @@ def _worst_numbers(intervals: list[WorstInterval]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def angle_figure(record: RecordingSummary, span: float) -> tuple[str, list[str]] | None:
-    """Return the plot of one selectable angle as JSON and the names of the angles, or None if none was measured."""
-    import plotly.graph_objects as go
-
-    angles = record.scores.angles
-    measured = [column for column in COLUMNS if not np.isnan(angles[:, INDEX[column]]).all()]
-    if not measured or not record.frames:
-        return None
-    edges = {column: one for one in angle_classes(record.scores.rules) for column in one.columns}
-    figure = go.Figure()
-    for number, column in enumerate(measured):
-        values = angles[:, INDEX[column]]
-        marked = sorted({edge for known in edges[column].classes for edge in (known.low, known.high)
-                         if np.isfinite(edge)})  # fmt: skip
-        known = ~np.isnan(values)
-        filled = np.where(known, np.round(values, 1) * 10, 0.0)
-        points = steps(record.scores, Curve(filled, filled, filled), record.gaps, ANGLE_BUCKETS)
-        x, y = line(points, values[points.frame], known[points.frame])
-        figure.add_trace(
-            go.Scatter(
-                x=_short(x), y=np.round(y, 1).astype(np.float32), mode="lines", visible=number == 0, showlegend=False,
-                line={"width": 1.4, "color": INK}, hovertemplate="%{x:.2f} s: %{y:.1f} deg<extra></extra>",
-                meta={"name": angle_name(column), "edges": [round(edge, 2) for edge in marked]},
-            )
-        )  # fmt: skip
-    figure.update_layout(
-        **_layout("Angle", 290),
-        shapes=_gap_shapes(record),
-        xaxis={**_TIME_AXIS, "range": time_range(record, span)},
-        yaxis={"title": {"text": "deg"}, "fixedrange": True, "gridcolor": "#e6e9ee", "zerolinecolor": "#b9c0ca"},
-    )
-    return _json(figure), [angle_name(column) for column in measured]
-
-
 _TIME_AXIS: Final[dict[str, Any]] = {
     "title": {"text": "time [s]"}, "showgrid": False, "zeroline": False, "nticks": 8, "tickangle": 0,
 }  # fmt: skip
@@ -269,11 +206,6 @@ def _short(seconds: Array) -> Array:
     return np.round(seconds, 4)
 
 
-def _json(figure: Any) -> str:
-    """Return a figure as JSON for a script element."""
-    return as_script_data(figure.to_json(validate=False))
-
-
 _LEFT, _RIGHT, _UP, _DOWN = 30.0, 832.0, 22.0, 272.0
 """Edges of the plot area in the SVG [px of its view box]."""
 _BUCKETS: Final = 800
@@ -283,13 +215,20 @@ _BOTTOM: Final = 0.5
 
 
 def time_svg(
-    record: RecordingSummary, intervals: list[WorstInterval], length: float, curve: Curve | None = None, label: str = ""
+    record: RecordingSummary,
+    intervals: list[WorstInterval],
+    length: float,
+    *,
+    curve: Curve | None = None,
+    label: str = "",
+    number: int = 1,
 ) -> str:
     """Return the static plot of REBA over time as SVG.
 
     Args:
         length: of the time axis [s].
         curve, label: what is plotted and its text alternative; None: the total.
+        number: recordings in the report, which share its size.
     """
     start, end = time_range(record, length)
 
@@ -310,7 +249,7 @@ def time_svg(
         a, b = x(np.array([one.start, one.end])).tolist()
         parts.append(_rect(a, _UP, max(b - a, 1.0), _DOWN - _UP, 'class="worst"'))
     total = record.curves["reba"] if curve is None else curve
-    points = steps(record.scores, total, record.gaps, _BUCKETS)
+    points = steps(record.scores, total, record.gaps, max(_BUCKETS // number, 200))
     low, high, value = (part[points.frame] for part in (total.low, total.high, total.value))
     px, py = band(points, low, high, low < high)
     parts.append(f'<path class="range" d="{_path(x(px), y(py), closed=True)}"/>')

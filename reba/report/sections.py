@@ -8,20 +8,20 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from reba.analysis.contributions import GROUPS, lowered
 from reba.analysis.exposure import column
+from reba.analysis.wording import percent, span
 from reba.arrays import Array
 from reba.method.classes import angle_classes
 from reba.method.rules import PRESETS
-from reba.method.scoring import ScoreArrays, score_parts
 from reba.method.tables import PART_MAXIMA
 from reba.posture.angles import against_gravity
 from reba.posture.columns import COLUMNS_OF, INDEX, SIDES
 from reba.posture.columns import PARTS as BODY_PARTS
 from reba.posture.factors import ACTIVITIES, ASSUMED, COUPLINGS, FACTORS, flag, load_kg
 from reba.report.labels import FACTORS as FACTOR_TITLES
-from reba.report.labels import PARTS, RULES, angle_name, percent, span
+from reba.report.labels import PARTS, RULES, angle_name
 from reba.report.summary import RecordingSummary
 
 QUANTILES: Final = (0.05, 0.50, 0.95)
@@ -191,20 +191,6 @@ def activity_rows(record: RecordingSummary) -> list[tuple[str, str]]:
     return rows
 
 
-GROUPS: Final[dict[str, str]] = {
-    "trunk": "Trunk",
-    "neck": "Neck",
-    "legs": "Legs",
-    "load_force": "Load and force",
-    "upper_arm": "Upper arms",
-    "lower_arm": "Lower arms",
-    "wrist": "Wrists",
-    "coupling": "Coupling",
-    "activity": "Activity",
-}
-"""Parts whose contribution to the total is computed, both sides together -> their titles."""
-
-
 @dataclass(frozen=True)
 class PartShare:
     """Time in each score of one part.
@@ -257,35 +243,8 @@ def part_contributions(record: RecordingSummary) -> list[PartContribution]:
     """
     if not record.frames:
         return []
-    combinations, weights = _combinations(record.ends.low, record.weights)
-    sides = record.scores.rules.two_sides
-    before = float(np.average(_totals(combinations, sides), weights=weights))
     contributions = []
-    for group, title in GROUPS.items():
-        lowest = 0 if group in ("load_force", "coupling", "activity") else 1
-        lowered = {name: np.full_like(v, lowest) if name.startswith(group) else v for name, v in combinations.items()}
-        after = float(np.average(_totals(lowered, sides), weights=weights))
-        contributions.append(PartContribution(title, after, before - after))
+    for one in lowered(record.ends.low, record.weights, record.scores.rules.two_sides):
+        before, after = (float(np.average(reba, weights=one.weights)) for reba in (one.before, one.after))
+        contributions.append(PartContribution(GROUPS[one.group], after, before - after))
     return sorted(contributions, key=lambda part: -part.drop)
-
-
-def _combinations(scores: ScoreArrays, weights: Array) -> tuple[dict[str, NDArray[np.int64]], Array]:
-    """Return the occurring combinations of part scores and the time of each [s]."""
-    key = np.zeros(len(weights), np.int64)
-    for name in PARTS:
-        key = key * 8 + scores[name]
-    _, first, combination = np.unique(key, return_index=True, return_inverse=True)
-    occurring = {name: scores[name][first].astype(np.int64) for name in PARTS}
-    return occurring, np.bincount(combination, weights).astype(np.float64)
-
-
-def _totals(parts: dict[str, NDArray[np.int64]], sides: str) -> NDArray[np.int64]:
-    shared = {name: parts[name] for name in ("trunk", "neck", "legs", "load_force", "activity")}
-    totals = {
-        side: score_parts(
-            **shared, **{name: parts[f"{name}_{side}"] for name in ("upper_arm", "lower_arm", "wrist", "coupling")}
-        ).reba
-        for side in SIDES
-    }
-    total: NDArray[np.int64] = totals[sides] if sides in totals else np.maximum(totals["left"], totals["right"])
-    return total

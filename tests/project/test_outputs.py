@@ -39,7 +39,7 @@ GIVEN: dict[str, tuple[str, ...]] = {
 READ = {
     "reba": {
         "--rules", "--profile", "--topic", "--body", "--neutral", "--activity", "--error", "--scheduler", "--window",
-        "--hold", "--settle",
+        "--hold", "--settle", "--task", "--assessor", "--date",
     },
     "dreba": {
         "--kind", "--option", "--poses", "--hold", "--joints", "--domain", "--factors", "--classes", "--name", "--to",

@@ -31,7 +31,7 @@ def test_lines_show_names(made: Callable[[str], str | rich.text.Text]) -> None:
     assert printed(made("a\nb\tc")) == "a\\nb\\tc\n"
 
 
-@pytest.mark.parametrize("width", [100, 40])
+@pytest.mark.parametrize("width", [100, 60])
 @pytest.mark.parametrize("made", [str, Text])
 def test_tables_keep_their_columns(made: Callable[[str], str | rich.text.Text], width: int) -> None:
     table = Table(title=made(NAME))

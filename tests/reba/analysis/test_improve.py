@@ -99,7 +99,7 @@ def _change_factor(factors: dict[str, np.ndarray], what: str, target: str) -> No
         codes = [min(words.index(word), words.index(target)) for word in factors[f"coupling_{side}"]]
         factors[f"coupling_{side}"] = np.array(words)[codes]
     elif what.endswith("arm"):
-        factors[f"arm_supported_{side}"][:] = True
+        factors[f"arm_supported_{side}"] |= factors["load"] == 0
     else:
         factors[what][:] = False
 
@@ -207,7 +207,9 @@ def test_one_angle_away() -> None:
     assert [change.what for change in least.changes] == ["neck flexion"]
     assert least.degrees == pytest.approx(2.0)
     assert (least.reba_before, least.level_before, least.reba_after, least.level_after) == (6, 2, 3, 1)
-    assert least.text() == "neck flexion 22.0 deg -> -5 to 20 deg: REBA 6 -> 3 (low)"
+    assert least.text() == (
+        "neck flexion -> -5 to 20 deg (2.0 deg beyond it, below the measurement error of 5 deg): REBA 6 -> 3 (low)"
+    )
     # Without the load C(4, 1) = 3 as well.
     assert found["load only"].reba_after == 3
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import reba
 from reba.analysis.worksheet import contributions
 from reba.method.classes import AngleClasses, angle_classes
-from reba.posture.columns import INDEX
+from reba.posture.columns import BEST, INDEX
 from tests.support import posture_samples as samples
 from tests.support.says import says
 
@@ -177,3 +177,20 @@ def test_one_unmeasured_knee_leaves_the_legs_open_unless_the_other_says_all() ->
     assert (lines[0].value, lines[0].rule) == ("45.0 deg, the other not measured", "1 to 2 possible")
     assert scores.data["legs"].isna().tolist() == [True, False]
     assert [line.points for line in reba.score(frames, support="sitting").explain(0.0).of("legs")] == [1, 0]
+
+
+def test_the_values_of_the_tables_are_those_of_the_paper() -> None:
+    frame = pd.DataFrame({"time": [0.0]} | {name: [BEST[name]] for name in reba.COLUMNS})
+    frame["trunk_flexion"], frame["neck_flexion"], frame["upper_arm_flexion_left"] = 70.0, 30.0, 95.0
+    sheet = reba.score(frame, load=12.0, coupling="poor", activity="static").explain(0.0)
+    # Table A of trunk 4, neck 2, legs 1; Table B of upper arm 4 and 1, lower arm 1, wrist 1.
+    assert sheet.tables["table_a"] == reba.TABLE_A[3, 1, 0]
+    assert (sheet.tables["table_b_left"], sheet.tables["table_b_right"]) == (
+        reba.TABLE_B[3, 0, 0],
+        reba.TABLE_B[0, 0, 0],
+    )
+    score_a, score_b = sheet.scores["score_a"], sheet.scores["score_b_left"]
+    assert (score_a, score_b) == (sheet.tables["table_a"] + 2, sheet.tables["table_b_left"] + 2)
+    assert sheet.tables["table_c_left"] == reba.TABLE_C[score_a - 1, score_b - 1] == sheet.scores["reba_left"] - 1
+    assert sheet.to_dict()["tables"] == sheet.tables
+    assert reba.score(frame.drop(columns="trunk_flexion")).explain(0.0).tables["table_a"] is None

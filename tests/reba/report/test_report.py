@@ -21,12 +21,18 @@ from hypothesis import strategies as st
 import reba
 from reba.errors import RebaError
 from reba.method.scoring import SCORE_COLUMNS
+from reba.posture.columns import BEST, INDEX
 from reba.posture.columns import PARTS as BODY_PARTS
-from reba.posture.skeleton import LIMBS, joints
+from reba.posture.skeleton import LIMBS, VIEWS, joints, stick_figure
 from reba.posture.table import Quality, table_of
 from reba.report import render, write_report
+from reba.report.body_map import upper_shares
+from reba.report.comparison import compared_figures, differing
 from reba.report.error_section import error_section
+from reba.report.explorer import cursor_frames
+from reba.report.findings import worst_intervals
 from reba.report.labels import BODY, FACTORS, LEVEL_COLOURS, PARTS, RULES
+from reba.report.page import Form
 from reba.report.series import Curve, StepCurve, band, line, steps
 from reba.report.summary import quality_grade, seconds_of_levels, summarise
 from reba.scores import Scores
@@ -98,16 +104,15 @@ def page() -> _Page:
     return _Page(render([one], command="reba score work.csv --load 6"))
 
 
-def numbers(encoded: Any) -> np.ndarray[Any, Any]:
-    """Return an array of a plotly figure, which may be stored as base64."""
-    if isinstance(encoded, dict):
-        return np.frombuffer(base64.b64decode(encoded["bdata"]), encoded["dtype"])
-    return np.array([np.nan if value is None else value for value in encoded], float)
+def numbers(packed: str, kind: str = "<f8") -> np.ndarray[Any, Any]:
+    """Return an array of the page."""
+    return np.frombuffer(base64.b64decode(packed), kind)
 
 
 def test_every_section_is_there(page: _Page) -> None:
     for words in (
-        "Headline", "REBA over time", "Time per action level", "Contributions of the parts", "Worst intervals",
+        "Verdict", "Time in the upper classes", "What would help most", "REBA, parts and angles over time", "What if",
+        "Time per action level", "Contributions of the parts", "Worst intervals",
         "Angles", "Assumptions", "Data quality", "Method and limits", "Sources", "How to reproduce this report",
     ):  # fmt: skip
         assert words in page.text
@@ -119,7 +124,8 @@ def test_headline_names_the_range_and_its_reason(page: _Page) -> None:
     one = scored(frames())
     ends = one.summary()["range"]
     assert ends["p90_low"] < ends["p90_high"]
-    assert f"REBA is at most a score between {ends['p90_low']} and {ends['p90_high']}" in page.text
+    assert one.summary()["verdict"]["text"] in page.text
+    assert f"90th percentile REBA {ends['p90_low']} to {ends['p90_high']}" in page.text
     assert "neck twist and the wrists were not measured" in page.text
 
 
@@ -174,10 +180,10 @@ def test_text_from_files_is_escaped() -> None:
 
 
 def test_figures_cannot_end_their_script(page: _Page) -> None:
-    assert sorted(page.data) == ["r1-angle-figure", "r1-time-figure"]
+    assert sorted(page.data) == ["explorer-model", "r1-explorer", "r1-what-if"]
     for text in page.data.values():
         assert "<" not in text
-        assert json.loads(text)["data"]
+        assert json.loads(text)
 
 
 def test_folders_stay_out() -> None:
@@ -188,7 +194,7 @@ def test_folders_stay_out() -> None:
 
 def test_abnormal_end_stands_before_the_headline() -> None:
     text = _Page(render(scored(frames(20), ended_abnormally="cut at byte 81920"))).text
-    assert text.index("The recording is truncated") < text.index("Headline")
+    assert text.index("The recording is truncated") < text.index("Verdict")
     assert "cut at byte 81920" in text
 
 
@@ -202,16 +208,16 @@ def test_tiny_recordings(count: int) -> None:
 def test_nothing_measured() -> None:
     empty = frames(50).assign(**dict.fromkeys(reba.COLUMNS, np.nan))
     page = _Page(render([reba.score(empty, activity="none")]))
-    assert "REBA is at most a score between 1 and 11" in page.text
+    assert "90th percentile REBA 1 to 11" in page.text
     assert "No angle was measured" in page.text
-    assert sorted(page.data) == ["r1-time-figure"]
+    assert json.loads(page.data["r1-explorer"])["angles"] == []
 
 
 @pytest.mark.parametrize("missing", ["neutral", "worst"])
 def test_fills_are_named_and_the_range_stays(missing: Any) -> None:
     text = _Page(render([reba.score(frames(60), missing=missing)])).text
     assert "as requested" in text
-    assert "between" in text
+    assert re.search(r"90th percentile REBA \d+ to \d+", text)
 
 
 def test_gravity_sitting_and_columns_as_factors() -> None:
@@ -228,7 +234,7 @@ def test_gravity_sitting_and_columns_as_factors() -> None:
 
 def test_time_axes_of_two_recordings_agree() -> None:
     page = _Page(render([scored(frames(200), "a.csv"), scored(frames(50), "b.csv")]))
-    ranges = [json.loads(page.data[f"r{i}-time-figure"])["layout"]["xaxis"]["range"] for i in (1, 2)]
+    ranges = [json.loads(page.data[f"r{i}-explorer"])["range"] for i in (1, 2)]
     assert ranges[0] == ranges[1]
     assert "Overview" in page.text
 
@@ -237,15 +243,13 @@ def test_no_line_crosses_a_gap() -> None:
     data = frames(400, without="^$")
     gap = (data["time"] > 10) & (data["time"] < 15)
     page = _Page(render([scored(data[~gap].reset_index(drop=True))]))
-    figure = json.loads(page.data["r1-time-figure"])
-    drawn = [trace for trace in figure["data"] if trace["meta"] != "activity"]
-    assert drawn
-    for trace in (*figure["data"], *json.loads(page.data["r1-angle-figure"])["data"]):
-        x = numbers(trace["x"])
-        assert not ((x[:-1] < 10.2) & (x[1:] > 14.8)).any()
-    shaded = [shape for shape in figure["layout"]["shapes"] if shape["yref"] == "paper"]
-    assert [(shape["x0"], shape["x1"]) for shape in shaded] == [(10.0, 15.0)]
-    assert "grey areas are gaps" in page.text
+    data = json.loads(page.data["r1-explorer"])
+    time, until = numbers(data["time"]), numbers(data["until"])
+    assert not ((time < 10.2) & (until > 14.8)).any()
+    assert data["gaps"] == [[10.0, 15.0]]
+    with_next = np.abs(time[1:] - until[:-1]) < 1e-6
+    assert (~with_next).sum() == 1, "only the gap parts two frames"
+    assert "Grey areas are gaps" in page.text
 
 
 def test_gaps_that_only_the_reader_knows_break_the_line() -> None:
@@ -282,16 +286,88 @@ def test_lines_and_bands_end_where_their_last_value_ends() -> None:
     np.testing.assert_array_equal(y, [8, 8, 8, 8, 2, 2, 2, 2])
 
 
-def test_an_hour_stays_small(tmp_path: Path) -> None:
-    small, hour = tmp_path / "small.html", tmp_path / "hour.html"
-    write_report(scored(frames(20)), small)
-    write_report([scored(frames(180_000, 50.0))], hour)
-    assert hour.stat().st_size - small.stat().st_size < 2_500_000
+@pytest.mark.parametrize("without", ["^$", "wrist|neck_twist"])
+def test_an_hour_stays_small(without: str, tmp_path: Path) -> None:
+    write_report([scored(frames(180_000, 50.0, without=without))], tmp_path / "hour.html")
+    assert (tmp_path / "hour.html").stat().st_size < 1_000_000
+
+
+def test_many_recordings_share_the_size_of_one() -> None:
+    sizes = [len(render([scored(frames(9_000, 50.0), f"{i}.csv") for i in range(number)])) for number in (1, 6)]
+    assert (sizes[1] - sizes[0]) / 5 < 170_000
+
+
+def test_the_cursor_reaches_every_frame_of_a_worst_interval() -> None:
+    one = scored(frames(40_000, 50.0))
+    record = summarise(one)
+    intervals = worst_intervals(record)
+    reached = cursor_frames(record, intervals)
+    assert len(reached) < 6000
+    assert (np.diff(reached) > 0).all()
+    for interval in intervals:
+        inside = np.flatnonzero((one.time >= interval.start) & (one.time < interval.end))
+        middle = one.frame_at(interval.time)
+        assert set(inside[np.abs(inside - middle) < 100]) <= set(reached)
+
+
+def test_the_page_has_the_angles_and_scores_of_the_frames() -> None:
+    one = scored(frames(300))
+    record = summarise(one)
+    page = _Page(render(one))
+    data = json.loads(page.data["r1-explorer"])
+    rows = np.searchsorted(one.time, numbers(data["time"]))
+    np.testing.assert_array_equal(one.time[rows], numbers(data["time"]))
+    for angle in data["angles"]:
+        np.testing.assert_allclose(numbers(angle["values"], "<i2") / 10, one.angles[rows, angle["column"]], atol=0.051)
+    for part in data["parts"]:
+        for end in ("low", "high"):
+            packed = part[end] or part["low"]
+            np.testing.assert_array_equal(numbers(packed, "u1"), getattr(record.ends, end)[part["name"]][rows])
+    low, high = (numbers(data["totals"]["reba"][end], "u1") for end in ("low", "high"))
+    np.testing.assert_array_equal(low, one.data["reba_low"].to_numpy(int)[rows])
+    np.testing.assert_array_equal(high, one.data["reba_high"].to_numpy(int)[rows])
+
+
+def test_the_body_map_shows_the_time_in_the_upper_classes() -> None:
+    data = frames(100, without="^$")
+    data["trunk_flexion"], data["trunk_twist"] = 0.0, 0.0
+    data.loc[:29, "trunk_flexion"] = 70.0
+    shares = {one.name: one for one in upper_shares(summarise(scored(data)))}
+    assert (shares["trunk"].least, shares["trunk"].low, shares["trunk"].high) == (
+        4,
+        pytest.approx(0.3),
+        pytest.approx(0.3),
+    )
+    assert "trunk 30" in render(scored(data)).replace("\xa0", " ")
+    assert [one.name for one in upper_shares(summarise(scored(frames(0))))] == []
+
+
+def test_views_are_true_and_of_one_scale() -> None:
+    """A bend straight forward is symmetric from the front, and no posture changes the scale."""
+    angles = np.array([BEST[name] for name in reba.COLUMNS])
+    lengths = set()
+    for bend, arms in ((0.0, 0.0), (50.0, 0.0), (90.0, 170.0)):
+        angles[INDEX["trunk_flexion"]] = bend
+        for side in ("left", "right"):
+            angles[INDEX[f"upper_arm_flexion_{side}"]] = arms
+        views = stick_figure(angles, {}, "bent").split("<g transform")[1:]
+        assert [title for title, _ in VIEWS] == [re.findall(r'class="view"[^>]*>([^<]+)', view)[0] for view in views]
+        limb = r'<line class="limb [^"]*" x1="([\d.-]+)" y1="([\d.-]+)" x2="([\d.-]+)" y2="([\d.-]+)"'
+        lines = [[float(x) for x in ends] for ends in re.findall(limb, views[-1])]
+        middle = sum(x1 + x2 for x1, _, x2, _ in lines) / len(lines) / 2
+        ends = {(round(x - middle, 0), round(y, 0)) for x1, y1, x2, y2 in lines for x, y in ((x1, y1), (x2, y2))}
+        assert all((-x, y) in ends or (0.0 - x, y) in ends for x, y in ends)
+        shank = next(line for line in lines if line[3] > 200)
+        lengths.add(round(np.hypot(shank[0] - shank[2], shank[1] - shank[3])))
+        drawn = np.array([[x1, y1] for x1, y1, _, _ in lines])
+        assert (drawn >= 0).all()
+        assert (drawn[:, 0] <= 180).all()
+    assert len(lengths) == 1
 
 
 def test_measurement_error_has_its_section_only_if_given() -> None:
     data = frames()
-    assert "measurement error" not in _Page(render(scored(data))).text
+    assert "With measurement error" not in _Page(render(scored(data))).text
     scores = reba.score(data, error="inertial", load=4.0)
     page = _Page(render(scores))
     assert "With measurement error: inertial" in page.text
@@ -411,3 +487,54 @@ def test_importing_the_report_loads_no_plots() -> None:
     code = "import sys, reba.report; print([name for name in ('plotly', 'jinja2') if name in sys.modules])"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_without_a_browser_there_is_no_pdf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("reba.report.pdf.find_browser", lambda: None)
+    with pytest.raises(RebaError) as error:
+        write_report(scored(frames(20)), tmp_path / "report.pdf")
+    says(error, "no browser was found", "install Chromium", ".html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_browser_that_prints_nothing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("reba.report.pdf.find_browser", lambda: sys.executable)
+    with pytest.raises(RebaError) as error:
+        write_report(scored(frames(20)), tmp_path / "report.pdf")
+    says(error, sys.executable, "printed nothing", ".html")
+
+
+def test_what_the_assessor_writes_is_escaped() -> None:
+    page = _Page(render(scored(frames(20)), form=Form(HOSTILE, HOSTILE, HOSTILE)))
+    assert page.text.count(HOSTILE) == 3
+
+
+def test_a_comparison_has_every_figure_with_what_is_open() -> None:
+    """The rows of the levels and of what is not determined add up to the whole of each recording."""
+    a = summarise(scored(frames(120), "a.csv"))
+    better = frames(120)
+    better["trunk_flexion"] = 0.0
+    b = summarise(scored(better, "b.csv"))
+    rows = {row.name: row for row in compared_figures(a, b)}
+    for place in ("first", "second"):
+        levels = [
+            getattr(row, place) for name, row in rows.items() if name.startswith("At ") or name == "Not determined"
+        ]
+        shares = [float(text.replace("<", "").removesuffix("\xa0%")) for text in levels]
+        assert sum(shares) == pytest.approx(100, abs=1.5)
+    assert float(rows["Not determined"].first.removesuffix("\xa0%")) > 0
+    ends = [one.summary["range"] for one in (a, b)]
+    low, high = ends[1]["mean_low"] - ends[0]["mean_high"], ends[1]["mean_high"] - ends[0]["mean_low"]
+    assert low < 0 < high
+    assert rows["REBA, mean"].change == f"−{-low:.2f} to +{high:.2f}"
+    assert rows["REBA, mean"].better == 0, "the ranges overlap"
+    assert rows["Trunk, mean score"].better == 1
+    assert rows["Neck, mean score"].change == "0.00" or "to" in rows["Neck, mean score"].change
+    text = _Page(render([a.scores, b.scores])).text
+    assert "B minus A" in text
+    assert compared_figures(a, summarise(scored(frames(0)))) == []
+
+
+def test_what_makes_a_comparison_hard_is_said() -> None:
+    a, b = (summarise(scored(frames(50, without=lacks), name)) for lacks, name in (("wrist", "a.csv"), ("^$", "b.csv")))
+    assert list(differing(a, b)) == ["Only in a.csv not measured: the wrists."]

@@ -10,7 +10,11 @@ import pandas as pd
 import pytest
 
 import reba
+from reba.analysis.exposure import durations
+from reba.analysis.wording import span
+from reba.posture.skeleton import joints
 from reba.report import write_report
+from reba.report.what_if import what_if
 from reba.scores import Scores
 from tests.support.browser import complaints, needs_browser, pages_on_paper, resize, too_wide, until, visible
 
@@ -46,8 +50,9 @@ def show(browser: Any, path: Path, width: int, *, scripts: bool = True) -> None:
 @pytest.mark.parametrize("width", [390, 1280])
 def test_drawn_without_errors_and_without_sideways_scrolling(browser: Any, report: Path, width: int) -> None:
     show(browser, report, width)
-    assert visible(browser, ".drawing .main-svg") >= 4
-    assert visible(browser, ".drawing .scatterlayer path.js-line") > 0
+    assert visible(browser, ".explorer canvas") == 8
+    for name in ("scores", "parts", "angles", "figure"):
+        assert inked(browser, f"canvas.{name}") > 200, name
     assert visible(browser, ".still") == 0
     assert too_wide(browser) <= 0
     entries = browser.execute_script("return performance.getEntriesByType('resource').map((entry) => entry.name)")
@@ -55,24 +60,121 @@ def test_drawn_without_errors_and_without_sideways_scrolling(browser: Any, repor
     assert complaints(browser) == []
 
 
-def test_sides_and_angles_can_be_chosen(browser: Any, report: Path) -> None:
-    show(browser, report, 1280)
-    shown = """const drawing = document.querySelector(arguments[0]);
-        return drawing.data.filter((trace) => trace.visible !== false).map((trace) => trace.meta.name || trace.meta)"""
-    assert set(browser.execute_script(shown, ".drawing")) == {"reba", "activity"}
-    browser.execute_script("document.querySelector('input[value=reba_left]').click()")
-    assert set(browser.execute_script(shown, ".drawing")) == {"reba_left", "activity"}
-    choose = """const select = document.querySelector('select'); select.value = '2';
-        select.dispatchEvent(new Event('change')); return select.selectedOptions[0].textContent"""
-    chosen = browser.execute_script(choose)
-    assert browser.execute_script(shown, "figure:has(select) .drawing") == [chosen]
+def inked(browser: Any, selector: str) -> int:
+    """Return how many pixels of a canvas are drawn on."""
+    code = """const canvas = document.querySelector(arguments[0]);
+        const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+        let number = 0; for (let i = 3; i < data.length; i += 4) number += data[i] > 0; return number"""
+    return int(browser.execute_script(code, selector))
 
 
-def test_no_button_sends_a_plot_away(browser: Any, report: Path) -> None:
+def press(browser: Any, key: str, shift: bool = False) -> None:
+    browser.execute_script(
+        "document.querySelector('.tracks').dispatchEvent(new KeyboardEvent('keydown', "
+        "{ key: arguments[0], shiftKey: arguments[1], bubbles: true, cancelable: true }))", key, shift
+    )  # fmt: skip
+
+
+def readout(browser: Any) -> str:
+    browser.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
+    return str(browser.execute_script("return document.querySelector('.readout').textContent"))
+
+
+def said_of(scores: Scores, frame: int) -> str:
+    """Return the beginning of what the page says of a frame."""
+    row = scores.data.iloc[frame]
+    low, high = int(row["reba_low"]), int(row["reba_high"])
+    return f"{row['time']:.2f} s: REBA {span(low, high)} ("
+
+
+def test_the_cursor_follows_keys_mouse_and_links(browser: Any, report: Path) -> None:
+    scores = scored(1500, 1)
     show(browser, report, 1280)
-    titles = browser.execute_script("return [...document.querySelectorAll('[data-title]')].map((e) => e.dataset.title)")
-    assert titles
-    assert not [title for title in titles if any(word in title.lower() for word in ("cloud", "studio", "share"))]
+    press(browser, "Home")
+    assert readout(browser).startswith(said_of(scores, 0))
+    press(browser, "ArrowRight")
+    assert readout(browser).startswith(said_of(scores, 1))
+    press(browser, "ArrowRight", shift=True)
+    assert readout(browser).startswith(said_of(scores, 11))
+    press(browser, "End")
+    assert readout(browser).startswith(said_of(scores, len(scores.data) - 1))
+    worst = scores.summary()["worst"][1]
+    browser.execute_script("document.querySelectorAll('#r1 a.moment')[1].click()")
+    assert readout(browser).startswith(said_of(scores, scores.frame_at(worst["time"])))
+    shown = browser.execute_script("return window.explorers.r1.shown")
+    assert shown[0] <= worst["start"] < worst["end"] <= shown[1]
+    press(browser, "Escape")
+    readout(browser)
+    browser.execute_script(
+        """const canvas = document.querySelector('canvas.parts'), box = canvas.getBoundingClientRect();
+        const x = box.left + window.explorers.r1.x(20, box.width);
+        const event = { clientX: x, clientY: box.top + 5, pointerType: 'mouse' };
+        canvas.dispatchEvent(new PointerEvent('pointermove', event))"""
+    )
+    assert readout(browser).startswith(said_of(scores, int(np.searchsorted(scores.time, 20.0 + 1e-6)) - 1))
+
+
+def test_zoom_is_shared_and_keeps_the_cursor(browser: Any, report: Path) -> None:
+    show(browser, report, 1280)
+    whole = browser.execute_script("return [...window.explorers.r1.shown]")
+    browser.execute_script("document.querySelector('[data-zoom=\"0.5\"]').click()")
+    shown, now = browser.execute_script("const e = window.explorers.r1; return [e.shown, e.time[e.at]]")
+    assert (shown[1] - shown[0]) == pytest.approx((whole[1] - whole[0]) / 2)
+    assert shown[0] <= now <= shown[1]
+    browser.execute_script("document.querySelector('[data-zoom=all]').click()")
+    assert browser.execute_script("return window.explorers.r1.shown") == whole
+
+
+def test_parts_can_be_picked(browser: Any, report: Path) -> None:
+    show(browser, report, 1280)
+    browser.execute_script("document.querySelector('[data-part=upper_arm_left]').click()")
+    readout(browser)
+    legend = browser.execute_script("return document.querySelector('.angle-legend').textContent")
+    assert legend.startswith("left upper arm flexion ")
+    assert browser.execute_script("return document.querySelectorAll('#r1 [aria-pressed=true]').length") == 1
+
+
+def test_the_figure_has_the_joints_of_the_posture(browser: Any, report: Path) -> None:
+    show(browser, report, 1280)
+    rng = np.random.default_rng(5)
+    for sitting in (False, True):
+        angles = rng.uniform(-60, 120, len(reba.COLUMNS))
+        angles[rng.random(len(angles)) < 0.2] = np.nan
+        drawn = browser.execute_script(
+            "return Person.joints(explorers.r1.model, arguments[0].map((v) => v === null ? NaN : v), arguments[1])",
+            [None if np.isnan(value) else float(value) for value in angles], sitting,
+        )  # fmt: skip
+        expected = joints(angles, sitting)
+        assert set(drawn) == set(expected)
+        for name, place in expected.items():
+            np.testing.assert_allclose(drawn[name], place, atol=1e-9, err_msg=name)
+
+
+def test_the_figure_is_turned_by_dragging(browser: Any, report: Path) -> None:
+    show(browser, report, 1280)
+    browser.execute_script("document.querySelector('[data-turn=\"90\"]').click()")
+    browser.execute_script(
+        "document.querySelector('canvas.figure').dispatchEvent("
+        "new PointerEvent('pointermove', { buttons: 1, movementX: 25, pointerType: 'mouse' }))"
+    )
+    assert browser.execute_script("return window.explorers.r1.degrees") == 65
+
+
+def test_assumptions_change_the_shares(browser: Any, report: Path) -> None:
+    scores = scored(1500, 1)
+    show(browser, report, 1280)
+    table = what_if(scores, durations(scores.time))
+    choice = [1, 2, 1, 3, 2]
+    browser.execute_script(
+        """const inputs = [...document.querySelectorAll('#r1 .sliders input')];
+        inputs.forEach((input, k) => { input.value = arguments[0][k]; });
+        inputs[0].dispatchEvent(new Event('input'))""", choice
+    )  # fmt: skip
+    row = np.ravel_multi_index(choice, [len(values) for values in table.settings.values()])
+    low, high = (f"{share * durations(scores.time).sum():.1f} s (" for share in table.shares[row, 6:])
+    said = browser.execute_script("return document.querySelector('#r1 .outcome').textContent")
+    assert said.startswith(f"REBA 8 or more: {low}")
+    assert high in said
 
 
 def test_still_plots_and_tables_remain_without_scripts(browser: Any, report: Path) -> None:
@@ -86,7 +188,7 @@ def test_still_plots_and_tables_remain_without_scripts(browser: Any, report: Pat
         document = picture["documents"][0]
         laid_out = {strings[document["nodes"]["nodeName"][index]] for index in document["layout"]["nodeIndex"]}
         assert {"svg", "TABLE", "path"} <= laid_out
-        assert "SELECT" not in laid_out
+        assert not {"CANVAS", "INPUT"} & laid_out
     finally:
         browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
 
@@ -94,7 +196,86 @@ def test_still_plots_and_tables_remain_without_scripts(browser: Any, report: Pat
 def test_prints_as_pages(browser: Any, report: Path) -> None:
     show(browser, report, 1280)
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-    assert visible(browser, ".still svg") == 4  # over time, and with measurement error
-    assert visible(browser, ".drawing") == 0
+    assert visible(browser, ".still svg") == 2
+    assert visible(browser, ".comparison svg") == 2
+    assert visible(browser, ".explorer, .what-if") == 0
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     assert 4 <= pages_on_paper(browser) <= 30
+
+
+CONTRASTS = """
+const light = (rgb) => [0.2126, 0.7152, 0.0722].reduce((sum, share, k) => {
+  const v = rgb[k] / 255;
+  return sum + share * (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+}, 0);
+const parse = (text) => text.match(/[\\d.]+/g).map(Number);
+const ground = (element) => {
+  for (let one = element; one; one = one.parentElement) {
+    const style = getComputedStyle(one), color = parse(style.backgroundColor);
+    if (style.backgroundImage !== "none") return null;
+    if (color.length < 4 || color[3] > 0.5) return color;
+  }
+  return [255, 255, 255];
+};
+const weak = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+while (walk.nextNode()) {
+  const element = walk.currentNode.parentElement, text = walk.currentNode.textContent.trim();
+  if (!text || !element.getClientRects().length || element.closest("script, .badge, text.number")) continue;
+  const drawing = element.closest("svg"), style = getComputedStyle(element), behind = ground(drawing || element);
+  if (!behind) continue;
+  const [a, b] = [light(parse(drawing ? style.fill : style.color)), light(behind)];
+  const size = parseFloat(style.fontSize), large = size >= 24 || (size >= 18.66 && Number(style.fontWeight) >= 700);
+  const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+  if (ratio < (large ? 3 : 4.5)) weak.push(`${text.slice(0, 30)}: ${ratio.toFixed(2)}`);
+}
+return weak;
+"""
+"""Texts that stand out too little from what is behind them (WCAG 2.2, 1.4.3, level AA)."""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_text_stands_out(browser: Any, report: Path, scheme: str) -> None:
+    features = [{"name": "prefers-color-scheme", "value": scheme}]
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+    show(browser, report, 1280)
+    weak = browser.execute_script(CONTRASTS)
+    dark = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    assert weak == []
+    assert (dark == "rgb(20, 24, 30)") == (scheme == "dark")
+
+
+def test_the_first_printed_page_stands_alone(browser: Any, tmp_path: Path) -> None:
+    path = tmp_path / "one.html"
+    write_report(scored(1500, 1), path, task="Palletising boxes", assessor="A. Example")
+    show(browser, path, 703)  # A4 without its margins
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    code = """const sheet = document.querySelector('.sheet');
+        return [sheet.getBoundingClientRect().bottom + scrollY,
+        sheet.textContent, sheet.querySelectorAll('.postures svg').length,
+        sheet.querySelectorAll('.actions li').length]"""
+    bottom, text, postures, actions = browser.execute_script(code)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert bottom < 273 / 25.4 * 96, "it ends on the page on which it begins"
+    assert (postures, actions) == (3, 3)
+    for words in ("Palletising boxes", "A. Example", "90th percentile", "Load [kg]: 7 (given)", "Rules: measured"):
+        assert words in text
+
+
+def test_a_comparison_is_printed_on_one_page(browser: Any, report: Path) -> None:
+    show(browser, report, 703)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    bottom = browser.execute_script(
+        "return document.querySelector('.comparison').getBoundingClientRect().bottom + scrollY"
+    )
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert bottom < 273 / 25.4 * 96
+
+
+def test_a_report_is_printed_as_pdf(tmp_path: Path) -> None:
+    path = tmp_path / "report.pdf"
+    write_report(scored(300, 1), path)
+    content = path.read_bytes()
+    assert content.startswith(b"%PDF")
+    assert content.count(b"/Type /Page\n") + content.count(b"/Type /Page ") >= 4
+    assert [file.name for file in tmp_path.iterdir()] == ["report.pdf"]

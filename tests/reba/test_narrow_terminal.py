@@ -1,0 +1,98 @@
+"""At 80 columns no word and no number is cut: what a wide terminal shows is all there."""
+
+from __future__ import annotations
+
+import io
+import re
+import sys
+
+import click
+import pytest
+from rich.table import Table
+
+import dreba.cli
+import lgp.cli
+import reba.cli
+from reba.command_line import run
+from reba.terminal import Console, Text
+from tests.support.paths import DATASETS
+
+ASSEMBLY = str(DATASETS / "simulated_assembly.csv")
+PALLETS = str(DATASETS / "simulated_palletising.mcap")
+KEYPOINTS = str(DATASETS / "balancing_keypoints.trc")
+GROUPS = {"reba": reba.cli.cli, "dreba": dreba.cli.cli, "lgp": lgp.cli.cli}
+COMMANDS = (
+    ("score", PALLETS, "--load", "8"),
+    ("score", PALLETS, KEYPOINTS, ASSEMBLY, "--error", "inertial"),
+    ("compare", ASSEMBLY, KEYPOINTS),
+    ("explain", PALLETS, "--at", "28.8", "--error", "optical"),
+    ("improve", PALLETS, "--load", "8", "--all"),
+    ("improve", PALLETS, "--load", "8", "--at", "28.8"),
+    ("info", PALLETS),
+    ("info", KEYPOINTS),
+    ("profiles",),
+)
+
+
+def output(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], group: str, *words: str, width: int = 80
+) -> tuple[int, str]:
+    monkeypatch.setenv("COLUMNS", str(width))
+    monkeypatch.setattr(sys, "argv", [group, *words])
+    with pytest.raises(SystemExit) as stop:
+        run(GROUPS[group], group)
+    return int(stop.value.code or 0), capsys.readouterr().out
+
+
+def words_of(text: str) -> set[str]:
+    """Return words and numbers, without names of files, which may be longer than a line."""
+    return {word for word in re.split(r"[\s│┃]+", text) if re.search(r"\w", word) and str(DATASETS) not in word}
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(command)[:20])
+def test_no_word_is_cut(
+    command: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, wide = output(monkeypatch, capsys, "reba", *command, width=400)
+    _, narrow = output(monkeypatch, capsys, "reba", *command)
+    assert "\u2026" not in narrow
+    assert all(len(line) <= 80 for line in narrow.splitlines())
+    # A wide terminal has the names of recordings as headings and labels, a narrow one numbers and letters.
+    assert words_of(wide) - words_of(narrow) <= {"recording"}
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_a_name_alone_prints_readable_help(
+    group: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, text = output(monkeypatch, capsys, group)
+    assert code == 0
+    lines = text.splitlines()
+    assert lines[0] == f"Usage: {group} [OPTIONS] COMMAND [ARGS]..."
+    assert len(lines) > 12
+    assert all(len(line) <= 80 for line in lines)
+    assert not any(line.endswith("...") for line in lines[1:])
+    for name, command in GROUPS[group].commands.items():
+        assert any(line.split()[:1] == [name] for line in lines)
+        assert isinstance(command, click.Command)
+
+
+def printed(table: Table, width: int) -> str:
+    out = io.StringIO()
+    Console(file=out, width=width).print(table)
+    return out.getvalue()
+
+
+def test_a_table_without_room_is_printed_row_by_row() -> None:
+    table = Table(title="of /a/very/long/path/that/is/no/word")
+    for heading in ("name", Text("two\nlines", keep="\n"), "third"):
+        table.add_column(heading, no_wrap=heading == "name")
+    table.add_row("some name of many words", "123456.789", "incomprehensibilities")
+    table.add_row("b", "", "1")
+    assert printed(table, 80).splitlines()[0].strip() == "of /a/very/long/path/that/is/no/word"
+    assert "some name of many words" in printed(table, 80)
+    lines = [" ".join(line.split()) for line in printed(table, 40).splitlines()]
+    assert lines == [
+        "of /a/very/long/path/that/is/no/word", "name some name of many words", "two lines 123456.789",
+        "third incomprehensibilities", "", "name b", "third 1", "",
+    ]  # fmt: skip
