@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError
@@ -36,7 +37,8 @@ from reba.readers.formats.table_file import (
     read_parquet,
     separator_of,
 )
-from reba.readers.formats.table_time import NAMES, plain, take_time
+from reba.readers.formats.table_people import is_id, rows_of_people
+from reba.readers.formats.table_time import NAMES, frame_numbers, plain, take_time
 from reba.readers.formats.text import LARGEST
 from reba.readers.formats.vicon import is_vicon, open_vicon
 from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic, array_stream, check_time, clip
@@ -107,10 +109,48 @@ def table_recording(path: Path, format: str, file: TableFile, log: ReadLog, rate
     if not len(frame):
         raise ReadError(path, "the table has no rows", hint="give at least one row of values")
     scored = recorded_with(path, map(str, frame.columns), file.scored)
-    if (wide := wide_points(frame)) is not None:
-        frame, file = wide, replace(file, where=lambda row: f"frame {row + 1}")
     frame, units = named_units(frame, KNOWN)
     file = replace(file, frame=frame)
+    people = None
+    if scored is None and any(map(is_id, frame.columns)):
+        numbered = rate is None or frame_numbers(frame) is not None
+        time = take_time(path, frame, ReadLog(), file.where, rate)[0] if numbered else None
+        people = rows_of_people(path, frame, time, log)
+    if people is None:
+        return _of_one(path, format, file, units, log, rate, name, scored)
+    recordings = [
+        _of_one(path, format, _rows(file, rows), units, ReadLog(warnings=[*log.warnings]), rate, label, scored)
+        for label, rows in people.items()
+    ]
+    streams = tuple(stream for recording in recordings for stream in recording.streams)
+    topics = tuple(topic for recording in recordings for topic in recording.topics)
+    return Recording(str(path), format, streams, topics, ReadLog(), recordings[0].hint)
+
+
+def _rows(file: TableFile, rows: NDArray[np.intp]) -> TableFile:
+    """Return some rows of a table."""
+    frame = file.frame.iloc[rows].reset_index(drop=True)
+    return replace(file, frame=frame, where=lambda row: file.where(int(rows[row])))
+
+
+def _of_one(
+    path: Path,
+    format: str,
+    file: TableFile,
+    units: dict[str, str],
+    log: ReadLog,
+    rate: float | None,
+    name: str,
+    scored: dict[str, Any] | None,
+) -> Recording:
+    """Return the recording of the rows of one person."""
+    if (wide := wide_points(file.frame, log)) is not None:
+        file = replace(file, frame=wide, where=lambda row: f"frame {row + 1}")
+        axes = {axis.lower(): unit for axis, unit in units.items() if axis.lower() in "xyz"}
+        units |= {
+            str(column): axes[column[-1]] for column in wide.columns if column[-2:-1] == "_" and column[-1] in axes
+        }
+    frame = file.frame
     time, epoch, used = take_time(path, frame, log, file.where, rate)
     timed = ~np.isnan(time)
     if not timed.all():

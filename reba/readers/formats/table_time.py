@@ -20,6 +20,18 @@ if TYPE_CHECKING:
 NAMES = ("time", "t", "timestamp", "header.stamp", "header_stamp", "/header/stamp", "stamp", "__time", "log_time",
          "elapsed", "elapsed_time", "seconds", "datetime", "date_time")  # fmt: skip
 """Names of time columns in lower case, the likelier first; a unit may follow: `time_ms`, `Time [s]`."""
+FRAMES = (
+    "frame",
+    "frame#",
+    "frame_number",
+    "frame_index",
+    "frame_idx",
+    "frame_id",
+    "frame_no",
+    "frame_num",
+    "framenumber",
+)
+"""Names of columns of the numbers of frames in lower case."""
 SECONDS: dict[str, float] = {
     **dict.fromkeys(("s", "sec", "secs", "seconds"), 1.0),
     **dict.fromkeys(("ms", "msec", "milliseconds"), 1e-3),
@@ -70,13 +82,17 @@ def take_time(
 ) -> tuple[Array, float, list[str]]:
     """Return the time (n,) [s], NaN where a row has none, the epoch [s] (0 if not a date), and the columns used.
 
-    `where` names the line of a row in messages. With a `rate` [Hz] the rows are numbered, and a time column is refused.
+    `where` names the line of a row in messages. With a `rate` [Hz] the times follow from the numbers of the frames,
+    without such a column from those of the rows, and a time column is refused.
     """
     filled = [column for column in frame.columns if rate is None or frame[column].notna().any()]
     column, unit, nanoseconds = time_column(path, filled, rate)
     if rate is not None:
-        log.time_source = f"rows at {rate:g} Hz, as given"
-        return np.arange(len(frame)) / rate, 0.0, []
+        if (numbered := frame_numbers(frame)) is None:
+            log.time_source = f"rows at {rate:g} Hz, as given"
+            return np.arange(len(frame)) / rate, 0.0, []
+        log.time_source = f"column {clip(numbered[0])} at {rate:g} Hz, as given"
+        return numbered[1] / rate, 0.0, []
     values, dated = _as_numbers(path, frame, column, where)
     if dated:
         unit = 1e-9
@@ -109,6 +125,22 @@ def plain(cell: object) -> object:
     if isinstance(cell, int) and abs(cell) > 1 << 1000:
         return "beyond floats"
     return cell if isinstance(cell, (int, float, str)) or cell is None else str(cell)
+
+
+def frame_numbers(frame: pd.DataFrame) -> tuple[str, Array] | None:
+    """Return the column of numbers of frames, and these (n,) in steps of one from that of the first row; None without.
+
+    Frames in which nobody was found have no row in many tables; the others keep their time.
+    """
+    import pandas as pd
+
+    for column in frame.columns:
+        if str(column).strip().lower().replace(" ", "_") in FRAMES and pd.api.types.is_numeric_dtype(frame[column]):
+            numbers = frame[column].to_numpy(dtype=np.float64, na_value=np.nan)
+            steps = np.diff(np.unique(numbers))
+            if len(steps) and np.isfinite(numbers).all() and (numbers == np.rint(numbers)).all():
+                return str(column), (numbers - numbers[0]) / float(np.median(steps))
+    return None
 
 
 def _as_numbers(
