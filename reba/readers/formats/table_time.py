@@ -130,7 +130,7 @@ def plain(cell: object) -> object:
 def frame_numbers(frame: pd.DataFrame) -> tuple[str, Array] | None:
     """Return the column of numbers of frames, and these (n,) in steps of one from that of the first row; None without.
 
-    Frames in which nobody was found have no row in many tables; the others keep their time.
+    Frames without a person have no row in many tables; the others keep their time.
     """
     import pandas as pd
 

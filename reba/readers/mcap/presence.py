@@ -52,7 +52,7 @@ class Presences:
 
     Signals that share their messages are counted together. Where these sets are so many that they hold `MOST_NAMES`
     names, each signal is counted by itself; where even these are too many, the half with the fewest messages is
-    forgotten: an id that was there for one message hides nobody who stays.
+    forgotten: an id that was there for one message hides no one who stays.
 
     Attributes:
         sets: names and parents that share messages -> when they are there.
@@ -71,7 +71,7 @@ class Presences:
         if not self._single:
             known = self.sets.get(signals) or self.sets.get(self._alike.get(frozenset(signals), signals))
             if known is None and self._names + len(signals) > MOST_NAMES:
-                self._take_apart()
+                self._count_singly()
             else:
                 (known or self._new(signals)).add(log)
                 return
@@ -88,7 +88,7 @@ class Presences:
             self._alike[frozenset(signals)] = signals
         return presence
 
-    def _take_apart(self) -> None:
+    def _count_singly(self) -> None:
         """Count each signal by itself from here on."""
         single: dict[tuple[Signal, ...], Presence] = {}
         for signals, one in self.sets.items():
