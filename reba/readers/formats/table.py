@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError
-from reba.posture.columns import COLUMNS, SIDES
+from reba.posture.columns import COLUMNS, COLUMNS_OF, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.file_content import head_of, unpacked_name
 from reba.readers.formats.long_points import wide_points
@@ -23,6 +23,7 @@ from reba.readers.formats.motive import is_motive, open_motive
 from reba.readers.formats.score_file import recorded_with
 from reba.readers.formats.table_columns import (
     DEGREES,
+    KILOGRAMS,
     LEAST_POINTS,
     coordinates,
     metres_of,
@@ -49,8 +50,8 @@ if TYPE_CHECKING:
 EXTENSIONS = (".csv", ".tsv", ".parquet", ".pq")
 WORDED = (*FACTORS, *BOTH_SIDES, *(f"shoulder_raised_{side}" for side in SIDES))
 """Columns that may have words; factors are checked where they are scored."""
-KNOWN = (*COLUMNS, *WORDED)
-"""Columns with a meaning, for the hint on a misspelt name."""
+KNOWN = (*COLUMNS, *WORDED, *(name for name, columns in COLUMNS_OF.items() if len(columns) > 1))
+"""Columns with a meaning, for their spelling and the hint on a misspelt name."""
 FORMATS = {"csv": "CSV", "parquet": "Parquet", "xlsx": "Excel"}
 """Name of a reader -> of its format, in messages."""
 MAX_CHECKED = 200
@@ -110,6 +111,7 @@ def table_recording(path: Path, format: str, file: TableFile, log: ReadLog, rate
         raise ReadError(path, "the table has no rows", hint="give at least one row of values")
     scored = recorded_with(path, map(str, frame.columns), file.scored)
     frame, units = named_units(frame, KNOWN)
+    frame = _in_kilograms(_on_both_sides(frame, units), units)
     file = replace(file, frame=frame)
     people = None
     if scored is None and any(map(is_id, frame.columns)):
@@ -125,6 +127,28 @@ def table_recording(path: Path, format: str, file: TableFile, log: ReadLog, rate
     streams = tuple(stream for recording in recordings for stream in recording.streams)
     topics = tuple(topic for recording in recordings for topic in recording.topics)
     return Recording(str(path), format, streams, topics, ReadLog(), recordings[0].hint)
+
+
+def _on_both_sides(frame: pd.DataFrame, units: dict[str, str]) -> pd.DataFrame:
+    """Return a table in which an angle without a side stands for each side that has no column of its own."""
+    for name, columns in COLUMNS_OF.items():
+        if name in frame.columns and name not in columns:
+            absent = [column for column in columns if column not in frame.columns]
+            units |= {column: units[name] for column in absent if name in units}
+            frame = frame.assign(**dict.fromkeys(absent, frame[name])).drop(columns=[name] if absent else [])
+    return frame
+
+
+def _in_kilograms(frame: pd.DataFrame, units: dict[str, str]) -> pd.DataFrame:
+    """Return a table whose load is in kilograms, where another unit is named; texts stay for the scoring."""
+    import pandas as pd
+
+    if "load" not in frame.columns:
+        return frame
+    numbers = pd.to_numeric(frame["load"].map(plain), errors="coerce")
+    if not numbers.isna().equals(frame["load"].isna()):
+        return frame
+    return frame.assign(load=numbers * KILOGRAMS.get(units.get("load", ""), 1.0))
 
 
 def _rows(file: TableFile, rows: NDArray[np.intp]) -> TableFile:

@@ -21,9 +21,16 @@ DEGREES: Final[Mapping[str, float]] = {
     **dict.fromkeys(("rad", "rads", "radian", "radians"), math.degrees(1.0)),
 }
 """Units of angles [deg]."""
+KILOGRAMS: Final[Mapping[str, float]] = {
+    **dict.fromkeys(("kg", "kgs", "kilogram", "kilograms", "kgf"), 1.0),
+    **dict.fromkeys(("g", "gram", "grams"), 1e-3),
+    **dict.fromkeys(("n", "newton", "newtons"), 1 / 9.80665),
+    **dict.fromkeys(("lb", "lbs", "pound", "pounds", "lbf"), 0.45359237),
+}
+"""Units of loads [kg]; forces as the weight of a mass."""
 TIMES: Final = frozenset({"s", "sec", "secs", "second", "seconds", "ms", "us", "ns"})
-PLAIN: Final = frozenset({"kg", "n", "-", "1", "bool"})
-"""Units of columns that are neither angles nor lengths nor times."""
+PLAIN: Final = frozenset({"-", "1", "bool"})
+"""Units of columns that are neither angles nor lengths, times nor loads."""
 LEAST_POINTS: Final = 4
 """Fewer names with three coordinates are no body."""
 _AXIS = re.compile(r"^(?P<name>.+?)(?P<gap>[_.: -]?)(?P<axis>[xyzXYZ])$")
@@ -35,7 +42,7 @@ def is_unit(text: str) -> bool:
     >>> [is_unit(text) for text in ("deg", " [m/s]", "(rad)", "12.5")]
     [True, False, True, False]
     """
-    return text.strip(" ()[]").lower() in {*DEGREES, *METRES, *TIMES, *PLAIN}
+    return text.strip(" ()[]").lower() in {*DEGREES, *METRES, *TIMES, *KILOGRAMS, *PLAIN}
 
 
 def _split_unit(column: str) -> tuple[str, str]:
