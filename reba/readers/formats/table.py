@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError
-from reba.posture.columns import COLUMNS, COLUMNS_OF, SIDES
+from reba.posture.columns import COLUMNS, COLUMNS_OF, SIDELESS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.file_content import head_of, unpacked_name
 from reba.readers.formats.long_points import wide_points
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 EXTENSIONS = (".csv", ".tsv", ".parquet", ".pq")
 WORDED = (*FACTORS, *BOTH_SIDES, *(f"shoulder_raised_{side}" for side in SIDES))
 """Columns that may have words; factors are checked where they are scored."""
-KNOWN = (*COLUMNS, *WORDED, *(name for name, columns in COLUMNS_OF.items() if len(columns) > 1))
+KNOWN = (*COLUMNS, *WORDED, *SIDELESS)
 """Columns with a meaning, for their spelling and the hint on a misspelt name."""
 FORMATS = {"csv": "CSV", "parquet": "Parquet", "xlsx": "Excel"}
 """Name of a reader -> of its format, in messages."""
@@ -131,9 +131,9 @@ def table_recording(path: Path, format: str, file: TableFile, log: ReadLog, rate
 
 def _on_both_sides(frame: pd.DataFrame, units: dict[str, str]) -> pd.DataFrame:
     """Return a table in which an angle without a side stands for each side that has no column of its own."""
-    for name, columns in COLUMNS_OF.items():
-        if name in frame.columns and name not in columns:
-            absent = [column for column in columns if column not in frame.columns]
+    for name in SIDELESS:
+        if name in frame.columns:
+            absent = [column for column in COLUMNS_OF[name] if column not in frame.columns]
             units |= {column: units[name] for column in absent if name in units}
             frame = frame.assign(**dict.fromkeys(absent, frame[name])).drop(columns=[name] if absent else [])
     return frame
