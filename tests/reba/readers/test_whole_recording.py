@@ -211,6 +211,23 @@ def test_a_clock_may_restart_between_the_files_of_a_recording(tmp_path: Path, lo
     assert table.quality.seams == pytest.approx((10.0,))
 
 
+def test_recordings_of_one_time_in_a_folder_are_not_one(tmp_path: Path) -> None:
+    for name in ("left.mcap", "right.mcap"):
+        write(tmp_path / name, [state(at, at) for at in range(500)])
+    with pytest.raises(ReadError) as caught:
+        reba.read(tmp_path)
+    says(caught, "left.mcap", "right.mcap", "one time", "one by one")
+    (tmp_path / "right.mcap").unlink()
+    write(tmp_path / "later.mcap", [state(at, at, log=at) for at in range(500, 900)])
+    assert len(reba.read(tmp_path).data) == 900
+
+
+def test_an_empty_path_is_not_the_current_folder() -> None:
+    with pytest.raises(reba.RebaError) as caught:
+        reba.read("")
+    says(caught, "path")
+
+
 def test_without_stamps_and_log_times_the_publish_times_are_used(tmp_path: Path) -> None:
     rows = [(1, EPOCH_NS + at * STEP_NS, make.joint_state(0, JOINTS, angles(at))) for at in range(500)]
 
