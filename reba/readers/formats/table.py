@@ -29,6 +29,7 @@ from reba.readers.formats.table_columns import (
     metres_of,
     named_units,
     near_names,
+    without_depth,
 )
 from reba.readers.formats.table_file import (
     PARQUET,
@@ -223,6 +224,8 @@ def _of_one(
     if not angles:
         topics += [Topic(text, "column", len(time), False, "text, not numbers") for text in texts]
     hint = f"{near}; rename them" if near else ""
+    if not angles and (flat := without_depth(numbers)) >= LEAST_POINTS:
+        hint = f"{flat} points have x and y and no z, as 2D keypoints: give 3D keypoints"
     return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log, hint, scored=scored)
 
 

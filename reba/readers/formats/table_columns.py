@@ -134,6 +134,19 @@ def coordinates(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
     }
 
 
+def without_depth(names: Iterable[str]) -> int:
+    """Return how many points have an x and a y and no z.
+
+    >>> without_depth(["hip_x", "hip_y", "knee_x", "knee_y", "knee_z"])
+    1
+    """
+    axes: dict[str, set[str]] = {}
+    for name in names:
+        if match := _AXIS.match(name):
+            axes.setdefault(match["name"], set()).add(match["axis"].lower())
+    return sum(found == {"x", "y"} for found in axes.values())
+
+
 def metres_of(points: Array, units: set[str], log: ReadLog) -> float:
     """Return the unit of length [m] of points (n, k, 3): the one that is named, else by the extent of the body."""
     named = {METRES[unit] for unit in units if unit in METRES}
