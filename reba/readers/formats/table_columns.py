@@ -144,7 +144,7 @@ def without_depth(names: Iterable[str]) -> int:
     for name in names:
         if match := _AXIS.match(name):
             axes.setdefault(match["name"], set()).add(match["axis"].lower())
-    return sum(found == {"x", "y"} for found in axes.values())
+    return sum(letters == {"x", "y"} for letters in axes.values())
 
 
 def metres_of(points: Array, units: set[str], log: ReadLog) -> float:

@@ -43,6 +43,8 @@ PAIRS = ((".sec", ".nanosec"), (".secs", ".nsecs"), ("_sec", "_nanosec"), ("_sec
 """Suffixes of the two columns of a ROS stamp: seconds, and nanoseconds to add."""
 ABSOLUTE = 1e8
 """[s] Larger times are dates: no recording lasts that long, and counted from 1970 it is March 1973."""
+SHORTEST_STEP = 5e-4
+"""[s] Steps of time that are shorter are of another unit: no posture is measured 2000 times a second; a choice."""
 LARGEST_INTEGER = 4e18
 """Just below the largest 64-bit integer."""
 _NAME = re.compile(r"^(.+?)(?:[ _]?[\[(](\w+)[\])]|[ _](\w+))?$")
@@ -189,6 +191,8 @@ def _unit_by_size(valid: NDArray[np.int64] | Array, typical: float, column: str,
     else:
         if step >= 5:
             log.warn(f"column {clip(column)} steps by {step:g} s; if these are milliseconds, call it {column}_ms")
+        elif 0 < step < SHORTEST_STEP:
+            log.warn(f"column {clip(column)} steps by {step:.2g} s; if these are minutes or days, give seconds")
         return 1.0
     log.warn(f"column {clip(column)} was read as {unit}, from its size")
     return SECONDS[unit]

@@ -329,3 +329,15 @@ def test_near_names_are_offered_in_one_line(tmp_path: Path) -> None:
     warnings = [text for text in reba.read(path).quality.warnings if "did you mean" in text]
     assert len(warnings) == 1
     says(warnings[0], "LeftKneeFlexion", "neck_flexoin")
+
+
+@pytest.mark.parametrize("seconds", [60.0, 86400.0])
+def test_times_in_minutes_or_days_are_told(tmp_path: Path, seconds: float) -> None:
+    rows = "".join(f"{at / 100 / seconds},{at}\n" for at in range(30))
+    says(opened(tmp_path, "time,trunk_flexion\n" + rows).log.warnings[0], "'time' steps by", "give seconds")
+
+
+@pytest.mark.parametrize("rate", [1, 30, 1000])
+def test_seconds_are_seconds(tmp_path: Path, rate: int) -> None:
+    rows = "".join(f"{at / rate},{at}\n" for at in range(30))
+    assert opened(tmp_path, "time,trunk_flexion\n" + rows).log.warnings == []
