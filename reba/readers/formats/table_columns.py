@@ -28,7 +28,7 @@ KILOGRAMS: Final[Mapping[str, float]] = {
     **dict.fromkeys(("lb", "lbs", "pound", "pounds", "lbf"), 0.45359237),
 }
 """Units of loads [kg]; forces as the weight of a mass."""
-TIMES: Final = frozenset({"s", "sec", "secs", "second", "seconds", "ms", "us", "ns"})
+TIMES: Final = frozenset({"s", "sec", "secs", "second", "seconds", "ms", "us", "ns", "min", "h"})
 PLAIN: Final = frozenset({"-", "1", "bool"})
 """Units of columns that are neither angles nor lengths, times nor loads."""
 LEAST_POINTS: Final = 4

@@ -37,6 +37,8 @@ SECONDS: dict[str, float] = {
     **dict.fromkeys(("ms", "msec", "milliseconds"), 1e-3),
     **dict.fromkeys(("us", "usec", "microseconds"), 1e-6),
     **dict.fromkeys(("ns", "nsec", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("min", "mins", "minutes"), 60.0),
+    **dict.fromkeys(("h", "hr", "hours"), 3600.0),
 }
 """Length of a unit of time [s] by the suffix of a column name."""
 PAIRS = ((".sec", ".nanosec"), (".secs", ".nsecs"), ("_sec", "_nanosec"), ("_secs", "_nsecs"))
@@ -159,6 +161,9 @@ def _as_numbers(
         else:
             dates = pd.to_datetime(series.astype(str), errors="coerce", utc=True, format="ISO8601")
             bad = (dates.isna() & series.notna()).to_numpy()
+            # Where most cells are numbers, the others are wrong.
+            words = (numbers.isna() & series.notna()).to_numpy()
+            bad = words if 2 * int(words.sum()) < len(words) else bad
             if bad.any():
                 at = int(np.argmax(bad))
                 what = f"{where(at)}: {clip(str(series.iloc[at]))} in column {clip(column)} is not a time"
