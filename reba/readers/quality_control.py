@@ -128,11 +128,11 @@ def straight_at_180(seen: ColumnStatistics) -> list[str]:
     """Return a warning for hinges that are never near 0 and come near 180 deg: of many sources that is straight."""
     hinges = [column for name in ("knee_flexion", "lower_arm_flexion") for column in COLUMNS_OF[name]]
     ranges = {column: (seen.low[INDEX[column]], seen.high[INDEX[column]]) for column in hinges}
-    found = [column for column, (low, high) in ranges.items() if low > NEVER_BELOW and STRAIGHT_BEYOND < high <= 185]
-    if not found:
+    counted = [column for column, (low, high) in ranges.items() if low > NEVER_BELOW and STRAIGHT_BEYOND < high <= 185]
+    if not counted:
         return []
-    low, high = (round(f(ranges[column][at] for column in found)) for at, f in enumerate((min, max)))
-    what = f"{join_names(found)}: {low} to {high} deg throughout"
+    low, high = (round(f(ranges[column][at] for column in counted)) for at, f in enumerate((min, max)))
+    what = f"{join_names(counted)}: {low} to {high} deg throughout"
     return [f"{what}; where 180 is straight, give 180 minus the angle: here 0 is straight"]
 
 
