@@ -133,6 +133,11 @@ def test_people_in_rows_of_points_are_a_question(tmp_path: Path, start: float) -
     np.testing.assert_allclose(reba.read(path, topic="Bo").data, alone.data, atol=1e-9)
 
 
+def test_rows_of_points_are_accounted_for_once(tmp_path: Path) -> None:
+    read = reba.read(saved(tmp_path / "points.csv", points(0.0)))
+    assert [(account["read"], account["used"]) for account in read.quality.accounts] == [(N, N)]
+
+
 def test_numbers_of_points_are_no_people(tmp_path: Path) -> None:
     read = reba.read(saved(tmp_path / "long.csv", long(points(0.0))))
     assert len(read.data) == N
