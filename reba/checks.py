@@ -82,7 +82,9 @@ def has(expected: str, *attributes: str) -> Allowed:
 
 
 TEXT: Final = Allowed("a text", lambda value: isinstance(value, str))
-PATH: Final = Allowed("a path, as text or pathlib.Path", lambda value: isinstance(value, str | os.PathLike), from_home)
+PATH: Final = Allowed(
+    "a path, as text or pathlib.Path", lambda value: isinstance(value, str | os.PathLike) and value != "", from_home
+)
 PATHS: Final = Allowed(
     "a path, or a list of the files of one recording",
     lambda value: PATH.fits(value) or (isinstance(value, list | tuple) and all(map(PATH.fits, value))),

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from reba.errors import ProfileError
-from reba.readers.mcap.contents import PAUSE, Contents, Interval, at_once, united
+from reba.readers.mcap.contents import Contents
+from reba.readers.mcap.presence import PAUSE, Interval, at_once, united
 from reba.readers.recognise import AT_ONCE, Match, alike, candidates_in, in_turn, may_concern
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import Recording
@@ -70,7 +71,7 @@ class FollowedBody:
             return {}
         spans: dict[str, list[Interval]] = {}
         for groups in contents.presence.values():
-            for signals, presence in groups.items():
+            for signals, presence in groups.sets.items():
                 label = self.ids.get(signals[0][0])
                 if label is not None and presence.intervals:
                     spans.setdefault(label, []).append(presence.intervals[-1])

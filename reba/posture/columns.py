@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from reba.errors import PostureError, did_you_mean
 
@@ -58,6 +59,8 @@ COLUMNS_OF: dict[str, tuple[str, ...]] = {angle.name: angle.columns for angle in
 """Columns of each angle name without a side."""
 WORST: dict[str, float] = {column: angle.worst for angle in ANGLES for column in angle.columns}
 """[deg] The angle of the highest part score of each column."""
+SIDELESS: tuple[str, ...] = tuple(angle.name for angle in ANGLES if angle.sided)
+"""Names without a side, which stand for both."""
 BEST: dict[str, float] = {column: angle.best for angle in ANGLES for column in angle.columns}
 """[deg] The angle of the lowest part score of each column."""
 MIRRORED: tuple[str, ...] = tuple(a.name for a in ANGLES if not a.sided and not a.name.endswith("_flexion"))
@@ -80,6 +83,16 @@ PART_COLUMNS: dict[str, tuple[str, ...]] = {
     **{f"{part}_{side}": tuple(f"{name}_{side}" for name in PARTS[part]) for side in SIDES for part in GROUP_B},
 }
 """Column of a body part's score -> the angle columns that it depends on."""
+
+
+def on_both_sides(row: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return values by name in which one without a side stands for each side that has none of its own.
+
+    >>> on_both_sides({"knee_flexion": 60, "knee_flexion_left": 5, "load": 3})["knee_flexion_right"]
+    60
+    """
+    sideless = [name for name in SIDELESS if name in row]
+    return {**{column: row[name] for name in sideless for column in COLUMNS_OF[name]}, **row} if sideless else row
 
 
 def columns_named(names: Iterable[str], error: type[ValueError] = PostureError) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from reba.arrays import Array, Flags
 from reba.checks import shown
 from reba.errors import PostureError, did_you_mean
 from reba.posture.columns import SIDES
+from reba.posture.value_codes import coded
 
 COUPLINGS: Final = ("good", "fair", "poor", "unacceptable")
 """Coupling 0 to 3."""
@@ -129,16 +130,17 @@ def checked(factors: Factors, n: int) -> Factors:
 
 
 def load_kg(value: Any, n: int) -> Array:
-    """Return a load as (n,) or (1,) kilograms; negative, infinite or missing loads are refused."""
+    """Return a load as (n,) or (1,) kilograms; negative, infinite or missing loads and codes are refused."""
     try:
         load = np.atleast_1d(np.asarray(value, np.float64))
     except (TypeError, ValueError, OverflowError) as error:
         raise PostureError(f"load is {str(value)[:80]!r}; expected kilograms, one number or one per frame") from error
     _check_length("load", load, n)
-    bad = ~(np.isfinite(load) & (load >= 0))
+    bad = ~(np.isfinite(load) & (load >= 0)) | coded(load)
     if bad.any():
         where = int(np.argmax(bad))
-        raise PostureError(f"load is {load[where]} at frame {where}; expected kilograms, 0 or more, at every frame")
+        what = f"load is {load[where]} at frame {where}{', a code for no value' * bool(coded(load[where]))}"
+        raise PostureError(f"{what}; expected kilograms, 0 or more, at every frame: correct it, or give one load")
     return load
 
 

@@ -8,6 +8,8 @@ from reba.errors import ReadError
 from reba.readers.recognise import Match, bodies
 from reba.readers.recording.stream import ASKED_FOR, LOST, UNUSED, ReadLog, Recording, Stream
 
+TABLE: Final = ("table", "table of points")
+"""Ends of the formats of streams that are rows of a table."""
 NOTED: Final = 0.01
 """Share of the messages above which those that are not used are a warning; a choice."""
 
@@ -26,7 +28,7 @@ def accounts_of(
     result = [{"stream": match.stream.name, **log.account(), "seconds": _seconds(match.stream, seconds)}]
     read_too = {(stream.name, stream.kind) for stream in helpers}
     for stream in recording.streams:
-        if stream.name != match.stream.name or stream.kind != match.stream.kind:
+        if not _same_rows(stream, match.stream):
             read = max(stream.messages.values(), default=stream.count or 0)
             used = read if (stream.name, stream.kind) in read_too else 0
             result.append(
@@ -39,6 +41,12 @@ def accounts_of(
                 }
             )
     return tuple(result)
+
+
+def _same_rows(stream: Stream, other: Stream) -> bool:
+    """Return whether two streams are one, or the same rows of a table, whose points are offered as joints too."""
+    tables = stream.format.endswith(TABLE) and other.format.endswith(TABLE)
+    return stream.name == other.name and (stream.kind == other.kind or tables)
 
 
 def _name_other_bodies(match: Match, log: ReadLog) -> None:

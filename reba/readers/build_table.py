@@ -46,6 +46,7 @@ from reba.readers.quality_control import (
     intermittent_columns,
     median_rate,
     neutral_posture,
+    straight_at_180,
     subtract,
 )
 from reba.readers.recognise import Match
@@ -299,7 +300,8 @@ def _check_samples(recording: Recording, log: ReadLog, frames: int, strict: bool
 
 
 def _column_warnings(seen: ColumnStatistics) -> list[str]:
-    return [f"{column}: {text}" for column, text in beyond_limits(seen).items()] + intermittent_columns(seen)
+    beyond = [f"{column}: {text}" for column, text in beyond_limits(seen).items()]
+    return [*beyond, *straight_at_180(seen), *intermittent_columns(seen)]
 
 
 def _equal(frames: Frames) -> Flags:

@@ -11,7 +11,7 @@ import numpy as np
 from reba.arrays import Array, Flags
 from reba.checks import shown
 from reba.errors import RebaError, join_names
-from reba.posture.columns import COLUMNS, INDEX, SIDES
+from reba.posture.columns import COLUMNS, COLUMNS_OF, INDEX, SIDES
 from reba.readers.column_statistics import ColumnStatistics
 from reba.readers.mapping import Mapper, Samples
 from reba.readers.mapping.joints import MOST_NAMES
@@ -30,6 +30,9 @@ LINKED: tuple[tuple[str, ...], ...] = (
     *((f"wrist_flexion_{side}", f"wrist_deviation_{side}", f"wrist_twist_{side}") for side in SIDES),
 )
 """Columns of one segment frame: if one of them is impossible, the frame is wrong and with it the others."""
+NEVER_BELOW = 60.0
+STRAIGHT_BEYOND = 150.0
+"""[deg] A knee or elbow that stays above the first and comes beyond the second is not bent but counts from 180."""
 CONSTANT = 1e-6
 """[deg] Frames and markers always carry noise; a column with a smaller range was not measured."""
 
@@ -119,6 +122,18 @@ def frozen_warning(time: Array, same: Flags) -> str | None:
 def beyond_limits(seen: ColumnStatistics) -> dict[str, str]:
     """Return the columns with angles beyond `LIMITS` -> in how many of the frames."""
     return {column: seen.beyond_text(column) for column in COLUMNS if seen.beyond[INDEX[column]]}
+
+
+def straight_at_180(seen: ColumnStatistics) -> list[str]:
+    """Return a warning for hinges that are never near 0 and come near 180 deg: of many sources that is straight."""
+    hinges = [column for name in ("knee_flexion", "lower_arm_flexion") for column in COLUMNS_OF[name]]
+    ranges = {column: (seen.low[INDEX[column]], seen.high[INDEX[column]]) for column in hinges}
+    counted = [column for column, (low, high) in ranges.items() if low > NEVER_BELOW and STRAIGHT_BEYOND < high <= 185]
+    if not counted:
+        return []
+    low, high = (round(f(ranges[column][at] for column in counted)) for at, f in enumerate((min, max)))
+    what = f"{join_names(counted)}: {low} to {high} deg throughout"
+    return [f"{what}; where 180 is straight, give 180 minus the angle: here 0 is straight"]
 
 
 def impossible_columns(seen: ColumnStatistics) -> dict[str, str]:

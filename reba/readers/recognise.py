@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from reba.errors import ProfileError, did_you_mean
+from reba.errors import ProfileError, did_you_mean, join_names
 from reba.readers.mapping import obtainable_columns
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import Recording, Stream
@@ -141,7 +141,18 @@ def choose(
             f"{recording.path}: {_name(best)} ({best.why}) and {_name(other)} ({other.why}) fit equally; "
             f"choose with --profile {_name(best)} or --profile {_name(other)}, or with --topic"
         )
-    return replace(best, note=rivals)
+    return replace(best, note="; ".join(filter(None, (rivals, _elsewhere(candidates, best)))))
+
+
+def _elsewhere(candidates: Sequence[Match], best: Match) -> str:
+    """Return which missing joints another stream has, as a note, "" for none: they are recorded, but not read."""
+    for match in candidates:
+        if match.stream is not best.stream and match.profile is best.profile and match.stream.kind == "joints":
+            there = [joint for joint in best.missing if joint in (match.names or {})]
+            if there:
+                names = join_names(there, 4)
+                return f"{names} stand in {match.stream.name}, which is not read beside {best.stream.name}"
+    return ""
 
 
 def _explaining_most(fitting: list[Match]) -> tuple[Match, str]:

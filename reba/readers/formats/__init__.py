@@ -94,6 +94,9 @@ def open_recording(path: Paths, *, strict: bool = False, rate: float | None = No
     """
     if not isinstance(path, str | os.PathLike):
         return _open_files(list(path), strict, rate)
+    if path == "":
+        # pathlib takes it for the current folder.
+        raise ReadError("an empty path", "no file", hint="give the path of a recording")
     place = Path(path)
     try:
         if not place.exists():

@@ -16,6 +16,7 @@ import numpy as np
 
 from reba.arrays import Array
 from reba.errors import ReadError
+from reba.posture.named_angles import RADIANS_ABOVE, RADIANS_BELOW, RADIANS_OUTLIERS, RADIANS_POSES
 from reba.readers.formats.file_content import unpacked_name
 from reba.readers.formats.text import LARGEST, number_rows, read_lines
 from reba.readers.recording.quaternions import about_axis, product, rotated
@@ -51,6 +52,9 @@ def open_bvh(path: Path) -> Recording:
         )
     if len(rows) != declared:
         log.warn(f"the file states {declared} frames and has {len(rows)} complete ones; those were read")
+    largest = skeleton.largest_rotation(rows)
+    if len(rows) >= RADIANS_POSES and RADIANS_ABOVE < largest < RADIANS_BELOW:
+        log.warn(f"rotations stay within +-{largest:.2f} degrees: check that the unit is not radians")
     add = skeleton.adds_positions(rows)
     if add is False:
         log.warn("position channels of inner joints repeat the offsets; they were read as replacing them")
@@ -246,6 +250,12 @@ class BvhSkeleton:
         for index, joint in enumerate(self.joints):
             poses[index, :3] = joint.offset + (poses[joint.parent, :3] if joint.parent >= 0 else 0.0)
         return poses
+
+    def largest_rotation(self, rows: Array) -> float:
+        """Return the size [deg] that 98 % of the rotations (n, `width`) do not exceed, 0 without any."""
+        channels = [channel for joint in self.joints for channel in joint.channels]
+        turning = [at for at, channel in enumerate(channels) if CHANNELS[channel][0] == "rotation"]
+        return float(np.quantile(np.abs(rows[:, turning]), 1 - RADIANS_OUTLIERS)) if turning and len(rows) else 0.0
 
     def adds_positions(self, rows: Array) -> bool | None:
         """Return whether position channels of inner joints add to the offset; None where there are none.

@@ -78,6 +78,14 @@ def _points(path: Path, data: bytes, layout: C3dHeader, log: ReadLog) -> Array:
         log.ended_abnormally = (
             f"truncated at byte {len(data)}: {count} of {layout.frames} frames are complete; those were read"
         )
+    # The last block is filled up to its end.
+    if (available - count) * width * size >= BLOCK:
+        if layout.first + layout.frames - 1 == MOST_COUNTED:
+            what = f"the file counts up to {MOST_COUNTED} frames and has {available}; those were read"
+            count = available
+        else:
+            what = f"the header states {count} frames and the file has room for {available - count} more; not read"
+        log.warn(what)
     raw = data[layout.start : layout.start + count * width * size]
     with np.errstate(all="ignore"):
         if size == 4:
@@ -114,6 +122,8 @@ def _labels(layout: C3dHeader) -> tuple[list[str], dict[str, int]]:
 
 
 BLOCK = 512
+MOST_COUNTED = 0xFFFF
+"""Number of the last frame that a header can state."""
 MAGIC = 0x50
 ORDERS = {84: "<", 85: "<", 86: ">"}
 """Processor type in the parameter section: 84 Intel, 85 DEC (VAX floats), 86 MIPS; byte order of its integers."""
@@ -180,7 +190,7 @@ def read_layout(path: Path, data: bytes) -> C3dHeader:
         points, analogs, first, last - first + 1, scale, (start - 1) * BLOCK, rate, processor, parameters
     )
     _check(path, layout, len(data))
-    if last == 0xFFFF:
+    if last == MOST_COUNTED:
         return _with_long_count(layout)
     return layout
 

@@ -56,6 +56,12 @@ def metres_by_size(points: Array, log: ReadLog, usual: str) -> float:
     with np.errstate(invalid="ignore"):
         extents = np.nanmax(finite[known], axis=1) - np.nanmin(finite[known], axis=1)
     extent = float(np.median(np.nanmax(extents, axis=1)))
+    plane = finite[known][..., :2]
+    if usual == "m" and extent < 1 and np.nanmin(plane) >= 0 and np.nanmax(plane) <= 1:
+        log.warn(
+            "x and y lie between 0 and 1 and no unit is stated: if they are shares of an image, as landmarks of "
+            "MediaPipe, angles are wrong; give world landmarks, in metres"
+        )
     for unit in ("m", "cm", "mm"):
         if BODY[0] <= extent * METRES[unit] <= BODY[1]:
             log.warn(f"the unit of the points is not stated; read as {unit}, in which the body is {extent:.4g} tall")

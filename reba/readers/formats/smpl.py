@@ -166,6 +166,8 @@ def _turns(path: Path, arrays: Arrays, shapes: dict[str, str], log: ReadLog) -> 
 def _rows(path: Path, name: str, values: Array, least: int) -> Array:
     """Return (n, m) rotations of n frames from (n, m), (n, m / 3, 3) or one person of (1, n, m) or (n, 1, m)."""
     hint = "save one person's rotations as axis times angle [rad], (frames, 3 for each joint)"
+    if values.ndim > 1 and values.size and least > 3 and (other := _other_encoding(values.reshape(len(values), -1))):
+        raise ReadError(path, f"{name} has {other}, {values.shape}", hint=hint)
     if values.ndim == 3 and values.shape[2] != 3 and values.shape[0] == 1:
         values = values[0]
     elif values.ndim == 3 and values.shape[1] == 1:
@@ -180,6 +182,28 @@ def _rows(path: Path, name: str, values: Array, least: int) -> Array:
         what = f"{name} has shape {values.shape}, expected (frames, {least} or more)"
         raise ReadError(path, what, hint=hint)
     return values
+
+
+def _other_encoding(values: Array) -> str:
+    """Return what (n, m) numbers are by their sizes if not axis times angle [rad], else ""."""
+    some = values[:: max(1, len(values) // MOST_LOOKED_AT)]
+    columns: dict[str, Array] = {}
+    if some.shape[1] % 9 == 0:
+        columns["rotation matrices"] = some.reshape(-1, 3, 3)
+    if some.shape[1] % 6 == 0:
+        columns["rotations of 6 numbers"] = some.reshape(-1, 2, 3)
+        columns["rotations of 6 numbers, two columns"] = some.reshape(-1, 3, 2).swapaxes(1, 2)
+    if some.shape[1] % 4 == 0:
+        columns["quaternions"] = some.reshape(-1, 1, 4)
+    for kind, vectors in columns.items():
+        products = np.einsum("nik,njk->nij", vectors, vectors)
+        if len(products) and np.mean(np.abs(products - np.eye(vectors.shape[1])).max(axis=(1, 2)) < UNIT) > MOST:
+            return kind
+    if some.shape[1] % 3 == 0 and some.size:
+        sizes = np.linalg.norm(some.reshape(-1, 3), axis=1)
+        if np.mean(sizes[np.isfinite(sizes)] > 2 * np.pi) > FULL_TURNS:
+            return "rotations of more than a turn, as degrees are"
+    return ""
 
 
 def _rate(path: Path, arrays: Arrays, given: float | None, log: ReadLog) -> float:
@@ -216,6 +240,12 @@ def _poses(turns: Array) -> Array:
     return np.concatenate([np.full((*world.shape[:2], 3), np.nan), world], axis=2)
 
 
+UNIT: Final = 0.02
+"""Difference from unit vectors at right angles up to which numbers are those of rotation matrices or quaternions."""
+MOST: Final = 0.9
+"""Share of the rotations that decides about their encoding."""
+FULL_TURNS: Final = 0.2
+"""Share of the rotations beyond a turn from which they are degrees; axis times angle stays below one."""
 _UPWARD: Final = ("pelvis", "spine3", "left_knee", "right_knee")
 """Joints whose segments are upright in most postures of work."""
 

@@ -6,18 +6,16 @@ A table with columns of the posture table is one (`angles`, in degrees). Any oth
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError
-from reba.posture.columns import COLUMNS, SIDES
+from reba.posture.columns import COLUMNS, COLUMNS_OF, SIDELESS, SIDES
 from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.file_content import head_of, unpacked_name
 from reba.readers.formats.long_points import wide_points
@@ -25,11 +23,13 @@ from reba.readers.formats.motive import is_motive, open_motive
 from reba.readers.formats.score_file import recorded_with
 from reba.readers.formats.table_columns import (
     DEGREES,
+    KILOGRAMS,
     LEAST_POINTS,
     coordinates,
     metres_of,
     named_units,
     near_names,
+    without_depth,
 )
 from reba.readers.formats.table_file import (
     PARQUET,
@@ -39,6 +39,8 @@ from reba.readers.formats.table_file import (
     read_parquet,
     separator_of,
 )
+from reba.readers.formats.table_people import is_id, rows_of_people
+from reba.readers.formats.table_time import NAMES, frame_numbers, plain, take_time
 from reba.readers.formats.text import LARGEST
 from reba.readers.formats.vicon import is_vicon, open_vicon
 from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic, array_stream, check_time, clip
@@ -49,8 +51,8 @@ if TYPE_CHECKING:
 EXTENSIONS = (".csv", ".tsv", ".parquet", ".pq")
 WORDED = (*FACTORS, *BOTH_SIDES, *(f"shoulder_raised_{side}" for side in SIDES))
 """Columns that may have words; factors are checked where they are scored."""
-KNOWN = (*COLUMNS, *WORDED)
-"""Columns with a meaning, for the hint on a misspelt name."""
+KNOWN = (*COLUMNS, *WORDED, *SIDELESS)
+"""Columns with a meaning, for their spelling and the hint on a misspelt name."""
 FORMATS = {"csv": "CSV", "parquet": "Parquet", "xlsx": "Excel"}
 """Name of a reader -> of its format, in messages."""
 MAX_CHECKED = 200
@@ -109,10 +111,71 @@ def table_recording(path: Path, format: str, file: TableFile, log: ReadLog, rate
     if not len(frame):
         raise ReadError(path, "the table has no rows", hint="give at least one row of values")
     scored = recorded_with(path, map(str, frame.columns), file.scored)
-    if (wide := wide_points(frame)) is not None:
-        frame, file = wide, replace(file, where=lambda row: f"frame {row + 1}")
     frame, units = named_units(frame, KNOWN)
+    frame = _in_kilograms(_on_both_sides(frame, units), units)
     file = replace(file, frame=frame)
+    people = None
+    if scored is None and any(map(is_id, frame.columns)):
+        numbered = rate is None or frame_numbers(frame) is not None
+        time = take_time(path, frame, ReadLog(), file.where, rate)[0] if numbered else None
+        people = rows_of_people(path, frame, time, log)
+    if people is None:
+        return _of_one(path, format, file, units, log, rate, name, scored)
+    recordings = [
+        _of_one(path, format, _rows(file, rows), units, ReadLog(warnings=[*log.warnings]), rate, label, scored)
+        for label, rows in people.items()
+    ]
+    streams = tuple(stream for recording in recordings for stream in recording.streams)
+    topics = tuple(topic for recording in recordings for topic in recording.topics)
+    return Recording(str(path), format, streams, topics, ReadLog(), recordings[0].hint)
+
+
+def _on_both_sides(frame: pd.DataFrame, units: dict[str, str]) -> pd.DataFrame:
+    """Return a table in which an angle without a side stands for each side that has no column of its own."""
+    for name in SIDELESS:
+        if name in frame.columns:
+            absent = [column for column in COLUMNS_OF[name] if column not in frame.columns]
+            units |= {column: units[name] for column in absent if name in units}
+            frame = frame.assign(**dict.fromkeys(absent, frame[name])).drop(columns=[name] if absent else [])
+    return frame
+
+
+def _in_kilograms(frame: pd.DataFrame, units: dict[str, str]) -> pd.DataFrame:
+    """Return a table whose load is in kilograms, where another unit is named; texts stay for the scoring."""
+    import pandas as pd
+
+    if "load" not in frame.columns:
+        return frame
+    numbers = pd.to_numeric(frame["load"].map(plain), errors="coerce")
+    if not numbers.isna().equals(frame["load"].isna()):
+        return frame
+    return frame.assign(load=numbers * KILOGRAMS.get(units.get("load", ""), 1.0))
+
+
+def _rows(file: TableFile, rows: NDArray[np.intp]) -> TableFile:
+    """Return some rows of a table."""
+    frame = file.frame.iloc[rows].reset_index(drop=True)
+    return replace(file, frame=frame, where=lambda row: file.where(int(rows[row])))
+
+
+def _of_one(
+    path: Path,
+    format: str,
+    file: TableFile,
+    units: dict[str, str],
+    log: ReadLog,
+    rate: float | None,
+    name: str,
+    scored: dict[str, Any] | None,
+) -> Recording:
+    """Return the recording of the rows of one person."""
+    if (wide := wide_points(file.frame, log)) is not None:
+        file = replace(file, frame=wide, where=lambda row: f"frame {row + 1}")
+        axes = {axis.lower(): unit for axis, unit in units.items() if axis.lower() in "xyz"}
+        units |= {
+            str(column): axes[column[-1]] for column in wide.columns if column[-2:-1] == "_" and column[-1] in axes
+        }
+    frame = file.frame
     time, epoch, used = take_time(path, frame, log, file.where, rate)
     timed = ~np.isnan(time)
     if not timed.all():
@@ -161,6 +224,8 @@ def table_recording(path: Path, format: str, file: TableFile, log: ReadLog, rate
     if not angles:
         topics += [Topic(text, "column", len(time), False, "text, not numbers") for text in texts]
     hint = f"{near}; rename them" if near else ""
+    if not angles and (flat := without_depth(numbers)) >= LEAST_POINTS:
+        hint = f"{flat} points have x and y and no z, as 2D keypoints: give 3D keypoints"
     return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log, hint, scored=scored)
 
 
@@ -194,7 +259,7 @@ def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog
     if pd.api.types.is_datetime64_any_dtype(series) or pd.api.types.is_timedelta64_dtype(series):
         return None
     if not pd.api.types.is_numeric_dtype(series):
-        numbers = pd.to_numeric(series.map(_plain), errors="coerce")
+        numbers = pd.to_numeric(series.map(plain), errors="coerce")
         bad = (numbers.isna() & series.notna()).to_numpy()
         if bad.any():
             if not angle and 2 * int(bad.sum()) > int(series.notna().sum()):
@@ -215,13 +280,6 @@ def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog
     return values
 
 
-def _plain(cell: object) -> object:
-    """Return a cell in a type that `to_numeric` accepts; others as text, also whole numbers beyond floats."""
-    if isinstance(cell, int) and abs(cell) > 1 << 1000:
-        return "beyond floats"
-    return cell if isinstance(cell, (int, float, str)) or cell is None else str(cell)
-
-
 def _unit(names: tuple[str, ...]) -> Literal["rad", "deg", ""]:
     """Return the unit that the column names state, "" if none does or they differ."""
     ends = {name.lower().rsplit("_", 1)[-1] for name in names}
@@ -240,141 +298,3 @@ def _table(
             table[column] = numbers[column]
     table.insert(0, "time", time)
     return table
-
-
-NAMES = ("time", "t", "timestamp", "header.stamp", "header_stamp", "/header/stamp", "stamp", "__time", "log_time",
-         "elapsed", "elapsed_time", "seconds", "datetime", "date_time")  # fmt: skip
-"""Names of time columns in lower case, the likelier first; a unit may follow: `time_ms`, `Time [s]`."""
-SECONDS: dict[str, float] = {
-    **dict.fromkeys(("s", "sec", "secs", "seconds"), 1.0),
-    **dict.fromkeys(("ms", "msec", "milliseconds"), 1e-3),
-    **dict.fromkeys(("us", "usec", "microseconds"), 1e-6),
-    **dict.fromkeys(("ns", "nsec", "nanoseconds"), 1e-9),
-}
-"""Length of a unit of time [s] by the suffix of a column name."""
-PAIRS = ((".sec", ".nanosec"), (".secs", ".nsecs"), ("_sec", "_nanosec"), ("_secs", "_nsecs"))
-"""Suffixes of the two columns of a ROS stamp: seconds, and nanoseconds to add."""
-ABSOLUTE = 1e8
-"""[s] Larger times are dates: no recording lasts that long, and counted from 1970 it is March 1973."""
-LARGEST_INTEGER = 4e18
-"""Just below the largest 64-bit integer."""
-_NAME = re.compile(r"^(.+?)(?:[ _]?[\[(](\w+)[\])]|[ _](\w+))?$")
-
-
-def time_column(path: Path, columns: list[str], rate: float | None = None) -> tuple[str, float | None, str | None]:
-    """Return the name of the time column, its unit [s] if the name states it, and a column of nanoseconds to add."""
-    ranked: list[tuple[int, str, float | None, str | None]] = []
-    for column in columns:
-        lower = column.lower()
-        for seconds, nanoseconds in PAIRS:
-            stem = column[: -len(seconds)]
-            partner = stem + nanoseconds
-            if lower.endswith(seconds) and partner in columns and stem.lower() in NAMES:
-                ranked.append((-1, column, 1.0, partner))
-        match = _NAME.match(lower)
-        suffix = (match[2] or match[3] or "") if match else ""
-        if lower in NAMES:
-            ranked.append((NAMES.index(lower), column, 1.0 if lower == "seconds" else None, None))
-        elif match and suffix in SECONDS and match[1] in NAMES:
-            ranked.append((NAMES.index(match[1]), column, SECONDS[suffix], None))
-    if rate is not None:
-        if ranked:
-            raise ReadError(path, f"it has times in column {clip(ranked[0][1])}", hint="leave the rate out")
-        return "", None, None
-    if not ranked:
-        raise ReadError(
-            path,
-            f"no time column among its {len(columns)} columns ({', '.join(map(clip, columns[:4]))} ...)",
-            hint="add a column 'time' in seconds, rename the column of times, or give the rate (--rate 30)",
-        )
-    return min(ranked, key=lambda entry: entry[0])[1:]
-
-
-def take_time(
-    path: Path, frame: pd.DataFrame, log: ReadLog, where: Callable[[int], str], rate: float | None = None
-) -> tuple[Array, float, list[str]]:
-    """Return the time (n,) [s], NaN where a row has none, the epoch [s] (0 if not a date), and the columns used.
-
-    `where` names the line of a row in messages. With a `rate` [Hz] the rows are numbered, and a time column is refused.
-    """
-    filled = [column for column in frame.columns if rate is None or frame[column].notna().any()]
-    column, unit, nanoseconds = time_column(path, filled, rate)
-    if rate is not None:
-        log.time_source = f"rows at {rate:g} Hz, as given"
-        return np.arange(len(frame)) / rate, 0.0, []
-    values, dated = _as_numbers(path, frame, column, where)
-    if dated:
-        unit = 1e-9
-    valid = values[np.isfinite(values)] if values.dtype.kind == "f" else values
-    if not len(valid):
-        raise ReadError(
-            path,
-            f"no row has a value in the time column {clip(column)}",
-            hint="give times in seconds, or their rate (--rate 30)",
-        )
-    largest = float(np.abs(valid.astype(np.float64)).max())
-    if largest > LARGEST_INTEGER:
-        raise ReadError(path, f"column {clip(column)} has {largest:.3g}, which is not a time", hint="give seconds")
-    if unit is None:
-        # One damaged time must not decide the unit of the others.
-        unit = _unit_by_size(valid, float(np.median(np.abs(valid.astype(np.float64)))), column, log)
-    log.time_source = f"column {column}"
-    extra: Array = np.zeros(len(values))
-    if nanoseconds is not None:
-        extra = np.asarray(_as_numbers(path, frame, nanoseconds, where)[0], dtype=np.float64) * 1e-9
-    start = valid[0]
-    if abs(float(start)) * unit < ABSOLUTE:
-        return values * unit + extra, 0.0, [column, *([nanoseconds] if nanoseconds else [])]
-    # A difference of integers is exact to the nanosecond; seconds since 1970 as floats are not.
-    return (values - start) * unit + extra, float(start) * unit, [column, *([nanoseconds] if nanoseconds else [])]
-
-
-def _as_numbers(
-    path: Path, frame: pd.DataFrame, column: str, where: Callable[[int], str]
-) -> tuple[NDArray[np.int64] | Array, bool]:
-    """Return integers where every row has one, else floats; and whether they are dates [ns since 1970]."""
-    import pandas as pd
-
-    series = frame[column]
-    if not (pd.api.types.is_numeric_dtype(series) or pd.api.types.is_datetime64_any_dtype(series)):
-        numbers = pd.to_numeric(series.astype(object).map(_plain), errors="coerce")
-        if numbers.isna().equals(series.isna()):
-            series = numbers
-        else:
-            dates = pd.to_datetime(series.astype(str), errors="coerce", utc=True, format="ISO8601")
-            bad = (dates.isna() & series.notna()).to_numpy()
-            if bad.any():
-                at = int(np.argmax(bad))
-                what = f"{where(at)}: {clip(str(series.iloc[at]))} in column {clip(column)} is not a time"
-                raise ReadError(path, what, hint="give seconds, or dates such as 2024-05-01T12:00:00.5")
-            series = dates
-    if pd.api.types.is_datetime64_any_dtype(series):
-        if series.dt.tz is not None:
-            series = series.dt.tz_convert("UTC").dt.tz_localize(None)
-        nanoseconds = series.to_numpy().astype("datetime64[ns]")
-        if np.isnat(nanoseconds).any():
-            return np.where(np.isnat(nanoseconds), np.nan, nanoseconds.astype(np.int64)), True
-        return nanoseconds.astype(np.int64), True
-    if series.dtype.kind == "i" and not series.isna().any():
-        return series.to_numpy(dtype=np.int64), False
-    floats = series.to_numpy(dtype=np.float64, na_value=np.nan)
-    return np.where(np.isinf(floats), np.nan, floats), False
-
-
-def _unit_by_size(valid: NDArray[np.int64] | Array, typical: float, column: str, log: ReadLog) -> float:
-    """Return the unit [s] of time stamps without a stated one, from their size and their steps."""
-    steps = np.diff(valid)
-    steps = steps[steps > 0]
-    step = float(np.median(steps)) if len(steps) else 0.0
-    if typical >= 1e17 or (typical < 1e14 and step >= 1e5):
-        unit = "ns"
-    elif typical >= 1e14 or (typical < 1e11 and step >= 2e3):
-        unit = "us"
-    elif typical >= 1e11:
-        unit = "ms"
-    else:
-        if step >= 5:
-            log.warn(f"column {clip(column)} steps by {step:g} s; if these are milliseconds, call it {column}_ms")
-        return 1.0
-    log.warn(f"column {clip(column)} was read as {unit}, from its size")
-    return SECONDS[unit]

@@ -21,9 +21,16 @@ DEGREES: Final[Mapping[str, float]] = {
     **dict.fromkeys(("rad", "rads", "radian", "radians"), math.degrees(1.0)),
 }
 """Units of angles [deg]."""
-TIMES: Final = frozenset({"s", "sec", "secs", "second", "seconds", "ms", "us", "ns"})
-PLAIN: Final = frozenset({"kg", "n", "-", "1", "bool"})
-"""Units of columns that are neither angles nor lengths nor times."""
+KILOGRAMS: Final[Mapping[str, float]] = {
+    **dict.fromkeys(("kg", "kgs", "kilogram", "kilograms", "kgf"), 1.0),
+    **dict.fromkeys(("g", "gram", "grams"), 1e-3),
+    **dict.fromkeys(("n", "newton", "newtons"), 1 / 9.80665),
+    **dict.fromkeys(("lb", "lbs", "pound", "pounds", "lbf"), 0.45359237),
+}
+"""Units of loads [kg]; forces as the weight of a mass."""
+TIMES: Final = frozenset({"s", "sec", "secs", "second", "seconds", "ms", "us", "ns", "min", "h"})
+PLAIN: Final = frozenset({"-", "1", "bool"})
+"""Units of columns that are neither angles nor lengths, times nor loads."""
 LEAST_POINTS: Final = 4
 """Fewer names with three coordinates are no body."""
 _AXIS = re.compile(r"^(?P<name>.+?)(?P<gap>[_.: -]?)(?P<axis>[xyzXYZ])$")
@@ -35,7 +42,7 @@ def is_unit(text: str) -> bool:
     >>> [is_unit(text) for text in ("deg", " [m/s]", "(rad)", "12.5")]
     [True, False, True, False]
     """
-    return text.strip(" ()[]").lower() in {*DEGREES, *METRES, *TIMES, *PLAIN}
+    return text.strip(" ()[]").lower() in {*DEGREES, *METRES, *TIMES, *KILOGRAMS, *PLAIN}
 
 
 def _split_unit(column: str) -> tuple[str, str]:
@@ -125,6 +132,19 @@ def coordinates(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
         for (point, _), columns in axes.items()
         if set(columns) == {"x", "y", "z"}
     }
+
+
+def without_depth(names: Iterable[str]) -> int:
+    """Return how many points have an x and a y and no z.
+
+    >>> without_depth(["hip_x", "hip_y", "knee_x", "knee_y", "knee_z"])
+    1
+    """
+    axes: dict[str, set[str]] = {}
+    for name in names:
+        if match := _AXIS.match(name):
+            axes.setdefault(match["name"], set()).add(match["axis"].lower())
+    return sum(letters == {"x", "y"} for letters in axes.values())
 
 
 def metres_of(points: Array, units: set[str], log: ReadLog) -> float:

@@ -17,24 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Array, Flags
+from reba.posture.value_codes import CODES, coded
 from reba.readers.recording.stream import Block, Kind, ReadLog, clip
 
-CODES: Final = (999.0, 999.9, 999.99, 9999.0, 9999.9, 9999.99, 99999.0, 99999.9, 999999.0)
-"""Absolute values of codes; 999.0 is beyond any angle in degrees."""
 SCALES: Final = (1.0, 0.1, 0.01, 0.001, 0.0254)
 """[m] Units of length in which a code may have been written; points are in metres here."""
 _POINT_CODES: Final = np.unique([code * scale for code in CODES for scale in SCALES])
 MOST_NAMES: Final = 4
 """Names in a warning."""
-
-
-def coded(values: Array) -> Flags:
-    """Return which numbers are codes.
-
-    >>> coded(np.array([-999.0, 999.5, 0.0, np.nan])).tolist()
-    [True, False, False, False]
-    """
-    return np.asarray(np.isin(np.abs(values), CODES))
 
 
 def coded_points(points: Array) -> Flags:

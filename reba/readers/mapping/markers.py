@@ -50,6 +50,17 @@ NECK = ("neck_flexion", "neck_side_bend", "neck_twist")
 COMPUTED_NECK = 0.01
 """A neck that is never further from the middle of the shoulders, as a share of their distance, was computed from it."""
 
+FLAT = 0.003
+"""Thickness of a body as a share of its length below which its points lie in a plane; a choice."""
+LEAST_OF_A_PLANE = 6
+"""Points; fewer may lie in one."""
+DEPTH_STEP = 10
+"""Every so many frames are looked at for their depth."""
+IN_A_PLANE = (
+    "all points lie in one plane, as 2D keypoints do: angles out of it are not measured and those in it are of a "
+    "projection; give points in 3D"
+)
+
 
 class PointMapper:
     """Converts blocks of marker positions to segment frames by a profile of kind "points".
@@ -69,6 +80,7 @@ class PointMapper:
         self.vertical.begin()
         self._neck_height = 0.0
         self._present: set[str] = set()
+        self._flat = self._looked_at = 0
 
     def extend(self, names: Mapping[str, tuple[str, ...]], stream: Stream) -> None:
         """Go on with further points."""
@@ -86,6 +98,7 @@ class PointMapper:
         _add_centres(points)
         self._add_directions(points)
         self._measure_neck(points)
+        self._measure_depth(points)
         self._present |= points.keys()
         body = SegmentFrames(up=self.vertical.up)
         _add_trunk(points, body)
@@ -97,6 +110,8 @@ class PointMapper:
     def is_consistent(self) -> bool:
         """Return whether vertical and sides fit all frames; if not, they are changed for another pass."""
         consistent = self.vertical.is_consistent()
+        if self._flat > 0.95 * self._looked_at and IN_A_PLANE not in self.warnings:
+            self.warnings.append(IN_A_PLANE)
         self.warnings += [text for text in self.vertical.warnings if text not in self.warnings]
         self.assumed += [text for text in self.vertical.assumed if text not in self.assumed]
         return consistent
@@ -125,6 +140,17 @@ class PointMapper:
             self._neck_height = max(self._neck_height, float(np.nanmax(off, initial=0.0)))
         else:
             self._neck_height = np.inf
+
+    def _measure_depth(self, points: Points) -> None:
+        """Count frames whose points lie in a plane, which those of a body do not."""
+        if len(points) < LEAST_OF_A_PLANE:
+            return
+        cloud = np.stack(list(points.values()), axis=1)
+        cloud = cloud[np.isfinite(cloud).all(axis=(1, 2))][::DEPTH_STEP]
+        if len(cloud):
+            extents = np.linalg.svd(cloud - cloud.mean(axis=1, keepdims=True), compute_uv=False)
+            self._looked_at += len(cloud)
+            self._flat += int(np.count_nonzero(extents[:, 2] < FLAT * extents[:, 0]))
 
     def _sided(self, point: str) -> str:
         if not self.vertical.swapped:

@@ -153,6 +153,12 @@ MIN_COSINE_USUAL = 0.5
 """The same for a vertical that is only usual for a source."""
 
 
+BACKWARDS = -0.5
+"""Cosine between the hip line's forward and that of toes or face below which a frame is turned about; a choice."""
+SOME = 0.005
+"""Share of such frames that is a warning; a choice."""
+
+
 def axis_vector(name: str) -> Array:
     """Return the unit vector of "x", "-y" ...
 
@@ -193,7 +199,7 @@ class VerticalAxis:
         """Start a pass over the recording."""
         self._upward = np.zeros(3)
         self._facing = self._agreement = 0.0
-        self._frames = 0
+        self._frames = self._faced = self._backwards = 0
 
     def add_directions(
         self, upward: Array | None, right: Array | None, forward: Array | None, shoulders: Array | None
@@ -211,7 +217,10 @@ class VerticalAxis:
             self.name = axis_name(self._upward)
         if forward is not None and self.up is not None:
             heading = unit(np.cross(self.up, right))
-            self._facing += float(np.nansum(np.sum(heading * unit(forward), axis=1)))
+            cosines = np.sum(heading * unit(forward), axis=1)
+            self._facing += float(np.nansum(cosines))
+            self._faced += int(np.isfinite(cosines).sum())
+            self._backwards += int(np.count_nonzero(cosines < BACKWARDS))
         if shoulders is not None:
             self._agreement += float(np.nansum(np.sum(unit(right) * unit(shoulders), axis=1)))
 
@@ -231,7 +240,11 @@ class VerticalAxis:
         # Which way the body faces was seen from the former vertical, so only an unchanged one tells the sides.
         if self.name == before[0] and self._frames and self._facing / self._frames < -0.3:
             self.swapped = not self.swapped
-            self._warn("left and right look exchanged (toes or face point backwards for the hip line); sides exchanged")
+            what = "left and right look exchanged, or the axes are left-handed"
+            self._warn(f"{what} (toes or face point backwards for the hip line); sides exchanged")
+        elif self.name == before[0] and self._backwards > SOME * self._faced:
+            what = f"left and right look exchanged in {self._backwards} of {self._faced} frames"
+            self._warn(f"{what} (toes or face point backwards for the hip line): check them")
         if self._frames and self._agreement / self._frames < -0.3:
             self._warn("left and right of hips and shoulders contradict each other: check the names")
         return before == (self.name, self.swapped)

@@ -24,7 +24,7 @@ from reba.readers.mcap.rosbag import BAG_MAGIC, Bag
 from reba.readers.mcap.store import Store, StoredFile
 from reba.readers.mcap.trace import JITTER
 from reba.readers.recording.stream import LOST_HINT, ReadLog, Recording
-from reba.recording_folder import is_split
+from reba.recording_folder import is_recording_folder, is_split
 
 __all__ = ["MAX_CHUNK", "gathered", "is_mcap", "open_files", "open_mcap", "sniff"]
 MAX_CHUNK = 1 << 30
@@ -165,10 +165,11 @@ def open_files(
     starts = [store.segments[0].start if store.segments else 0 for store, _ in by_time[1:]]
     # Where log times repeat, a clock restarted, and the names have the order of recording.
     repeats = [start < end - JITTER for start, end in zip(starts, ends, strict=False)]
-    if given and any(repeats):
+    if any(repeats) and (given or not is_recording_folder(path)):
         at = repeats.index(True)
         one, other = (by_time[number][0].path for number in (at, at + 1))
-        hint = "a list holds the files of one recording; read several recordings one by one"
+        what = "a list holds" if given else "a folder without metadata.yaml or splits x_0, x_1 ... has to hold"
+        hint = f"{what} the files of one recording; read several recordings one by one"
         raise ReadError(path, f"{one.name} and {other.name} were recorded at one time", hint=hint)
     return opened if any(repeats) else by_time
 

@@ -8,7 +8,7 @@ is taken in segment by segment.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -19,69 +19,13 @@ from reba.readers.mcap.channels import DecodableChannel, batch_of
 from reba.readers.mcap.clock import ChannelClock, RecordingClock
 from reba.readers.mcap.container import Container
 from reba.readers.mcap.decode import Decoder, Piece
+from reba.readers.mcap.presence import Presences
 from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.mcap.trace import NO_STAMP, Trace
 from reba.readers.recording.stream import Kind, ReadLog
 
 KEPT_BYTES: Final = 1 << 25
 """[bytes] Decoded values that are kept for reading; of more, none are."""
-PAUSE: Final = 1_000_000_000
-"""[ns] Longest time without a name for which it counts as present throughout; a choice."""
-TOGETHER: Final = 500_000_000
-"""[ns] Presence of two names at once that may be a hand-over from one to the other; a choice."""
-MOST_NAMES: Final = 20_000
-"""Names that are counted; protects memory from names that change with every message."""
-Signal = tuple[str, str]
-"""Name and parent, "" for signals without parents."""
-Interval = list[int]
-"""First and last log time [ns]."""
-
-
-@dataclass
-class Presence:
-    """When signals that share their messages were there: `messages`, and the log times in `intervals`."""
-
-    messages: int = 0
-    intervals: list[Interval] = field(default_factory=list)
-
-    def add(self, log: np.ndarray) -> None:
-        """Add messages at (n,) log times [ns]."""
-        self.messages += len(log)
-        if not len(log):
-            return
-        cuts = np.flatnonzero(np.abs(np.diff(log)) > PAUSE)
-        starts = np.concatenate([[0], cuts + 1])
-        firsts = np.minimum.reduceat(log, starts)
-        lasts = np.maximum.reduceat(log, starts)
-        for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True):
-            if self.intervals and self.intervals[-1][0] <= first <= self.intervals[-1][1] + PAUSE:
-                self.intervals[-1][1] = max(self.intervals[-1][1], last)
-            else:
-                self.intervals.append([first, last])
-
-
-def united(intervals: Iterable[Interval]) -> list[Interval]:
-    """Return intervals joined where they meet or lie within `PAUSE`.
-
-    >>> united([[5, 6], [0, 1]])
-    [[0, 6]]
-    """
-    result: list[Interval] = []
-    for first, last in sorted(map(tuple, intervals)):
-        if result and first <= result[-1][1] + PAUSE:
-            result[-1][1] = max(result[-1][1], last)
-        else:
-            result.append([first, last])
-    return result
-
-
-def at_once(one: Sequence[Interval], other: Sequence[Interval]) -> int:
-    """Return the time [ns] that lies in intervals of both, which are joined by `united`.
-
-    >>> at_once([[0, 10]], [[8, 20], [30, 40]])
-    2
-    """
-    return sum(max(0, min(a[1], b[1]) - max(a[0], b[0])) for a in one for b in other)
 
 
 @dataclass
@@ -118,7 +62,7 @@ class Contents:
     Attributes:
         containers: files in the order of time.
         tracks: `id` of a channel -> its track; channels of static transforms have none.
-        presence: kind and group of channels -> names and parents that share messages -> when they are there.
+        presence: kind and group of channels -> when their names and parents are there.
         static: kind and group of channels -> pieces of static transforms.
         clocks: by `clock_name`; channels without messages have none.
         start: earliest log time [ns].
@@ -141,7 +85,7 @@ class Contents:
 
     def set_clocks(self) -> None:
         """Set the clocks by all messages so far."""
-        logs = [one.intervals[0][0] for group in self.presence.values() for one in group.values() if one.intervals]
+        logs = [one.intervals[0][0] for group in self.presence.values() for one in group.sets.values() if one.intervals]
         self.start = min(logs, default=0)
         of_clock: dict[str, dict[int, Track]] = {}
         for part in self._parts:
@@ -158,13 +102,12 @@ class Contents:
         self._parts: list[DecodableChannel] = []
         self._by_key: dict[tuple[str, str, str, int], Track] = {}
         self.tracks: dict[int, Track] = {}
-        self.presence: dict[tuple[str, str], dict[tuple[Signal, ...], Presence]] = {}
+        self.presence: dict[tuple[str, str], Presences] = {}
         self.static: dict[tuple[str, str], list[Piece]] = {}
         self.warnings: list[str] = []
         self.lost: list[str] = []
         self._places: dict[tuple[int, int], Place] = {}
         self._kept_bytes = 0
-        self._names = 0
         for part in parts:
             self.include(part)
         for container in self.containers:
@@ -252,20 +195,11 @@ class Contents:
             stamps[piece.number - first] = piece.stamp
         track.trace.add(batch.times, stamps)
         track.log.messages += len(batch.times)
-        self._count(self.presence.setdefault((part.kind, part.group), {}), pieces)
+        presences = self.presence.setdefault((part.kind, part.group), Presences())
+        for piece in pieces:
+            presences.add(tuple(zip(piece.names, piece.parents or ("",) * len(piece.names), strict=True)), piece.log)
         self._places[id(part), segment.offset] = Place(first, len(batch.times), self._kept(pieces))
         return len(batch.times)
-
-    def _count(self, presence: dict[tuple[Signal, ...], Presence], pieces: Iterable[Piece]) -> None:
-        for piece in pieces:
-            signals = tuple(zip(piece.names, piece.parents or ("",) * len(piece.names), strict=True))
-            known = presence.get(signals)
-            if known is None:
-                if self._names > MOST_NAMES:
-                    continue
-                self._names += len(signals)
-                known = presence[signals] = Presence()
-            known.add(piece.log)
 
     def _kept(self, pieces: list[Piece]) -> list[Piece] | None:
         """Return the pieces if values are still kept, else None; beyond `KEPT_BYTES` none are."""

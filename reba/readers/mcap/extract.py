@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from reba.posture.columns import COLUMNS
+from reba.posture.columns import COLUMNS, on_both_sides
 from reba.posture.factors import FACTORS
 from reba.readers.mcap.layout import FieldSpan, Undecodable
 from reba.readers.mcap.trace import NO_STAMP
@@ -206,7 +206,7 @@ def extract_angles(tree: Any) -> list[SignalGroup]:
     Raises:
         Undecodable: it has neither a time nor one of the columns.
     """
-    fields = fields_of(tree)
+    fields = on_both_sides(fields_of(tree))
     names = tuple(name for name in TABLE_COLUMNS if name in fields)
     if not names and "time" not in fields:
         raise Undecodable("it has none of the posture columns")

@@ -10,9 +10,10 @@ from typing import Final
 
 from reba.errors import ReadError
 from reba.readers.mcap.channels import DecodableChannel, Unused, classify
-from reba.readers.mcap.contents import Contents, Signal, Track
+from reba.readers.mcap.contents import Contents, Track
 from reba.readers.mcap.decode import Decoder, Piece
 from reba.readers.mcap.gather import recording_of
+from reba.readers.mcap.presence import Signal
 from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.recording.stream import ReadLog, Recording
 
@@ -40,7 +41,7 @@ class GrowingRecording:
         self._parts: list[DecodableChannel] = []
         self._unused: dict[tuple[int, int], Unused] = {}
         self._decoders: dict[tuple[int, int], tuple[DecodableChannel, Decoder]] = {}
-        self._presence_size = 0
+        self._named = 0
         self._known: set[Signal] = set()
         self._settled: dict[int, int] = {}
         self._static: dict[Signal, bytes] = {}
@@ -94,12 +95,12 @@ class GrowingRecording:
         self.contents.include(part)
 
     def _find_new_signals(self) -> None:
-        size = sum(map(len, self.contents.presence.values()))
-        if size != self._presence_size:
-            self._presence_size = size
+        named = sum(group.named for group in self.contents.presence.values())
+        if named != self._named:
+            self._named = named
             for (kind, _), groups in self.contents.presence.items():
                 if kind != "angles":
-                    for signals, one in groups.items():
+                    for signals, one in groups.sets.items():
                         for signal in signals:
                             if signal not in self._known and one.intervals:
                                 self._known.add(signal)

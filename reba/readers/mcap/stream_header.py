@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from reba.readers.mcap.channels import DecodableChannel
 from reba.readers.mcap.clock import RecordingClock
-from reba.readers.mcap.contents import TOGETHER, Contents, Interval, Presence, Signal, at_once, clock_name, united
+from reba.readers.mcap.contents import Contents, clock_name
 from reba.readers.mcap.merge import MOST_SIGNALS
+from reba.readers.mcap.presence import TOGETHER, Interval, Presence, Presences, Signal, at_once, united
 from reba.readers.recording.stream import Kind
 
 
@@ -41,7 +42,7 @@ def stream_header(parts: Sequence[DecodableChannel], kind: Kind, contents: Conte
     """Return the header of the stream of some channels, None if none of its messages is usable."""
     of = (kind, parts[0].group)
     present: dict[Signal, Presence] = {}
-    for signals, one in contents.presence.get(of, {}).items():
+    for signals, one in contents.presence.get(of, Presences()).sets.items():
         for signal in signals:
             total = present.setdefault(signal, Presence())
             total.messages += one.messages

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from reba.arrays import Array
+from reba.posture.columns import on_both_sides
 from reba.readers.mcap.channels import DecodableChannel, batch_of
 from reba.readers.mcap.contents import (
     Contents,
@@ -190,7 +191,7 @@ class McapBlockDecoder:
             row = load_json(batch.payload(index))
         except Undecodable:
             return None
-        return row if isinstance(row, dict) else None
+        return dict(on_both_sides(row)) if isinstance(row, dict) else None
 
     def _set_times(self, track: Track, batch: Batch, rows: list[dict[str, Any]]) -> None:
         """Set the times [s] of rows: their own as they are written, unless the clock restarts or one is damaged."""

@@ -232,3 +232,11 @@ def test_unusable_options_are_refused(options: list[str], facts: tuple[str, ...]
     assert isinstance(result.exception, reba.RebaError)
     says(str(result.exception), *facts)
     assert result.stdout == ""
+
+
+def test_names_without_a_side_stand_for_both() -> None:
+    table = pd.DataFrame({"time": np.arange(20) / 20, "trunk_flexion": 30.0, "knee_flexion": 70.0})
+    table["knee_flexion_left"] = 5.0
+    code, lines, messages = run_live("-", stdin=json_lines(rows(table)))
+    assert code == 0, messages
+    assert_same(lines[:-1], scored(table))

@@ -81,6 +81,7 @@ def test_columns_of_any_kind(values: object) -> None:
         ({"load": -1}, "load is -1.0 at frame 0; expected kilograms"),
         ({"load": [1, 2, float("nan"), 3]}, "load is nan at frame 2"),
         ({"load": float("inf")}, "load is inf"),
+        ({"load": [3.0, 9999.0, 3.0, 3.0]}, "load is 9999.0 at frame 1, a code for no value"),
         ({"load": "heavy"}, "load is 'heavy'; expected kilograms"),
         ({"load": None}, "load is"),
         ({"load": [1, 2]}, "load has shape (2,); expected one value or one for each of 4 frames"),

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 
+import reba
 from reba.errors import RebaError
 from reba.readers.quality_control import equal_frames, find_gaps, frozen_warning, parse_neutral
 from tests.support.says import says
@@ -26,3 +30,14 @@ def test_gaps_and_frozen_stretches() -> None:
     assert frozen_warning(np.arange(100) / RATE, equal_frames(angles)) is None
     angles[20:80] = angles[20]
     says(frozen_warning(np.arange(100) / RATE, equal_frames(angles)) or "", "equal frames", "0.40 s")
+
+
+@pytest.mark.parametrize(("straight", "warned"), [(180.0, True), (0.0, False)])
+def test_hinges_that_count_from_180_are_told(tmp_path: Path, straight: float, warned: bool) -> None:
+    bend = 10 + 50 * np.abs(np.sin(np.arange(200) / 20))
+    table = pd.DataFrame({"time": np.arange(200) / 20, "trunk_flexion": bend, "knee_flexion": np.abs(straight - bend)})
+    table["lower_arm_flexion"] = np.abs(straight - bend[::-1] - 15)
+    table.to_csv(tmp_path / "hinges.csv", index=False)
+    texts = [text for text in reba.read(tmp_path / "hinges.csv").quality.warnings if "180 is straight" in text]
+    assert len(texts) == warned
+    assert all("knee_flexion_left" in text and "lower_arm_flexion_right" in text for text in texts)

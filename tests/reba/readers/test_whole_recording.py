@@ -211,6 +211,34 @@ def test_a_clock_may_restart_between_the_files_of_a_recording(tmp_path: Path, lo
     assert table.quality.seams == pytest.approx((10.0,))
 
 
+def test_recordings_of_one_time_in_a_folder_are_not_one(tmp_path: Path) -> None:
+    for name in ("left.mcap", "right.mcap"):
+        write(tmp_path / name, [state(at, at) for at in range(500)])
+    with pytest.raises(ReadError) as caught:
+        reba.read(tmp_path)
+    says(caught, "left.mcap", "right.mcap", "one time", "one by one")
+    (tmp_path / "right.mcap").unlink()
+    write(tmp_path / "later.mcap", [state(at, at, log=at) for at in range(500, 900)])
+    assert len(reba.read(tmp_path).data) == 900
+
+
+def test_joints_of_another_topic_are_named(tmp_path: Path) -> None:
+    definitions = [make.schema(1, JOINT_STATE, "ros2msg", make.definition(JOINT_STATE))]
+    definitions += [make.channel(1, 1, "/upper/joint_states", "cdr"), make.channel(2, 1, "/legs/joint_states", "cdr")]
+    knees = [joint for joint in JOINTS if "knee" in joint]
+    rows = [state(at, at, [joint for joint in JOINTS if joint not in knees]) for at in range(300)]
+    rows += [state(at, at, knees, channel=2) for at in range(300)]
+    path = tmp_path / "two.mcap"
+    path.write_bytes(make.build(make.Plan((tuple(sorted(rows, key=lambda row: row[1])),), tuple(definitions))))
+    says("; ".join(reba.read(path).assumed), *knees, "/legs/joint_states", "not read")
+
+
+def test_an_empty_path_is_not_the_current_folder() -> None:
+    with pytest.raises(reba.RebaError) as caught:
+        reba.read("")
+    says(caught, "path")
+
+
 def test_without_stamps_and_log_times_the_publish_times_are_used(tmp_path: Path) -> None:
     rows = [(1, EPOCH_NS + at * STEP_NS, make.joint_state(0, JOINTS, angles(at))) for at in range(500)]
 

@@ -52,6 +52,16 @@ def values(path: Path, names: list[str] | None = None) -> np.ndarray:
     return np.concatenate([block.values for block in open_bvh(path).streams[0].blocks(names=names)])
 
 
+@pytest.mark.parametrize(("factor", "radians"), [(1.0, False), (np.pi / 180, True)])
+def test_rotations_that_look_like_radians_are_told(tmp_path: Path, factor: float, radians: bool) -> None:
+    rows = [
+        "1 2 3 " + " ".join(f"{factor * (at * 4 + channel * 11 % 90):.6f}" for channel in range(8)) for at in range(20)
+    ]
+    text = SMALL[: SMALL.index("Frames: 3")] + "Frames: 20\nFrame Time: 0.02\n" + "\n".join(rows) + "\n"
+    warnings = open_bvh(write(tmp_path, text)).log.warnings
+    assert any("radians" in text for text in warnings) == radians
+
+
 def test_poses_are_those_of_composed_rotations(tmp_path: Path) -> None:
     stream = open_bvh(write(tmp_path, SMALL)).streams[0]
     assert stream.names == ("Hips", "Chest", "Left Arm", "Left Arm_end")

@@ -120,6 +120,20 @@ def test_more_frames_than_the_header_counts(tmp_path: Path) -> None:
     assert [len(block.time) for block in recording.streams[0].blocks()] == [20_000, 20_000, 20_000, 10_000]
 
 
+def test_frames_that_no_count_has_room_for_are_read(tmp_path: Path) -> None:
+    points = np.zeros((65535, 1, 3))
+    data = c3d_bytes(["A"], points) + struct.pack("<4f", 1, 2, 3, 0) * 4465
+    recording = opened(tmp_path, data)
+    assert recording.streams[0].count == 70_000
+    says(recording.log.warnings[0], 65535, "70000", "read")
+
+
+def test_frames_behind_those_that_are_stated_are_told(tmp_path: Path) -> None:
+    recording = opened(tmp_path, c3d_bytes(["A", "B"], POINTS) + bytes(20 * 32))
+    assert recording.streams[0].count == len(POINTS)
+    says(recording.log.warnings[0], f"{len(POINTS)} frames", "more")
+
+
 def test_a_cut_file_gives_its_whole_frames(tmp_path: Path) -> None:
     data = c3d_bytes(["A", "B"], POINTS)
     recording = opened(tmp_path, data[:-40])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import reba
 from reba.readers.formats import is_recording, open_recording
@@ -195,3 +196,35 @@ def test_cut_anywhere(tmp_path: Path) -> None:
         path.write_bytes(data[:cut])
         with pytest.raises(reba.ReadError):
             reba.read(path)
+
+
+def encoded(kind: str) -> np.ndarray:
+    """Return the rotations (n, 24, k) of a movement in another encoding than axis times angle."""
+    turns = np.concatenate([smpl_pose(moving_postures(), Z_UP), np.full((N, 6), 0.1)], axis=1).reshape(-1, 3)
+    rotation = Rotation.from_rotvec(turns)
+    values = {
+        "rotation matrices": lambda: rotation.as_matrix(),
+        "quaternions": lambda: rotation.as_quat(),
+        "two columns of rotation matrices": lambda: rotation.as_matrix()[:, :, :2],
+        "columns after each other": lambda: rotation.as_matrix()[:, :, :2].transpose(0, 2, 1),
+        "degrees": lambda: np.degrees(turns),
+    }[kind]()
+    return values.reshape(N, 24, -1)
+
+
+@pytest.mark.parametrize("flat", [True, False])
+@pytest.mark.parametrize(
+    ("kind", "word"),
+    [
+        ("rotation matrices", "rotation matrices"),
+        ("quaternions", "quaternions"),
+        ("two columns of rotation matrices", "6 numbers"),
+        ("columns after each other", "6 numbers"),
+        ("degrees", "degrees"),
+    ],
+)
+def test_other_encodings_of_rotations_are_named(tmp_path: Path, kind: str, word: str, flat: bool) -> None:
+    poses = encoded(kind)
+    with pytest.raises(reba.RebaError) as caught:
+        read(tmp_path, {"poses": poses.reshape(N, -1) if flat else poses, "mocap_framerate": np.array(120.0)})
+    says(caught, word, "axis times angle")

@@ -329,3 +329,28 @@ def test_near_names_are_offered_in_one_line(tmp_path: Path) -> None:
     warnings = [text for text in reba.read(path).quality.warnings if "did you mean" in text]
     assert len(warnings) == 1
     says(warnings[0], "LeftKneeFlexion", "neck_flexoin")
+
+
+@pytest.mark.parametrize("seconds", [60.0, 86400.0])
+def test_times_in_minutes_or_days_are_told(tmp_path: Path, seconds: float) -> None:
+    rows = "".join(f"{at / 100 / seconds},{at}\n" for at in range(30))
+    says(opened(tmp_path, "time,trunk_flexion\n" + rows).log.warnings[0], "'time' steps by", "give seconds")
+
+
+@pytest.mark.parametrize("rate", [1, 30, 1000])
+def test_seconds_are_seconds(tmp_path: Path, rate: int) -> None:
+    rows = "".join(f"{at / rate},{at}\n" for at in range(30))
+    assert opened(tmp_path, "time,trunk_flexion\n" + rows).log.warnings == []
+
+
+@pytest.mark.parametrize(("header", "seconds"), [("Time (min)", 60.0), ("time [h]", 3600.0), ("time_min", 60.0)])
+def test_minutes_and_hours_are_read(tmp_path: Path, header: str, seconds: float) -> None:
+    rows = "".join(f"{at / seconds},{at}\n" for at in range(30))
+    np.testing.assert_allclose(times(opened(tmp_path, f"{header},trunk_flexion\n" + rows)), np.arange(30), atol=1e-9)
+
+
+def test_a_word_among_times_is_named_with_its_line(tmp_path: Path) -> None:
+    rows = "".join(f"{at},{at}\n" for at in range(30))
+    with pytest.raises(ReadError) as caught:
+        opened(tmp_path, "time,trunk_flexion\n" + rows + "mean,14.5\n")
+    says(caught, "line 32", "'mean'", "not a time")

@@ -81,3 +81,28 @@ def test_a_rate_for_a_recording_with_times_is_refused(name: str) -> None:
     with pytest.raises(reba.ReadError) as caught:
         reba.read(DATASETS / name, rate=25.0)
     says(caught, name, "times", "leave the rate out")
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("kg", 1.0), ("N", 1 / 9.80665), ("lb", 0.45359237), ("LBS", 0.45359237), ("g", 0.001)]
+)
+@pytest.mark.parametrize("below", [True, False])
+def test_a_named_unit_of_the_load_is_its_unit(tmp_path: Path, unit: str, factor: float, below: bool) -> None:
+    rows = [f"{at / 10},{5 + at},100" for at in range(12)]
+    header = ["time,trunk_flexion,load", f"s,deg,{unit}"] if below else [f"time,trunk_flexion,Load ({unit})"]
+    (tmp_path / "load.csv").write_text("\n".join([*header, *rows]))
+    table = reba.read(tmp_path / "load.csv")
+    np.testing.assert_allclose(table.data["load"], 100 * factor)
+    assert table.quality.warnings == ()
+
+
+def test_a_name_without_a_side_stands_for_both(tmp_path: Path) -> None:
+    rows = [f"{at / 10},{5 + at},60,{at},{20 + at},0.5" for at in range(12)]
+    header = "time,trunk_flexion,Knee Flexion,upper_arm_flexion,upper_arm_flexion_left,lower_arm_flexion (rad)"
+    (tmp_path / "sides.csv").write_text("\n".join([header, *rows]))
+    data = reba.read(tmp_path / "sides.csv").data
+    for side in ("left", "right"):
+        assert (data[f"knee_flexion_{side}"] == 60).all()
+        np.testing.assert_allclose(data[f"lower_arm_flexion_{side}"], np.degrees(0.5))
+    np.testing.assert_array_equal(data["upper_arm_flexion_left"], 20 + np.arange(12))
+    np.testing.assert_array_equal(data["upper_arm_flexion_right"], np.arange(12))
