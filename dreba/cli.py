@@ -18,6 +18,7 @@ from dreba.domain import Domain, domain_of
 from dreba.errors import RadiansWarning, SampleError
 from dreba.options import (
     CLASSES,
+    as_paper,
     draw_poses,
     drawing_options,
     drawn_domain,
@@ -52,7 +53,9 @@ if TYPE_CHECKING:
 
 HELD_OUT: Final = 1
 EVALUATION: Final = 2
-"""Second words of the seeds of held-out and evaluation poses, which keep them independent of the training poses."""
+FACTORS: Final = 3
+"""Second words of the seeds of held-out and evaluation poses and of factors, which keep them independent of the
+training poses."""
 MIN_POSES: Final = 200
 """Least number of poses of a file to fit: the 20 % held out of 200 are about four for each class."""
 HELD_OUT_SHARE: Final = 0.2
@@ -97,6 +100,13 @@ def sample(output: str, as_json: bool, **drawing: Any) -> None:
     help="Kind of model, such as quadratic, convex, soft or graduated.",
 )
 @click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="Parameter of the kind, repeatable.")
+@click.option(
+    "--as",
+    "published",
+    type=click.Choice(["paper"]),
+    default=None,
+    help="Settings nearest to the published Table I: domain paper, low classes weigh more, payload as equation (4).",
+)
 @poses_options
 @joints_option
 @drawing_options
@@ -104,16 +114,22 @@ def sample(output: str, as_json: bool, **drawing: Any) -> None:
 @click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
 @json_option
 def fit(
-    kind: str, options: tuple[str, ...], poses_file: str | None, hold: str | None, joints: str | None, output: str,
-    report: str | None, as_json: bool, **drawing: Any,
+    kind: str, options: tuple[str, ...], published: str | None, poses_file: str | None, hold: str | None,
+    joints: str | None, output: str, report: str | None, as_json: bool, **drawing: Any,
 ) -> None:  # fmt: skip
     """Fit a model to drawn poses, or to a recording with equal weight for every REBA class.
 
+    Every fifth pose is repeated with a random load, coupling and activity, so that the model knows what these add.
     A recording without some angles needs --joints measured (a model of the measured angles) or --hold neutral.
     """
+    import numpy as np
+
     from dreba.evaluation.evaluate import fit_to
+    from dreba.sampling.loaded_poses import with_factors
 
     refuse_drawing(poses_file, "domain")
+    if published == "paper":
+        options = as_paper(kind, options, drawing)
     chosen, held_angles = joints_of(joints), hold_of(hold)
     weights = None
     if poses_file is None:
@@ -122,8 +138,6 @@ def fit(
         drawing = {**drawing, "domain": own}
         train, held_out = draw_poses(drawing, drawing["seed"]), draw_poses(drawing, (drawing["seed"], HELD_OUT))
     else:
-        import numpy as np
-
         domain = None if drawing["domain"] is None else domain_of(drawing["domain"])
         unfitted(kind, options, domain, None)  # wrong options are refused before a long file is read
         poses = _check_enough(read_poses(poses_file, joints=chosen, hold=held_angles), poses_file)
@@ -132,6 +146,9 @@ def fit(
         model = unfitted(kind, options, domain or drawn_from, columns)
         train, held_out = poses.split(HELD_OUT_SHARE, np.random.default_rng(drawing["seed"]))
         weights = train.balancing_weights()
+    if not model.get_params().get("payload_only"):  # what such a model cannot learn would only disturb it
+        train, rows = with_factors(train, np.random.default_rng((drawing["seed"], FACTORS)))
+        weights = None if weights is None else weights[rows]
     fit_to(model, train, held_out, weights, command=command_line("dreba"))
     model.save(output)
     _show_evaluation(model, output, held_out, report, as_json, None)
@@ -176,12 +193,12 @@ def _show_evaluation(
 
         write_report(model, poses, report, name=Path(name).name, command=command_line("dreba"), temperature=temperature)
     if as_json:
-        print_json(result.to_dict())
+        print_json({**result.to_dict(), "setting": model.setting, "factors": list(model.factors_)})
         return
     from dreba.console import show_evaluation
     from reba.terminal import console
 
-    show_evaluation(console(), name, result)
+    show_evaluation(console(), name, result, model)
 
 
 def _evaluation_poses(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from reba.errors import RadiansWarning, RebaError
 
-__all__ = ["DomainError", "ModelError", "RadiansWarning", "SampleError"]
+__all__ = ["DomainError", "FactorWarning", "ModelError", "RadiansWarning", "SampleError"]
 
 
 class ModelError(RebaError):
@@ -17,3 +17,7 @@ class DomainError(RebaError):
 
 class SampleError(RebaError):
     """Poses cannot be drawn, saved or loaded with these arguments."""
+
+
+class FactorWarning(UserWarning):
+    """A factor was given to a model that does not know it, so it changes nothing."""

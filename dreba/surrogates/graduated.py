@@ -37,8 +37,8 @@ class Stage(NamedTuple):
 
         Example:
             >>> import dreba
-            >>> poses = dreba.sample(200, rng=0)
-            >>> model = GraduatedModel(updates=5).fit(poses.angles, poses.reba)
+            >>> poses = dreba.sample(200, rng=0, factors=["load"])
+            >>> model = GraduatedModel(updates=5).fit(poses, poses.reba, factors=poses.factors)
             >>> value, slope = model.stages_[0].objective(load=3.0)(poses.angles[0])
             >>> slope.shape
             (22,)
