@@ -277,6 +277,33 @@ def compare(
         show_enabler(console(), enabler)
 
 
+@cli.command(epilog="Example: dreba card quadratic busch2018")
+@click.argument("names", nargs=-1, metavar="MODEL...")
+@click.option("--usefulness", default=None, metavar="FILE.json", help="Output of `dreba compare --json`, for its rows.")
+@click.option("-o", "--output", default=None, type=output_file(), metavar="FILE.md", help="Markdown file to write.")
+@json_option
+def card(names: tuple[str, ...], usefulness: str | None, output: str | None, as_json: bool) -> None:
+    """What models prefer and know: minimum, true REBA there, columns without a lower bound, error, factors.
+
+    Without MODEL: all shipped models.
+    """
+    from dreba.model_card import model_card, page, usefulness_rows
+    from dreba.surrogates.library import load, models
+    from dreba.surrogates.serialization import write
+
+    rows = [] if usefulness is None else usefulness_rows(usefulness)
+    cards = [model_card(load(name), name, rows) for name in names or models()]
+    text = page(cards)
+    if output is not None:
+        write(output, text)
+    if as_json:
+        print_json({"cards": cards, "output": output})
+    elif output is None:
+        echo(text, nl=False, keep="\n")
+    else:
+        echo(f"written: {output}")
+
+
 def _with_ending(name: str) -> FileOutput | None:
     """Return the file that is written, None where the target adds an ending to its name."""
     return FileOutput(name) if Path(name).suffix or os.path.isdir(name) or not name else None

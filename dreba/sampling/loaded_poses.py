@@ -26,9 +26,9 @@ PRESENT: Final = 0.5
 def with_factors(poses: Poses, rng: np.random.Generator) -> tuple[Poses, Indices]:
     """Return poses followed by a part of them with random factors, and the row of each among the given poses.
 
-    Factors are drawn independently of the posture, and the true scores are computed again. Poses of one REBA class would
-    not do: high factors stand there beside good postures, and both would seem to matter less. Of load, coupling and
-    activity only those are drawn that are the same in all poses; if none is, the poses are returned as they are.
+    Factors are drawn independently of the posture, and the true scores are those with them. Poses of one REBA class
+    would not do: high factors stand there beside good postures, and both would seem to matter less. Of load, coupling
+    and activity only those are drawn that are the same in all poses; if none is, the poses are returned as they are.
 
     Example:
         >>> import dreba

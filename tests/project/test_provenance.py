@@ -56,6 +56,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "dreba fit": ("--poses poses.parquet -o model.json --report model.html --json",),
     "dreba evaluate": ("model.json --poses poses.parquet --report e.html --json",),
     "dreba compare": ("model.json --poses poses.parquet --tasks 0 --json",),
+    "dreba card": ("model.json -o card.md --json",),
     "dreba export": ("model.json --to c -o m.c --json", "model.json --to casadi -o m.casadi"),
     "lgp plan": ("bench.toml --no-ergonomics -o bench --tree tree.svg --json",),
     "lgp experiment": ("screwdriver --runs 12 -o experiment --json",),
@@ -123,6 +124,7 @@ TEXTS: Mapping[str, Callable[[str], str]] = {
     ".html": of_markup('<meta name="generator" content="([^"]+)">'),
     ".svg": of_markup("^<svg[^>]*><metadata>([^<]+)</metadata>"),
     ".c": of_markup(r"\A/\*.*\n \* Written by (.+)\.\n"),
+    ".md": of_markup(r"\nWritten by (.+)\.\n\Z"),
     ".casadi": of_markup(r"\n(.+)\n\Z"),
 }
 
