@@ -311,7 +311,7 @@ def _with_ending(name: str) -> FileOutput | None:
 
 @cli.command(epilog="Example: dreba export soft --to c --temperature 2 -o reba_soft.c")
 @click.argument("model", metavar="MODEL")
-@click.option("--to", "target", required=True, metavar="TARGET", help="Target: c or casadi.")
+@click.option("--to", "target", required=True, metavar="TARGET", help="Target: c (and C++), casadi, torch or jax.")
 @click.option(
     "--temperature",
     type=Number(0, 360, min_open=True),
@@ -321,25 +321,34 @@ def _with_ending(name: str) -> FileOutput | None:
 )
 @click.option("--first", is_flag=True, help="First stage of a graduated model instead of its soft tables.")
 @click.option("--name", default="dreba", show_default=True, help="Name of the exported function.")
+@click.option("--map", "joint_map", default=None, metavar="FILE.toml", help="Your own joints, order, signs and unit.")
+@click.option(
+    "--hessian", type=click.Choice(["exact", "gauss-newton"]), default=None, help="Second derivatives too (C, CasADi)."
+)
 @click.option(
     "-o", "--output", default=None, type=OutputType(_with_ending), metavar="FILE",
     help="File to write; default: the name of the function.",
 )  # fmt: skip
 @json_option
 def export(
-    model: str, target: str, temperature: float | None, first: bool, name: str, output: str | None, as_json: bool
-) -> None:
-    """Write a model as a C99 function without dependencies, or as a CasADi function."""
-    from dreba.export import ending_of, export_model, exported_file
+    model: str, target: str, temperature: float | None, first: bool, name: str, joint_map: str | None,
+    hessian: str | None, output: str | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Write a model as a function for C and C++, CasADi, PyTorch or JAX; none needs this package."""
+    from dreba.export import ending_of, export_model, exported_files
     from dreba.surrogates.library import load
 
-    out = exported_file(output or f"{name}{ending_of(target)}", target)
-    check_outputs(FileOutput(out), inputs=[model])
-    written = export_model(load(model), out, to=target, temperature=temperature, first=first, name=name)
+    outputs = exported_files(f"{name}{ending_of(target)}" if output is None else output, target)
+    check_outputs(*map(FileOutput, outputs), inputs=[model, *([joint_map] if joint_map else [])])
+    export_model(
+        load(model), outputs[0], to=target, temperature=temperature, first=first, name=name, joint_map=joint_map,
+        hessian=hessian,
+    )  # fmt: skip
     if as_json:
-        print_json({"model": model, "to": target, "output": str(written)})
+        header = {"header": str(outputs[1])} if len(outputs) > 1 else {}
+        print_json({"model": model, "to": target, "output": str(outputs[0]), **header})
     else:
-        echo(f"written: {written}")
+        echo(f"written: {', '.join(map(str, outputs))}")
 
 
 def main() -> None:

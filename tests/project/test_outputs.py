@@ -44,7 +44,7 @@ READ = {
     },
     "dreba": {
         "--kind", "--option", "--poses", "--hold", "--joints", "--domain", "--factors", "--classes", "--name", "--to",
-        "--scheduler", "--usefulness",
+        "--scheduler", "--usefulness", "--map",
     },
     "lgp": {
         "--cost", "--sequence", "--height", "--scheduler", "--manifest", "--pattern", "--conditions", "--rules",

@@ -57,7 +57,8 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "dreba evaluate": ("model.json --poses poses.parquet --report e.html --json",),
     "dreba compare": ("model.json --poses poses.parquet --tasks 0 --json",),
     "dreba card": ("model.json -o card.md --json",),
-    "dreba export": ("model.json --to c -o m.c --json", "model.json --to casadi -o m.casadi"),
+    "dreba export": ("model.json --to c -o m.c --json", "model.json --to casadi -o m.casadi",
+                     "model.json --to torch -o t.py", "model.json --to jax -o j.py"),
     "lgp plan": ("bench.toml --no-ergonomics -o bench --tree tree.svg --json",),
     "lgp experiment": ("screwdriver --runs 12 -o experiment --json",),
     "lgp page": ("plan -o page --json",),
@@ -124,6 +125,8 @@ TEXTS: Mapping[str, Callable[[str], str]] = {
     ".html": of_markup('<meta name="generator" content="([^"]+)">'),
     ".svg": of_markup("^<svg[^>]*><metadata>([^<]+)</metadata>"),
     ".c": of_markup(r"\A/\*.*\n \* Written by (.+)\.\n"),
+    ".h": of_markup(r"\A/\*.*\n \* Written by (.+)\.\n"),
+    ".py": of_markup(r"\A\"\"\".*\n\nWritten by (.+)\.\n"),
     ".md": of_markup(r"\nWritten by (.+)\.\n\Z"),
     ".casadi": of_markup(r"\n(.+)\n\Z"),
 }
