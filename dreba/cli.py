@@ -140,7 +140,7 @@ def fit(
     else:
         domain = None if drawing["domain"] is None else domain_of(drawing["domain"])
         unfitted(kind, options, domain, None)  # wrong options are refused before a long file is read
-        poses = _check_enough(read_poses(poses_file, joints=chosen, hold=held_angles), poses_file)
+        poses = _check_enough(_read(poses_file, chosen, held_angles), poses_file)
         drawn_from = Domain.from_dict(poses.provenance["domain"]) if "recording" not in poses.provenance else None
         columns = None if joints is None else tuple(poses.provenance.get("joints", COLUMNS))
         model = unfitted(kind, options, domain or drawn_from, columns)
@@ -214,7 +214,7 @@ def _evaluation_poses(
         if own is not None and not isinstance(held_angles, str):
             train = next(iter(models_.values())).about_.provenance.get("train", {})
             held_angles = {**train.get("held", {}), **(held_angles or {})}
-        return read_poses(poses_file, joints=own, hold=held_angles)
+        return _read(poses_file, own, held_angles)
     if hold is not None:
         raise SampleError("--hold applies to poses of a file; add --poses, or leave it out")
     domains = [model.about_.domain for model in models_.values()]
@@ -223,6 +223,14 @@ def _evaluation_poses(
         classes = ",".join(map(str, scores)) or CLASSES
         return draw_poses(drawing, (drawing["seed"], EVALUATION), Domain.from_dict(domains[0]), classes)
     return draw_poses(drawing, (drawing["seed"], EVALUATION))
+
+
+def _read(path: str, joints: Any, hold: Any) -> Poses:
+    """Return the poses of a file; the reader of a recording has warned of radians, so the model need not."""
+    poses = read_poses(path, joints=joints, hold=hold)
+    if "recording" in poses.provenance:
+        warnings.simplefilter("ignore", RadiansWarning)
+    return poses
 
 
 def _check_enough(poses: Poses, path: str) -> Poses:

@@ -11,6 +11,10 @@ class ModelError(RebaError):
     """A model cannot be fitted, evaluated, saved, loaded or exported with these arguments."""
 
 
+class ModelTypeError(ModelError, TypeError):
+    """A model is fitted to values that are no numbers at all; scikit-learn's tools expect a TypeError."""
+
+
 class DomainError(RebaError):
     """A domain is unknown, or its limits, rules or bins are wrong."""
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self, Unpack
 
@@ -19,7 +20,8 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 import reba
-from dreba.errors import FactorWarning, ModelError
+from dreba.errors import FactorWarning, ModelError, ModelTypeError
+from dreba.surrogates.estimator_checks import POSTURE_COLUMNS
 from dreba.surrogates.metrics import evaluation_of
 from dreba.surrogates.registry import ModelInfo
 from dreba.surrogates.serialization import save
@@ -31,7 +33,7 @@ from dreba.surrogates.task_factors import (
     seated_angles,
     task_factors_of,
 )
-from dreba.surrogates.validation import check_parameters, checked_joints, checked_weights, unnamed_joints
+from dreba.surrogates.validation import JOINTS, check_parameters, checked_joints, checked_weights, unnamed_joints
 from reba.arrays import Array
 from reba.checks import PATH, Allowed, accepts
 from reba.posture.columns import COLUMNS
@@ -80,6 +82,12 @@ class Surrogate(RegressorMixin, BaseEstimator):
         return False
 
     @property
+    def expected_failed_checks(self) -> dict[str, str]:
+        """Checks of scikit-learn that this estimator does not pass, with reasons, as `check_estimator` takes them."""
+        takes_any = self.any_columns and self.get_params(deep=False).get("free", True)
+        return {} if takes_any else dict(POSTURE_COLUMNS)
+
+    @property
     def setting(self) -> str:
         """Kind, domain of the fit and parameters that differ from their defaults, in one line for reports."""
         domain = self.about_.domain.get("name") if hasattr(self, "about_") else None
@@ -99,7 +107,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
         X: Any,
         y: ArrayLike,
         sample_weight: ArrayLike | None = None,
-        factors: reba.Factors | None = None,
+        factors: reba.Factors | Mapping[str, Any] | None = None,
     ) -> Self:
         """Fit the model to poses and their true scores, and return it.
 
@@ -107,7 +115,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
             X: (n, d) [deg]. Of data with names those of the parameter `joints` are taken, by default the columns of
                 `reba.COLUMNS`, and every column of a table without any.
             y: (n,) REBA scores.
-            sample_weight: (n,) weights, not negative; None for equal ones.
+            sample_weight: (n,) weights, not negative; None for equal ones. A pose of weight 0 is left out.
             factors: load, coupling and activity of the poses; None for no load, good coupling, no activity. A factor
                 that is the same in all poses is not learned. Knees of seated poses are taken as straight.
 
@@ -117,20 +125,26 @@ class Surrogate(RegressorMixin, BaseEstimator):
         Warns:
             RadiansWarning: all angles are so small that they look like radians.
         """
-        check_parameters(self.allowed, self.get_params(deep=False))
+        check_parameters({**self.allowed, "joints": JOINTS}, self.get_params(deep=False))
         try:
             poses, scores = validate_data(self, self._named(X), y, dtype=np.float64, y_numeric=True)
-        except ValueError as error:
+        except TypeError as error:  # scikit-learn's estimators raise a TypeError here
+            raise ModelTypeError(" ".join(str(error).split())) from error
+        except (ValueError, OverflowError) as error:
             raise ModelError(" ".join(str(error).split())) from error
         scores = np.asarray(scores, np.float64)
         weights = checked_weights(sample_weight, len(scores))
         self._set_joints(self._joints(poses.shape[1]))
         check_angles(poses, self.joints_, complete=True, error=ModelError)
         warn_if_radians(poses, self.joints_)
-        poses = seated_angles(poses, self.joints_, factors)
-        self._fit(poses, scores, weights, task_factors_of(factors, len(scores)))
+        factors = None if factors is None else reba.Factors.of(factors)
+        poses, given = seated_angles(poses, self.joints_, factors), task_factors_of(factors, len(scores))
+        counted = weights > 0  # a weight of 0 leaves a pose out of everything, knots and scales too
+        if not counted.all():
+            poses, scores, weights, given = poses[counted], scores[counted], weights[counted], given.rows(counted)
+        self._fit(poses, scores, weights, given)
         self.about_ = ModelInfo(provenance={"poses": len(scores), **provenance()})
-        self._note_error(poses, scores, factors)
+        self._note_error(poses, scores, given)
         return self
 
     def predict(self, X: Any) -> Array:
@@ -267,12 +281,12 @@ class Surrogate(RegressorMixin, BaseEstimator):
 
     # Common to all kinds.
 
-    def _note_error(self, poses: Array, scores: Array, factors: reba.Factors | None) -> None:
+    def _note_error(self, poses: Array, scores: Array, factors: TaskFactors) -> None:
         """Record the error per class on the poses of the fit, if these are postures with REBA scores."""
         known = all(joint in reba.COLUMNS for joint in self.joints_)
         if not (known and (scores == np.rint(scores)).all() and scores.min() >= 1 and scores.max() <= 15):
             return
-        evaluation = evaluation_of(self.kind, self._value(poses, task_factors_of(factors, len(scores))), scores)
+        evaluation = evaluation_of(self.kind, self._value(poses, factors), scores)
         rmse = {str(score): round(error.rmse, 4) for score, error in evaluation.classes.items()}
         self.about_ = ModelInfo({}, rmse, {**self.about_.provenance, "rmse_on": "the poses of the fit"})
 

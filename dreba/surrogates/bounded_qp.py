@@ -9,7 +9,7 @@ import numpy as np
 from dreba.errors import ModelError
 from reba.arrays import Array, Flags
 
-_RIDGE = 1e-8
+_RIDGE = 1e-7
 """Ridge of the QP, whose features have root mean square 1; it makes the optimum unique."""
 _CORRECTIONS = 20
 """Maximum number of active-set corrections after the interior point solver: more than the sign changes it leaves."""

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from dreba.errors import ModelError
 from reba.arrays import Array
-from reba.checks import shown
+from reba.checks import is_finite, shown
 from reba.errors import PostureError, did_you_mean
 from reba.method.factor_points import points
 from reba.method.rules import Rules, load_points
@@ -100,8 +100,8 @@ class TaskFactors(NamedTuple):
             _check("coupling", side, n, HIGHEST_POINTS, _GRIPS)
         activity = _activity(arguments, n)
         _check("activity", activity, n, HIGHEST_POINTS, _ACTIVITY)
-        if temperature is not None and (not isinstance(temperature, _NUMBER) or isinstance(temperature, bool)):
-            raise ModelError(f"temperature is {temperature!r}; expected degrees, or None for the model's default")
+        if temperature is not None and not is_finite(temperature):
+            raise ModelError(f"temperature is {shown(temperature)}; expected degrees, or None for the model's default")
         return TaskFactors(
             _plain(load),
             (_plain(sides[0]), _plain(sides[1])),
@@ -117,7 +117,6 @@ MODELLED: Final = ("load", "coupling", "activity")
 _FIELDS: Final = ("load", "coupling_left", "coupling_right", "static", "repeated", "unstable")
 HIGHEST_POINTS: Final = 3
 """Maximum of the coupling points of a hand and of the activity points (REBA, Hignett & McAtamney 2000)."""
-_NUMBER: Final = (int, float, np.integer, np.floating)
 _GRIPS: Final = f"{', '.join(COUPLINGS)}, or points from 0 (good) to 3 (unacceptable)"
 _SITTING: Final = SUPPORTS.index("sitting")
 _ACTIVITY: Final = f"points from 0 to 3, or none, or a comma list of {', '.join(ACTIVITIES)}"

@@ -113,6 +113,16 @@ def test_every_fit_knows_load_coupling_and_activity(run: Run, tmp_path: Path, po
         assert rise == pytest.approx(exact, abs=0.5)
 
 
+def test_radians_in_a_recording_are_warned_about_once(run: Run, tmp_path: Path) -> None:
+    drawn = dreba.sample(600, rng=3)
+    table = pd.DataFrame(np.radians(drawn.angles), columns=list(COLUMNS)).assign(time=np.arange(600) / 10)
+    table.to_csv(tmp_path / "shift.csv", index=False)
+    for words in (("fit", "-o", tmp_path / "m.json"), ("evaluate", tmp_path / "m.json")):
+        code, _, err = run(*words, "--poses", tmp_path / "shift.csv", "--json")
+        assert code == 0
+        assert err.count("look like radians") == 1
+
+
 def test_a_seated_recording_can_be_fitted(run: Run, tmp_path: Path) -> None:
     drawn = dreba.sample(1500, range(1, 10), rng=3)
     table = pd.DataFrame(drawn.angles, columns=list(COLUMNS)).assign(time=np.arange(1500) / 10)
