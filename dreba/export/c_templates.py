@@ -146,12 +146,16 @@ static void ${name}_curvature(const double *angles, double *diagonal)
     }
 }
 """
-# The difference is 0 for numbers and not a number for others, which every function of angles passes on to its value.
+# The difference is 0 for numbers and not a number for others, which every function of angles passes on to its value, and
+# so is the product of the factors. Minima and maxima are single instructions.
 VALID: Final = """
 static int ${name}_valid(double value, double load, const double *coupling, double activity)
 {
-    return value - value == 0.0 && load >= 0.0 && load <= DBL_MAX && coupling[0] >= 0.0 && coupling[0] <= $most
-        && coupling[1] >= 0.0 && coupling[1] <= $most && activity >= 0.0 && activity <= $most;
+    const double lower = coupling[0] < coupling[1] ? coupling[0] : coupling[1];
+    const double worse = coupling[0] > coupling[1] ? coupling[0] : coupling[1];
+    const double least = load < activity ? load : activity, most = worse > activity ? worse : activity;
+    const double check = value - value + 0.0 * (load + coupling[0] + coupling[1] + activity);
+    return (check == 0.0) & ((least < lower ? least : lower) >= 0.0) & (most <= $most);
 }
 """
 PLAIN: Final = """
