@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dreba.domain import Bins, Domain, domain_of
-    from dreba.errors import DomainError, ModelError, RadiansWarning, SampleError
+    from dreba.errors import DomainError, FactorWarning, ModelError, RadiansWarning, SampleError
     from dreba.evaluation.evaluate import compare, evaluate, fit_to
     from dreba.export import export_model
     from dreba.report import write_report
@@ -43,6 +43,7 @@ __all__ = [
     "Domain",
     "DomainError",
     "Evaluation",
+    "FactorWarning",
     "GraduatedModel",
     "ModelError",
     "ModelInfo",
@@ -67,7 +68,7 @@ __all__ = [
 ]
 _LAZY = {
     "dreba.domain": ("Bins", "Domain", "domain_of"),
-    "dreba.errors": ("DomainError", "ModelError", "RadiansWarning", "SampleError"),
+    "dreba.errors": ("DomainError", "FactorWarning", "ModelError", "RadiansWarning", "SampleError"),
     "dreba.evaluation.evaluate": ("compare", "evaluate", "fit_to"),
     "dreba.export": ("export_model",),
     "dreba.report": ("write_report",),

@@ -18,6 +18,7 @@ from dreba.domain import Domain, domain_of
 from dreba.errors import RadiansWarning, SampleError
 from dreba.options import (
     CLASSES,
+    as_paper,
     draw_poses,
     drawing_options,
     drawn_domain,
@@ -52,7 +53,9 @@ if TYPE_CHECKING:
 
 HELD_OUT: Final = 1
 EVALUATION: Final = 2
-"""Second words of the seeds of held-out and evaluation poses, which keep them independent of the training poses."""
+FACTORS: Final = 3
+"""Second words of the seeds of held-out and evaluation poses and of factors, which keep them independent of the
+training poses."""
 MIN_POSES: Final = 200
 """Least number of poses of a file to fit: the 20 % held out of 200 are about four for each class."""
 HELD_OUT_SHARE: Final = 0.2
@@ -97,6 +100,13 @@ def sample(output: str, as_json: bool, **drawing: Any) -> None:
     help="Kind of model, such as quadratic, convex, soft or graduated.",
 )
 @click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="Parameter of the kind, repeatable.")
+@click.option(
+    "--as",
+    "published",
+    type=click.Choice(["paper"]),
+    default=None,
+    help="Settings nearest to the published Table I: domain paper, low classes weigh more, payload as equation (4).",
+)
 @poses_options
 @joints_option
 @drawing_options
@@ -104,16 +114,22 @@ def sample(output: str, as_json: bool, **drawing: Any) -> None:
 @click.option("--report", type=output_file(), metavar="FILE.html", help="Write a self-contained HTML report.")
 @json_option
 def fit(
-    kind: str, options: tuple[str, ...], poses_file: str | None, hold: str | None, joints: str | None, output: str,
-    report: str | None, as_json: bool, **drawing: Any,
+    kind: str, options: tuple[str, ...], published: str | None, poses_file: str | None, hold: str | None,
+    joints: str | None, output: str, report: str | None, as_json: bool, **drawing: Any,
 ) -> None:  # fmt: skip
     """Fit a model to drawn poses, or to a recording with equal weight for every REBA class.
 
+    Every fifth pose is repeated with a random load, coupling and activity, so that the model knows what these add.
     A recording without some angles needs --joints measured (a model of the measured angles) or --hold neutral.
     """
+    import numpy as np
+
     from dreba.evaluation.evaluate import fit_to
+    from dreba.sampling.loaded_poses import with_factors
 
     refuse_drawing(poses_file, "domain")
+    if published == "paper":
+        options = as_paper(kind, options, drawing)
     chosen, held_angles = joints_of(joints), hold_of(hold)
     weights = None
     if poses_file is None:
@@ -122,16 +138,17 @@ def fit(
         drawing = {**drawing, "domain": own}
         train, held_out = draw_poses(drawing, drawing["seed"]), draw_poses(drawing, (drawing["seed"], HELD_OUT))
     else:
-        import numpy as np
-
         domain = None if drawing["domain"] is None else domain_of(drawing["domain"])
         unfitted(kind, options, domain, None)  # wrong options are refused before a long file is read
-        poses = _check_enough(read_poses(poses_file, joints=chosen, hold=held_angles), poses_file)
+        poses = _check_enough(_read(poses_file, chosen, held_angles), poses_file)
         drawn_from = Domain.from_dict(poses.provenance["domain"]) if "recording" not in poses.provenance else None
         columns = None if joints is None else tuple(poses.provenance.get("joints", COLUMNS))
         model = unfitted(kind, options, domain or drawn_from, columns)
         train, held_out = poses.split(HELD_OUT_SHARE, np.random.default_rng(drawing["seed"]))
         weights = train.balancing_weights()
+    if not model.get_params().get("payload_only"):  # what such a model cannot learn would only disturb it
+        train, rows = with_factors(train, np.random.default_rng((drawing["seed"], FACTORS)))
+        weights = None if weights is None else weights[rows]
     fit_to(model, train, held_out, weights, command=command_line("dreba"))
     model.save(output)
     _show_evaluation(model, output, held_out, report, as_json, None)
@@ -176,12 +193,12 @@ def _show_evaluation(
 
         write_report(model, poses, report, name=Path(name).name, command=command_line("dreba"), temperature=temperature)
     if as_json:
-        print_json(result.to_dict())
+        print_json({**result.to_dict(), "setting": model.setting, "factors": list(model.factors_)})
         return
     from dreba.console import show_evaluation
     from reba.terminal import console
 
-    show_evaluation(console(), name, result)
+    show_evaluation(console(), name, result, model)
 
 
 def _evaluation_poses(
@@ -197,7 +214,7 @@ def _evaluation_poses(
         if own is not None and not isinstance(held_angles, str):
             train = next(iter(models_.values())).about_.provenance.get("train", {})
             held_angles = {**train.get("held", {}), **(held_angles or {})}
-        return read_poses(poses_file, joints=own, hold=held_angles)
+        return _read(poses_file, own, held_angles)
     if hold is not None:
         raise SampleError("--hold applies to poses of a file; add --poses, or leave it out")
     domains = [model.about_.domain for model in models_.values()]
@@ -206,6 +223,14 @@ def _evaluation_poses(
         classes = ",".join(map(str, scores)) or CLASSES
         return draw_poses(drawing, (drawing["seed"], EVALUATION), Domain.from_dict(domains[0]), classes)
     return draw_poses(drawing, (drawing["seed"], EVALUATION))
+
+
+def _read(path: str, joints: Any, hold: Any) -> Poses:
+    """Return the poses of a file; the reader of a recording has warned of radians, so the model need not."""
+    poses = read_poses(path, joints=joints, hold=hold)
+    if "recording" in poses.provenance:
+        warnings.simplefilter("ignore", RadiansWarning)
+    return poses
 
 
 def _check_enough(poses: Poses, path: str) -> Poses:
@@ -260,6 +285,33 @@ def compare(
         show_enabler(console(), enabler)
 
 
+@cli.command(epilog="Example: dreba card quadratic busch2018")
+@click.argument("names", nargs=-1, metavar="MODEL...")
+@click.option("--usefulness", default=None, metavar="FILE.json", help="Output of `dreba compare --json`, for its rows.")
+@click.option("-o", "--output", default=None, type=output_file(), metavar="FILE.md", help="Markdown file to write.")
+@json_option
+def card(names: tuple[str, ...], usefulness: str | None, output: str | None, as_json: bool) -> None:
+    """What models prefer and know: minimum, true REBA there, columns without a lower bound, error, factors.
+
+    Without MODEL: all shipped models.
+    """
+    from dreba.model_card import model_card, page, usefulness_rows
+    from dreba.surrogates.library import load, models
+    from dreba.surrogates.serialization import write
+
+    rows = [] if usefulness is None else usefulness_rows(usefulness)
+    cards = [model_card(load(name), name, rows) for name in names or models()]
+    text = page(cards)
+    if output is not None:
+        write(output, text)
+    if as_json:
+        print_json({"cards": cards, "output": output})
+    elif output is None:
+        echo(text, nl=False, keep="\n")
+    else:
+        echo(f"written: {output}")
+
+
 def _with_ending(name: str) -> FileOutput | None:
     """Return the file that is written, None where the target adds an ending to its name."""
     return FileOutput(name) if Path(name).suffix or os.path.isdir(name) or not name else None
@@ -267,7 +319,7 @@ def _with_ending(name: str) -> FileOutput | None:
 
 @cli.command(epilog="Example: dreba export soft --to c --temperature 2 -o reba_soft.c")
 @click.argument("model", metavar="MODEL")
-@click.option("--to", "target", required=True, metavar="TARGET", help="Target: c or casadi.")
+@click.option("--to", "target", required=True, metavar="TARGET", help="Target: c (and C++), casadi, torch or jax.")
 @click.option(
     "--temperature",
     type=Number(0, 360, min_open=True),
@@ -277,25 +329,34 @@ def _with_ending(name: str) -> FileOutput | None:
 )
 @click.option("--first", is_flag=True, help="First stage of a graduated model instead of its soft tables.")
 @click.option("--name", default="dreba", show_default=True, help="Name of the exported function.")
+@click.option("--map", "joint_map", default=None, metavar="FILE.toml", help="Your own joints, order, signs and unit.")
+@click.option(
+    "--hessian", type=click.Choice(["exact", "gauss-newton"]), default=None, help="Second derivatives too (C, CasADi)."
+)
 @click.option(
     "-o", "--output", default=None, type=OutputType(_with_ending), metavar="FILE",
     help="File to write; default: the name of the function.",
 )  # fmt: skip
 @json_option
 def export(
-    model: str, target: str, temperature: float | None, first: bool, name: str, output: str | None, as_json: bool
-) -> None:
-    """Write a model as a C99 function without dependencies, or as a CasADi function."""
-    from dreba.export import ending_of, export_model, exported_file
+    model: str, target: str, temperature: float | None, first: bool, name: str, joint_map: str | None,
+    hessian: str | None, output: str | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Write a model as a function for C and C++, CasADi, PyTorch or JAX; none needs this package."""
+    from dreba.export import ending_of, export_model, exported_files
     from dreba.surrogates.library import load
 
-    out = exported_file(output or f"{name}{ending_of(target)}", target)
-    check_outputs(FileOutput(out), inputs=[model])
-    written = export_model(load(model), out, to=target, temperature=temperature, first=first, name=name)
+    outputs = exported_files(f"{name}{ending_of(target)}" if output is None else output, target)
+    check_outputs(*map(FileOutput, outputs), inputs=[model, *([joint_map] if joint_map else [])])
+    export_model(
+        load(model), outputs[0], to=target, temperature=temperature, first=first, name=name, joint_map=joint_map,
+        hessian=hessian,
+    )  # fmt: skip
     if as_json:
-        print_json({"model": model, "to": target, "output": str(written)})
+        header = {"header": str(outputs[1])} if len(outputs) > 1 else {}
+        print_json({"model": model, "to": target, "output": str(outputs[0]), **header})
     else:
-        echo(f"written: {written}")
+        echo(f"written: {', '.join(map(str, outputs))}")
 
 
 def main() -> None:

@@ -8,12 +8,13 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation
+from dreba.surrogates.base import Surrogate
+from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation, distance_to_published
 from reba.terminal import Console, Text
 
 
-def show_evaluation(console: Console, name: str, evaluation: Evaluation) -> None:
-    """Print the error per REBA class beside that of Table I."""
+def show_evaluation(console: Console, name: str, evaluation: Evaluation, model: Surrogate) -> None:
+    """Print the error per REBA class beside that of Table I, and the setting of the model."""
     table = Table(title=f"{name} ({evaluation.kind})", title_justify="left", header_style="bold")
     for heading in ("REBA", "poses", "RMSE", "bias", "RMSE of Table I"):
         table.add_column(heading, justify="right")
@@ -21,6 +22,9 @@ def show_evaluation(console: Console, name: str, evaluation: Evaluation) -> None
         table.add_row(str(score), f"{error.n:,}", f"{error.rmse:.2f}", f"{error.bias:+.2f}", _published(score))
     table.add_row("all", f"{evaluation.n:,}", f"{evaluation.rmse:.2f}", "", f"{PUBLISHED_OVERALL:.2f}", style="bold")
     console.print(table)
+    console.print(Text(f"setting: {model.setting}; factors known: {', '.join(model.factors_) or 'none'}"))
+    if set(PUBLISHED) <= set(evaluation.classes):
+        console.print(f"root mean square difference to Table I {distance_to_published(evaluation):.2f}")
     console.print(
         f"mean over classes {evaluation.balanced_rmse:.2f}; rank correlation {evaluation.spearman:.3f}; "
         f"rounded value correct in {evaluation.rounded_accuracy:.1%}"

@@ -18,7 +18,7 @@ import numpy as np
 
 from dreba.errors import DomainError
 from reba.arrays import Array
-from reba.checks import from_home, shown
+from reba.checks import from_home, is_finite, shown
 from reba.errors import RebaError, did_you_mean
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
@@ -69,6 +69,7 @@ class Domain:
     load: tuple[float, float] = LOAD
 
     def __post_init__(self) -> None:
+        self._check_types()
         for column, (low, high) in self.limits.items():
             if column not in COLUMNS:
                 raise DomainError(f"domain {self.name!r}: column {column!r} is unknown{did_you_mean(column, COLUMNS)}")
@@ -89,6 +90,24 @@ class Domain:
             raise DomainError(
                 f"domain {self.name!r}: sides is {self.sides!r}; expected 'each', or 'worst part' with bins"
             )
+
+    def _check_types(self) -> None:
+        """Refuse values of the wrong type (DomainError); `__post_init__` checks the numbers."""
+        tables = {"limits": ("degrees, (low, high) by column", self.limits, _is_pair),
+                  "bins": ("Bins by column", self.bins, lambda own: isinstance(own, Bins))}  # fmt: skip
+        for name, (expected, table, fits) in tables.items():
+            if not isinstance(table, dict) or not all(map(fits, table.values())):
+                raise DomainError(f"domain {shown(self.name)}: {name} are {shown(table)}; expected {expected}")
+        for name, expected, right in (
+            ("name", "a text", isinstance(self.name, str)),
+            ("rules", "reba.Rules", isinstance(self.rules, Rules)),
+            ("sides", "'each', or 'worst part' with bins", isinstance(self.sides, str)),
+            ("load", "rising kilograms, 0 or more", _is_pair(self.load)),
+        ):
+            if not right:
+                raise DomainError(
+                    f"domain {shown(self.name)}: {name} is {shown(getattr(self, name))}; expected {expected}"
+                )
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -111,6 +130,9 @@ class Domain:
         Raises:
             DomainError: an unknown column.
         """
+        for name, angle in angles.items():
+            if not is_finite(angle):
+                raise DomainError(f"{name} is held at {shown(angle)}; expected degrees")
         limits = self.limits | {name: (float(angle), float(angle)) for name, angle in _both_sides(angles).items()}
         return dataclasses.replace(self, limits=limits)
 
@@ -120,11 +142,15 @@ class Domain:
         Raises:
             DomainError: an unknown column.
         """
+        if isinstance(joints, str) or not isinstance(joints, Iterable):
+            raise DomainError(f"joints are {shown(joints)}; expected a list of columns")
         moving = columns_named(joints, DomainError)
         return self.hold(**{column: best for column, best in BEST.items() if column not in moving})
 
     def bins_of(self, column: str) -> Bins:
         """Return the bins of a column within its limits: those of the domain, or the angle classes of the rules."""
+        if not isinstance(column, str) or column not in BEST:
+            raise DomainError(f"column {shown(column)} is unknown; expected one of reba.COLUMNS")
         low, high = self.limits.get(column, (BEST[column], BEST[column]))
         if column in self.bins:
             own = self.bins[column]
@@ -166,6 +192,8 @@ class Domain:
             >>> Domain.from_dict(held.to_dict()) == held
             True
         """
+        if not isinstance(data, dict):
+            raise DomainError(f"a domain is {shown(data)}; expected the plain data of `to_dict`")
         name = data.get("name")
         try:
             if data["scored_by"] == "own bins" and "bins" not in data and name in DOMAINS:
@@ -265,6 +293,11 @@ def _bins(table: TomlTable) -> Bins:
 def _both_sides(values: dict[str, Any]) -> dict[str, Any]:
     """Return values by column; a name without a side stands for both columns."""
     return {column: value for name, value in values.items() for column in COLUMNS_OF.get(name, (name,))}
+
+
+def _is_pair(value: Any) -> bool:
+    """Return whether a value is two finite numbers."""
+    return isinstance(value, tuple | list) and len(value) == len(("low", "high")) and all(map(is_finite, value))
 
 
 def _intervals(edges: tuple[float, ...]) -> range:

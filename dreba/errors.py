@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from reba.errors import RadiansWarning, RebaError
 
-__all__ = ["DomainError", "ModelError", "RadiansWarning", "SampleError"]
+__all__ = ["DomainError", "FactorWarning", "ModelError", "RadiansWarning", "SampleError"]
 
 
 class ModelError(RebaError):
     """A model cannot be fitted, evaluated, saved, loaded or exported with these arguments."""
+
+
+class ModelTypeError(ModelError, TypeError):
+    """A model is fitted to values that are no numbers at all; scikit-learn's tools expect a TypeError."""
 
 
 class DomainError(RebaError):
@@ -17,3 +21,7 @@ class DomainError(RebaError):
 
 class SampleError(RebaError):
     """Poses cannot be drawn, saved or loaded with these arguments."""
+
+
+class FactorWarning(UserWarning):
+    """A factor was given to a model that does not know it, so it changes nothing."""

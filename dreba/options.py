@@ -26,6 +26,8 @@ MAX_CLASS: Final = 99
 """Largest class of a range FIRST:LAST: above 15, so that an error names the first class that is not a REBA score."""
 CLASSES: Final = "1:10"
 """Default classes, those of the published Table I."""
+PAPER: Final = ("class_power=1", "payload=linear", "payload_only=true")
+"""Parameters of `--as paper`: the weights of the classes that come nearest to Table I, and equation (4) alone."""
 Command = Callable[..., Any]
 
 
@@ -155,6 +157,24 @@ def drawn_domain(domain: str | None, joints: Any, hold: Any) -> Domain:
     if joints is not None:
         chosen = chosen.only(joints)
     return chosen.hold(**hold) if isinstance(hold, dict) else chosen
+
+
+def as_paper(kind: str, options: tuple[str, ...], drawing: dict[str, Any]) -> tuple[str, ...]:
+    """Return the options of the model of the paper, and draw its poses in the domain of its authors.
+
+    Raises:
+        SampleError: an option is given that `--as paper` sets, with another value.
+    """
+    own = [text.partition("=")[0] for text in PAPER]
+    for text in options:
+        if text.partition("=")[0] in own and text not in PAPER:
+            raise SampleError(f"--option {text} is not that of --as paper ({', '.join(PAPER)}); leave out one of them")
+    if kind != "quadratic" or drawing["domain"] not in (None, "paper") or drawing["factors"]:
+        raise SampleError(
+            "--as paper is --kind quadratic in --domain paper without drawn factors; leave out other values of these"
+        )
+    drawing["domain"] = "paper"
+    return (*(text for text in PAPER if text not in options), *options)
 
 
 def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, joints: Any) -> Surrogate:

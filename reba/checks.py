@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import inspect
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
@@ -62,6 +63,11 @@ def is_number(value: Any) -> bool:
     return isinstance(value, _NUMBER) and not isinstance(value, _YES_NO)
 
 
+def is_finite(value: Any) -> bool:
+    """Return whether a value is a real number that a float can hold."""
+    return is_number(value) and bool(abs(value) <= sys.float_info.max)
+
+
 def _is_whole(value: Any) -> bool:
     return isinstance(value, _WHOLE) and not isinstance(value, _YES_NO)
 
@@ -95,8 +101,8 @@ MOMENT: Final = Allowed(
     "seconds from -1e9 to 1e9", lambda value: is_number(value) and -1_000_000_000 <= value <= 1_000_000_000
 )
 """A time of a recording [s]."""
-POSITIVE: Final = Allowed("a number above 0", lambda value: is_number(value) and 0 < value < np.inf)
-NOT_NEGATIVE: Final = Allowed("a number, 0 or more", lambda value: is_number(value) and 0 <= value < np.inf)
+POSITIVE: Final = Allowed("a number above 0", lambda value: is_finite(value) and value > 0)
+NOT_NEGATIVE: Final = Allowed("a number, 0 or more", lambda value: is_finite(value) and value >= 0)
 COUNT: Final = Allowed(
     "a whole number from 1 to 1000000000", lambda value: _is_whole(value) and 0 < value <= 1_000_000_000
 )

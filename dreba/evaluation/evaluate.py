@@ -14,6 +14,7 @@ from dreba.sampling.poses import Poses
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.metrics import Evaluation, evaluation_of
 from dreba.surrogates.registry import ModelInfo
+from dreba.surrogates.task_factors import seated_angles
 from reba.arrays import Array
 from reba.batch.parallel import run_parallel
 from reba.batch.worker_pool import WorkerDied
@@ -78,7 +79,8 @@ def angles_for(model: Surrogate, poses: Poses) -> Array:
         raise ModelError(
             f"the model has the column {unknown[0]!r}; expected columns of reba.COLUMNS, so evaluate it by predict()"
         )
-    return poses.angles[:, [INDEX[joint] for joint in model.joints_]]
+    angles = poses.angles[:, [INDEX[joint] for joint in model.joints_]]
+    return seated_angles(angles, model.joints_, poses.factors)
 
 
 @accepts(ModelError, model=MODEL, train=POSES, held_out=POSES)

@@ -48,7 +48,7 @@ class SamplingPlan:
         factor_points = points(fixed, domain.rules, 1)
         self.domain, self.fixed, self.drawn = domain, fixed, drawn
         self.group_a, self.arms = parts_of(domain, factor_points, weights)
-        self.load_bins = _load_bins(domain)
+        self.load_bins = load_bins(domain)
         load = _load_probability(self.load_bins, weights) if "load" in drawn else _one(int(factor_points.load_force[0]))
         self.cells_a = _cells(TABLE_A, self.group_a, load)
         coupling = [np.full(4, 0.25) if "coupling" in drawn else _one(int(side[0])) for side in factor_points.coupling]
@@ -161,7 +161,7 @@ def _one(points_: int) -> Array:
     return np.asarray(np.arange(4) == points_, np.float64)
 
 
-def _load_bins(domain: Domain) -> Array:
+def load_bins(domain: Domain) -> Array:
     """Return lowest and highest load (3, 2) [kg] of 0, 1 and 2 points within the domain."""
     edges = np.clip([0.0, *LOAD_EDGES, domain.load[1]], *domain.load)
     return np.stack([edges[:-1], edges[1:]], axis=1)

@@ -18,7 +18,7 @@ from dreba.errors import SampleError
 from dreba.sampling.classes import true_scores
 from dreba.surrogates.task_factors import TaskFactors, task_factors_of
 from reba.arrays import Array
-from reba.checks import PATH, TEXT, Allowed, accepts, shown
+from reba.checks import PATH, TEXT, Allowed, accepts, instance, is_finite, shown
 from reba.files import write_atomic_stream
 from reba.open_file import open_regular
 from reba.posture.columns import BEST, COLUMNS, INDEX, columns_named
@@ -47,6 +47,10 @@ class Poses:
     provenance: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        scores = np.asarray(self.reba)
+        if scores.ndim != 1 or scores.dtype.kind not in "iuf":
+            raise SampleError(f"reba is {shown(self.reba)}; expected (n,) scores, one for each pose")
+        object.__setattr__(self, "reba", scores)
         if not isinstance(self.angles, np.ndarray) or self.angles.dtype != np.float64:
             object.__setattr__(self, "angles", checked_poses(self.angles, error=SampleError, stacklevel=5)[0])
         if self.angles.shape != (len(self.reba), len(COLUMNS)):
@@ -70,13 +74,24 @@ class Poses:
         return dict(zip(classes.tolist(), counts.tolist(), strict=True))
 
     def rows(self, which: NDArray[Any] | slice) -> Poses:
-        """Return the selected poses (a slice, an index or a boolean array)."""
+        """Return the selected poses (a slice, an index array or a boolean array); SampleError for anything else."""
+        try:
+            fits = np.ndim(self.reba[which]) == 1
+        except (IndexError, TypeError, ValueError, OverflowError):
+            fits = False
+        if not fits:
+            raise SampleError(f"rows are {shown(which)}; expected a slice, or an array of indices or of booleans")
         factors = None
         if self.factors is not None:
             values = {name: getattr(self.factors, name) for name in FACTORS}
             factors = Factors(**{name: np.asarray(v)[which] if np.ndim(v) else v for name, v in values.items()})
         return Poses(self.angles[which], self.reba[which], factors, self.provenance)
 
+    @accepts(
+        SampleError,
+        share=Allowed("a share from 0 to 1", lambda value: is_finite(value) and 0 <= value <= 1),
+        rng=instance("a numpy Generator", np.random.Generator),
+    )
     def split(self, share: float, rng: np.random.Generator) -> tuple[Poses, Poses]:
         """Return training and held-out poses; the latter are a run of the share of each class from a random pose on.
 
@@ -158,7 +173,15 @@ JOINTS: Final = Allowed(
 )
 
 
-@accepts(SampleError, path=PATH, joints=JOINTS)
+HOLD: Final = Allowed(
+    f"{NEUTRAL!r}, or degrees by column, or None",
+    lambda value: (
+        value is None or isinstance(value, str) or (isinstance(value, Mapping) and all(map(TEXT.fits, value)))
+    ),
+)
+
+
+@accepts(SampleError, path=PATH, joints=JOINTS, hold=HOLD)
 def read_poses(
     path: str | Path, rules: reba.Rules | str = "measured", *, joints: Joints = None, hold: Hold = None
 ) -> Poses:
@@ -244,7 +267,7 @@ def _held(joints: Joints, hold: Hold, measured: tuple[str, ...], path: str) -> d
         held |= {column: best for column, best in BEST.items() if column not in measured}
     elif hold is not None:
         for name, angle in hold.items():
-            if not abs(angle) <= LARGEST:
+            if not is_finite(angle) or abs(angle) > LARGEST:
                 raise SampleError(f"{name} is held at {angle}; expected degrees from -{LARGEST:g} to {LARGEST:g}")
             held |= dict.fromkeys(columns_named([name], SampleError), float(angle))
     return {column: held[column] for column in COLUMNS if column in held}

@@ -29,7 +29,7 @@ from dreba.errors import SampleError
 from dreba.sampling.classes import WEIGHTS, Weights, true_scores
 from dreba.sampling.distribution import SamplingPlan
 from dreba.sampling.poses import Poses
-from reba.checks import shown
+from reba.checks import YES_NO, accepts, shown
 from reba.posture.columns import ANGLES, INDEX, SIDES
 from reba.posture.factors import Factors
 from reba.posture.named_angles import warn_if_radians
@@ -51,6 +51,7 @@ _ARM: Final = (
 )  # fmt: skip
 
 
+@accepts(SampleError, stratified=YES_NO, adjustments=YES_NO)
 def sample(
     n: int,
     classes: Iterable[int] = range(1, 11),
@@ -95,7 +96,7 @@ def sample(
             f"n is {shown(n)}; expected a whole number, at least one pose for each of {len(scores)} classes, "
             f"at most {MAX_POSES:,} (draw more in parts with different seeds)"
         )
-    if weights not in WEIGHTS:
+    if not isinstance(weights, str) or weights not in WEIGHTS:
         raise SampleError(f"weights are {shown(weights)}; expected one of {', '.join(WEIGHTS)}")
     fixed, drawn = _factors(factors)
     space = _held(domain_of(domain), adjustments, arms)
@@ -115,7 +116,7 @@ def sample(
 
 def _held(domain: Domain, adjustments: bool, arms: str) -> Domain:
     """Return the domain with adjustments at 0, or one arm at rest, if these are not drawn."""
-    if arms not in ("both", *SIDES):
+    if not isinstance(arms, str) or arms not in ("both", *SIDES):
         raise SampleError(f"arms is {shown(arms)}; expected both, left or right")
     held = {}
     for angle in ANGLES:

@@ -7,6 +7,9 @@ batches and task factors, and writes files. One contract test runs on every regi
 
 from __future__ import annotations
 
+import json
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self, Unpack
 
@@ -17,12 +20,20 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 import reba
-from dreba.errors import ModelError
+from dreba.errors import FactorWarning, ModelError, ModelTypeError
+from dreba.surrogates.estimator_checks import POSTURE_COLUMNS
 from dreba.surrogates.metrics import evaluation_of
 from dreba.surrogates.registry import ModelInfo
 from dreba.surrogates.serialization import save
-from dreba.surrogates.task_factors import DEFAULT_FACTORS, TaskFactorArguments, TaskFactors, task_factors_of
-from dreba.surrogates.validation import check_parameters, checked_joints, checked_weights, unnamed_joints
+from dreba.surrogates.task_factors import (
+    DEFAULT_FACTORS,
+    MODELLED,
+    TaskFactorArguments,
+    TaskFactors,
+    seated_angles,
+    task_factors_of,
+)
+from dreba.surrogates.validation import JOINTS, check_parameters, checked_joints, checked_weights, unnamed_joints
 from reba.arrays import Array
 from reba.checks import PATH, Allowed, accepts
 from reba.posture.columns import COLUMNS
@@ -43,6 +54,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
             order of the data of the fit.
         feature_names_in_: (d,) the same, by scikit-learn's name; absent where columns never had a name.
         temperatures_: [deg] temperatures at which the model can be evaluated, () for kinds without.
+        factors_: those of load, coupling and activity that the model knows; others change nothing, with a warning.
         about_: `ModelInfo`, origin and error of the model.
     """
 
@@ -69,12 +81,33 @@ class Surrogate(RegressorMixin, BaseEstimator):
         """Whether this model, with its parameters, is convex in the angles."""
         return False
 
+    @property
+    def expected_failed_checks(self) -> dict[str, str]:
+        """Checks of scikit-learn that this estimator does not pass, with reasons, as `check_estimator` takes them."""
+        takes_any = self.any_columns and self.get_params(deep=False).get("free", True)
+        return {} if takes_any else dict(POSTURE_COLUMNS)
+
+    @property
+    def setting(self) -> str:
+        """Kind, domain of the fit and parameters that differ from their defaults, in one line for reports."""
+        domain = self.about_.domain.get("name") if hasattr(self, "about_") else None
+        standard = type(self)().get_params(deep=False)
+        own = {name: value for name, value in self.get_params(deep=False).items() if name not in ("domain", "joints")}
+        changed = [f"{name}={json.dumps(value)}" for name, value in own.items() if value != standard[name]]
+        return ", ".join([self.kind, *([f"domain {domain}"] if domain else []), *changed])
+
+    @property
+    def factors_(self) -> tuple[str, ...]:
+        """Factors that the model knows, of load, coupling and activity."""
+        check_is_fitted(self, "joints_")
+        return tuple(name for name, weight in self._factor_weights().items() if weight)
+
     def fit(
         self,
         X: Any,
         y: ArrayLike,
         sample_weight: ArrayLike | None = None,
-        factors: reba.Factors | None = None,
+        factors: reba.Factors | Mapping[str, Any] | None = None,
     ) -> Self:
         """Fit the model to poses and their true scores, and return it.
 
@@ -82,8 +115,9 @@ class Surrogate(RegressorMixin, BaseEstimator):
             X: (n, d) [deg]. Of data with names those of the parameter `joints` are taken, by default the columns of
                 `reba.COLUMNS`, and every column of a table without any.
             y: (n,) REBA scores.
-            sample_weight: (n,) weights, not negative; None for equal ones.
-            factors: load, coupling and activity of the poses; None for no load, good coupling, no activity.
+            sample_weight: (n,) weights, not negative; None for equal ones. A pose of weight 0 is left out.
+            factors: load, coupling and activity of the poses; None for no load, good coupling, no activity. A factor
+                that is the same in all poses is not learned. Knees of seated poses are taken as straight.
 
         Raises:
             ModelError: wrong shapes, values that are not finite, or too few poses.
@@ -91,19 +125,26 @@ class Surrogate(RegressorMixin, BaseEstimator):
         Warns:
             RadiansWarning: all angles are so small that they look like radians.
         """
-        check_parameters(self.allowed, self.get_params(deep=False))
+        check_parameters({**self.allowed, "joints": JOINTS}, self.get_params(deep=False))
         try:
             poses, scores = validate_data(self, self._named(X), y, dtype=np.float64, y_numeric=True)
-        except ValueError as error:
+        except TypeError as error:  # scikit-learn's estimators raise a TypeError here
+            raise ModelTypeError(" ".join(str(error).split())) from error
+        except (ValueError, OverflowError) as error:
             raise ModelError(" ".join(str(error).split())) from error
         scores = np.asarray(scores, np.float64)
         weights = checked_weights(sample_weight, len(scores))
         self._set_joints(self._joints(poses.shape[1]))
         check_angles(poses, self.joints_, complete=True, error=ModelError)
         warn_if_radians(poses, self.joints_)
-        self._fit(poses, scores, weights, task_factors_of(factors, len(scores)))
+        factors = None if factors is None else reba.Factors.of(factors)
+        poses, given = seated_angles(poses, self.joints_, factors), task_factors_of(factors, len(scores))
+        counted = weights > 0  # a weight of 0 leaves a pose out of everything, knots and scales too
+        if not counted.all():
+            poses, scores, weights, given = poses[counted], scores[counted], weights[counted], given.rows(counted)
+        self._fit(poses, scores, weights, given)
         self.about_ = ModelInfo(provenance={"poses": len(scores), **provenance()})
-        self._note_error(poses, scores, factors)
+        self._note_error(poses, scores, given)
         return self
 
     def predict(self, X: Any) -> Array:
@@ -133,8 +174,8 @@ class Surrogate(RegressorMixin, BaseEstimator):
             angles: (n, d) or (d,) degrees.
             **factors: keywords of `TaskFactorArguments`, each one value for all poses or (n,):
                 `load` [kg], default 0;
-                `coupling`, left and right points from 0 (good) to 3, default (0, 0);
-                `activity`, points from 0 to 3, default 0;
+                `coupling`, a word such as "fair" or points from 0 (good) to 3, of both hands or (left, right);
+                `activity`, points from 0 to 3 or words such as "static,repeated", default 0;
                 `temperature` [deg] of the smoothing, one value, default that of the model; ignored by kinds without.
 
         Raises:
@@ -142,27 +183,28 @@ class Surrogate(RegressorMixin, BaseEstimator):
 
         Warns:
             RadiansWarning: all angles of ten poses or more are so small that they look like radians.
+            FactorWarning: a factor is given that the model does not know, once for each model and factor.
         """
         poses, single = self._poses(angles)
-        value = self._value(poses, TaskFactors.checked(factors, len(poses)))
+        value = self._value(poses, self._factors(factors, len(poses)))
         return float(value[0]) if single else value
 
     def gradient(self, angles: Any, **factors: Unpack[TaskFactorArguments]) -> Array:
         """Return the gradient [1/deg]: (n, d), or (d,) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        gradient = self._value_gradient(poses, TaskFactors.checked(factors, len(poses)))[1]
+        gradient = self._value_gradient(poses, self._factors(factors, len(poses)))[1]
         return gradient[0] if single else gradient
 
     def value_and_gradient(self, angles: Any, **factors: Unpack[TaskFactorArguments]) -> tuple[Any, Array]:
         """Return value and gradient [1/deg] of one pass, for optimisers. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        value, gradient = self._value_gradient(poses, TaskFactors.checked(factors, len(poses)))
+        value, gradient = self._value_gradient(poses, self._factors(factors, len(poses)))
         return (float(value[0]), gradient[0]) if single else (value, gradient)
 
     def hessian(self, angles: Any, **factors: Unpack[TaskFactorArguments]) -> Array:
         """Return the Hessian [1/deg^2]: (n, d, d), or (d, d) for one pose. Arguments as in `value`."""
         poses, single = self._poses(angles)
-        hessian = self._hessian(poses, TaskFactors.checked(factors, len(poses)))
+        hessian = self._hessian(poses, self._factors(factors, len(poses)))
         return hessian[0] if single else hessian
 
     def gauss_newton(self, angles: Any, **factors: Unpack[TaskFactorArguments]) -> Array:
@@ -172,7 +214,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
             ModelError: the kind has no Gauss-Newton factor.
         """
         poses, single = self._poses(angles)
-        factor = self._gauss_newton(poses, TaskFactors.checked(factors, len(poses)))
+        factor = self._gauss_newton(poses, self._factors(factors, len(poses)))
         return factor[0] if single else factor
 
     @accepts(ModelError, path=PATH)
@@ -206,6 +248,10 @@ class Surrogate(RegressorMixin, BaseEstimator):
         """Return Gauss-Newton factors (n, k, d)."""
         raise ModelError(f"kind {self.kind!r} has no Gauss-Newton factor; use hessian()")
 
+    def _factor_weights(self) -> dict[str, float]:
+        """Return points by the factors of `MODELLED`, 0 for one that the model does not know."""
+        return dict.fromkeys(MODELLED, 1.0)
+
     def _payload(self) -> dict[str, Any]:
         """Return the form of load, coupling and activity as plain data of the file."""
         return {"form": "tables"}
@@ -235,12 +281,12 @@ class Surrogate(RegressorMixin, BaseEstimator):
 
     # Common to all kinds.
 
-    def _note_error(self, poses: Array, scores: Array, factors: reba.Factors | None) -> None:
+    def _note_error(self, poses: Array, scores: Array, factors: TaskFactors) -> None:
         """Record the error per class on the poses of the fit, if these are postures with REBA scores."""
         known = all(joint in reba.COLUMNS for joint in self.joints_)
         if not (known and (scores == np.rint(scores)).all() and scores.min() >= 1 and scores.max() <= 15):
             return
-        evaluation = evaluation_of(self.kind, self._value(poses, task_factors_of(factors, len(scores))), scores)
+        evaluation = evaluation_of(self.kind, self._value(poses, factors), scores)
         rmse = {str(score): round(error.rmse, 4) for score, error in evaluation.classes.items()}
         self.about_ = ModelInfo({}, rmse, {**self.about_.provenance, "rmse_on": "the poses of the fit"})
 
@@ -249,6 +295,23 @@ class Surrogate(RegressorMixin, BaseEstimator):
         if not hasattr(self, "joints_"):
             check_is_fitted(self, "joints_")
         return checked_poses(angles, self.joints_, absent="refuse", error=ModelError, stacklevel=5)
+
+    def _factors(self, arguments: TaskFactorArguments, n: int) -> TaskFactors:
+        """Return the factors of an evaluation of n poses, and warn once of each that the model does not know."""
+        factors = TaskFactors.checked(arguments, n)
+        if factors.is_default or len(self.factors_) == len(MODELLED):
+            return factors
+        for name in MODELLED:
+            warned = self.__dict__.setdefault("_warned", set())
+            if name not in self.factors_ and name not in warned and np.any(getattr(factors, name)):
+                warned.add(name)
+                known = ", ".join(self.factors_) or "no factor"
+                text = f"{name} is given, but this {self.kind} model knows {known} only; its value stays the same"
+                advice = (
+                    "" if self.get_params(deep=False).get("payload_only") else "; fit it to poses that differ in it"
+                )
+                warnings.warn(text + advice, FactorWarning, stacklevel=3)
+        return factors
 
     def _set_joints(self, joints: tuple[str, ...]) -> None:
         """Set the column names, and scikit-learn's attributes of the same."""

@@ -10,7 +10,7 @@ import numpy as np
 from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
-from dreba.surrogates.task_factors import TaskFactors
+from dreba.surrogates.task_factors import TaskFactors, varying
 from dreba.surrogates.validation import check_sample_count
 from reba.arrays import Array, Indices
 from reba.checks import COUNT, POSITIVE, Allowed
@@ -106,6 +106,7 @@ class ConvexModel(Surrogate):
         sum_profiles = (np.arange(count)[:, None] == profile).astype(float)
         n = len(poses)
         load, coupling, activity = np.broadcast_arrays(*_points(factors, n), factors.activity, np.zeros(n))[:3]
+        load, coupling = varying(load, weights), varying(coupling, weights)
         size = count * self.knots + 4
         gram, right = np.zeros((size, size)), np.zeros(size)
         for start in range(0, n, CHUNK):
@@ -194,8 +195,11 @@ class ConvexModel(Surrogate):
         past -= self._offset
         return past
 
+    def _factor_weights(self) -> dict[str, float]:
+        return {"load": float(self.points_[0]), "coupling": float(self.points_[1]), "activity": 1.0}
+
     def _payload(self) -> dict[str, Any]:
-        return {"form": "classes", "load": float(self.points_[0]), "coupling": float(self.points_[1]), "activity": 1.0}
+        return {"form": "classes", **self._factor_weights()}
 
 
 def _hinge(t: Array) -> Array:

@@ -19,7 +19,7 @@ from dreba.surrogates.soft import LADDER, SoftModel
 from dreba.surrogates.task_factors import TaskFactors
 from dreba.surrogates.validation import FALLING
 from reba.arrays import Array
-from reba.checks import COUNT, POSITIVE, SEED, Allowed, one_of
+from reba.checks import COUNT, POSITIVE, SEED, Allowed, accepts, instance, one_of
 
 FIRST: dict[str, type[Surrogate]] = {"quadratic": QuadraticModel, "convex": ConvexModel}
 """Kinds of the first stage."""
@@ -37,8 +37,8 @@ class Stage(NamedTuple):
 
         Example:
             >>> import dreba
-            >>> poses = dreba.sample(200, rng=0)
-            >>> model = GraduatedModel(updates=5).fit(poses.angles, poses.reba)
+            >>> poses = dreba.sample(200, rng=0, factors=["load"])
+            >>> model = GraduatedModel(updates=5).fit(poses, poses.reba, factors=poses.factors)
             >>> value, slope = model.stages_[0].objective(load=3.0)(poses.angles[0])
             >>> slope.shape
             (22,)
@@ -101,6 +101,11 @@ class GraduatedModel(Surrogate):
         self.joints = joints
 
     @staticmethod
+    @accepts(
+        ModelError,
+        first=instance("a fitted convex or quadratic model", Surrogate),
+        soft=instance("fitted soft tables", SoftModel),
+    )
     def of(first: Surrogate, soft: SoftModel) -> GraduatedModel:
         """Return the graduated model of two fitted models.
 

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from dreba.domain import Bins, Domain, domain_of
+from dreba.domain import Domain, domain_of
 from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
+from dreba.surrogates.bounded_qp import build_qp, solve
+from dreba.surrogates.part_polynomials import MINIMA, Minimum, lowest_class, part_polynomials
 from dreba.surrogates.registry import register
-from dreba.surrogates.task_factors import OMEGA_LOAD, PAYLOADS, Payload, TaskFactors, delta_payload
+from dreba.surrogates.task_factors import OMEGA_LOAD, PAYLOADS, Payload, TaskFactors, delta_payload, varying
 from dreba.surrogates.validation import check_sample_count
-from reba.arrays import Array, Flags
+from reba.arrays import Array
 from reba.checks import NOT_NEGATIVE, POSITIVE, YES_NO, Allowed, one_of
-from reba.posture.columns import ANGLES, COLUMNS, MIRRORED
+from reba.posture.columns import ANGLES, BEST, COLUMNS, MIRRORED
 
 
 @register
@@ -31,8 +32,12 @@ class QuadraticModel(Surrogate):
         free: fit the polynomials of all angles together to the true scores instead (w_i = 1).
         intercept: whether there is a constant b. Equation (1) has none, the authors' published code has (-0.206).
         curvature: "nonnegative": convex polynomials, and so a convex model; "any": plain least squares.
+        minimum: "lowest": the minimum of each convex polynomial lies in the class of lowest points of its angle, and so
+            the minimum of the model where every part has its lowest score; "free": anywhere; None for "lowest", and for
+            "free" with `free`.
         payload: "tree" (equation 3) or "linear" (equation 4).
         omega_load: [kg] load that costs 1 point in the linear payload.
+        payload_only: equation (1) to the letter: load is the only factor, coupling and activity cost nothing.
         class_power: the squared error of a pose of REBA class c has the weight c ** -class_power; 0 for plain least
             squares. More weight on low classes (0.5 or 1) moves errors per class towards the published ones.
         joints: names of the columns; None for `reba.COLUMNS`.
@@ -41,8 +46,8 @@ class QuadraticModel(Surrogate):
         polynomials_: (d, 3) coefficients of Q_i: 1, q, q^2, q in degrees.
         weights_: (d,) w_i.
         intercept_: b.
-        coupling_weight_: weight of the coupling points of the worse hand; 0 if the poses had good coupling only.
-            Activity points are added with weight 1, as in REBA.
+        coupling_weight_: weight of the coupling points of the worse hand; 0 if the poses all had the same coupling.
+            Activity points are added with weight 1, as in REBA, unless `payload_only`.
 
     Example:
         >>> import dreba
@@ -61,8 +66,10 @@ class QuadraticModel(Surrogate):
         "free": YES_NO,
         "intercept": YES_NO,
         "curvature": one_of("nonnegative", "any"),
+        "minimum": one_of(*MINIMA).or_none(),
         "payload": one_of(*PAYLOADS),
         "omega_load": POSITIVE,
+        "payload_only": YES_NO,
         "class_power": NOT_NEGATIVE,
     }
 
@@ -78,8 +85,10 @@ class QuadraticModel(Surrogate):
         free: bool = False,
         intercept: bool = True,
         curvature: Literal["nonnegative", "any"] = "nonnegative",
+        minimum: Minimum | None = None,
         payload: Payload = "tree",
         omega_load: float = OMEGA_LOAD,
+        payload_only: bool = False,
         class_power: float = 0.0,
         joints: Sequence[str] | None = None,
     ) -> None:
@@ -87,8 +96,10 @@ class QuadraticModel(Surrogate):
         self.free = free
         self.intercept = intercept
         self.curvature = curvature
+        self.minimum = minimum
         self.payload = payload
         self.omega_load = omega_load
+        self.payload_only = payload_only
         self.class_power = class_power
         self.joints = joints
 
@@ -101,19 +112,22 @@ class QuadraticModel(Surrogate):
 
     def _fit(self, poses: Array, scores: Array, weights: Array, factors: TaskFactors) -> None:
         self._check_columns()
-        groups = _groups(self.joints_)
-        targets = scores - delta_payload(factors.load, self.payload, self.omega_load) - factors.activity
+        check_sample_count(len(scores))
+        targets = scores - delta_payload(factors.load, self.payload, self.omega_load)
+        coupling = np.zeros(len(scores))  # a column of zeros gets weight 0
+        if not self.payload_only:
+            targets = targets - factors.activity
+            coupling = varying(np.broadcast_to(np.maximum(*factors.coupling), len(scores)), weights)
         if self.class_power:
             weights = weights * np.maximum(scores, 1.0) ** -self.class_power
-        features, bounded = self._free_features(poses, groups) if self.free else self._features(poses, groups)
-        worse = np.broadcast_to(np.maximum(*factors.coupling), len(scores)).astype(float)
-        columns = np.column_stack([features, worse, np.full(len(scores), float(self.intercept))])
-        unbounded = np.append(~bounded, [False, True])
-        check_sample_count(len(scores))
+        terms = self._free_terms() if self.free else self._part_terms()
+        features = [np.sum(_evaluate(poses[:, term.group], term.polynomials), axis=1) for term in terms]
+        columns = np.column_stack([*features, coupling, np.full(len(scores), float(self.intercept))])
+        unbounded = np.array([term.free for term in terms] + [False, True])
         solution = solve(build_qp(columns, targets, weights, unbounded))
         self.coupling_weight_ = float(solution[-2])
         self.intercept_ = float(solution[-1]) if self.intercept else 0.0
-        self._set_fitted(solution[:-2], groups)
+        self._set_fitted(terms, solution[:-2])
         self._set_coefficients()
 
     def _check_columns(self) -> None:
@@ -123,34 +137,39 @@ class QuadraticModel(Surrogate):
                 f"column {unknown[0]!r} has no part table; name columns of reba.COLUMNS by joints=, or use free=True"
             )
 
-    def _features(self, poses: Array, groups: list[list[int]]) -> tuple[Array, Flags]:
-        """Return features (n, g), the sum of Q_i over the columns of each group, all with weights >= 0."""
-        self.polynomials_ = part_polynomials(domain_of(self.domain), self.joints_, self.curvature == "nonnegative")
-        c0, c1, c2 = self.polynomials_.T
-        values = c0 + poses * (c1 + c2 * poses)
-        features = np.stack([values[:, group].sum(axis=1) for group in groups], axis=1)
-        return features, np.ones(len(groups), bool)
+    def _part_terms(self) -> list[_Term]:
+        """Return a term for each angle, Q_i of its columns, with weights >= 0."""
+        convex = self.curvature == "nonnegative"
+        polynomials = part_polynomials(domain_of(self.domain), self.joints_, convex, self.minimum or "lowest")
+        return [_Term(group, polynomials[group], False) for group in _groups(self.joints_)]
 
-    def _free_features(self, poses: Array, groups: list[list[int]]) -> tuple[Array, Flags]:
-        """Return features (n, 2g), angle and squared angle of each group, and which coefficients are >= 0."""
-        linear = np.stack([poses[:, group].sum(axis=1) for group in groups], axis=1)
-        # A symmetric body has no linear term in angles that change sign in a mirror.
-        linear[:, [self.joints_[group[0]] in MIRRORED for group in groups]] = 0.0
-        squared = np.stack([(poses[:, group] ** 2).sum(axis=1) for group in groups], axis=1)
-        bounded = np.repeat([False, self.curvature == "nonnegative"], len(groups))
-        return np.hstack([linear, squared]), bounded
+    def _free_terms(self) -> list[_Term]:
+        """Return terms whose sum is the polynomial of each angle: two parabolas, or its square and itself."""
+        terms = []
+        for group in _groups(self.joints_):
+            for polynomial, free in self._free_polynomials(self.joints_[group[0]]):
+                terms.append(_Term(group, np.tile(polynomial, (len(group), 1)), free))
+        return terms
 
-    def _set_fitted(self, solution: Array, groups: list[list[int]]) -> None:
-        """Set the learned arrays of the columns from the coefficients of the groups."""
-        group_of = np.empty(len(self.joints_), int)
-        for index, group in enumerate(groups):
-            group_of[group] = index
-        if self.free:
-            self.weights_ = np.ones(len(self.joints_))
-            linear, squared = solution[: len(groups)][group_of], solution[len(groups) :][group_of]
-            self.polynomials_ = np.column_stack([np.zeros(len(group_of)), linear, squared])
-        else:
-            self.weights_ = solution[group_of]
+    def _free_polynomials(self, joint: str) -> list[tuple[Array, bool]]:
+        """Return polynomials (3,) and whether their weight may be negative."""
+        convex = self.curvature == "nonnegative"
+        square = (np.array([0.0, 0.0, 1.0]), not convex)
+        if joint in MIRRORED:  # a symmetric body has no linear term in angles that change sign in a mirror
+            return [square]
+        if joint not in COLUMNS or not convex or self.minimum != "lowest":
+            return [(np.array([0.0, 1.0, 0.0]), True), square]
+        ends = lowest_class(domain_of(self.domain).bins_of(joint), BEST[joint])
+        return [(np.array([0.0, -2.0 * end, 1.0]), False) for end in ends]
+
+    def _set_fitted(self, terms: list[_Term], solution: Array) -> None:
+        """Set the learned arrays of the columns from the weights of the terms."""
+        self.weights_ = np.ones(len(self.joints_))
+        self.polynomials_ = np.zeros((len(self.joints_), 3))
+        for term, weight in zip(terms, solution, strict=True):
+            self.polynomials_[term.group] += (weight if self.free else 1.0) * term.polynomials
+            if not self.free:
+                self.weights_[term.group] = weight
 
     def _set_coefficients(self) -> None:
         """Set constant, linear and curvature coefficients of evaluation."""
@@ -169,8 +188,10 @@ class QuadraticModel(Surrogate):
 
     def _factor_points(self, factors: TaskFactors) -> Any:
         """Return the points of load, coupling and activity, a float or (n,)."""
-        points = delta_payload(factors.load, self.payload, self.omega_load) + np.asarray(factors.activity, np.float64)
-        return points + self.coupling_weight_ * np.maximum(*(np.asarray(side, np.float64) for side in factors.coupling))
+        points = delta_payload(factors.load, self.payload, self.omega_load)
+        if self.payload_only:
+            return points
+        return points + factors.activity + self.coupling_weight_ * np.maximum(*factors.coupling)
 
     def _value_gradient(self, poses: Array, factors: TaskFactors) -> tuple[Array, Array]:
         # value = constant + sum_i q_i (gradient_i + linear_i) / 2, with the gradient of equation (2)
@@ -191,9 +212,27 @@ class QuadraticModel(Surrogate):
         factor = np.diag(np.sqrt(np.maximum(self.twice_curvature_, 0.0)))
         return np.broadcast_to(factor, (len(poses), *factor.shape)).copy()
 
+    def _factor_weights(self) -> dict[str, float]:
+        activity = 0.0 if self.payload_only else 1.0
+        return {"load": 1.0, "coupling": self.coupling_weight_, "activity": activity}
+
     def _payload(self) -> dict[str, Any]:
         omega = self.omega_load if self.payload == "linear" else None
-        return {"form": self.payload, "omega_load": omega, "coupling": self.coupling_weight_, "activity": 1.0}
+        return {"form": self.payload, "omega_load": omega, **self._factor_weights()}
+
+
+class _Term(NamedTuple):
+    """Polynomials (k, 3) of a group of columns (k,) with one weight, which is >= 0 unless `free`."""
+
+    group: list[int]
+    polynomials: Array
+    free: bool
+
+
+def _evaluate(angles: Array, polynomials: Array) -> Array:
+    """Return the polynomials (k, 3) at angles (n, k)."""
+    c0, c1, c2 = polynomials.T
+    return np.asarray(c0 + angles * (c1 + c2 * angles))
 
 
 def _groups(joints: tuple[str, ...]) -> list[list[int]]:
@@ -203,122 +242,3 @@ def _groups(joints: tuple[str, ...]) -> list[list[int]]:
     for index, joint in enumerate(joints):
         groups.setdefault(name_of.get(joint, joint), []).append(index)
     return list(groups.values())
-
-
-_SCALE = 100.0
-"""[deg] Unit of angles in the normal equations, which keeps their powers near 1."""
-
-
-def fit_polynomial(bins: Bins, convex: bool = True) -> Array:
-    """Return (c0, c1, c2) of the least-squares polynomial c0 + c1 q + c2 q^2 of a step function, q [deg].
-
-    The squared error is integrated exactly over the range of the angle. If c2 >= 0 is required (`convex`) and c2 < 0,
-    the best convex parabola is the least-squares line.
-
-    Example:
-        >>> fit_polynomial(Bins((-30.0, -10.0, 10.0, 30.0), (1, 0, 1))).round(4).tolist()
-        [0.2963, 0.0, 0.0012]
-    """
-    edges = np.array(bins.edges) / _SCALE
-    points = np.array(bins.points, np.float64)
-    if edges[0] == edges[-1]:
-        return np.array([points[0], 0.0, 0.0])
-    moments = np.stack([np.diff(edges ** (power + 1)) / (power + 1) for power in range(5)])
-    size = 3
-    gram = np.array([[moments[i + j].sum() for j in range(size)] for i in range(size)])
-    target = moments[:size] @ points
-    coefficients = np.linalg.solve(gram, target)
-    if convex and coefficients[2] < 0:
-        coefficients = np.append(np.linalg.solve(gram[:2, :2], target[:2]), 0.0)
-    return np.asarray(coefficients / _SCALE ** np.arange(size), np.float64)
-
-
-def part_polynomials(domain: Domain, joints: tuple[str, ...], convex: bool = True) -> Array:
-    """Return coefficients (d, 3) of the polynomials of each column, fitted to its points above the lowest.
-
-    The lowest points of all columns are a constant, which belongs to the intercept: a neutral posture then costs about
-    the intercept, whatever the weights.
-    """
-    steps = [domain.bins_of(joint) for joint in joints]
-    lowered = [Bins(bins.edges, tuple(points - min(bins.points) for points in bins.points)) for bins in steps]
-    return np.array([fit_polynomial(bins, convex) for bins in lowered])
-
-
-_RIDGE = 1e-8
-"""Ridge of the QP, whose features have root mean square 1; it makes the optimum unique."""
-_CORRECTIONS = 20
-"""Maximum number of active-set corrections after the interior point solver: more than the sign changes it leaves."""
-
-
-@dataclass(frozen=True)
-class BoundedQP:
-    """Bounded least squares of features (n, k) and targets (n,) as a QP: min 1/2 w'Pw + q'w subject to w >= lower.
-
-    Attributes:
-        P: (k, k), features' S features / sum(S) with the sample weights S, plus a ridge.
-        q: (k,) -features' S targets / sum(S).
-        lower: (k,), -inf where a weight is free.
-        scale: (k,) root mean square of each feature, by which P and q are divided.
-    """
-
-    P: Array
-    q: Array
-    lower: Array
-    scale: Array
-
-
-def build_qp(features: Array, targets: Array, sample_weight: Array, free: Flags) -> BoundedQP:
-    """Return the QP of features (n, k), targets (n,) and sample weights (n,); `free` (k,) weights have no bound."""
-    share = sample_weight / sample_weight.sum()
-    scale = np.sqrt(share @ features**2)
-    scale = np.where(scale > 0, scale, 1.0)
-    scaled = features / scale
-    weighted = scaled * share[:, None]
-    # With the ridge, features that are constant or equal get the smallest weights instead of arbitrary ones.
-    program = weighted.T @ scaled + _RIDGE * np.eye(features.shape[1])
-    return BoundedQP(program, -weighted.T @ targets, np.where(free, -np.inf, 0.0), scale)
-
-
-def solve(program: BoundedQP) -> Array:
-    """Return the optimal weights (k,); ModelError unless the solution satisfies the optimality conditions."""
-    from qpsolvers import solve_qp
-    from scipy.sparse import csc_matrix
-
-    solution = solve_qp(csc_matrix(program.P), program.q, lb=program.lower, solver="clarabel")
-    if solution is None:
-        raise ModelError("the QP of the weights has no solution: the poses do not determine them; give more poses")
-    weights = _polished(program, np.maximum(solution, program.lower))
-    if residual(program, weights) > 1e-6 * max(1.0, float(np.abs(program.q).max())):
-        raise ModelError("the weights do not satisfy the optimality conditions; give poses that vary more")
-    # A feature that is zero in all poses gets weight 0; its diagonal is the ridge alone.
-    return np.where(np.diag(program.P) > 2 * _RIDGE, weights / program.scale, 0.0)
-
-
-def _polished(program: BoundedQP, scaled: Array) -> Array:
-    """Return the exact optimum near an interior point solution (k,), by a primal-dual active set method.
-
-    An interior point solution is slightly off the bounds. It gives the first active set; the free weights then solve a
-    linear system, and the active set is corrected until the optimality conditions are satisfied. The solution of the
-    smallest residual is returned.
-    """
-    bounded = np.isfinite(program.lower)
-    slope = program.P @ scaled + program.q
-    inside = ~bounded | (scaled > slope)
-    best = scaled
-    for _ in range(_CORRECTIONS):
-        exact = np.zeros_like(scaled)
-        exact[inside] = np.linalg.solve(program.P[np.ix_(inside, inside)], -program.q[inside])
-        if residual(program, exact) < residual(program, best):
-            best = exact
-        wrong = bounded & np.where(inside, exact < 0, program.P @ exact + program.q < 0)
-        if not wrong.any():
-            break
-        inside = inside ^ wrong
-    return best
-
-
-def residual(program: BoundedQP, scaled: Array) -> float:
-    """Return the largest violation of the optimality conditions by scaled weights (k,): 0 at the optimum."""
-    slope = program.P @ scaled + program.q
-    bounded = np.isfinite(program.lower)
-    return float(np.abs(np.where(bounded, np.minimum(scaled, slope), slope)).max())

@@ -81,6 +81,9 @@ class NetModel(Surrogate):
             warnings.simplefilter("ignore", ConvergenceWarning)  # the fit has a fixed number of epochs
             net.fit((inputs - self.middle_) / self.spread_, scores - factors.activity, weights)
         self.layers_, self.biases_ = list(net.coefs_), list(net.intercepts_)
+        constant = deviation <= 1e-9
+        constant[: poses.shape[1]] = False
+        self.layers_[0][constant] = 0.0  # the weights of a factor that no pose varies in are those of the start
 
     def _restore(self, state: dict[str, Any]) -> None:
         if set(state) != set(self.learned):
@@ -119,6 +122,10 @@ class NetModel(Surrogate):
 
     def _hessian(self, poses: Array, factors: TaskFactors) -> Array:
         return np.zeros((len(poses), len(self.joints_), len(self.joints_)))
+
+    def _factor_weights(self) -> dict[str, float]:
+        load, left, right = (float(abs(row).max()) for row in self.layers_[0][-3:])
+        return {"load": load, "coupling": max(left, right), "activity": 1.0}
 
     def _payload(self) -> dict[str, Any]:
         return {"form": "inputs"}

@@ -41,6 +41,10 @@ class Serialisable(Protocol):
     joints_: tuple[str, ...]
     about_: ModelInfo
 
+    @property
+    def factors_(self) -> tuple[str, ...]:
+        """Factors that the model knows."""
+
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Return the constructor parameters."""
 
@@ -67,7 +71,7 @@ def to_dict(model: Serialisable) -> dict[str, Any]:
         "kind": model.kind,
         "joints": {"names": list(model.joints_), "unit": "deg"},
         "parameters": {"options": options, "learned": model._state()},
-        "payload": model._payload(),
+        "payload": _payload(model),
         "domain": model.about_.domain,
         "rmse": model.about_.rmse,
         "provenance": model.about_.provenance,
@@ -133,12 +137,18 @@ def _build(data: dict[str, Any]) -> Any:
         raise ModelError("option 'joints' does not agree with the names of the joints; the file is damaged")
     model._set_joints(tuple(names))
     model._restore(learned)
-    if json.loads(as_json(model._payload())) != data["payload"]:
+    # Files written before a key was added lack it.
+    own = json.loads(as_json(_payload(model)))
+    if "form" not in data["payload"] or any(own.get(key, data) != value for key, value in data["payload"].items()):
         raise ModelError("'payload' does not agree with the parameters; the file is damaged")
     if not all(isinstance(rmse, int | float) for rmse in data["rmse"].values()):
         raise ModelError("'rmse' has a value that is not a number; the file is damaged")
     model.about_ = ModelInfo(data["domain"], data["rmse"], data["provenance"])
     return model
+
+
+def _payload(model: Serialisable) -> dict[str, Any]:
+    return {**model._payload(), "known": list(model.factors_)}
 
 
 def save(model: Serialisable, path: str | Path) -> None:

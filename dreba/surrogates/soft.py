@@ -15,7 +15,7 @@ from dreba.surrogates.soft_tables import SoftTables
 from dreba.surrogates.task_factors import TaskFactors
 from dreba.surrogates.validation import FALLING, check_parameters
 from reba.arrays import Array
-from reba.checks import COUNT, POSITIVE, SEED, YES_NO, Allowed
+from reba.checks import COUNT, POSITIVE, SEED, YES_NO, Allowed, accepts
 from reba.method.rules import Rules, load_points, rules_of
 from reba.posture.columns import ANGLES, COLUMNS
 from reba.posture.factors import load_kg
@@ -93,6 +93,7 @@ class SoftModel(Surrogate):
         self.seed = seed
         self.joints = joints
 
+    @accepts(ModelError, temperature=POSITIVE.or_none())
     def tables(self, temperature: float | None = None) -> SoftTables:
         """Return the tables at a temperature [deg]: one of the ladder if learned, else any; None for the default.
 

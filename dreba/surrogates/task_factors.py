@@ -2,27 +2,45 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, Final, Literal, NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dreba.errors import ModelError
-from reba.checks import shown
-from reba.errors import did_you_mean
+from reba.arrays import Array
+from reba.checks import is_finite, shown
+from reba.errors import PostureError, did_you_mean
 from reba.method.factor_points import points
 from reba.method.rules import Rules, load_points
-from reba.posture.factors import FACTORS, Factors
+from reba.posture.columns import COLUMNS_OF, SIDES
+from reba.posture.factors import ACTIVITIES, COUPLINGS, FACTORS, GRIPS, SUPPORTS, Factors, codes, flag
 from reba.posture.factors import load_kg as checked_load
 
 
 class TaskFactorArguments(TypedDict, total=False):
-    """Keywords of an evaluation (`Surrogate.value` and the others), with the units and defaults of `TaskFactors`."""
+    """Keywords of an evaluation (`Surrogate.value` and the others), as `reba.score` takes them.
+
+    Attributes:
+        load: [kg], not negative.
+        coupling: of both hands, or of the left and the right one: words ("good", "fair", "poor", "unacceptable") or
+            points from 0 to 3. Two entries are always left and right; (n, 2) has them for each pose.
+        activity: points from 0 to 3, or words: "none", or a comma list of static, repeated, unstable.
+        temperature: [deg] of the smoothing, one value.
+        coupling_left, coupling_right: of one hand.
+        static, repeated, unstable: yes or no, one point each, in the place of `activity`.
+    """
 
     load: Any
-    coupling: tuple[Any, Any]
+    coupling: Any
     activity: Any
     temperature: float | None
+    coupling_left: Any
+    coupling_right: Any
+    static: Any
+    repeated: Any
+    unstable: Any
 
 
 class TaskFactors(NamedTuple):
@@ -69,30 +87,97 @@ class TaskFactors(NamedTuple):
         """
         if not arguments:
             return DEFAULT_FACTORS
+        known = tuple(TaskFactorArguments.__annotations__)
         for name in arguments:
-            if name not in TaskFactors._fields:
-                near = did_you_mean(name, TaskFactors._fields)
-                raise ModelError(f"keyword {name!r} is unknown{near}; expected {', '.join(TaskFactors._fields)}")
-        load, coupling, activity, temperature = DEFAULT_FACTORS._replace(**arguments)
-        if not isinstance(coupling, tuple | list) or len(coupling) != 2:
-            raise ModelError(f"coupling is {coupling!r}; expected left and right points, such as (0, 1)")
+            if name not in known:
+                near = did_you_mean(name, known)
+                raise ModelError(f"keyword {name!r} is unknown{near}; expected {', '.join(known)}")
+        load, temperature = arguments.get("load", 0.0), arguments.get("temperature")
         _check("load", load, n, np.inf, "kilograms, 0 or more")
-        for side in coupling:
-            _check("coupling", side, n, HIGHEST_POINTS, "points from 0 (good) to 3 (unacceptable)")
-        _check("activity", activity, n, HIGHEST_POINTS, "points from 0 to 3")
-        if temperature is not None and (not isinstance(temperature, _NUMBER) or isinstance(temperature, bool)):
-            raise ModelError(f"temperature is {temperature!r}; expected degrees, or None for the model's default")
+        coupling = _hands(arguments.get("coupling", DEFAULT_FACTORS.coupling), n)
+        sides = [_grip(arguments.get(f"coupling_{side}", one)) for side, one in zip(SIDES, coupling, strict=True)]
+        for side in sides:
+            _check("coupling", side, n, HIGHEST_POINTS, _GRIPS)
+        activity = _activity(arguments, n)
+        _check("activity", activity, n, HIGHEST_POINTS, _ACTIVITY)
+        if temperature is not None and not is_finite(temperature):
+            raise ModelError(f"temperature is {shown(temperature)}; expected degrees, or None for the model's default")
         return TaskFactors(
-            load, (coupling[0], coupling[1]), activity, None if temperature is None else float(temperature)
+            _plain(load),
+            (_plain(sides[0]), _plain(sides[1])),
+            _plain(activity),
+            None if temperature is None else float(temperature),
         )
 
 
 DEFAULT_FACTORS: Final = TaskFactors()
 """No load, good coupling, no activity, the default temperature of the model."""
-_MODELLED: Final = ("load", "coupling_left", "coupling_right", "static", "repeated", "unstable")
+MODELLED: Final = ("load", "coupling", "activity")
+"""Factors that a surrogate may know."""
+_FIELDS: Final = ("load", "coupling_left", "coupling_right", "static", "repeated", "unstable")
 HIGHEST_POINTS: Final = 3
 """Maximum of the coupling points of a hand and of the activity points (REBA, Hignett & McAtamney 2000)."""
-_NUMBER: Final = (int, float, np.integer, np.floating)
+_GRIPS: Final = f"{', '.join(COUPLINGS)}, or points from 0 (good) to 3 (unacceptable)"
+_SITTING: Final = SUPPORTS.index("sitting")
+_ACTIVITY: Final = f"points from 0 to 3, or none, or a comma list of {', '.join(ACTIVITIES)}"
+
+
+def _hands(given: Any, n: int) -> tuple[Any, Any]:
+    """Return the coupling of the left and of the right hand: two entries are both hands, anything else is for both."""
+    if isinstance(given, str):
+        return given, given
+    if isinstance(given, tuple | list):
+        return (given[0], given[1]) if len(given) == len(SIDES) else (given, given)
+    shape = np.shape(given)
+    if shape == (len(SIDES),) or (len(shape) == 2 and shape[1] == len(SIDES)):
+        values = np.asarray(given)
+        return values[..., 0], values[..., 1]
+    return given, given
+
+
+def _grip(given: Any) -> Any:
+    """Return coupling with words read as points, one or (n,); numbers as they are."""
+    if type(given) in (int, float):
+        return given
+    try:
+        values = np.asarray(given)
+        if values.dtype.kind in "OUS" and values.ndim < 2:
+            places = codes(GRIPS[0], values, COUPLINGS, values.size).astype(np.float64)
+            return places if values.ndim else float(places[0])
+    except (ValueError, TypeError) as error:
+        raise ModelError(f"coupling is {str(given)[:80]!r}; expected {_GRIPS}") from error
+    return given
+
+
+def _activity(arguments: TaskFactorArguments, n: int) -> Any:
+    """Return the activity points, of words and of the three kinds too."""
+    given = arguments.get("activity", 0)
+    kinds = [name for name in ACTIVITIES if name in arguments]
+    try:
+        if isinstance(given, str):
+            words = [] if given.strip().lower() == "none" else [word.strip().lower() for word in given.split(",")]
+            if not set(words) <= set(ACTIVITIES):
+                raise ModelError(f"activity is {given[:80]!r}; expected {_ACTIVITY}")
+            given = len(set(words))
+        if not kinds:
+            return given
+        if "activity" in arguments:
+            raise ModelError(f"activity and {kinds[0]} are given; expected one or the other")
+        flags = [flag(name, arguments[name], n) for name in kinds]
+        return np.sum(np.broadcast_arrays(*flags), axis=0, dtype=np.float64)
+    except PostureError as error:
+        raise ModelError(str(error)) from error
+
+
+def _plain(value: Any) -> Any:
+    """Return numbers as they are and all else as an array."""
+    return value if type(value) in (int, float) else np.asarray(value, np.float64)
+
+
+def varying(values: Any, weights: Array) -> Array:
+    """Return values (n,) of a factor, or zeros if all poses of weight above 0 have the same: no weight is learned."""
+    counted = values[weights > 0]
+    return np.asarray(values if counted.size and np.ptp(counted) > 0 else np.zeros(len(values)), np.float64)
 
 
 def _check(name: str, value: Any, n: int, highest: float, expected: str) -> None:
@@ -114,14 +199,20 @@ def task_factors_of(factors: Factors | None, n: int) -> TaskFactors:
     """Return REBA factors of n poses as load [kg] and coupling and activity points, (n,) each.
 
     Raises:
-        ModelError: a factor that no surrogate takes (shock, support, arm support) is not at its default.
+        ModelError: a factor that no surrogate takes (shock, arm support, support other than both legs or sitting) is
+            not at its default.
         reba.PostureError: a factor has a wrong value or length.
     """
     if factors is None:
         return DEFAULT_FACTORS
+    # A seated pose costs what standing with straight knees does, see `seated_angles`.
+    support = codes("support", factors.support, SUPPORTS, n)
+    factors = dataclasses.replace(
+        factors, support=np.where(support == _SITTING, SUPPORTS[0], np.array(SUPPORTS)[support])
+    )
     for name in FACTORS:
         default = getattr(Factors(), name)
-        if name not in _MODELLED and np.any(np.asarray(getattr(factors, name)) != default):
+        if name not in _FIELDS and np.any(np.asarray(getattr(factors, name)) != default):
             raise ModelError(
                 f"factor {name} differs from {default!r} in some poses; surrogates take load, coupling and activity "
                 f"only, so leave such poses out or use reba.score"
@@ -129,6 +220,24 @@ def task_factors_of(factors: Factors | None, n: int) -> TaskFactors:
     factor_points = points(factors, Rules(), n)
     coupling = tuple(side.astype(float) for side in factor_points.coupling)
     return TaskFactors(checked_load(factors.load, n), (coupling[0], coupling[1]), factor_points.activity.astype(float))
+
+
+def seated_angles(angles: Array, joints: tuple[str, ...], factors: Factors | None) -> Array:
+    """Return angles (n, d) [deg] with the knees of seated poses straight.
+
+    Knees do not count while sitting, and the legs then have the same score as standing on both legs: to a surrogate,
+    whose score has no support of the legs, a seated pose is one with straight knees.
+    """
+    if factors is None:
+        return angles
+    seated = codes("support", factors.support, SUPPORTS, len(angles)) == _SITTING
+    knees = [index for index, joint in enumerate(joints) if joint in COLUMNS_OF["knee_flexion"]]
+    if not (seated.any() and knees):
+        return angles
+    out = angles.copy()
+    for knee in knees:
+        out[np.broadcast_to(seated, len(angles)), knee] = 0.0
+    return out
 
 
 Payload = Literal["tree", "linear"]

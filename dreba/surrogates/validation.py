@@ -20,7 +20,7 @@ def checked_weights(sample_weight: ArrayLike | None, n: int) -> Array:
     """Return the weights (n,) of n poses, ones for None; ModelError unless finite, not negative and not all 0."""
     try:
         weights = np.ones(n) if sample_weight is None else np.asarray(sample_weight, np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ModelError(f"sample_weight has a value that is not a number; expected ({n},) weights") from error
     if weights.ndim == 0:
         weights = np.full(n, float(weights))
@@ -73,6 +73,12 @@ def checked_joints(named: Any, columns: int, kind: str, any_columns: bool) -> tu
     return joints
 
 
+JOINTS: Final = Allowed(
+    "column names such as ('trunk_flexion', 'neck_flexion'), or None",
+    lambda value: (
+        value is None or (isinstance(value, tuple | list | np.ndarray) and all(isinstance(item, str) for item in value))
+    ),
+)
 COUNTS: Final = Allowed(
     "whole numbers above 0, such as (124, 7)",
     lambda value: isinstance(value, tuple | list) and len(value) > 0 and all(COUNT.fits(item) for item in value),

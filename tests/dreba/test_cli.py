@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 import dreba
+import reba
 from dreba.cli import cli, main
 from reba.posture.columns import COLUMNS
 from tests.support.says import says
@@ -81,6 +82,58 @@ def test_fit_draws_poses_and_keeps_others_for_the_error(run: Run, tmp_path: Path
     assert code == 0
 
 
+def test_fit_as_the_paper_comes_near_table_1(run: Run, tmp_path: Path) -> None:
+    made = tmp_path / "paper.json"
+    code, out, _ = run("fit", "--as", "paper", "--seed", 1, "-o", made)
+    assert code == 0
+    words = " ".join(out.split())
+    assert 'setting: quadratic, domain paper, class_power=1, payload="linear", payload_only=true' in words
+    assert float(words.split("difference to Table I ")[1].split()[0]) <= 0.20
+    assert dreba.load(made).factors_ == ("load",)
+    code, out, _ = run("evaluate", made, "--seed", 4, "--json")
+    assert json.loads(out)["factors"] == ["load"]
+    assert "class_power=1" in json.loads(out)["setting"]
+
+
+@pytest.mark.parametrize("poses", ["drawn", "file without factors", "recording"])
+def test_every_fit_knows_load_coupling_and_activity(run: Run, tmp_path: Path, poses: str) -> None:
+    drawn = dreba.sample(1500, rng=3)
+    drawn.save(tmp_path / "poses.parquet")
+    pd.DataFrame(drawn.angles, columns=list(COLUMNS)).assign(time=np.arange(1500)).to_csv(tmp_path / "shift.csv")
+    given = {"drawn": ("-n", 1500), "recording": ("--poses", tmp_path / "shift.csv")}
+    words = given.get(poses, ("--poses", tmp_path / "poses.parquet"))
+    for kind in ("quadratic", "convex"):
+        code, out, _ = run("fit", "--kind", kind, *words, "-o", tmp_path / "m.json", "--json")
+        assert code == 0
+        assert json.loads(out)["factors"] == ["load", "coupling", "activity"]
+        model = dreba.load(tmp_path / "m.json")
+        heavy = {"load": 15.0, "coupling": "unacceptable"}
+        exact = (reba.score_array(drawn.angles, heavy).reba.astype(float) - drawn.reba).mean()
+        rise = (model.value(drawn.angles, **heavy) - model.value(drawn.angles)).mean()
+        assert rise == pytest.approx(exact, abs=0.5)
+
+
+def test_radians_in_a_recording_are_warned_about_once(run: Run, tmp_path: Path) -> None:
+    drawn = dreba.sample(600, rng=3)
+    table = pd.DataFrame(np.radians(drawn.angles), columns=list(COLUMNS)).assign(time=np.arange(600) / 10)
+    table.to_csv(tmp_path / "shift.csv", index=False)
+    for words in (("fit", "-o", tmp_path / "m.json"), ("evaluate", tmp_path / "m.json")):
+        code, _, err = run(*words, "--poses", tmp_path / "shift.csv", "--json")
+        assert code == 0
+        assert err.count("look like radians") == 1
+
+
+def test_a_seated_recording_can_be_fitted(run: Run, tmp_path: Path) -> None:
+    drawn = dreba.sample(1500, range(1, 10), rng=3)
+    table = pd.DataFrame(drawn.angles, columns=list(COLUMNS)).assign(time=np.arange(1500) / 10)
+    table.assign(support="sitting", unstable=True).to_csv(tmp_path / "seated.csv", index=False)
+    code, _, err = run("fit", "--poses", tmp_path / "seated.csv", "-o", tmp_path / "m.json", "--json")
+    assert (code, err.splitlines()) == (0, [f"written: {tmp_path / 'm.json'}"])
+    code, out, _ = run("evaluate", tmp_path / "m.json", "--poses", tmp_path / "seated.csv", "--json")
+    assert code == 0
+    assert json.loads(out)["overall"]["rmse"] < 2.0
+
+
 def test_fit_on_a_recording_weighs_classes_evenly(run: Run, tmp_path: Path) -> None:
     poses = dreba.sample(2000, [1, 2, 9], rng=1)
     uneven = poses.rows(np.flatnonzero((poses.reba != 1) | (np.arange(2000) % 10 == 0)))
@@ -140,6 +193,9 @@ def test_compare_and_export(run: Run, model: Path, tmp_path: Path) -> None:
         (["fit", "--poses", "x.csv", "--no-adjustments", "-o", "x.json"], "--adjustments is an option of drawn poses"),
         (["fit", "--poses", "x.csv", "--domain", "humn", "-o", "x.json"], "did you mean 'human'"),
         (["fit", "--joints", "measured", "-o", "x.json"], "--poses"),
+        (["fit", "--as", "paper", "--domain", "human", "-o", "x.json"], "--domain paper"),
+        (["fit", "--as", "paper", "--kind", "soft", "-o", "x.json"], "--kind quadratic"),
+        (["fit", "--as", "paper", "--option", "class_power=2", "-o", "x.json"], "class_power=2"),
         (["fit", "--joints", "trunk", "-o", "x.json"], "column 'trunk' is unknown"),
         (["fit", "--joints", "trunk_flexion", "--hold", "wrist_twist", "-o", "x.json"], "COLUMN=DEGREES"),
         (["fit", "--joints", "trunk_flexion", "--hold", "neutral,neck_twist=3", "-o", "x.json"], "alone"),

@@ -113,6 +113,8 @@ def hostile_commands(here: Path) -> list[list[str]]:
         ["dreba", "sample", "-n", "20", "--classes", "1:4", "-o", f"{out}.parquet"],
         ["dreba", "evaluate", f"{out}.json"], ["dreba", "evaluate", FORGED], ["dreba", "evaluate", str(profile)],
         ["dreba", "compare", f"{out}.json", "quadratic", "--tasks", "1", "-n", "300", "--classes", "1:6"],
+        ["dreba", "card", f"{out}.json"], ["dreba", "card", f"{out}.json", "--usefulness", str(profile)],
+        ["dreba", "card", f"{out}.json", "-o", f"{out}.md"], ["dreba", "card", FORGED],
         ["dreba", "export", f"{out}.json", "--to", "c", "-o", f"{out}.c"],
         ["dreba", "export", f"{out}.json", "--to", FORGED],
         ["dreba", "export", "quadratic", "--to", "c", "--name", FORGED],

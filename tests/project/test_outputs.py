@@ -27,6 +27,7 @@ GIVEN: dict[str, tuple[str, ...]] = {
     "dreba sample": ("--domain", "in.toml"),
     "dreba fit": ("--poses", "in.csv", "--domain", "in.toml"),
     "dreba evaluate": ("in.json", "--poses", "in.csv"),
+    "dreba card": ("in.json", "--usefulness", "other.csv"),
     "dreba export": ("in.json", "--to", "c"),
     "lgp plan": ("in.toml", "--cost", "in.json", "--sequence", "in.txt"),
     "lgp experiment": ("screwdriver", "--cost", "in.json"),
@@ -43,7 +44,7 @@ READ = {
     },
     "dreba": {
         "--kind", "--option", "--poses", "--hold", "--joints", "--domain", "--factors", "--classes", "--name", "--to",
-        "--scheduler",
+        "--scheduler", "--usefulness", "--map",
     },
     "lgp": {
         "--cost", "--sequence", "--height", "--scheduler", "--manifest", "--pattern", "--conditions", "--rules",

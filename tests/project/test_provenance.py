@@ -58,7 +58,9 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "dreba fit": ("--poses poses.parquet -o model.json --report model.html --json",),
     "dreba evaluate": ("model.json --poses poses.parquet --report e.html --json",),
     "dreba compare": ("model.json --poses poses.parquet --tasks 0 --json",),
-    "dreba export": ("model.json --to c -o m.c --json", "model.json --to casadi -o m.casadi"),
+    "dreba card": ("model.json -o card.md --json",),
+    "dreba export": ("model.json --to c -o m.c --json", "model.json --to casadi -o m.casadi",
+                     "model.json --to torch -o t.py", "model.json --to jax -o j.py"),
     "lgp plan": ("bench.toml --no-ergonomics -o bench --tree tree.svg --json",),
     "lgp experiment": ("screwdriver --runs 12 -o experiment --json",),
     "lgp page": ("plan -o page --json",),
@@ -125,6 +127,9 @@ TEXTS: Mapping[str, Callable[[str], str]] = {
     ".html": of_markup('<meta name="generator" content="([^"]+)">'),
     ".svg": of_markup("^<svg[^>]*><metadata>([^<]+)</metadata>"),
     ".c": of_markup(r"\A/\*.*\n \* Written by (.+)\.\n"),
+    ".h": of_markup(r"\A/\*.*\n \* Written by (.+)\.\n"),
+    ".py": of_markup(r"\A\"\"\".*\n\nWritten by (.+)\.\n"),
+    ".md": of_markup(r"\nWritten by (.+)\.\n\Z"),
     ".casadi": of_markup(r"\n(.+)\n\Z"),
 }
 

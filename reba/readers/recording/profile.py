@@ -226,7 +226,8 @@ def _chains(table: TomlTable, key: str) -> dict[str, tuple[ElementaryRotation, .
     return {name: tuple(_rotation(item, inner.where) for item in chain) for name, chain in items.items()}
 
 
-def _columns(table: TomlTable, key: str) -> dict[str, tuple[Term, ...]]:
+def read_columns(table: TomlTable, key: str) -> dict[str, tuple[Term, ...]]:
+    """Return column -> its joints with their signs and degrees to add, of a table in a TOML file."""
     inner = table.table(key)
     middle = [angle.name for angle in ANGLES if not angle.sided]
     items = _by_side(inner, middle, [angle.name for angle in ANGLES if angle.sided], "column", least=1)
@@ -273,7 +274,7 @@ _FIELDS: dict[str, Callable[[TomlTable, str], Any]] = {
     "trunk": _text("line", "thorax"),
     "required": _groups,
     "chains": _chains,
-    "columns": _columns,
+    "columns": read_columns,
     "segments": _segments,
     "points": _points,
     "turns": _chains,

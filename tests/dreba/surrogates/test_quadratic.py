@@ -10,53 +10,61 @@ from hypothesis import strategies as st
 import dreba
 import reba
 from dreba.domain import Bins
+from dreba.surrogates.bounded_qp import build_qp, residual, solve
 from dreba.surrogates.metrics import distance_to_published, evaluation_of
-from dreba.surrogates.quadratic import build_qp, fit_polynomial, residual, solve
+from dreba.surrogates.part_polynomials import fit_polynomial, lowest_class
 from dreba.surrogates.serialization import from_dict, to_dict
 from reba.posture.columns import COLUMNS, INDEX
 from tests.support.says import says
 
-COMMITTED = {
-    "neck_side_bend": (0.303, (-45, 0, 45), (1, 0, 1)),
-    "neck_flexion": (1.008, (-35, 10, 55), (1, 0, 1)),
-    "neck_twist": (0.524, (-45, 0, 45), (1, 0, 1)),
-    "trunk_side_bend": (1.519, (-45, 0, 45), (1, 0, 1)),
-    "trunk_flexion": (1.399, (-90, 0, 90), (3, 0, 3)),
-    "trunk_twist": (1.856, (-45, 0, 45), (1, 0, 1)),
-    "knee_flexion": (0.416, (-60, 0, 60), (2, 0, 2)),
-    "upper_arm_abduction": (0.243, (-45, 0, 45), (1, 0, 1)),
-    "upper_arm_flexion": (0.554, (-90, 0, 90), (3, 0, 3)),
-    "lower_arm_flexion": (0.107, (0, 60, 100), (1, 0, 1)),
-    "wrist_deviation": (0.096, (-45, 0, 45), (1, 0, 1)),
-    "wrist_flexion": (0.843, (-45, 0, 45), (1, 0, 1)),
-    "wrist_twist": (0.698, (-45, 0, 45), (1, 0, 1)),
-}
-"""What the paper's authors published as code in 2017 (github.com/buschbapti/handovers, reba_assess.py, commit 0d3ba79):
-weight, angles [deg] and the values of the polynomial through them. Both sides are added. Facts to compare with."""
-COMMITTED_BIAS = -0.206
 
-
-def committed_model() -> dreba.QuadraticModel:
-    """The authors' model in our form: their polynomials and weights, put in as if read from a file."""
-    poses = dreba.sample(100, domain="paper", rng=1)
-    data = to_dict(dreba.QuadraticModel(domain="paper").fit(poses.angles, poses.reba))
-    polynomials, weights = np.zeros((22, 3)), np.zeros(22)
-    for column in COLUMNS:
-        name = column.removesuffix("_left").removesuffix("_right")
-        if name in COMMITTED:
-            weights[INDEX[column]], angles, values = COMMITTED[name]
-            polynomials[INDEX[column]] = np.polyfit(angles, values, 2)[::-1]
-    data["parameters"]["learned"] |= {
-        "polynomials_": polynomials.tolist(), "weights_": weights.tolist(), "intercept_": COMMITTED_BIAS,
-    }  # fmt: skip
-    return from_dict(data)
-
-
-def test_committed_weights_reproduce_table_1() -> None:
-    poses = dreba.sample(50_000, domain="paper", rng=2)
-    found = dreba.evaluate(committed_model(), poses)
+def test_the_published_coefficients_reproduce_table_1() -> None:
+    model = dreba.load("busch2018")
+    found = dreba.evaluate(model, dreba.sample(50_000, domain="paper", rng=2))
     assert distance_to_published(found) <= 0.20
     assert found.rmse == pytest.approx(1.50, abs=0.10)
+    assert "buschbapti/handovers" in model.about_.provenance["source"]
+    elbow = INDEX["lower_arm_flexion_left"]
+    assert -model.linear_[elbow] / model.twice_curvature_[elbow] == pytest.approx(50.0)
+    assert model.weights_[INDEX["trunk_twist"]] == 1.856
+    assert model.intercept_ == -0.206
+
+
+def test_the_model_of_the_paper_knows_the_payload_and_nothing_else() -> None:
+    model = dreba.load("busch2018")
+    assert model.factors_ == ("load",)
+    pose = np.zeros(22)
+    assert model.value(pose, load=2.5) == pytest.approx(model.value(pose) + 0.5)
+    with pytest.warns(dreba.FactorWarning, match="knows load only") as caught:
+        assert model.value(pose, coupling="poor", activity=2) == model.value(pose)
+    assert len(caught) == 2
+
+
+def test_the_minimum_of_each_polynomial_is_in_its_class_of_lowest_points() -> None:
+    poses = dreba.sample(3000, rng=4)
+    domain = dreba.domain_of("human")
+    for free in (False, True):
+        model = dreba.QuadraticModel(free=free, minimum="lowest").fit(poses, poses.reba)
+        c1, c2 = model.linear_, model.twice_curvature_ / 2.0
+        for column, index in INDEX.items():
+            low, high = lowest_class(domain.bins_of(column))
+            if c2[index]:
+                assert low - 1e-6 <= -c1[index] / (2.0 * c2[index]) <= high + 1e-6
+            else:
+                assert c1[index] == 0.0
+    edges = (-30.0, -5.0, 20.0, 60.0, 110.0)
+    angle = np.linspace(-30.0, 110.0, 14_001)
+    steps = np.array((2, 1, 3, 4))[np.searchsorted(edges[1:-1], angle)]
+
+    def error(parabola: np.ndarray) -> float:
+        return float(((np.polyval(parabola[::-1], angle) - steps) ** 2).mean())
+
+    best = fit_polynomial(Bins(edges, (2, 1, 3, 4)), minimum=(-3.0, 15.0))
+    for vertex in np.linspace(-3.0, 15.0, 19):
+        column = np.column_stack([np.ones_like(angle), (angle - vertex) ** 2])
+        level, curvature = np.linalg.lstsq(column, steps, rcond=None)[0]
+        parabola = np.array([level + curvature * vertex**2, -2.0 * curvature * vertex, curvature])
+        assert error(best) <= error(parabola) + 1e-4
 
 
 def test_refit_in_the_authors_domain_beats_the_published_error() -> None:

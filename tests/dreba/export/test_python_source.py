@@ -1,0 +1,98 @@
+"""Python sources for PyTorch and JAX: the value and its automatic derivative are those of the model."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import dreba
+from dreba.export.joint_map import read_map
+from reba.posture.columns import COLUMNS
+from tests.dreba.export.test_export import ARGUMENTS, CASES, columns, model
+from tests.support.paths import ROOT
+
+HUMAN = ROOT / "examples" / "human_urdf.toml"
+GIVEN = {"load": 6.0, "coupling": (1.0, 2.0), "activity": 1.0}
+
+
+def imported(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def torch_function(path: Path, poses: np.ndarray, **given: object) -> tuple[np.ndarray, np.ndarray]:
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+    angles = torch.tensor(poses, dtype=torch.float64, requires_grad=True)
+    value = imported(path).dreba(angles, **given)
+    (gradient,) = torch.autograd.grad(value.sum(), angles)
+    return value.detach().numpy(), gradient.numpy()
+
+
+def jax_function(path: Path, poses: np.ndarray, **given: object) -> tuple[np.ndarray, np.ndarray]:
+    jax = pytest.importorskip("jax", reason="JAX is not installed")
+    jax.config.update("jax_enable_x64", True)
+    function = imported(path).dreba
+    gradient = jax.grad(lambda angles: function(angles, **given).sum())(poses)
+    return np.asarray(jax.jit(lambda angles: function(angles, **given))(poses)), np.asarray(gradient)
+
+
+LIBRARIES = {"torch": torch_function, "jax": jax_function}
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+@pytest.mark.parametrize(("name", "temperature"), CASES)
+def test_value_and_derivative_are_those_of_the_model(
+    library: str, name: str, temperature: float | None, tmp_path: Path
+) -> None:
+    pytest.importorskip(library, reason=f"{library} is not installed")
+    path = dreba.export_model(model(name), tmp_path / "cost", to=library, temperature=temperature)
+    assert path.suffix == ".py"
+    poses = dreba.sample(40, rng=52).angles[:, columns(model(name))]
+    for given in ({}, GIVEN, {"load": np.linspace(0.0, 15.0, 40)}):
+        value, gradient = LIBRARIES[library](path, poses, **given)
+        expected, slope = model(name).value_and_gradient(poses, temperature=temperature, **given)
+        assert value == pytest.approx(expected, abs=1e-10)
+        assert gradient == pytest.approx(slope, abs=1e-10)
+    value, gradient = LIBRARIES[library](path, poses[3])
+    assert float(value) == pytest.approx(model(name).value(poses[3], temperature=temperature), abs=1e-10)
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+@pytest.mark.parametrize("name", ["quadratic", "convex", "soft"])
+def test_what_python_refuses_is_not_a_number(library: str, name: str, tmp_path: Path) -> None:
+    pytest.importorskip(library, reason=f"{library} is not installed")
+    path = dreba.export_model(model(name), tmp_path / "cost", to=library)
+    poses = dreba.sample(22, rng=52).angles
+    wrong = poses.copy()
+    wrong[np.arange(22), np.arange(22)] = np.resize([np.nan, np.inf, -np.inf], 22)
+    assert np.isnan(LIBRARIES[library](path, wrong)[0]).all()
+    for given in ARGUMENTS:
+        assert np.isnan(LIBRARIES[library](path, poses, **given)[0]).all(), given
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_the_joints_of_a_map_are_taken(library: str, tmp_path: Path) -> None:
+    pytest.importorskip(library, reason=f"{library} is not installed")
+    own = read_map(HUMAN, COLUMNS)
+    path = dreba.export_model(model("soft"), tmp_path / "cost", to=library, joint_map=HUMAN)
+    q = np.random.default_rng(1).uniform(-0.4, 0.9, (10, len(own.joints)))
+    value, gradient = LIBRARIES[library](path, q, **GIVEN)
+    expected, slope = model("soft").value_and_gradient(own.offset + q @ own.matrix.T, **GIVEN)
+    assert value == pytest.approx(expected, abs=1e-8)
+    assert gradient == pytest.approx(slope @ own.matrix, abs=1e-6)
+
+
+def test_the_sources_import_their_library_only(tmp_path: Path) -> None:
+    for library, line in (("torch", "import torch as _lib"), ("jax", "import jax.numpy as _lib")):
+        text = dreba.export_model(model("soft"), tmp_path / library, to=library, name="cost").read_text()
+        assert [part for part in text.splitlines() if part.startswith(("import", "from"))] == [line]
+        assert "def cost(joints, load=0.0, coupling=(0.0, 0.0), activity=0.0):" in text
+        compile(text, "cost.py", "exec")
