@@ -26,6 +26,10 @@ MAX_CLASS: Final = 99
 """Largest class of a range FIRST:LAST: above 15, so that an error names the first class that is not a REBA score."""
 CLASSES: Final = "1:10"
 """Default classes, those of the published Table I."""
+TASK_SPACES: Final = ("wide", "bench")
+"""Spaces of the stored reach tasks, see `dreba.evaluation.reach_tasks`."""
+MOST_TASKS: Final = 80
+"""Stored tasks of each space and seed."""
 Command = Callable[..., Any]
 
 
@@ -61,6 +65,18 @@ def drawing_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+def reach_tasks_of(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, int]:
+    """Return space and number of reach tasks of SPACE, SPACE:NUMBER or NUMBER (callback of an option)."""
+    first, colon, last = value.partition(":")
+    space, count = (first, last if colon else str(MOST_TASKS)) if first in TASK_SPACES else (TASK_SPACES[0], value)
+    if not (count.isascii() and count.isdigit() and len(count) < 9 and int(count) <= MOST_TASKS):
+        raise click.BadParameter(
+            f"{value!r} is no set of reach tasks; expected {' or '.join(TASK_SPACES)}, alone or with a number of tasks "
+            f"({TASK_SPACES[0]}:20), or a number from 0 (none) to {MOST_TASKS}"
+        )
+    return space, int(count)
 
 
 joints_option = click.option(
