@@ -21,7 +21,7 @@ from dreba.evaluation.staged_minimiser import SCALE, TOLERANCE
 from reba.arrays import Array
 from reba.posture.columns import SIDES
 
-STEPS: Final = 10
+STEPS: Final = 8
 """Most evaluations of the constraint inside one box."""
 DAMPING: Final = 1e-3
 """Weight of the squared change of scaled angles beside that of the residual [m]."""
@@ -33,9 +33,9 @@ POSTURES: Final = 200
 """Arm postures of each box in the table."""
 TRUNKS: Final = 64
 """Postures of trunk and knees looked at in each box, beside the nearest one."""
-TRIES: Final = 3
+TRIES: Final = 2
 """Of these, postures from which the task is solved."""
-STALLED: Final = 0.8
+STALLED: Final = 0.7
 """A step that leaves more than this share of the residual ends the search in a box."""
 
 

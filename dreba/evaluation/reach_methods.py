@@ -25,7 +25,7 @@ from dreba.surrogates.graduated import GraduatedModel
 from reba.arrays import Array
 from reba.posture.columns import BEST, COLUMNS, INDEX
 
-RESERVED: Final = 30
+RESERVED: Final = 50
 """Evaluations of the budget kept for the polish."""
 BLUNTEST: Final = 8.0
 """[deg] Stages start with the first temperature up to this one; a blunter one adds nothing after the distance."""
