@@ -51,10 +51,10 @@ def least_score(task: ReachTask, fields: Mapping[int, DistanceField], seed: int 
     dofs, reached, proved, stopped = neutral(), INFEASIBLE, 1, False
     for search in range(SEARCHES):
         start = neutral() if search == 0 else neutral() + rng.uniform(-60.0, 60.0, len(dofs))
-        found = np.round(polish(start, task, BUDGET, seed=search).dofs, 4)  # as it is stored
-        solved = float(np.max(np.abs(task.constraint(found)[0]))) <= TOLERANCE
-        if solved and true_score(found) < reached:
-            dofs, reached = found, true_score(found)
+        polished = np.round(polish(start, task, BUDGET, seed=search).dofs, 4)  # as it is stored
+        solved = float(np.max(np.abs(task.constraint(polished)[0]))) <= TOLERANCE
+        if solved and true_score(polished) < reached:
+            dofs, reached = polished, true_score(polished)
         while proved < reached and not stopped:
             stopped = not all(excluded(task, a, b, fields) for a, b in levels(proved))
             proved += not stopped

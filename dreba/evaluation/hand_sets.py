@@ -93,9 +93,9 @@ class DistanceField:
             for ring, of_ring in ((j, 1.0 - g), (j + 1, g)):
                 low, high = self.values[layer, ring, k], self.values[layer, ring, after]
                 bounds += of_layer * of_ring * (low + h * (high - low))
-        apart = f * (1.0 - f) + g * (1.0 - g) + h * (1.0 - h) * ((j + 1) * self.turn) ** 2
+        spread = f * (1.0 - f) + g * (1.0 - g) + h * (1.0 - h) * ((j + 1) * self.turn) ** 2
         outside = (far_along - along) ** 2 + (far_away - away) ** 2
-        return np.maximum(bounds + self.step**2 * (outside - apart) - 2.0 * ROUNDING * CAP, 0.0)
+        return np.maximum(bounds + self.step**2 * (outside - spread) - 2.0 * ROUNDING * CAP, 0.0)
 
     def swept(self, low: float, high: float) -> DistanceField:
         """Return the field of the set turned about the axis by every angle from low to high [deg]."""
@@ -130,7 +130,7 @@ def hand_fields(most: int, step: float = 0.006, around: int = 600) -> dict[int, 
     reach = float(sum(np.linalg.norm(joint.offset) for joint in CHAINS["left"][3:])) + step
     forearm = reach - float(np.linalg.norm(rotation.offset))
     wanted = [box for box in boxes("left") if box.score <= most]
-    found: dict[int, DistanceField] = {}
+    fields: dict[int, DistanceField] = {}
     for wrist, of_wrist in _by(wanted, WRIST):
         hand = _hand_field(wrist, DistanceField.empty(1, -0.22, 0.22, forearm, step, around))
         for bent, of_elbow in _by(of_wrist, [elbow]):
@@ -146,10 +146,10 @@ def hand_fields(most: int, step: float = 0.006, around: int = 600) -> dict[int, 
                 for flexed, same in _by(of_abduction, [flexion]):
                     values = _turned(away, flexion, flexed[0]).values
                     for level in range(min(box.score for box in same), most + 1):
-                        known = found.get(level)
+                        known = fields.get(level)
                         least = values if known is None else np.minimum(known.values, values)
-                        found[level] = replace(away, values=least)
-    return found
+                        fields[level] = replace(away, values=least)
+    return fields
 
 
 _Ends = tuple[float, float]
@@ -182,8 +182,8 @@ def _hand_field(wrist: tuple[_Ends, ...], nodes: DistanceField) -> DistanceField
     tree = cKDTree(points)
     values = np.empty_like(nodes.values)
     for layer, places in nodes.layers():
-        apart, _ = tree.query(places.reshape(-1, 3), distance_upper_bound=CAP)
-        bounds = np.clip(np.minimum(apart, CAP) - cover - ROUNDING, 0.0, None)
+        distances, _ = tree.query(places.reshape(-1, 3), distance_upper_bound=CAP)
+        bounds = np.clip(np.minimum(distances, CAP) - cover - ROUNDING, 0.0, None)
         values[layer] = bounds.reshape(values[layer].shape) ** 2
     return replace(nodes, values=values)
 

@@ -27,7 +27,7 @@ DAMPING: Final = 1e-3
 """Weight of the squared change of scaled angles beside that of the residual [m]."""
 LONGEST: Final = 1.5
 """Longest change of a scaled angle in one step."""
-HOPELESS: Final = 0.25
+FARTHEST: Final = 0.25
 """[m] Boxes in which no posture of the table comes nearer to the targets are not tried."""
 POSTURES: Final = 200
 """Arm postures of each box in the table."""
@@ -67,7 +67,7 @@ def polish(dofs: Array, task: ReachTask, budget: int, seed: int = 0) -> Polished
     used = 1
     for lower in range(1, score):
         for one in sorted(_tries(dofs, task, lower, seed), key=lambda one: one.distance):
-            if one.distance > HOPELESS or used >= budget:
+            if one.distance > FARTHEST or used >= budget:
                 break
             moved, evaluations = _solve(one, task, min(STEPS, budget - used))
             used += evaluations
@@ -94,8 +94,8 @@ def _tries(dofs: Array, task: ReachTask, score: int, seed: int) -> Iterator[_Try
             starts = np.vstack([np.clip(dofs, a.low, a.high), rng.uniform(a.low, a.high, (TRUNKS, len(dofs)))])
             distances, nearest = np.zeros(len(starts)), {}
             for side, target in task.targets.items():
-                apart, nearest[side] = table.nearest(from_shoulder(starts, side, target) * _MIRROR[side])
-                distances = np.maximum(distances, apart)
+                distance, nearest[side] = table.nearest(from_shoulder(starts, side, target) * _MIRROR[side])
+                distances = np.maximum(distances, distance)
             for best in np.argsort(distances)[:TRIES]:
                 start, low, high = starts[best], a.low.copy(), a.high.copy()
                 for side in SIDES:
@@ -119,9 +119,9 @@ class _ArmTable(NamedTuple):
 
     def nearest(self, points: Array) -> tuple[Array, Array]:
         """Return the distances [m] of points (n, 3) to the nearest grips, and the numbers of these postures."""
-        apart = np.linalg.norm(points[:, None] - self.grips, axis=-1)
-        number = apart.argmin(axis=1)
-        return apart[np.arange(len(points)), number], number
+        distance = np.linalg.norm(points[:, None] - self.grips, axis=-1)
+        number = distance.argmin(axis=1)
+        return distance[np.arange(len(points)), number], number
 
 
 @cache

@@ -80,15 +80,15 @@ def minimise(
     for place, (objective, constraints) in enumerate(stages):
         limited = _LimitedObjective(objective, (budget - evaluations) // (len(stages) - place))
         try:
-            found = minimize(
+            end = minimize(
                 limited, x, jac=True, method="SLSQP", bounds=bounds, constraints=constraints,
                 options={"ftol": SOLVER_TOLERANCE},
             ).x  # fmt: skip
         except _Spent:
-            found = limited.last
+            end = limited.last
         evaluations += limited.evaluations
-        if np.isfinite(found).all():
-            x = np.clip(found, bounds[:, 0], bounds[:, 1])
+        if np.isfinite(end).all():
+            x = np.clip(end, bounds[:, 0], bounds[:, 1])
         projected = _project(counted, x, bounds)
         ends.append((projected if constraints else x) * SCALE)
         x = projected
