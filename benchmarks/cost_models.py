@@ -24,7 +24,7 @@ from lgp.plan_record import Plan
 from lgp.planner import plan
 from lgp.scene.scene_file import load_scene
 
-MODELS = ("quadratic", "convex", "soft", "graduated")
+MODELS = ("quadratic", "convex", "soft")
 PLAIN = "no ergonomics"
 
 

@@ -1,10 +1,10 @@
-"""True REBA score at the minimum of each surrogate on reach tasks.
+"""True REBA reached by minimising each shipped model on reach tasks, beside costs that know no REBA.
 
-Usage: python benchmarks/enabler.py [--tasks 40] [--seed 100] [--space bench|wide] [--json FILE]
+Usage: python benchmarks/enabler.py [--tasks 80] [--models soft convex ...] [--json FILE]
 
-Every method solves the same generated tasks (one hand at a point, two hands on a box) from the same random and neutral
-initial postures with the same SLSQP; the result is scored with the tables. An infeasible task counts as 12. "Best
-known" is the lowest score of any method and initial posture on a task, and not a proven optimum.
+Both spaces of tasks, two seeds each, random and neutral starts. Every row has the same starts, solver, tolerance
+and budget; a free start, stages and the polish are rows of their own. Standard errors are over tasks; differences are
+to the distance to rest with the same start and free start, paired by task. An infeasible run counts as 12.
 """
 
 from __future__ import annotations
@@ -16,76 +16,52 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
 import json
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from machine import machine, stamp
 
 import dreba
-from dreba.evaluation import reach_tasks as reach
+from dreba.evaluation.reach_tasks import SPACES
+from dreba.evaluation.usefulness import enable
 
-STARTS = {"random": 3, "neutral": 2}
-NET_POSES = 100_000
-
-
-def methods(net_poses: int) -> list[reach.Method]:
-    """Compared methods: shipped models, a net of DEBA's size, continuation with and without an unconstrained start."""
-    graduated, quadratic, convex = (dreba.load(name) for name in ("graduated", "quadratic", "convex"))
-    poses = dreba.sample(net_poses, rng=1)
-    net = dreba.NetModel().fit(poses.angles, poses.reba)
-    from_quadratic = dreba.GraduatedModel.of(quadratic, graduated.soft_)
-    return [
-        reach.method_of(graduated, name="graduated"),
-        reach.method_of(from_quadratic, name="graduated, quadratic first"),
-        reach.method_of(graduated, name="graduated, no free start", free_start=False),
-        reach.method_of(convex, name="convex hinges"),
-        reach.method_of(quadratic, name="quadratic (paper's form)"),
-        *(reach.method_of(graduated, t, f"soft tables, {t:g} deg") for t in (8.0, 1.0)),
-        reach.method_of(net, name="net of DEBA's size"),
-    ]
+SEEDS = (0, 1)
 
 
-def table(
-    kind: reach.Starts, compared: Sequence[reach.Method], tasks: Sequence[reach.ReachTask], seed: int
-) -> list[dict[str, object]]:
-    """One row per method."""
-    count = STARTS[kind]
-    beginnings = reach.starts(kind, len(tasks) * count, seed).reshape(len(tasks), count, -1)
-    outcomes = [reach.run(method, tasks, beginnings) for method in compared]
-    best = reach.best_known(outcomes)
-    print(f"\n{kind} starts: {len(tasks)} tasks x {count}, best known mean {best.mean():.2f}")
-    print(f"{'method':28}{'REBA':>6}{'= best':>8}{'best of':>9}{'infeas.':>9}{'evals':>7}{'figure':>8}{'ms':>7}")
-    rows = []
-    for method, outcome in zip(compared, outcomes, strict=True):
-        share, of_starts = outcome.share_best(best), outcome.share_best_of_starts(best)
+def show(name: str, found: dict[str, Any]) -> None:
+    """Print the rows of one set of tasks."""
+    known = found["certified"]
+    print(
+        f"\n{name}: {found['tasks']} tasks, {known['tasks']} certified; least true REBA {known['proved']:.2f} proved, "
+        f"{known['reached']:.2f} reached; {found['solver']}"
+    )
+    print(
+        f"{'start':9}{'minimised':40}{'REBA':>12}{'- distance':>15}{'- proved':>10}{'infeas.':>9}{'evals':>7}{'ms':>6}"
+    )
+    for row in found["rows"]:
+        reba = f"{row['reba']:.2f} ({row['standard_error']:.2f})"
+        less = f"{row['difference']:+.2f} ({row['difference_standard_error']:.2f})"
         print(
-            f"{method.name:28}{outcome.mean:6.2f}{share:8.2f}{of_starts:9.2f}{outcome.infeasible:9.3f}"
-            f"{outcome.evaluations:7.0f}{outcome.constraint_evaluations:8.0f}{outcome.seconds * 1e3:7.0f}"
+            f"{row['start']:9}{row['name']:40}{reba:>12}{less:>15}{row['reba'] - row['certified']:10.2f}"
+            f"{row['infeasible']:9.3f}{row['evaluations']:7.0f}{row['seconds'] * 1e3:6.0f}",
+            flush=True,
         )
-        rows.append(
-            {
-                "starts": kind, "method": method.name, "mean": outcome.mean, "best": share, "best_of_starts": of_starts,
-                "infeasible": outcome.infeasible, "evaluations": outcome.evaluations,
-                "figure_evaluations": outcome.constraint_evaluations, "seconds": outcome.seconds,
-                "best_known": float(best.mean()),
-            }
-        )  # fmt: skip
-    return rows
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--tasks", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=100)
-    parser.add_argument("--space", choices=sorted(reach.SPACES), default="bench")
-    parser.add_argument("--net-poses", type=int, default=NET_POSES, help="poses that the net is fitted to")
+    parser.add_argument("--tasks", type=int, default=80, help="tasks of each space and seed, at least 2")
+    parser.add_argument("--models", nargs="+", default=list(dreba.models()))
     parser.add_argument("--json", type=Path, default=None)
     options = parser.parse_args()
     print(stamp())
-    tasks = reach.tasks(options.tasks, options.seed, options.space)
-    compared = methods(options.net_poses)
-    kinds: tuple[reach.Starts, ...] = ("random", "neutral")
-    rows = [row for kind in kinds for row in table(kind, compared, tasks, options.seed)]
+    models = {name: dreba.load(name) for name in options.models}
+    rows = []
+    for space in SPACES:
+        for seed in SEEDS:
+            found = enable(models, options.tasks, seed, space=space, task_seed=seed)
+            show(f"{space}, seed {seed}", found)
+            rows += [{"set": f"{space} {seed}", **row} for row in found["rows"]]
     if options.json:
         options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n", encoding="utf-8")
 

@@ -106,8 +106,8 @@ def surrogate_speed(data: dict[str, Any]) -> Iterator[Figure]:
 
 def enabler(data: dict[str, Any]) -> Iterator[Figure]:
     for row in data["rows"]:
-        what = f"true REBA of optima, {row['method']}, {row['starts']} starts"
-        yield Figure(what, f"{row['mean']:.2f}", "best known", row["mean"] / row["best_known"])
+        what = f"true REBA of optima, {row['set']}, {row['start']} starts, {row['name']}"
+        yield Figure(what, f"{row['reba']:.2f}", "proved minimum", row["reba"] / row["certified"])
 
 
 def sqp(data: dict[str, Any]) -> Iterator[Figure]:
@@ -225,7 +225,7 @@ SCRIPTS: tuple[Script, ...] = (
     Script("quadratic", quadratic, ("--poses", "2000", "--repeat", "2")),
     Script("soft", soft, ("--poses", "5000")),
     Script("surrogate_speed", surrogate_speed),
-    Script("enabler", enabler, ("--tasks", "1", "--net-poses", "1000")),
+    Script("enabler", enabler, ("--tasks", "2")),
     Script("sqp", sqp, ("--slices", "20", "--repeat", "1")),
     Script("reachability", reachability),
     Script("bounds", bounds, ("--runs", "1")),

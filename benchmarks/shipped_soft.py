@@ -1,4 +1,4 @@
-"""Fit the soft and graduated models that come with the package.
+"""Fit the soft model that comes with the package.
 
 Usage: python benchmarks/shipped_soft.py [--updates N]
 
@@ -14,7 +14,6 @@ import numpy as np
 
 import dreba
 from dreba.surrogates.library import SHIPPED
-from dreba.surrogates.registry import ModelInfo
 from reba.posture.factors import Factors
 
 SEED = 1
@@ -71,11 +70,6 @@ def main() -> None:
         print(f"T = {temperature:4g} deg: {rmse}  all {evaluation.rmse:.3f}")
     loads = loaded_error(soft)
     print(f"with load, coupling and activity, T = {soft.temperature:g} deg: {loads}")
-    first = dreba.ConvexModel()
-    dreba.fit_to(first, train.rows(slice(None, None, 5)), held_out, command=command)
-    graduated = dreba.GraduatedModel.of(first, soft)
-    graduated.about_ = ModelInfo(soft.about_.domain, soft.about_.rmse, {**soft.about_.provenance, "command": command})
-    graduated.save(SHIPPED / "graduated.json")
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from dreba.options import (
     joints_of,
     joints_option,
     poses_options,
+    reach_tasks_of,
     refuse_drawing,
     unfitted,
 )
@@ -33,7 +34,6 @@ from dreba.sampling.poses import Poses, read_poses
 from reba._version import __version__
 from reba.command_line import (
     GROUP,
-    MOST,
     Group,
     Number,
     OutputType,
@@ -239,25 +239,30 @@ def _check_enough(poses: Poses, path: str) -> Poses:
     return poses
 
 
-@cli.command(epilog="Example: dreba compare model.json quadratic --tasks 20")
+@cli.command(epilog="Example: dreba compare model.json quadratic --tasks bench:40")
 @click.argument("names", nargs=-1, metavar="MODEL...")
 @poses_options
 @drawing_options
 @click.option(
-    "--tasks", default=10, type=click.IntRange(0, MOST), show_default=True, help="Number of reach tasks; 0 for none."
+    "--tasks",
+    default="wide:20",
+    callback=reach_tasks_of,
+    metavar="SPACE[:N]",
+    show_default=True,
+    help="Reach tasks: wide (floor to overhead) or bench, of each up to 80; 0 for none.",
 )
 @parallel_options
 @json_option
 def compare(
-    names: tuple[str, ...], poses_file: str | None, hold: str | None, tasks: int, jobs: int, scheduler: str | None,
-    as_json: bool, **drawing: Any,
+    names: tuple[str, ...], poses_file: str | None, hold: str | None, tasks: tuple[Any, int], jobs: int,
+    scheduler: str | None, as_json: bool, **drawing: Any,
 ) -> None:  # fmt: skip
     """Models beside the published Table I: error, time, and the true REBA reached by minimising them.
 
-    All models share the same held-out poses and the same reach tasks. Without MODEL: all shipped models.
+    All models share held-out poses, reach tasks, starts, solver and budget. Without MODEL: all shipped models.
     """
     from dreba.evaluation.evaluate import compare as compare_models
-    from dreba.evaluation.evaluate import enable
+    from dreba.evaluation.usefulness import enable
     from dreba.surrogates.library import load, models
     from dreba.surrogates.metrics import PUBLISHED
 
@@ -272,7 +277,15 @@ def compare(
             "for errors there use --domain, or dreba evaluate for each model",
             err=True,
         )
-    enabler = enable(loaded, tasks, seed=drawing["seed"], jobs=jobs, scheduler=scheduler) if tasks else []
+    space, count = tasks
+    enabler: dict[str, Any] = {"rows": []}
+    if count:
+        enabler = enable(loaded, count, seed=drawing["seed"], space=space, jobs=jobs, scheduler=scheduler)
+        if enabler["left_out"]:
+            echo(
+                f"dreba: note: not minimised on reach tasks, which need all columns: {', '.join(enabler['left_out'])}",
+                err=True,
+            )
     if as_json:
         published = {str(score): rmse for score, rmse in PUBLISHED.items()}
         print_json({"published": published, "domain": domain, "models": rows, "enabler": enabler})
@@ -281,7 +294,7 @@ def compare(
     from reba.terminal import console
 
     show_comparison(console(), rows, domain)
-    if enabler:
+    if enabler["rows"]:
         show_enabler(console(), enabler)
 
 

@@ -56,19 +56,33 @@ def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]], domain:
     console.print(table)
 
 
-def show_enabler(console: Console, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print the true REBA reached on reach tasks by minimising each model, rows of `evaluate.enable`."""
-    title = "true REBA reached when the model is minimised on reach tasks (infeasible counts 12)"
+def show_enabler(console: Console, enabler: Mapping[str, Any]) -> None:
+    """Print the true REBA reached on reach tasks by minimising each model, the result of `usefulness.enable`."""
+    known = enabler["certified"]
+    title = (
+        f"true REBA reached by minimisation on {enabler['tasks']} reach tasks, {enabler['space']} "
+        f"(out of reach counts 12)"
+    )
     table = Table(title=title, title_justify="left", header_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("model", overflow="fold")
+    table.add_column("minimised", overflow="fold")
     table.add_column("start", no_wrap=True)
-    for heading in ("mean\nREBA", "= best\nknown", "best of\nstarts", "infea-\nsible", "evalu-\nations", "ms"):
+    for heading in ("mean\nREBA", "less the\ndistance", "infea-\nsible", "evalu-\nations", "ms"):
         table.add_column(Text(heading, keep="\n"), justify="right", no_wrap=True)
-    for row in rows:
-        shares = (f"{row[key]:.0%}" for key in ("share_best", "share_best_of_starts", "infeasible"))
-        figures = (f"{row['evaluations']:.0f}", f"{1e3 * row['seconds']:.0f}")
-        table.add_row(row["model"], row["start"], f"{row['mean_reba']:.2f}", *shares, *figures)
+    for row in enabler["rows"]:
+        table.add_row(
+            row["name"], row["start"], _with_error(row["reba"], row["standard_error"], ""),
+            _with_error(row["difference"], row["difference_standard_error"], "+"), f"{row['infeasible']:.0%}",
+            f"{row['evaluations']:.0f}", f"{1e3 * row['seconds']:.0f}",
+        )  # fmt: skip
     console.print(table)
+    console.print(
+        f"all rows: {enabler['solver']}; standard errors over tasks; least true REBA: {known['proved']:.2f} proved, "
+        f"{known['reached']:.2f} reached, certified for {known['tasks']} of {enabler['tasks']} tasks"
+    )
+
+
+def _with_error(value: float, error: float | None, sign: str) -> str:
+    return f"{value:{sign}.2f}" + ("" if error is None else f" ({error:.2f})")
 
 
 def _published(score: int) -> str:

@@ -28,6 +28,10 @@ CLASSES: Final = "1:10"
 """Default classes, those of the published Table I."""
 PAPER: Final = ("class_power=1", "payload=linear", "payload_only=true")
 """Parameters of `--as paper`: the weights of the classes that come nearest to Table I, and equation (4) alone."""
+TASK_SPACES: Final = ("wide", "bench")
+"""Spaces of the stored reach tasks, see `dreba.evaluation.reach_tasks`."""
+MOST_TASKS: Final = 80
+"""Stored tasks of each space and seed."""
 Command = Callable[..., Any]
 
 
@@ -63,6 +67,18 @@ def drawing_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+def reach_tasks_of(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, int]:
+    """Return space and number of reach tasks of SPACE, SPACE:NUMBER or NUMBER (callback of an option)."""
+    first, colon, last = value.partition(":")
+    space, count = (first, last if colon else str(MOST_TASKS)) if first in TASK_SPACES else (TASK_SPACES[0], value)
+    if not (count.isascii() and count.isdigit() and len(count) < 9 and int(count) <= MOST_TASKS):
+        raise click.BadParameter(
+            f"{value!r} is no set of reach tasks; expected {' or '.join(TASK_SPACES)}, alone or with a number of tasks "
+            f"({TASK_SPACES[0]}:20), or a number from 0 (none) to {MOST_TASKS}"
+        )
+    return space, int(count)
 
 
 joints_option = click.option(

@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 import dreba
 import reba
 
-model = dreba.load("graduated")
+model = dreba.load("soft")
 pose = dreba.sample(1, classes=[9], rng=5).angles[0]
 
 

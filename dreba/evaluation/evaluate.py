@@ -1,25 +1,22 @@
-"""Evaluation of models: error on poses, fits with provenance, comparison of errors, times and reach tasks."""
+"""Evaluation of models: error on poses, fits with provenance, comparison of errors and times."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from dreba.errors import ModelError
-from dreba.evaluation import reach_tasks as reach
-from dreba.evaluation.reach_tasks import ReachResult, Starts
+from dreba.evaluation.parallel import in_parallel
 from dreba.sampling.poses import Poses
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.metrics import Evaluation, evaluation_of
 from dreba.surrogates.registry import ModelInfo
 from dreba.surrogates.task_factors import seated_angles
 from reba.arrays import Array
-from reba.batch.parallel import run_parallel
-from reba.batch.worker_pool import WorkerDied
 from reba.checks import Allowed, accepts, instance
-from reba.posture.columns import COLUMNS, INDEX
+from reba.posture.columns import INDEX
 
 MODEL: Final = instance("a fitted surrogate, such as dreba.load returns", Surrogate)
 POSES: Final = instance("poses, as dreba.sample or dreba.read_poses return", Poses)
@@ -117,15 +114,6 @@ def _origin(poses: Poses) -> dict[str, Any]:
     return {"poses": len(poses), **{key: value for key, value in poses.provenance.items() if key != "domain"}}
 
 
-Name = TypeVar("Name", bound=Hashable)
-Item = TypeVar("Item")
-Result = TypeVar("Result")
-STARTS: Final[tuple[Starts, ...]] = ("random", "neutral")
-"""Initial postures of the optimiser: anywhere within the limits, or near standing upright."""
-STARTS_PER_TASK: Final = 3
-"""Initial postures of each kind for each reach task."""
-
-
 @accepts(ModelError, models=MODELS, poses=POSES)
 def compare(
     models: Mapping[str, Surrogate], poses: Poses, *, jobs: int = 1, scheduler: str | None = None
@@ -151,45 +139,7 @@ def compare(
         >>> [(row["model"], row["overall"]["n"]) for row in rows]
         [('quadratic', 300), ('convex', 300)]
     """
-    return list(_in_parallel(partial(_row, poses=poses), models, jobs, scheduler).values())
-
-
-def enable(
-    models: Mapping[str, Surrogate],
-    tasks: int,
-    seed: int = 0,
-    *,
-    jobs: int = 1,
-    scheduler: str | None = None,
-) -> list[dict[str, Any]]:
-    """Return the true REBA reached by minimising each model on reach tasks, a row for each model and kind of start.
-
-    Args:
-        models: fitted models by name; those without all 22 columns of the posture table, in any order, are left out.
-        seed: of tasks and starts.
-        scheduler: address of a Dask scheduler instead of local processes.
-
-    Returns:
-        Rows of "model", "start", "mean_reba" (infeasible runs count 12), "share_best" (runs with the best score that
-        any model reached on the task), "share_best_of_starts", "infeasible", "evaluations" and "seconds" per run.
-    """
-    usable = {name: model for name, model in models.items() if set(model.joints_) == set(COLUMNS)}
-    cases = {(start, name): (start, model) for start in STARTS for name, model in usable.items()}
-    results = _in_parallel(partial(_reach, tasks=tasks, seed=seed), cases, jobs, scheduler)
-    best = {start: reach.best_known([results[start, name] for name in usable]) for start in STARTS if usable}
-    return [
-        {
-            "model": name,
-            "start": start,
-            "mean_reba": result.mean,
-            "share_best": result.share_best(best[start]),
-            "share_best_of_starts": result.share_best_of_starts(best[start]),
-            "infeasible": result.infeasible,
-            "evaluations": result.evaluations,
-            "seconds": result.seconds,
-        }
-        for (start, name), result in results.items()
-    ]
+    return list(in_parallel(partial(_row, poses=poses), models, jobs, scheduler).values())
 
 
 def _row(task: tuple[str, Surrogate], poses: Poses) -> dict[str, Any]:
@@ -200,24 +150,6 @@ def _row(task: tuple[str, Surrogate], poses: Poses) -> dict[str, Any]:
         **evaluate(model, poses).to_dict(),
         "seconds_per_pose": time_per_pose(model, poses),
     }
-
-
-def _reach(case: tuple[Any, tuple[Starts, Surrogate]], tasks: int, seed: int) -> ReachResult:
-    _, (start, model) = case
-    starts = reach.starts(start, tasks * STARTS_PER_TASK, seed).reshape(tasks, STARTS_PER_TASK, -1)
-    return reach.run(reach.method_of(model), reach.tasks(tasks, seed), starts)
-
-
-def _in_parallel(
-    work: Callable[[tuple[Name, Item]], Result], items: Mapping[Name, Item], jobs: int, scheduler: str | None
-) -> dict[Name, Result]:
-    """Return the results of `work` for every item, in their order; ModelError where the process of an item died."""
-    results: dict[Name, Result] = {}
-    for (name, _), result in run_parallel(work, items.items(), jobs=min(jobs, len(items) or 1), scheduler=scheduler):
-        if isinstance(result, WorkerDied):
-            raise ModelError(f"{name}: {result.reason}; compare it by itself")
-        results[name] = result
-    return {name: results[name] for name in items}
 
 
 TIMED_ROUNDS: Final = 5

@@ -1,6 +1,7 @@
 """Continuation: minimise a list of objectives under one equality constraint, each from the minimum of the last.
 
-Each stage is solved by sequential quadratic programming, SLSQP of SciPy (Kraft 1988), in scaled variables.
+Each stage is solved by sequential quadratic programming, SLSQP of SciPy (Kraft 1988), in scaled variables. All stages
+have the same tolerance and share one budget of evaluations, so that methods of one stage and of many can be compared.
 """
 
 from __future__ import annotations
@@ -23,14 +24,10 @@ PROJECTION_STEPS: Final = 50
 """Maximum number of least-squares evaluations of a projection onto the constraint."""
 TOLERANCE: Final = 1e-3
 """Largest residual of a satisfied constraint: 1 mm for hand positions in metres."""
-
-
-@dataclass(frozen=True)
-class Effort:
-    """Limits of a stage: maximum iterations of SLSQP and its tolerance on value and constraint."""
-
-    iterations: int = 30
-    tolerance: float = 1e-3
+SOLVER_TOLERANCE: Final = 1e-3
+"""Tolerance of SLSQP on value and constraint; a value is a REBA score, so a thousandth of a point."""
+BUDGET: Final = 100
+"""Default number of evaluations of objectives with gradients, over all stages."""
 
 
 @dataclass(frozen=True)
@@ -58,20 +55,17 @@ def minimise(
     constraint: Constraint,
     *,
     free_start: bool = False,
-    effort: Effort = Effort(),
-    score: Callable[[Array], float] | None = None,
+    budget: int = BUDGET,
 ) -> Minimum:
     """Return the minimum of the last objective under an equality constraint, reached stage by stage.
 
     Args:
-        objectives: one per stage, such as those of `GraduatedModel.stages_`.
+        objectives: one per stage, such as those of `reach_methods.graduated`.
         start, low, high: initial pose and limits (d,) [deg].
         free_start: minimise the first objective without the constraint before the stages. If it is convex, a few
             evaluations lead from any start to its global minimum; under the constraint a start far away ends in a
             local minimum or stays infeasible.
-        effort: limits of every stage.
-        score: true score of a pose; the result is then the stage end of the lowest score that satisfies the
-            constraint.
+        budget: most evaluations of objectives; each stage has an equal share of those that are left.
     """
     from scipy.optimize import minimize
 
@@ -83,28 +77,48 @@ def minimise(
     stages = [(objective, equality) for objective in objectives]
     if free_start:
         stages.insert(0, (objectives[0], []))
-    for objective, constraints in stages:
-        result = minimize(
-            _scaled(objective), x, jac=True, method="SLSQP", bounds=bounds, constraints=constraints,
-            options={"maxiter": effort.iterations, "ftol": effort.tolerance},
-        )  # fmt: skip
-        evaluations += int(result.nfev)
-        if np.isfinite(result.x).all():
-            x = np.clip(result.x, bounds[:, 0], bounds[:, 1])
+    for place, (objective, constraints) in enumerate(stages):
+        limited = _LimitedObjective(objective, (budget - evaluations) // (len(stages) - place))
+        try:
+            end = minimize(
+                limited, x, jac=True, method="SLSQP", bounds=bounds, constraints=constraints,
+                options={"ftol": SOLVER_TOLERANCE},
+            ).x  # fmt: skip
+        except _Spent:
+            end = limited.last
+        evaluations += limited.evaluations
+        if np.isfinite(end).all():
+            x = np.clip(end, bounds[:, 0], bounds[:, 1])
         projected = _project(counted, x, bounds)
         ends.append((projected if constraints else x) * SCALE)
         x = projected
-    best = ends[-1]
-    if score is not None:
-        feasible = [end for end in ends if counted.largest(end) <= TOLERANCE]
-        best = min(reversed(feasible), key=score, default=best)
-    return Minimum(best, counted.largest(best), evaluations, counted.calls, np.array(ends))
+    return Minimum(ends[-1], counted.largest(ends[-1]), evaluations, counted.calls, np.array(ends))
+
+
+class _Spent(Exception):
+    """The evaluations of a stage are spent."""
+
+
+class _LimitedObjective:
+    """Objective in scaled variables that ends its stage after a number of evaluations, with the last point."""
+
+    def __init__(self, objective: Objective, most: int) -> None:
+        self.objective, self.most = objective, most
+        self.evaluations = 0
+        self.last: Array = np.empty(0)
+
+    def __call__(self, x: Array) -> tuple[float, Array]:
+        if self.evaluations and self.evaluations >= self.most:
+            raise _Spent
+        self.evaluations, self.last = self.evaluations + 1, x.copy()
+        value, gradient = self.objective(x * SCALE)
+        return value, gradient * SCALE
 
 
 def _project(counted: _CountedConstraint, x: Array, bounds: Array) -> Array:
     """Return a point projected onto the constraint by bounded least squares, or the point itself if that fails.
 
-    The projection completes stages that reached the iteration limit and makes the end of a free start feasible.
+    The projection completes stages that ended early and makes the end of a free start feasible.
     """
     from scipy.optimize import least_squares
 
@@ -138,11 +152,3 @@ class _CountedConstraint:
 
     def largest(self, degrees: Array) -> float:
         return float(np.max(np.abs(self.residuals(degrees / SCALE)), initial=0.0))
-
-
-def _scaled(objective: Objective) -> Objective:
-    def evaluate(x: Array) -> tuple[float, Array]:
-        value, gradient = objective(x * SCALE)
-        return value, gradient * SCALE
-
-    return evaluate

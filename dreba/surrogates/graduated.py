@@ -1,7 +1,8 @@
-"""`GraduatedModel`: continuation from a convex score to soft tables of falling temperature; the planner's default cost.
+"""`GraduatedModel`: `SoftModel` in the form of earlier versions, with a convex score as its first stage.
 
-A single accurate surrogate is a poor cost: it is as flat as the score that it approximates. Minimised in stages, each
-from the minimum of the last, the convex score leads to the region of low scores and the soft tables refine the posture.
+Graduated is a way to minimise a soft model, not a model: a convex cost leads to the region of low scores, and soft
+tables of falling temperature refine the posture. This class keeps files, names and exports of both parts working;
+values and derivatives are those of the soft tables.
 """
 
 from __future__ import annotations

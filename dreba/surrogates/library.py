@@ -50,6 +50,9 @@ def load(path: str | Path) -> Surrogate:
         'quadratic'
     """
     shipped = models()
+    if str(path) == GraduatedModel.kind:
+        # The name of a file of earlier versions: the same parameters in the form that has stages.
+        return GraduatedModel.of(load("convex"), load("soft"))
     try:
         text = read_settings(SHIPPED / f"{path}.json" if str(path) in shipped else path)
     except (OSError, UnicodeDecodeError) as error:

@@ -158,6 +158,16 @@ def test_compare_and_export(run: Run, model: Path, tmp_path: Path) -> None:
     words = " ".join(out.split())
     assert "published Table I" in words
     assert "true REBA reached" in words
+    code, out, _ = run("compare", model, "-n", 500, "--tasks", "bench:2", "--json")
+    assert code == 0
+    enabler = json.loads(out)["enabler"]
+    keys = {"name", "start", "solver", "reba", "standard_error", "evaluations", "certified"}
+    assert all(keys <= row.keys() and row["solver"] == enabler["solver"] for row in enabler["rows"])
+    assert any("distance" in row["name"] for row in enabler["rows"])
+    for wrong in ("narrow", "wide:81", "bench:", "-1", "81", "1e1"):
+        code, _, err = run("compare", model, "--tasks", wrong)
+        assert code == 2
+        says(err, wrong, "wide", "bench", 80)
     code, _, _ = run("export", model, "--to", "c", "-o", tmp_path / "reba.c")
     assert code == 0
     assert "double" in (tmp_path / "reba.c").read_text()

@@ -1,11 +1,11 @@
-"""The staged minimiser: constraint, limits, counts, choice of a stage."""
+"""The staged minimiser: constraint, limits, counts, the budget that stages share."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from dreba.evaluation.staged_minimiser import Effort, minimise
+from dreba.evaluation.staged_minimiser import minimise
 
 
 def test_minimise_meets_constraint_and_limits_and_counts() -> None:
@@ -16,24 +16,30 @@ def test_minimise_meets_constraint_and_limits_and_counts() -> None:
         return np.array([x.sum() - 30.0]), np.ones((1, 3))
 
     low, high = np.full(3, -5.0), np.array([5.0, 90.0, 90.0])
-    found = minimise([bowl, bowl], np.full(3, 80.0), low, high, line, effort=Effort(50, 1e-8), free_start=True)
-    assert found.x == pytest.approx([5.0, 12.5, 12.5], abs=1e-3)
-    assert found.residual < 1e-6
+    found = minimise([bowl, bowl], np.full(3, 80.0), low, high, line, free_start=True)
+    assert found.x == pytest.approx([5.0, 12.5, 12.5], abs=0.1)
+    assert found.residual < 1e-3
     assert len(found.stages) == 3
-    assert found.stages[0] == pytest.approx(np.zeros(3), abs=1e-3)
+    assert found.stages[0] == pytest.approx(np.zeros(3), abs=1.0)
     assert found.evaluations >= found.constraint_evaluations > 0
 
 
-def test_minimise_takes_the_best_stage_that_meets_the_constraint() -> None:
-    def towards(target: float):  # type: ignore[no-untyped-def]
-        return lambda x: (float((x[0] - target) ** 2), np.array([2 * (x[0] - target), 0.0]))
+@pytest.mark.parametrize("stages", [1, 3])
+@pytest.mark.parametrize("budget", [3, 10, 40])
+def test_stages_share_one_budget(stages: int, budget: int) -> None:
+    calls = 0
 
-    def second(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return x[1:], np.array([[0.0, 1.0]])
+    def steep(x: np.ndarray) -> tuple[float, np.ndarray]:
+        nonlocal calls
+        calls += 1
+        return float(np.sum(np.abs(x) ** 1.5)), 1.5 * np.sign(x) * np.sqrt(np.abs(x))
 
-    limit = np.full(2, 90.0)
-    found = minimise(
-        [towards(10.0), towards(40.0)], np.zeros(2), -limit, limit, second, effort=Effort(50, 1e-9),
-        score=lambda x: abs(x[0] - 10.0),
-    )  # fmt: skip
-    assert found.x[0] == pytest.approx(10.0, abs=1e-2)
+    def line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.array([x.sum() - 30.0]), np.ones((1, 5))
+
+    limit = np.full(5, 90.0)
+    start = np.array([80.0, -70.0, 60.0, -50.0, 40.0])
+    found = minimise([steep] * stages, start, -limit, limit, line, budget=budget)
+    assert calls == found.evaluations <= budget
+    assert found.residual < 1e-3
+    assert len(found.stages) == stages
