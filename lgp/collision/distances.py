@@ -14,14 +14,13 @@ from itertools import combinations
 import coal
 import numpy as np
 
-from lgp.collision.shapes import CollisionShape, collision_shapes
-from lgp.kinematics.features import cross
-from lgp.kinematics.modes import ModeSequence
+from lgp.collision.scene_shapes import collision_shapes
+from lgp.collision.shapes import CollisionShape, along
+from lgp.kinematics.features import cross, exponential, logarithm
+from lgp.kinematics.leg_ik import LegSegments
+from lgp.kinematics.modes import ModeSequence, jaw_opening
 from lgp.kinematics.world import Kinematics, World
 from reba.arrays import Array, Indices
-
-CONTACT_DEPTH = 0.02
-"""[m] Allowed penetration of a hand that works at a table: palm and fingers are softer than their capsules."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,9 @@ class Collisions:
         self._radii = np.array([shape.radius for shape in self.shapes])
         self._halves = np.array([shape.half for shape in self.shapes])
         self._rims = np.array([shape.rim for shape in self.shapes])
-        self._allowed: dict[int, Array] = {}
+        person = world.scene.human
+        self._legs = None if person is None else LegSegments(person)
+        self._fingers: dict[tuple[int, int], tuple[Array, Array]] = {}
         self._request = coal.DistanceRequest()
         self._request.enable_signed_distance = True
 
@@ -81,26 +82,36 @@ class Collisions:
         """Return the name of a pair for messages: `table.left and baxter.left_w2`."""
         return " and ".join(self.shapes[side].name for side in self.pairs[pair])
 
-    def near_pairs(
-        self, kinematics: Kinematics, phases: Sequence[int] | Indices, z: Array, within: float
-    ) -> tuple[Indices, Indices]:
-        """Return slices (m,) and pairs (m,) that may be nearer than `within` [m] less their allowed penetration.
+    def is_grip(self, pair: tuple[int, int]) -> bool:
+        """Return whether one of two shapes is the grip point of a hand, which has no body."""
+        return "grip" in {self.shapes[side].kind for side in pair}
 
-        Conservative: every pair that is nearer is among them. `phases` (n,) are those of the n slices, z is (nz,).
+    def near_pairs(
+        self,
+        kinematics: Kinematics,
+        phases: Sequence[int] | Indices,
+        z: Array,
+        within: float,
+        required: Array | None = None,
+    ) -> tuple[Indices, Indices]:
+        """Return slices (m,) and pairs (m,) that may be nearer than `within` [m] beyond the distance they must keep.
+
+        Conservative: every pair that is nearer is among them. `phases` (n,) are those of the n slices, z is (nz,),
+        `required` (n, pairs) [m] as of `lgp.collision.contacts`, 0 by default.
         """
         rotations, centres = self._poses(kinematics, np.asarray(phases), z)
         first, second = self._sides.T
         gaps = np.linalg.norm(centres[:, first] - centres[:, second], axis=2) - self._radii[first] - self._radii[second]
-        allowed = self.allowed_penetration(phases)
-        slices, pairs = np.nonzero(gaps + allowed < within)
-        close, penetration = np.ones(len(slices), dtype=bool), allowed[slices, pairs]
+        reach = within + (np.zeros_like(gaps) if required is None else required)
+        slices, pairs = np.nonzero(gaps < reach)
+        close, nearest = np.ones(len(slices), dtype=bool), reach[slices, pairs]
         # Second test: the bounding sphere of each shape against the other's core, a segment or box with its rim.
         for one, other in ((0, 1), (1, 0)):
             sphere, core = self._sides[pairs, one], self._sides[pairs, other]
             away = centres[slices, sphere] - centres[slices, core]
             inside = np.abs(np.einsum("mji,mj->mi", rotations[slices, core], away)) - self._halves[core]
             gap = np.linalg.norm(np.maximum(inside, 0.0), axis=1) - self._rims[core] - self._radii[sphere]
-            close &= gap + penetration < within
+            close &= gap < nearest
         return slices[close], pairs[close]
 
     def distances(
@@ -179,6 +190,16 @@ class Collisions:
                     rows = np.flatnonzero(phases == phase)
                     pose = self.modes.pose(body.owner, int(phase), kinematics.rows(rows), z)
                     rotations[rows, number], centres[rows, number] = pose.rotation, pose.position
+            elif body.leg:
+                start, end = self._leg_ends(body, kinematics)
+                rotations[:, number], centres[:, number] = along(end - start), (start + end) / 2.0
+            elif body.jaw is not None:
+                at = kinematics.index[body.frame]
+                for phase in np.unique(phases):
+                    rows = np.flatnonzero(phases == phase)
+                    rotation, position = self._finger(number, int(phase))
+                    rotations[rows, number] = kinematics.rotation[rows, at] @ rotation
+                    centres[rows, number] = kinematics.position[rows, at] + kinematics.rotation[rows, at] @ position
             elif body.frame:
                 at = kinematics.index[body.frame]
                 rotations[:, number] = kinematics.rotation[:, at] @ body.rotation
@@ -187,76 +208,16 @@ class Collisions:
                 rotations[:, number], centres[:, number] = body.rotation, body.position
         return rotations, centres
 
-    def allowed_penetration(self, phases: Sequence[int] | Indices) -> Array:
-        """Return the allowed penetration of each pair in each slice (n, pairs) [m], inf where contact is not limited.
-
-        An object may touch its parent of this phase, the one before and the next; a hand that works at a table may
-        touch its top.
-        """
-        allowed = np.empty((len(phases), len(self.pairs)))
-        for phase in np.unique(np.asarray(phases)):
-            if phase not in self._allowed:
-                self._allowed[phase] = self._allowed_in(int(phase))
-            allowed[np.asarray(phases) == phase] = self._allowed[phase]
-        return allowed
-
-    def _allowed_in(self, phase: int) -> Array:
-        last = len(self.modes.switches)
-        around = range(max(phase - 1, 0), min(phase + 1, last) + 1)
-        working = self._working(phase)
-        allowed = np.zeros(len(self.pairs))
-        for number, (first, second) in enumerate(self.pairs):
-            one, other = self.shapes[first], self.shapes[second]
-            if other.kind == "object":
-                parents = {self.modes.attachment(other.owner, near).parent for near in around}
-                # A table itself is the parent; of an agent all links may touch what one of its hands has.
-                agents = {parent.partition(".")[0] for parent in parents} - {"table"} | self._touching(
-                    other.owner, phase
-                )
-                if one.kind == "object" and self._joined(one.owner, other.owner, around):
-                    parents.add(one.name)
-                allowed[number] = np.inf if one.name in parents or one.owner in agents else 0.0
-            elif working & {(one.frame, other.name), (other.frame, one.name), (one.frame, other.frame)}:
-                allowed[number] = CONTACT_DEPTH
-        return allowed
-
-    def _touching(self, object_name: str, phase: int) -> set[str]:
-        """Return the agents whose hand holds an object still or screws it, without being its parent."""
-        switches = self.modes.switches
-        holding = {
-            hand.partition(".")[0]
-            for hand, number, end in self.modes.holding_intervals
-            if switches[number].object_name == object_name and number <= phase <= end + 1
-        }
-        initially = ((hand, end) for hand, name, end in self.modes.held_at_first if name == object_name)
-        holding |= {hand.partition(".")[0] for hand, end in initially if phase <= end + 1}
-        near = [switches[number] for number in (phase - 1, phase) if 0 <= number < len(switches)]
-        screwing = [one for one in near if one.action.screws and object_name in (one.object_name, one.other)]
-        return holding | {switch.hand.partition(".")[0] for switch in screwing}
-
-    def _joined(self, one: str, other: str, phases: range) -> bool:
-        """Return whether two objects have an assembly and are on one table in one of the phases."""
-        if {one, other} not in [set(assembly.parts) for assembly in self.world.scene.assemblies]:
-            return False
-        parents = ([self.modes.attachment(part, phase).parent for part in (one, other)] for phase in phases)
-        return any(first == second and first in self.world.scene.tables for first, second in parents)
-
-    def _working(self, phase: int) -> set[tuple[str, str]]:
-        """Return (frame, table) of hands that act at a table, (frame, frame) of two hands that meet at an object."""
-        contacts = set()
-        for number in (phase - 1, phase):
-            if not 0 <= number < len(self.modes.switches):
-                continue
-            switch = self.modes.switches[number]
-            tables = {self.modes.attachment(switch.object_name, near).parent for near in (number, number + 1)}
-            hands = [self._carrier(hand) for hand in switch.hands]
-            contacts |= {(hand, other) for hand in hands for other in [*tables, *hands]}
-        return contacts
-
-    def _carrier(self, hand: str) -> str:
-        """Return the frame of the link that a hand is fixed to: that of its parent joint."""
-        model = self.world.model
-        return str(model.names[model.frames[self.world.frame_id(hand)].parentJoint])
+    def _finger(self, number: int, phase: int) -> tuple[Array, Array]:
+        """Return the pose of a shape of a finger in the frame of its hand's joint: open, or closed on what it has."""
+        if (number, phase) not in self._fingers:
+            jaw = self.shapes[number].jaw
+            assert jaw is not None
+            share = jaw_opening(self.modes, jaw.hand, phase, jaw.width)
+            (closed, shut), (opened, wide) = jaw.closed, jaw.opened
+            turn = closed @ exponential(share * logarithm(closed.T @ opened))
+            self._fingers[number, phase] = turn, shut + share * (wide - shut)
+        return self._fingers[number, phase]
 
     def _speeds(
         self, side: int, kinematics: Kinematics, phases: Indices, z: Array, slices: Indices, points: Array
@@ -270,14 +231,38 @@ class Collisions:
                 pose = self.modes.pose(body.owner, int(phase), kinematics.rows(slices[rows]), z).with_all_variables(nz)
                 moved = pose.jacobian[:, :3] + cross(pose.jacobian[:, 3:], points[rows] - pose.position)
                 by_q[rows], by_variables[rows] = moved[:, :, : self.world.nq], moved[:, :, self.world.nq :]
+        elif body.leg:
+            by_q[:] = self._leg_speeds(body, kinematics.rows(slices), points)
         elif body.frame:
             by_q[:] = kinematics.rows(slices).point_jacobian(body.frame, points)[:, :3]
         return by_q, by_variables
+
+    def _leg_ends(self, body: CollisionShape, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Return both ends (n, 3) of a part of a leg that is solved in closed form."""
+        assert self._legs is not None
+        at = kinematics.index[body.frame]
+        return self._legs.ends(body.leg, kinematics.rotation[:, at], kinematics.position[:, at])
+
+    def _leg_speeds(self, body: CollisionShape, kinematics: Kinematics, points: Array) -> Array:
+        """Return the Jacobians (n, 3, nq) of points on such a part, up to rotations about its own axis."""
+        assert self._legs is not None
+        side, _, segment = body.leg.partition(" ")
+        at = kinematics.index[body.frame]
+        hip = self._legs.hip(side, kinematics.rotation[:, at], kinematics.position[:, at])
+        start, end = self._leg_ends(body, kinematics)
+        share = np.einsum("ni,ni->n", points - start, end - start) / np.sum((end - start) ** 2, axis=1)
+        share = np.clip(share, 0.0, 1.0)[:, None, None]
+        of_hip = kinematics.point_jacobian(body.frame, hip)[:, :3]
+        of_knee = self._legs.knee_by_hip(side, hip) @ of_hip
+        first, second = (of_hip, of_knee) if segment == "thigh" else (of_knee, np.zeros_like(of_knee))
+        return np.asarray((1.0 - share) * first + share * second)
 
 
 def _may_meet(first: CollisionShape, second: CollisionShape) -> bool:
     """Return whether two shapes can touch and are not neighbours in one limb."""
     kinds = {first.kind, second.kind}
+    if "grip" in kinds:
+        return kinds in ({"grip"}, {"grip", "object"})
     if "link" not in kinds:
         # Of two shapes that are not links, only objects move.
         return "object" in kinds

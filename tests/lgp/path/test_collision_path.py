@@ -21,7 +21,7 @@ from tests.support.lgp_worlds import needs_robots
 
 pytestmark = needs_robots
 
-SLICES = 5
+SLICES = 8
 HIGH, LOW = {"left": 1.24, "center": 0.87, "right": 0.64}, {"left": 0.68, "center": 1.0, "right": 1.2}
 """Heights [m] at which a table is in the way of the right one, and at which none is."""
 
