@@ -268,8 +268,8 @@ def _rest(bounds: PathBounds) -> dict[str, Any]:
 
 
 def _start_penetration(bounds: PathBounds) -> dict[str, float]:
-    found = start_penetrations(bounds.world, bounds.initial_configuration)
-    return {"start_penetration": found[0].depth if found else 0.0}
+    depths = [one.depth for one in start_penetrations(bounds.world, bounds.initial_configuration)]
+    return {"start_penetration": max(depths, default=0.0)}
 
 
 def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) -> dict[str, Any]:

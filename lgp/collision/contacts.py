@@ -128,8 +128,9 @@ def require_withdrawals(
 def declared_withdrawals(modes: ModeSequence, seconds: float) -> Iterator[Withdrawal]:
     """Yield which hand keeps away from which object until when, for a sequence of actions of `seconds` each.
 
-    A hand that has let go draws back within `DRAW_BACK_SECONDS` and stays away until it acts on the object again. Until
-    it has drawn back no hand that takes the object next comes near.
+    A hand that has let go stays away until it acts on the object again, except while it is busy: within
+    `DRAW_BACK_SECONDS` after letting go, and in the phases in which it acts on something else, which may be beside the
+    object. While it is busy no other hand that takes the object next comes near.
     """
     for number, switch in enumerate(modes.switches):
         giver = switch.giver or (switch.hand if switch.action.attaches_to == "table" else "")
@@ -139,15 +140,30 @@ def declared_withdrawals(modes: ModeSequence, seconds: float) -> Iterator[Withdr
         if not giver or not later:
             continue
         following = modes.switches[later[0]]
-        let_go = (number + 1) * seconds
+        again = next((k for k in later if giver in modes.switches[k].hands), len(modes.switches))
+        until = math.inf if again == len(modes.switches) else again * seconds
+        begin = (number + 1) * seconds
+        for busy, free in _busy(modes, giver, range(number + 1, again), begin, seconds):
+            if giver not in following.hands:
+                yield Withdrawal(giver, switch.object_name, DRAWN_BACK, begin, min(busy, until))
+            if not switch.giver and busy < later[0] * seconds + DRAW_BACK_SECONDS:
+                for hand in following.hands:
+                    if hand != giver:
+                        yield Withdrawal(hand, switch.object_name, NOT_YET, busy, free)
+            begin = free
         if giver not in following.hands:
-            until = next((k for k in later if giver in modes.switches[k].hands), None)
-            end = math.inf if until is None else until * seconds
-            yield Withdrawal(giver, switch.object_name, DRAWN_BACK, let_go + DRAW_BACK_SECONDS, end)
-        if not switch.giver:
-            for hand in following.hands:
-                if hand != giver:
-                    yield Withdrawal(hand, switch.object_name, NOT_YET, let_go, let_go + DRAW_BACK_SECONDS)
+            yield Withdrawal(giver, switch.object_name, DRAWN_BACK, begin, until)
+
+
+def _busy(
+    modes: ModeSequence, hand: str, phases: Sequence[int], let_go: float, seconds: float
+) -> Iterator[tuple[float, float]]:
+    """Yield from when to when [s] a hand that lets go at some time is busy: drawing back, or acting in some phases."""
+    draws_back = min(DRAW_BACK_SECONDS, seconds / 2.0)
+    yield let_go, let_go + draws_back
+    for phase in phases:
+        if hand in modes.switches[phase].hands:
+            yield phase * seconds, (phase + 1) * seconds + draws_back
 
 
 def _acted_on(switch: KinematicSwitch) -> tuple[str, ...]:

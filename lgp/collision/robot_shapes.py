@@ -126,13 +126,13 @@ def _shape(world: World, robot: Robot, name: str, joint: int, at: pin.SE3, part:
 def _geometry(path: Path) -> tuple[LinkGeometry, ...]:
     """Return the <collision> geometry of a URDF (read once)."""
     root, _ = read_urdf(path)
-    found = []
+    parts = []
     for link in root.findall("link"):
         for element in link.findall("collision"):
             part = _part(link.get("name", ""), element, path)
             if part is not None:
-                found.append(part)
-    return tuple(found)
+                parts.append(part)
+    return tuple(parts)
 
 
 def _part(link: str, element: ET.Element, path: Path) -> LinkGeometry | None:

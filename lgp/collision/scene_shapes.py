@@ -29,7 +29,7 @@ def collision_shapes(world: World) -> tuple[CollisionShape, ...]:
         centre = np.array([*table.position, table.height - table.thickness / 2.0])
         shapes.append(box(name, "table", "table", rotation, centre, (*table.size, table.thickness)))
     for name, hand in world.scene.hands.items():
-        shapes.append(_grip(name, hand.agent, world.scene.hands_apart / 2.0))
+        shapes.append(_grip(name, hand.agent, world.scene.hand_clearance / 2.0))
     for name, item in world.scene.objects.items():
         shapes.append(box(name, name, "object", np.eye(3), np.zeros(3), item.size))
     return tuple(shapes)

@@ -45,12 +45,12 @@ def start_penetrations(world: World, configuration: Array) -> tuple[StartPenetra
     kinematics, z = world.at(configuration[None], collisions.frames), np.zeros(0)
     slices, pairs = collisions.near_pairs(kinematics, [0], z, 0.0, required)
     depths = -collisions.values(kinematics, [0], z, slices, pairs)
-    found = []
+    touching = []
     for pair, depth in zip(pairs.tolist(), depths.tolist(), strict=True):
         first, second = (collisions.shapes[side].name for side in collisions.pairs[pair])
         if depth > TOUCH and not collisions.is_grip(collisions.pairs[pair]):
-            found.append(StartPenetration(first, second, depth))
-    return tuple(sorted(found, key=lambda one: -one.depth))
+            touching.append(StartPenetration(first, second, depth))
+    return tuple(sorted(touching, key=lambda one: -one.depth))
 
 
 def check_start(world: World, configuration: Array) -> None:
@@ -59,11 +59,11 @@ def check_start(world: World, configuration: Array) -> None:
     Raises:
         WorldError: names the deepest pairs.
     """
-    found = start_penetrations(world, configuration)
-    if found:
+    touching = start_penetrations(world, configuration)
+    if touching:
         most = 3
-        more = f" and {len(found) - most} more" if len(found) > most else ""
+        more = f" and {len(touching) - most} more" if len(touching) > most else ""
         raise WorldError(
-            f"{world.scene.name}: at the start {', '.join(map(str, found[:most]))}{more}; "
+            f"{world.scene.name}: at the start {', '.join(map(str, touching[:most]))}{more}; "
             "move them apart in the scene, or accept the start"
         )

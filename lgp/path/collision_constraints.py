@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lgp.collision.contacts import (
     declared_contacts,
@@ -27,7 +28,7 @@ from reba.arrays import Array, Indices
 
 MARGIN = 0.01
 """[m] Distance between bodies at the constrained points, so that little penetration is left between them."""
-EARLY_MARGIN = 0.02
+EARLY_MARGIN = 0.005
 """[m] Where a constraint is violated, pairs within the margin and this become active in the slices too."""
 MARGIN_TOLERANCE = 1e-3
 """[m] A pair below the margin by less does not become active."""
@@ -87,9 +88,8 @@ class CollisionConstraints:
         violated = int(np.count_nonzero(new & (clearance < -MARGIN_TOLERANCE)))
         if not violated:
             return 0
-        new &= (clearance < 0.0) | (
-            (clearance < EARLY_MARGIN) & (near.slices % POINTS_PER_SLICE == POINTS_PER_SLICE - 1)
-        )
+        new &= clearance < EARLY_MARGIN
+        new &= self._nearest_of_slice(near, clearance)
         self.points = np.concatenate([self.points, near.slices[new]])
         self.pairs = np.concatenate([self.pairs, near.pairs[new]])
         self._gradient_entries = None
@@ -98,6 +98,14 @@ class CollisionConstraints:
             for at, pair in zip(near.slices[new], near.pairs[new], strict=True)
         ]
         return violated
+
+    def _nearest_of_slice(self, near: _Near, clearance: Array) -> NDArray[np.bool_]:
+        """Return (m,) whether no other point of the same slice and pair has less clearance."""
+        of = near.slices // POINTS_PER_SLICE * len(self.collisions.pairs) + near.pairs
+        order = np.lexsort((clearance, of))
+        nearest = np.zeros(len(of), dtype=bool)
+        nearest[order[np.unique(of[order], return_index=True)[1]]] = True
+        return nearest
 
     def blocks(self, tail: int) -> Blocks:
         """Return the unknowns of each constraint: configurations (T, nq) first, variables from `tail` on."""

@@ -80,7 +80,7 @@ def explain_infeasibility(problem: PathProblem, x: Array) -> str:
     for row, value in zip(problem.constraints.in_rows, values.inequality, strict=True):
         if row.kind == "tilt":
             messages.append((value, f"{_phase_of_switch(problem, row.number)}: {_tilt(problem, row.name, value)}"))
-        elif row.kind == "apart":
+        elif row.kind == "hands":
             text = f"{row.name} come {value:.3f} m nearer to each other than grip points may"
             messages.append((value, f"{_phase_of_switch(problem, row.number)}: {text}"))
         elif row.kind == "collision":

@@ -23,7 +23,7 @@ POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
 class ConstraintInfo:
     """What one row is about: its kind, its unit, the number of a switch or knot, and the name of a hand or object.
 
-    Kinds of switches: "pose_continuity", "screw", "joint", "tilt", "apart"; of knots: "rest", "sole", "leg",
+    Kinds of switches: "pose_continuity", "screw", "joint", "tilt", "hands"; of knots: "rest", "sole", "leg",
     "collision". A tilt is a difference of cosines, which has no unit.
     """
 
@@ -77,7 +77,7 @@ class ModeConstraints:
             self.in_rows.append(ConstraintInfo("tilt", "", number, phases.switches[number].hand))
         for number in self._given:
             self.ineq.append((1, self._columns(number)))
-            self.in_rows.append(ConstraintInfo("apart", "m", number, " and ".join(phases.switches[number].hands)))
+            self.in_rows.append(ConstraintInfo("hands", "m", number, " and ".join(phases.switches[number].hands)))
 
     def limb(self, number: int) -> Indices:
         """Return the columns of q that move the hands of a switch."""
@@ -132,7 +132,7 @@ class ModeConstraints:
             values.in_blocks.append(tilt.jacobian[0][:, self._limbs[number]])
         for number in self._given:
             taker, giver = (kinematics[number].placement(hand) for hand in self.phases.switches[number].hands)
-            near = features.nearness(taker, giver, self.world.scene.hands_apart)
+            near = features.nearness(taker, giver, self.world.scene.hand_clearance)
             values.inequality.append(near.value[0])
             values.in_blocks.append(near.jacobian[0][:, self._limbs[number]])
         return values

@@ -173,7 +173,7 @@ class FreeParameter:
     reason: str
 
 
-HANDS_APART = 0.06
+HAND_CLEARANCE = 0.06
 """[m] Distance of the grip points of two hands by default (a choice: a palm and a gripper beside each other)."""
 
 
@@ -195,7 +195,7 @@ class Scene:
         objects: by name.
         assemblies: objects that can be screwed together.
         depth: longest sequence of actions of a search.
-        hands_apart: least distance of the grip points of two hands [m].
+        hand_clearance: least distance of the grip points of two hands [m].
         choices: parameters that the source leaves open, with reasons.
         values: the TOML values with current heights; `read_scene(values)` returns an equal scene.
     """
@@ -213,7 +213,7 @@ class Scene:
     objects: Mapping[str, SceneObject]
     assemblies: tuple[Assembly, ...] = ()
     depth: int = 4
-    hands_apart: float = HANDS_APART
+    hand_clearance: float = HAND_CLEARANCE
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 

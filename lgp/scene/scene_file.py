@@ -14,7 +14,7 @@ from typing import Any
 from lgp.errors import SceneError
 from lgp.logic.pddl import shipped_domains
 from lgp.scene.body_measures import STATURE, table
-from lgp.scene.model import HANDS_APART, Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
+from lgp.scene.model import HAND_CLEARANCE, Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
 from reba.open_file import read_settings
@@ -131,7 +131,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
             _assembly(number, entry, name, objects) for number, entry in enumerate(_list(entries, "joints"))
         ),
         depth=int(entries.number("depth", 4, low=1, high=40)),
-        hands_apart=entries.number("hands_apart", HANDS_APART, low=0.0, high=1.0),
+        hand_clearance=entries.number("hand_clearance", HAND_CLEARANCE, low=0.0, high=1.0),
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
         values=chosen,
     )

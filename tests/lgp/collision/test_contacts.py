@@ -88,10 +88,10 @@ def test_an_acting_hand_comes_near_to_its_table_and_does_not_touch_it() -> None:
 
 
 @needs_robots
-def test_grip_points_keep_apart_and_a_hand_draws_back_before_another_comes() -> None:
+def test_grip_points_keep_their_clearance_and_a_hand_draws_back_before_another_comes() -> None:
     world = screwdriver_world()
     robot, person = "grip point of baxter.right", f"grip point of {RIGHT}"
-    half = world.scene.hands_apart / 2.0
+    half = world.scene.hand_clearance / 2.0
     assert set(required(world, HANDED_OVER, robot, person, [0.1, 4.0, 6.0])) == {0.0}
     soon, later = 4.0 + DRAW_BACK_SECONDS / 2.0, 4.0 + 2.0 * DRAW_BACK_SECONDS
     assert required(world, HANDED_OVER, person, "screwdriver", [3.9, soon, later]) == pytest.approx(
