@@ -4,7 +4,7 @@ Objects and hands touch only what their actions say, and only around their switc
 
     object and the support it rests on     free while it rests, the slice at rest after the switch included; from 0 to
                                            the margin within WINDOW before it is put down and after it is lifted
-    object and the hand that acts on it    free while held, and within WINDOW before and after
+    object and the hand that acts on it    free while held, and within HAND_WINDOW before and after
     acting hand and the table              no contact: from 0 to the margin within WINDOW around the switch
     parts of one assembly                  as object and support, from when both stand as they are screwed
 
@@ -28,6 +28,9 @@ from reba.arrays import Array
 WINDOW = 0.3
 """[s] Time before and after a contact in which the margin fades (a choice: shorter ones make plans dearer)."""
 
+HAND_WINDOW = 0.25
+"""[s] The same of a hand, whose fingers reach around the object: clear of it at the end of `WINDOW`, between slices too."""
+
 
 @dataclass(frozen=True)
 class Contact:
@@ -37,7 +40,7 @@ class Contact:
         first, second: names of what touches: "table.left", an object, or a hand, which stands for its bodies.
         begin, end: of the contact [s]; infinite where it holds from the start on or to the end.
         touches: whether they may touch in between; otherwise they keep a distance of 0.
-        free: whether the time within `WINDOW` before and after is free as well, instead of a fading margin.
+        free: whether the time within `HAND_WINDOW` before and after is free as well; no margin fades then.
     """
 
     first: str
@@ -51,7 +54,7 @@ class Contact:
         """Return the distance (n,) [m] to keep at times (n,) [s], -inf where contact is free."""
         away = np.maximum(np.maximum(self.begin - times, times - self.end), 0.0)
         if self.free:
-            away = np.where(away <= WINDOW + SAME, 0.0, math.inf)
+            away = np.where(away <= HAND_WINDOW + SAME, 0.0, math.inf)
         fading = margin * np.minimum(away / WINDOW, 1.0)
         return np.where(away <= SAME, -math.inf if self.touches else 0.0, fading)
 
