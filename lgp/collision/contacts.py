@@ -74,7 +74,8 @@ def required_distances(
     kinds = [{shapes[one].kind, shapes[other].kind} for one, other in pairs]
     of_pair = [0.0 if kind == {"grip"} else -math.inf if "grip" in kind else margin for kind in kinds]
     required = np.tile(of_pair, (len(times), 1))
-    names = [shape.hands | {shape.name} if shape.kind != "link" else shape.hands for shape in shapes]
+    agents = {hand.partition(".")[0] for shape in shapes for hand in shape.hands}
+    names = [shape.hands if shape.owner in agents else shape.hands | {shape.name} for shape in shapes]
     for contact in contacts:
         both = {contact.first}, {contact.second}
         touched = [

@@ -16,7 +16,7 @@ import numpy as np
 
 from lgp.collision.scene_shapes import collision_shapes
 from lgp.collision.shapes import CollisionShape, along
-from lgp.kinematics.features import cross, exponential, logarithm
+from lgp.kinematics.features import cross, exponential, logarithm, position_curvature
 from lgp.kinematics.leg_ik import LegSegments
 from lgp.kinematics.modes import ModeSequence, jaw_opening
 from lgp.kinematics.world import Kinematics, World
@@ -135,6 +135,35 @@ class Collisions:
                 by_variables[rows] += sense * np.einsum("ni,nij->nj", normals[rows], varied)
         return Distances(slices, pairs, value, by_q, by_variables)
 
+    def curvature(
+        self,
+        kinematics: Kinematics,
+        phases: Sequence[int] | Indices,
+        z: Array,
+        slices: Indices,
+        pairs: Indices,
+        weights: Array,
+    ) -> Array:
+        """Return the sum of weights (m,) times the second derivatives of distances by q, (n, nq, nq) by slice.
+
+        Of points fixed to both bodies along a fixed normal: what rolling on each other adds is left out.
+        """
+        phase, nq = np.asarray(phases), self.world.nq
+        total = np.zeros((len(phase), nq, nq))
+        _, points, normals = self._closest(kinematics, phase, z, slices, pairs)
+        for number, sense in ((0, -1.0), (1, 1.0)):
+            frames = [
+                self._carrier(self._sides[pair, number], int(phase[at]))
+                for at, pair in zip(slices.tolist(), pairs.tolist(), strict=True)
+            ]
+            for frame in set(frames) - {""}:
+                rows = np.array([row for row, name in enumerate(frames) if name == frame], np.intp)
+                columns = np.flatnonzero(self.world.support(frame))
+                jacobian = kinematics.rows(slices[rows]).point_jacobian(frame, points[number, rows])[:, :, columns]
+                curved = position_curvature(jacobian, sense * weights[rows, None] * normals[rows])
+                np.add.at(total, (slices[rows, None, None], columns[:, None], columns), curved)
+        return total
+
     def values(
         self,
         kinematics: Kinematics,
@@ -171,25 +200,33 @@ class Collisions:
         joints, variables = np.zeros(self.world.nq, dtype=bool), [np.zeros(0, np.intp)]
         for side in self.pairs[pair]:
             body = self.shapes[side]
-            frame = body.frame
-            if body.kind == "object":
+            if body.owner in self.world.scene.objects:
                 attachment = self.modes.attachment(body.owner, phase)
                 variables.append(np.arange(attachment.variables.start, attachment.variables.stop))
-                frame = attachment.parent if attachment.parent in self.world.scene.hands else ""
+            frame = self._carrier(side, phase)
             if frame:
                 joints |= self.world.support(frame) > 0.0
         return np.flatnonzero(joints), np.concatenate(variables)
+
+    def _carrier(self, side: int, phase: int) -> str:
+        """Return the frame that a shape moves with in a phase, "" for the world."""
+        body = self.shapes[side]
+        if body.owner not in self.world.scene.objects:
+            return body.frame
+        parent = self.modes.attachment(body.owner, phase).parent
+        return parent if parent in self.world.scene.hands else ""
 
     def _poses(self, kinematics: Kinematics, phases: Indices, z: Array) -> tuple[Array, Array]:
         """Return rotations (n, B, 3, 3) and centres (n, B, 3) [m] of all shapes."""
         n = len(kinematics)
         rotations, centres = np.empty((n, len(self.shapes), 3, 3)), np.empty((n, len(self.shapes), 3))
         for number, body in enumerate(self.shapes):
-            if body.kind == "object":
+            if body.owner in self.world.scene.objects:
                 for phase in np.unique(phases):
                     rows = np.flatnonzero(phases == phase)
                     pose = self.modes.pose(body.owner, int(phase), kinematics.rows(rows), z)
-                    rotations[rows, number], centres[rows, number] = pose.rotation, pose.position
+                    rotations[rows, number] = pose.rotation
+                    centres[rows, number] = pose.position + pose.rotation @ body.position
             elif body.leg:
                 start, end = self._leg_ends(body, kinematics)
                 rotations[:, number], centres[:, number] = along(end - start), (start + end) / 2.0
@@ -225,7 +262,7 @@ class Collisions:
         """Return the Jacobians (m, 3, nq) and (m, 3, nz) of points (m, 3) on a shape in the slices (m,)."""
         body, nz = self.shapes[side], self.modes.size
         by_q, by_variables = np.zeros((len(slices), 3, self.world.nq)), np.zeros((len(slices), 3, nz))
-        if body.kind == "object":
+        if body.owner in self.world.scene.objects:
             for phase in np.unique(phases[slices]):
                 rows = np.flatnonzero(phases[slices] == phase)
                 pose = self.modes.pose(body.owner, int(phase), kinematics.rows(slices[rows]), z).with_all_variables(nz)
@@ -263,6 +300,8 @@ def _may_meet(first: CollisionShape, second: CollisionShape) -> bool:
     kinds = {first.kind, second.kind}
     if "grip" in kinds:
         return kinds in ({"grip"}, {"grip", "object"})
+    if "point" in kinds:
+        return first.owner != second.owner and bool(kinds & {"table", "object"})
     if "link" not in kinds:
         # Of two shapes that are not links, only objects move.
         return "object" in kinds

@@ -8,7 +8,7 @@ import coal
 import numpy as np
 
 from lgp.collision.robot_shapes import robot_shapes
-from lgp.collision.shapes import CollisionShape, box, capsule
+from lgp.collision.shapes import CollisionShape, box, capsule, points
 from lgp.kinematics import human
 from lgp.kinematics.features import rotation_about_z
 from lgp.kinematics.leg_ik import LegSegments
@@ -32,7 +32,13 @@ def collision_shapes(world: World) -> tuple[CollisionShape, ...]:
         shapes.append(_grip(name, hand.agent, world.scene.hand_clearance / 2.0))
     for name, item in world.scene.objects.items():
         shapes.append(box(name, name, "object", np.eye(3), np.zeros(3), item.size))
+    shapes += [point for shape in shapes if _flat_or_long(shape) for point in points(shape)]
     return tuple(shapes)
+
+
+def _flat_or_long(shape: CollisionShape) -> bool:
+    """Return whether a shape has corners or ends that may be as near to another one as each other."""
+    return shape.kind == "object" or (shape.kind == "link" and shape.owner == "human" and not shape.leg)
 
 
 def _grip(hand: str, agent: str, radius: float) -> CollisionShape:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any
 
 import coal
@@ -34,8 +35,8 @@ class CollisionShape:
     Attributes:
         name: for messages.
         owner: agent, "table", or the object's name.
-        kind: "link", "base", "table", "object", or "grip": a ball around the grip point of a hand, as large as half
-            the distance that two grip points keep.
+        kind: "link", "base", "table", "object", "point" of a link or an object: a corner or an end, or "grip": a ball
+            around the grip point of a hand, as large as half the distance that two grip points keep.
         frame: frame it is fixed to, "" for the world.
         branch: limb; shapes of one limb are never checked against each other.
         reaches: whether it can touch other limbs of its agent.
@@ -72,6 +73,28 @@ def box(
     radius = float(np.linalg.norm(size)) / 2.0
     half = np.array(size) / 2.0
     return CollisionShape(name, owner, kind, "", name, False, rotation, position, radius, half, 0.0, coal.Box(*size))
+
+
+def points(shape: CollisionShape) -> list[CollisionShape]:
+    """Return the corners of a box, or the ends of a capsule, as shapes.
+
+    Where a shape is parallel to another one, the nearest point jumps between these as it turns; the distance of each
+    of them has no such edge.
+    """
+    places = [np.array(signs) * shape.half for signs in product((-1.0, 1.0), repeat=3)]
+    if not shape.half[:2].any():
+        places = [np.array([0.0, 0.0, side]) for side in (-shape.half[2], shape.half[2])]
+    return [
+        replace(
+            shape,
+            kind="point",
+            position=shape.position + shape.rotation @ place,
+            radius=shape.rim,
+            half=np.zeros(3),
+            shape=coal.Sphere(shape.rim),
+        )
+        for place in places
+    ]
 
 
 def capsule(

@@ -136,6 +136,36 @@ class CollisionConstraints:
         weight = np.where(around < 0, 1.0, weights[places[row], around, np.minimum(column, self.world.nq - 1)])
         return self._limits[self.points, self.pairs] - distances.value, [-weight * gradients[row, column]]
 
+    def hessian_columns(self) -> list[Indices]:
+        """Return the unknowns of each block of `hessian`: those of one agent in the slices nearest to constraints."""
+        at = np.unique(self._nearest_slices())[:, None] * self.world.nq
+        return [at + columns for columns in self._agents()] if len(at) else []
+
+    def hessian(self, q: Array, z: Array, y: Array) -> list[Array]:
+        """Return the convex part of sum_i y_i d2 row_i (n, p, p) of each agent, for multipliers y (m,).
+
+        Each constraint counts for the slice nearest to it.
+        """
+        if not len(self.points):
+            return []
+        slices, places = np.unique(self._nearest_slices(), return_inverse=True)
+        rows = np.flatnonzero(y > 0.0)
+        used, of_used = np.unique(self.points[rows], return_inverse=True)
+        kinematics = self.world.at(self._between(q, used), self.collisions.frames)
+        by_point = self.collisions.curvature(kinematics, self._phase[used], z, of_used, self.pairs[rows], -y[rows])
+        total = np.zeros((len(slices), self.world.nq, self.world.nq))
+        first = np.zeros(len(used), np.intp)
+        first[of_used] = places[rows]
+        np.add.at(total, first, by_point)
+        return [_convex_part(total[:, columns[:, None], columns]) for columns in self._agents()]
+
+    def _agents(self) -> list[Indices]:
+        return [np.array(self.world.columns(agent.name), np.intp) for agent in self.world.scene.agents]
+
+    def _nearest_slices(self) -> Indices:
+        """Return the slice (m,) nearest to each constraint; the start is none."""
+        return np.maximum((self.points + POINTS_PER_SLICE // 2 + 1) // POINTS_PER_SLICE - 1, 0)
+
     def _entries(self) -> tuple[Indices, Indices, Indices]:
         """Return row, column among joints and variables, and place among the knots around of each gradient entry.
 
@@ -198,6 +228,12 @@ class CollisionConstraints:
         kinematics = self.world.at(q, self.collisions.frames)
         slices, pairs = self.collisions.near_pairs(kinematics, phases, z, within, required)
         return _Near(slices, pairs, self.collisions.values(kinematics, phases, z, slices, pairs))
+
+
+def _convex_part(matrices: Array) -> Array:
+    """Return symmetric matrices (n, p, p) without their negative eigenvalues."""
+    values, vectors = np.linalg.eigh(matrices)
+    return np.asarray((vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2))
 
 
 def _share(points: Indices) -> tuple[Indices, Array]:
