@@ -72,6 +72,8 @@ class Collisions:
         self._radii = np.array([shape.radius for shape in self.shapes])
         self._halves = np.array([shape.half for shape in self.shapes])
         self._rims = np.array([shape.rim for shape in self.shapes])
+        kinds = np.array([shape.kind == "point" for shape in self.shapes])[self._sides]
+        self._point_to_box = np.where(kinds.any(axis=1), kinds.argmax(axis=1), -1)
         person = world.scene.human
         self._legs = None if person is None else LegSegments(person)
         self._fingers: dict[tuple[int, int], tuple[Array, Array]] = {}
@@ -182,9 +184,22 @@ class Collisions:
         rotations, centres = self._poses(kinematics, phases, z)
         m = len(slices)
         value, points, normals = np.empty(m), np.empty((2, m, 3)), np.empty((m, 3))
+        boxes = self._point_to_box[pairs]
+        for point in (0, 1):
+            rows = np.flatnonzero(boxes == point)
+            ball, box = self._sides[pairs[rows], point], self._sides[pairs[rows], 1 - point]
+            away, normal = _from_box(
+                rotations[slices[rows], box],
+                centres[slices[rows], ball] - centres[slices[rows], box],
+                self._halves[box],
+            )
+            value[rows] = away - self._rims[ball]
+            points[point, rows] = centres[slices[rows], ball] - self._rims[ball, None] * normal
+            points[1 - point, rows] = centres[slices[rows], ball] - away[:, None] * normal
+            normals[rows] = normal if point else -normal
         result, placed = coal.DistanceResult(), {}
-        for row, (at, pair) in enumerate(zip(slices.tolist(), pairs.tolist(), strict=True)):
-            sides = self.pairs[pair]
+        for row in np.flatnonzero(boxes < 0).tolist():
+            at, sides = int(slices[row]), self.pairs[pairs[row]]
             for side in sides:
                 if (at, side) not in placed:
                     placed[at, side] = coal.Transform3s(rotations[at, side], centres[at, side])
@@ -293,6 +308,25 @@ class Collisions:
         of_knee = self._legs.knee_by_hip(side, hip) @ of_hip
         first, second = (of_hip, of_knee) if segment == "thigh" else (of_knee, np.zeros_like(of_knee))
         return np.asarray((1.0 - share) * first + share * second)
+
+
+def _from_box(rotation: Array, offset: Array, half: Array) -> tuple[Array, Array]:
+    """Return the signed distances (m,) [m] of points from boxes, and normals (m, 3) away from these.
+
+    Args:
+        rotation: (m, 3, 3) of the boxes.
+        offset: (m, 3) from the middles of the boxes to the points [m].
+        half: (m, 3) half sides [m].
+    """
+    local = np.einsum("mji,mj->mi", rotation, offset)
+    beyond = np.abs(local) - half
+    outside = np.maximum(beyond, 0.0)
+    distance = np.linalg.norm(outside, axis=1)
+    inside = distance == 0.0
+    deepest = np.eye(3)[np.argmax(beyond, axis=1)]
+    direction = np.where(inside[:, None], deepest, outside / np.where(inside, 1.0, distance)[:, None])
+    normal = np.einsum("mij,mj->mi", rotation, direction * np.where(local < 0.0, -1.0, 1.0))
+    return np.where(inside, beyond.max(axis=1), distance), normal
 
 
 def _may_meet(first: CollisionShape, second: CollisionShape) -> bool:

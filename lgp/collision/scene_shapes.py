@@ -38,7 +38,7 @@ def collision_shapes(world: World) -> tuple[CollisionShape, ...]:
 
 def _flat_or_long(shape: CollisionShape) -> bool:
     """Return whether a shape has corners or ends that may be as near to another one as each other."""
-    return shape.kind == "object" or (shape.kind == "link" and shape.owner == "human" and not shape.leg)
+    return shape.kind == "object" or (shape.kind == "link" and shape.owner == "human" and shape.reaches)
 
 
 def _grip(hand: str, agent: str, radius: float) -> CollisionShape:
