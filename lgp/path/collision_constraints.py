@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lgp.collision.contacts import (
     declared_contacts,
@@ -24,12 +23,12 @@ from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.path.mode_constraints import Blocks, ConstraintInfo
 from lgp.path.phases import Phases
-from reba.arrays import Array, Indices
+from reba.arrays import Array, Flags, Indices
 
 MARGIN = 0.01
 """[m] Distance between bodies at the constrained points, so that little penetration is left between them."""
 EARLY_MARGIN = 0.005
-"""[m] Where a constraint is violated, pairs within the margin and this become active in the slices too."""
+"""[m] Where a constraint is violated, pairs within the margin and this become active too."""
 MARGIN_TOLERANCE = 1e-3
 """[m] A pair below the margin by less does not become active."""
 POINTS_PER_SLICE = 4
@@ -79,17 +78,19 @@ class CollisionConstraints:
         first[:, near.pairs] = np.minimum(first[:, near.pairs], near.value)
 
     def add_violated(self, q: Array, z: Array) -> int:
-        """Add the constraints that a path (T, nq) violates, and near pairs with them; return how many are violated."""
+        """Add the constraints that a path (T, nq) violates, and near pairs with them; return how many are violated.
+
+        Of the points of a slice and a pair only the nearest becomes active: the next ones say nearly the same.
+        """
         points = np.arange(len(self._phase))
         near = self._near(self._between(q, points), self._phase, z, EARLY_MARGIN, self._limits)
         count = len(self.collisions.pairs)
         clearance = near.value - self._limits[near.slices, near.pairs]
-        new = ~np.isin(near.slices * count + near.pairs, self.points * count + self.pairs)
+        new = self._nearest_of_slice(near, clearance) & (clearance < EARLY_MARGIN)
+        new &= ~np.isin(near.slices * count + near.pairs, self.points * count + self.pairs)
         violated = int(np.count_nonzero(new & (clearance < -MARGIN_TOLERANCE)))
         if not violated:
             return 0
-        new &= clearance < EARLY_MARGIN
-        new &= self._nearest_of_slice(near, clearance)
         self.points = np.concatenate([self.points, near.slices[new]])
         self.pairs = np.concatenate([self.pairs, near.pairs[new]])
         self._gradient_entries = None
@@ -99,7 +100,7 @@ class CollisionConstraints:
         ]
         return violated
 
-    def _nearest_of_slice(self, near: _Near, clearance: Array) -> NDArray[np.bool_]:
+    def _nearest_of_slice(self, near: _Near, clearance: Array) -> Flags:
         """Return (m,) whether no other point of the same slice and pair has less clearance."""
         of = near.slices // POINTS_PER_SLICE * len(self.collisions.pairs) + near.pairs
         order = np.lexsort((clearance, of))
