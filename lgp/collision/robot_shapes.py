@@ -1,6 +1,6 @@
-"""Collision shapes of robots: the <collision> geometry of their URDF, meshes as convex hulls, fingers as jaws.
+"""Collision shapes of robots: the <collision> geometry of their URDF, meshes as convex bodies, fingers as jaws.
 
-Every link has the shapes that its URDF gives it; a mesh is replaced by its convex hull, which encloses it. Locked
+Every link has the shapes that its URDF gives it; a mesh is replaced by its convex hull, or the hulls of its slabs. Locked
 joints beyond the joint that carries a hand are its jaws: their links stand open, or closed to the width of what the
 hand has.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from functools import cache
@@ -19,6 +20,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from lgp.collision.convex_parts import convex_parts
 from lgp.collision.shapes import CollisionShape, JawPlacement, capsule
 from lgp.errors import WorldError
 from lgp.kinematics.mesh_file import mesh_path, read_mesh
@@ -129,13 +131,11 @@ def _geometry(path: Path) -> tuple[LinkGeometry, ...]:
     parts = []
     for link in root.findall("link"):
         for element in link.findall("collision"):
-            part = _part(link.get("name", ""), element, path)
-            if part is not None:
-                parts.append(part)
+            parts += _parts(link.get("name", ""), element, path)
     return tuple(parts)
 
 
-def _part(link: str, element: ET.Element, path: Path) -> LinkGeometry | None:
+def _parts(link: str, element: ET.Element, path: Path) -> Iterator[LinkGeometry]:
     shape = element.find("geometry/*")
     origin = element.find("origin")
     xyz, rpy = (
@@ -144,17 +144,19 @@ def _part(link: str, element: ET.Element, path: Path) -> LinkGeometry | None:
     )
     at = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
     if shape.tag == "mesh":
-        return _hull(link, shape, at, path)
+        yield from _mesh(link, shape, at, path)
+        return
     size = {key: [float(word) for word in shape.get(key, "0").split()] for key in ("size", "radius", "length")}
     radius, length = size["radius"][0], size["length"][0]
-    if shape.tag == "box":
-        return LinkGeometry(link, coal.Box(*size["size"]), np.array(size["size"]) / 2.0, 0.0, at)
-    if shape.tag == "sphere":
-        return LinkGeometry(link, coal.Sphere(radius), np.zeros(3), radius, at)
     half = np.array([0.0, 0.0, length / 2.0])
-    if shape.tag == "capsule":
-        return LinkGeometry(link, coal.Capsule(radius, length), half, radius, at)
-    return LinkGeometry(link, *_prism(radius, length), at)
+    if shape.tag == "box":
+        yield LinkGeometry(link, coal.Box(*size["size"]), np.array(size["size"]) / 2.0, 0.0, at)
+    elif shape.tag == "sphere":
+        yield LinkGeometry(link, coal.Sphere(radius), np.zeros(3), radius, at)
+    elif shape.tag == "capsule":
+        yield LinkGeometry(link, coal.Capsule(radius, length), half, radius, at)
+    else:
+        yield LinkGeometry(link, *_prism(radius, length), at)
 
 
 SIDES_OF_PRISM = 16
@@ -176,10 +178,8 @@ def _convex(corners: Array) -> Any:
     return coal.Convex.convexHull(vertices, True, "Qt")
 
 
-def _hull(link: str, mesh: ET.Element, at: pin.SE3, path: Path) -> LinkGeometry | None:
-    """Return the convex hull of a mesh, None with a warning where its file does not exist."""
-    from scipy.spatial import ConvexHull, QhullError
-
+def _mesh(link: str, mesh: ET.Element, at: pin.SE3, path: Path) -> Iterator[LinkGeometry]:
+    """Yield the convex bodies around a mesh, none with a warning where its file does not exist."""
     name = str(mesh.get("filename"))
     try:
         file = mesh_path(name, path)
@@ -187,16 +187,16 @@ def _hull(link: str, mesh: ET.Element, at: pin.SE3, path: Path) -> LinkGeometry 
         if "does not exist" not in str(error):
             raise
         warnings.warn(f"{error}; link {link!r} has no body", MissingMeshWarning, stacklevel=2)
-        return None
+        return
     scale = np.array([float(word) for word in mesh.get("scale", "1 1 1").split()])
-    points = np.concatenate([vertices for vertices, *_ in read_mesh(file)]) * scale
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    try:
-        corners = points[ConvexHull(points).vertices] - middle
-    except QhullError:  # a flat mesh: the box around it, which has no volume either
-        return LinkGeometry(link, coal.Box(*np.ptp(points, axis=0)), np.ptp(points, axis=0) / 2.0, 0.0, at)
-    moved = at * pin.SE3(np.eye(3), middle)
-    return LinkGeometry(link, _convex(corners), np.abs(corners).max(axis=0), 0.0, moved)
+    parts = [(vertices * scale, np.asarray(triangles)) for vertices, triangles, *_ in read_mesh(file)]
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    vertices = np.concatenate([vertices for vertices, _ in parts])
+    triangles = np.concatenate([of + begin for (_, of), begin in zip(parts, first, strict=False)])
+    for corners in convex_parts(vertices, triangles):
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
+        moved = at * pin.SE3(np.eye(3), middle)
+        yield LinkGeometry(link, _convex(corners - middle), np.ptp(corners, axis=0) / 2.0, 0.0, moved)
 
 
 @dataclass(frozen=True)

@@ -101,7 +101,7 @@ def _with_new_multipliers(warm: Result, problem: PathProblem) -> Result:
     return replace(warm, y_in=np.concatenate([warm.y_in, np.zeros(new)]))
 
 
-MULTI_START_RATIO = 1.6
+MULTI_START_RATIO = 1.5
 """Cost of a collision-free path, relative to the free path, above which other initial guesses are solved."""
 GOOD_RATIO = 1.5
 """Cost, relative to the free path, below which an improved path ends the multi-start."""
