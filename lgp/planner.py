@@ -116,7 +116,7 @@ def plan(
     skeleton = None if sequence is None else parse_sequence(task, sequence)
     world = World(scene) if world is None else world.with_scene(scene)
     initial = _initial_configuration(world, start)
-    if collisions and not accept_start:
+    if collisions and not accept_start and not task.is_goal(task.initial):
         check_start(world, initial)
     bounds = PathBounds(world, _ergonomics(world, cost), weights, initial, slices, collisions=collisions)
     budget = Budget(scene.depth if depth is None else depth, seconds=seconds, keep_interrupted=True)

@@ -50,7 +50,9 @@ def _slabs(vertices: Array, triangles: Indices) -> Sequence[Array]:
     """Return the points of a mesh in each slab across its longest side, those where its edges cross the cuts too."""
     height = vertices[:, int(np.ptp(vertices, axis=0).argmax())]
     cuts = np.linspace(height.min(), height.max(), SLABS + 1)
-    edges = np.unique(np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])), axis=0)
+    edges = np.unique(
+        np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])), axis=0
+    )
     start, end = edges.T
     crossings = []
     for cut in cuts:

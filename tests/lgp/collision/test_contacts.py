@@ -122,5 +122,11 @@ def test_parts_touch_only_while_they_stand_for_a_screw() -> None:
     times = [0.1, 9.0, 12.0, 14.0]
     assert set(required(world, brought, handle, side, times)) == {MARGIN}
     assert required(world, screwed, handle, side, times) == [MARGIN, MARGIN, -math.inf, -math.inf]
+    # The hand that put the handle down acts beside it next: it need not stay away, and no other hand comes near then.
+    grip, other = f"grip point of {RIGHT}", "grip point of baxter.right"
+    away = DRAWN_BACK - world.scene.hand_clearance / 2.0
+    assert required(world, screwed, grip, handle, [7.0, 9.0, 11.9, 13.0]) == [away, -math.inf, -math.inf, away]
+    far = NOT_YET - world.scene.hand_clearance / 2.0
+    assert required(world, screwed, other, handle, [7.0, 9.0, 11.9, 13.0]) == [-math.inf, far, far, -math.inf]
     holding = "baxter.right_gripper_base_link"
     assert required(world, screwed, holding, handle, [13.0, 14.0, 16.0]) == [MARGIN, -math.inf, -math.inf]
