@@ -29,7 +29,7 @@ WINDOW = 0.3
 """[s] Time before and after a contact in which the margin fades (a choice: shorter ones make plans dearer)."""
 
 HAND_WINDOW = 0.25
-"""[s] The same of a hand, whose fingers reach around the object: clear of it at the end of `WINDOW`, between slices too."""
+"""[s] The same of a hand, whose fingers reach around the object: clear of it when `WINDOW` ends, between slices too."""
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,13 @@
 """Convex bodies around a mesh: its hull, or the hulls of slabs where it is hollow.
 
-The hull of a torso with shoulders, or of a pedestal with feet, fills rooms that arms move through. Cut into slabs across
-its longest side, such a mesh has hulls that fill less; together they enclose it as well.
+The hull of a torso with shoulders, or of a pedestal with feet, fills rooms that arms move through. Cut into slabs
+across its longest side, such a mesh has hulls that fill less; together they enclose it as well.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -62,5 +63,5 @@ def _slabs(vertices: Array, triangles: Indices) -> Sequence[Array]:
         crossings.append(vertices[first] + share[:, None] * (vertices[second] - vertices[first]))
     return [
         np.concatenate([vertices[(height >= low) & (height <= high)], crossings[number], crossings[number + 1]])
-        for number, (low, high) in enumerate(zip(cuts[:-1], cuts[1:], strict=True))
+        for number, (low, high) in enumerate(pairwise(cuts))
     ]

@@ -54,7 +54,7 @@ class Collisions:
         >>> collisions = Collisions(world)
         >>> kinematics = world.at(world.initial_configuration[None], collisions.frames)
         >>> slices, pairs = collisions.near_pairs(kinematics, [0], np.zeros(0), within=0.1)
-        >>> bool(collisions.values(kinematics, [0], np.zeros(0), slices, pairs).min() > 0.0)
+        >>> bool(collisions.values(kinematics, [0], np.zeros(0), slices, pairs).min() > -1e-9)
         True
     """
 

@@ -1,6 +1,6 @@
 """Collision shapes of robots: the <collision> geometry of their URDF, meshes as convex bodies, fingers as jaws.
 
-Every link has the shapes that its URDF gives it; a mesh is replaced by its convex hull, or the hulls of its slabs. Locked
+Every link has the shapes that its URDF gives it; a mesh is replaced by its hull, or the hulls of its slabs. Locked
 joints beyond the joint that carries a hand are its jaws: their links stand open, or closed to the width of what the
 hand has.
 """
@@ -128,7 +128,7 @@ def _shape(world: World, robot: Robot, name: str, joint: int, at: pin.SE3, part:
 def _geometry(path: Path) -> tuple[LinkGeometry, ...]:
     """Return the <collision> geometry of a URDF (read once)."""
     root, _ = read_urdf(path)
-    parts = []
+    parts: list[LinkGeometry] = []
     for link in root.findall("link"):
         for element in link.findall("collision"):
             parts += _parts(link.get("name", ""), element, path)
@@ -136,8 +136,9 @@ def _geometry(path: Path) -> tuple[LinkGeometry, ...]:
 
 
 def _parts(link: str, element: ET.Element, path: Path) -> Iterator[LinkGeometry]:
-    shape = element.find("geometry/*")
-    origin = element.find("origin")
+    shape, origin = element.find("geometry/*"), element.find("origin")
+    if shape is None:
+        return
     xyz, rpy = (
         np.array([float(word) for word in ("0 0 0" if origin is None else origin.get(key, "0 0 0")).split()])
         for key in ("xyz", "rpy")
