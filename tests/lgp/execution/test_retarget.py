@@ -109,6 +109,6 @@ def test_who_acts_by_a_plan_keeps_it_when_there_is_a_new_one() -> None:
     planner = Planner(small_plan())
     kept = planner.snapshot()
     scene = lgp.load_scene("screwdriver").with_heights({"left": 0.9, "center": 1.0, "right": 1.2})
-    planner.follow(lgp.plan(scene, None, sequence=small_plan().actions[:3], slices=3))
+    planner.follow(lgp.plan(scene, None, sequence=small_plan().actions[:3], slices=3, collisions=False))
     assert planner.motion.phases.slices == 3
     assert kept.motion.phases.slices == 4
