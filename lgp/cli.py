@@ -54,6 +54,9 @@ def cli() -> None:
 @click.option("--no-ergonomics", is_flag=True, help="Minimise accelerations only.")
 @click.option("--no-collisions", is_flag=True, help="Ignore collisions.")
 @click.option(
+    "--accept-start", is_flag=True, help="Plan from a start in which bodies are in each other, instead of refusing it."
+)
+@click.option(
     "--sequence", metavar="FILE", help="Plan the motion of these actions, one per line, instead of searching."
 )
 @click.option("--depth", type=click.IntRange(1, 40), help="Longest sequence of actions; the scene's by default.")
@@ -74,6 +77,7 @@ def plan(
     cost: str | None,
     no_ergonomics: bool,
     no_collisions: bool,
+    accept_start: bool,
     sequence: str | None,
     depth: int | None,
     seconds: float | None,
@@ -99,6 +103,7 @@ def plan(
         depth=depth,
         seconds=float("inf") if seconds is None else seconds,
         collisions=not no_collisions,
+        accept_start=accept_start,
     )
     if output is not None and not result.feasible and (Path(output) / PLAN_FILE).exists():
         echo(f"lgp: {output}: its former plan is kept", err=True)

@@ -31,6 +31,8 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
         + satisfied
     )
     show_audit(console, summary["audit"])
+    if residuals.get("start_penetration"):
+        console.print(f"accepted: at the start two bodies are {residuals['start_penetration']:.3f} m in each other")
     if summary["reba"]["mean"] is not None:
         console.print(f"REBA: mean {summary['reba']['mean']:.2f}, max {summary['reba']['max']}")
     best = {

@@ -20,6 +20,7 @@ import numpy as np
 import dreba
 from dreba.surrogates.base import Surrogate
 from lgp.audit.audit import audit_plan
+from lgp.collision.start_check import check_start, start_penetrations
 from lgp.defaults import COST
 from lgp.errors import LgpError, LogicError
 from lgp.kinematics.posture import PostureMap
@@ -59,6 +60,7 @@ SECONDS: Final = Allowed("seconds above 0", lambda value: is_number(value) and v
     seconds=SECONDS,
     slices=COUNT.or_none(),
     collisions=YES_NO,
+    accept_start=YES_NO,
 )
 def plan(
     scene: Scene | str | Path,
@@ -72,6 +74,7 @@ def plan(
     weights: Weights | None = None,
     world: World | None = None,
     collisions: bool = True,
+    accept_start: bool = False,
 ) -> Plan:
     """Return the sequence of actions and the motion of all agents with the least cost.
 
@@ -88,6 +91,8 @@ def plan(
         weights: of the terms of the cost.
         world: kinematics with the agents of this scene, to save building them.
         collisions: constrain the path to be collision-free; `residuals["penetration"]` is computed either way.
+        accept_start: plan from a start in which bodies are in each other; otherwise it is refused.
+            `residuals["start_penetration"]` is the depth [m].
 
     Returns:
         The plan with what an independent `audit` of it found, without actions where the goal holds already; the best so
@@ -111,6 +116,8 @@ def plan(
     skeleton = None if sequence is None else parse_sequence(task, sequence)
     world = World(scene) if world is None else world.with_scene(scene)
     initial = _initial_configuration(world, start)
+    if collisions and not accept_start and not task.is_goal(task.initial):
+        check_start(world, initial)
     bounds = PathBounds(world, _ergonomics(world, cost), weights, initial, slices, collisions=collisions)
     budget = Budget(scene.depth if depth is None else depth, seconds=seconds, keep_interrupted=True)
     return plan_within(bounds, task, skeleton, budget)
@@ -255,8 +262,14 @@ def _rest(bounds: PathBounds) -> dict[str, Any]:
     return {
         "path": np.zeros((0, bounds.world.nq)),
         "costs": {"total": 0.0, "acceleration": 0.0, "ergonomics": 0.0},
-        "residuals": {"equality": 0.0, "inequality": 0.0, "metres": 0.0, "radians": 0.0, "penetration": 0.0},
+        "residuals": {"equality": 0.0, "inequality": 0.0, "metres": 0.0, "radians": 0.0, "penetration": 0.0}
+        | _start_penetration(bounds),
     }
+
+
+def _start_penetration(bounds: PathBounds) -> dict[str, float]:
+    depths = [one.depth for one in start_penetrations(bounds.world, bounds.initial_configuration)]
+    return {"start_penetration": max(depths, default=0.0)}
 
 
 def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) -> dict[str, Any]:
@@ -278,7 +291,9 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
         "posture": posture,
         "carried": phases.loads(),
         "costs": {"total": costs.total, "acceleration": costs.acceleration, "ergonomics": costs.ergonomics},
-        "residuals": problem.constraints.residuals(*problem.split(x)) | {"penetration": penetration},
+        "residuals": problem.constraints.residuals(*problem.split(x))
+        | {"penetration": penetration}
+        | _start_penetration(bounds),
         "solver": {
             "status": solution.result.status.name.lower(),
             "kkt": solution.result.kkt,

@@ -14,14 +14,13 @@ from itertools import combinations
 import coal
 import numpy as np
 
-from lgp.collision.shapes import CollisionShape, collision_shapes
-from lgp.kinematics.features import cross
-from lgp.kinematics.modes import ModeSequence
+from lgp.collision.scene_shapes import collision_shapes
+from lgp.collision.shapes import CollisionShape, along
+from lgp.kinematics.features import cross, exponential, logarithm, position_curvature
+from lgp.kinematics.leg_ik import LegSegments
+from lgp.kinematics.modes import ModeSequence, jaw_opening
 from lgp.kinematics.world import Kinematics, World
 from reba.arrays import Array, Indices
-
-CONTACT_DEPTH = 0.02
-"""[m] Allowed penetration of a hand that works at a table: palm and fingers are softer than their capsules."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ class Collisions:
         >>> collisions = Collisions(world)
         >>> kinematics = world.at(world.initial_configuration[None], collisions.frames)
         >>> slices, pairs = collisions.near_pairs(kinematics, [0], np.zeros(0), within=0.1)
-        >>> bool(collisions.values(kinematics, [0], np.zeros(0), slices, pairs).min() > 0.0)
+        >>> bool(collisions.values(kinematics, [0], np.zeros(0), slices, pairs).min() > -1e-9)
         True
     """
 
@@ -73,7 +72,11 @@ class Collisions:
         self._radii = np.array([shape.radius for shape in self.shapes])
         self._halves = np.array([shape.half for shape in self.shapes])
         self._rims = np.array([shape.rim for shape in self.shapes])
-        self._allowed: dict[int, Array] = {}
+        kinds = np.array([shape.kind == "point" for shape in self.shapes])[self._sides]
+        self._point_to_box = np.where(kinds.any(axis=1), kinds.argmax(axis=1), -1)
+        person = world.scene.human
+        self._legs = None if person is None else LegSegments(person)
+        self._fingers: dict[tuple[int, int], tuple[Array, Array]] = {}
         self._request = coal.DistanceRequest()
         self._request.enable_signed_distance = True
 
@@ -81,26 +84,36 @@ class Collisions:
         """Return the name of a pair for messages: `table.left and baxter.left_w2`."""
         return " and ".join(self.shapes[side].name for side in self.pairs[pair])
 
-    def near_pairs(
-        self, kinematics: Kinematics, phases: Sequence[int] | Indices, z: Array, within: float
-    ) -> tuple[Indices, Indices]:
-        """Return slices (m,) and pairs (m,) that may be nearer than `within` [m] less their allowed penetration.
+    def is_grip(self, pair: tuple[int, int]) -> bool:
+        """Return whether one of two shapes is the grip point of a hand, which has no body."""
+        return "grip" in {self.shapes[side].kind for side in pair}
 
-        Conservative: every pair that is nearer is among them. `phases` (n,) are those of the n slices, z is (nz,).
+    def near_pairs(
+        self,
+        kinematics: Kinematics,
+        phases: Sequence[int] | Indices,
+        z: Array,
+        within: float,
+        required: Array | None = None,
+    ) -> tuple[Indices, Indices]:
+        """Return slices (m,) and pairs (m,) that may be nearer than `within` [m] beyond the distance they must keep.
+
+        Conservative: every pair that is nearer is among them. `phases` (n,) are those of the n slices, z is (nz,),
+        `required` (n, pairs) [m] as of `lgp.collision.contacts`, 0 by default.
         """
         rotations, centres = self._poses(kinematics, np.asarray(phases), z)
         first, second = self._sides.T
         gaps = np.linalg.norm(centres[:, first] - centres[:, second], axis=2) - self._radii[first] - self._radii[second]
-        allowed = self.allowed_penetration(phases)
-        slices, pairs = np.nonzero(gaps + allowed < within)
-        close, penetration = np.ones(len(slices), dtype=bool), allowed[slices, pairs]
+        reach = within + (np.zeros_like(gaps) if required is None else required)
+        slices, pairs = np.nonzero(gaps < reach)
+        close, nearest = np.ones(len(slices), dtype=bool), reach[slices, pairs]
         # Second test: the bounding sphere of each shape against the other's core, a segment or box with its rim.
         for one, other in ((0, 1), (1, 0)):
             sphere, core = self._sides[pairs, one], self._sides[pairs, other]
             away = centres[slices, sphere] - centres[slices, core]
             inside = np.abs(np.einsum("mji,mj->mi", rotations[slices, core], away)) - self._halves[core]
             gap = np.linalg.norm(np.maximum(inside, 0.0), axis=1) - self._rims[core] - self._radii[sphere]
-            close &= gap + penetration < within
+            close &= gap < nearest
         return slices[close], pairs[close]
 
     def distances(
@@ -124,6 +137,35 @@ class Collisions:
                 by_variables[rows] += sense * np.einsum("ni,nij->nj", normals[rows], varied)
         return Distances(slices, pairs, value, by_q, by_variables)
 
+    def curvature(
+        self,
+        kinematics: Kinematics,
+        phases: Sequence[int] | Indices,
+        z: Array,
+        slices: Indices,
+        pairs: Indices,
+        weights: Array,
+    ) -> Array:
+        """Return the sum of weights (m,) times the second derivatives of distances by q, (n, nq, nq) by slice.
+
+        Of points fixed to both bodies along a fixed normal: what rolling on each other adds is left out.
+        """
+        phase, nq = np.asarray(phases), self.world.nq
+        total = np.zeros((len(phase), nq, nq))
+        _, points, normals = self._closest(kinematics, phase, z, slices, pairs)
+        for number, sense in ((0, -1.0), (1, 1.0)):
+            frames = [
+                self._carrier(self._sides[pair, number], int(phase[at]))
+                for at, pair in zip(slices.tolist(), pairs.tolist(), strict=True)
+            ]
+            for frame in set(frames) - {""}:
+                rows = np.array([row for row, name in enumerate(frames) if name == frame], np.intp)
+                columns = np.flatnonzero(self.world.support(frame))
+                jacobian = kinematics.rows(slices[rows]).point_jacobian(frame, points[number, rows])[:, :, columns]
+                curved = position_curvature(jacobian, sense * weights[rows, None] * normals[rows])
+                np.add.at(total, (slices[rows, None, None], columns[:, None], columns), curved)
+        return total
+
     def values(
         self,
         kinematics: Kinematics,
@@ -142,9 +184,22 @@ class Collisions:
         rotations, centres = self._poses(kinematics, phases, z)
         m = len(slices)
         value, points, normals = np.empty(m), np.empty((2, m, 3)), np.empty((m, 3))
+        boxes = self._point_to_box[pairs]
+        for point in (0, 1):
+            rows = np.flatnonzero(boxes == point)
+            ball, box = self._sides[pairs[rows], point], self._sides[pairs[rows], 1 - point]
+            away, normal = _from_box(
+                rotations[slices[rows], box],
+                centres[slices[rows], ball] - centres[slices[rows], box],
+                self._halves[box],
+            )
+            value[rows] = away - self._rims[ball]
+            points[point, rows] = centres[slices[rows], ball] - self._rims[ball, None] * normal
+            points[1 - point, rows] = centres[slices[rows], ball] - away[:, None] * normal
+            normals[rows] = normal if point else -normal
         result, placed = coal.DistanceResult(), {}
-        for row, (at, pair) in enumerate(zip(slices.tolist(), pairs.tolist(), strict=True)):
-            sides = self.pairs[pair]
+        for row in np.flatnonzero(boxes < 0).tolist():
+            at, sides = int(slices[row]), self.pairs[pairs[row]]
             for side in sides:
                 if (at, side) not in placed:
                     placed[at, side] = coal.Transform3s(rotations[at, side], centres[at, side])
@@ -160,25 +215,43 @@ class Collisions:
         joints, variables = np.zeros(self.world.nq, dtype=bool), [np.zeros(0, np.intp)]
         for side in self.pairs[pair]:
             body = self.shapes[side]
-            frame = body.frame
-            if body.kind == "object":
+            if body.owner in self.world.scene.objects:
                 attachment = self.modes.attachment(body.owner, phase)
                 variables.append(np.arange(attachment.variables.start, attachment.variables.stop))
-                frame = attachment.parent if attachment.parent in self.world.scene.hands else ""
+            frame = self._carrier(side, phase)
             if frame:
                 joints |= self.world.support(frame) > 0.0
         return np.flatnonzero(joints), np.concatenate(variables)
+
+    def _carrier(self, side: int, phase: int) -> str:
+        """Return the frame that a shape moves with in a phase, "" for the world."""
+        body = self.shapes[side]
+        if body.owner not in self.world.scene.objects:
+            return body.frame
+        parent = self.modes.attachment(body.owner, phase).parent
+        return parent if parent in self.world.scene.hands else ""
 
     def _poses(self, kinematics: Kinematics, phases: Indices, z: Array) -> tuple[Array, Array]:
         """Return rotations (n, B, 3, 3) and centres (n, B, 3) [m] of all shapes."""
         n = len(kinematics)
         rotations, centres = np.empty((n, len(self.shapes), 3, 3)), np.empty((n, len(self.shapes), 3))
         for number, body in enumerate(self.shapes):
-            if body.kind == "object":
+            if body.owner in self.world.scene.objects:
                 for phase in np.unique(phases):
                     rows = np.flatnonzero(phases == phase)
                     pose = self.modes.pose(body.owner, int(phase), kinematics.rows(rows), z)
-                    rotations[rows, number], centres[rows, number] = pose.rotation, pose.position
+                    rotations[rows, number] = pose.rotation
+                    centres[rows, number] = pose.position + pose.rotation @ body.position
+            elif body.leg:
+                start, end = self._leg_ends(body, kinematics)
+                rotations[:, number], centres[:, number] = along(end - start), (start + end) / 2.0
+            elif body.jaw is not None:
+                at = kinematics.index[body.frame]
+                for phase in np.unique(phases):
+                    rows = np.flatnonzero(phases == phase)
+                    rotation, position = self._finger(number, int(phase))
+                    rotations[rows, number] = kinematics.rotation[rows, at] @ rotation
+                    centres[rows, number] = kinematics.position[rows, at] + kinematics.rotation[rows, at] @ position
             elif body.frame:
                 at = kinematics.index[body.frame]
                 rotations[:, number] = kinematics.rotation[:, at] @ body.rotation
@@ -187,76 +260,16 @@ class Collisions:
                 rotations[:, number], centres[:, number] = body.rotation, body.position
         return rotations, centres
 
-    def allowed_penetration(self, phases: Sequence[int] | Indices) -> Array:
-        """Return the allowed penetration of each pair in each slice (n, pairs) [m], inf where contact is not limited.
-
-        An object may touch its parent of this phase, the one before and the next; a hand that works at a table may
-        touch its top.
-        """
-        allowed = np.empty((len(phases), len(self.pairs)))
-        for phase in np.unique(np.asarray(phases)):
-            if phase not in self._allowed:
-                self._allowed[phase] = self._allowed_in(int(phase))
-            allowed[np.asarray(phases) == phase] = self._allowed[phase]
-        return allowed
-
-    def _allowed_in(self, phase: int) -> Array:
-        last = len(self.modes.switches)
-        around = range(max(phase - 1, 0), min(phase + 1, last) + 1)
-        working = self._working(phase)
-        allowed = np.zeros(len(self.pairs))
-        for number, (first, second) in enumerate(self.pairs):
-            one, other = self.shapes[first], self.shapes[second]
-            if other.kind == "object":
-                parents = {self.modes.attachment(other.owner, near).parent for near in around}
-                # A table itself is the parent; of an agent all links may touch what one of its hands has.
-                agents = {parent.partition(".")[0] for parent in parents} - {"table"} | self._touching(
-                    other.owner, phase
-                )
-                if one.kind == "object" and self._joined(one.owner, other.owner, around):
-                    parents.add(one.name)
-                allowed[number] = np.inf if one.name in parents or one.owner in agents else 0.0
-            elif working & {(one.frame, other.name), (other.frame, one.name), (one.frame, other.frame)}:
-                allowed[number] = CONTACT_DEPTH
-        return allowed
-
-    def _touching(self, object_name: str, phase: int) -> set[str]:
-        """Return the agents whose hand holds an object still or screws it, without being its parent."""
-        switches = self.modes.switches
-        holding = {
-            hand.partition(".")[0]
-            for hand, number, end in self.modes.holding_intervals
-            if switches[number].object_name == object_name and number <= phase <= end + 1
-        }
-        initially = ((hand, end) for hand, name, end in self.modes.held_at_first if name == object_name)
-        holding |= {hand.partition(".")[0] for hand, end in initially if phase <= end + 1}
-        near = [switches[number] for number in (phase - 1, phase) if 0 <= number < len(switches)]
-        screwing = [one for one in near if one.action.screws and object_name in (one.object_name, one.other)]
-        return holding | {switch.hand.partition(".")[0] for switch in screwing}
-
-    def _joined(self, one: str, other: str, phases: range) -> bool:
-        """Return whether two objects have an assembly and are on one table in one of the phases."""
-        if {one, other} not in [set(assembly.parts) for assembly in self.world.scene.assemblies]:
-            return False
-        parents = ([self.modes.attachment(part, phase).parent for part in (one, other)] for phase in phases)
-        return any(first == second and first in self.world.scene.tables for first, second in parents)
-
-    def _working(self, phase: int) -> set[tuple[str, str]]:
-        """Return (frame, table) of hands that act at a table, (frame, frame) of two hands that meet at an object."""
-        contacts = set()
-        for number in (phase - 1, phase):
-            if not 0 <= number < len(self.modes.switches):
-                continue
-            switch = self.modes.switches[number]
-            tables = {self.modes.attachment(switch.object_name, near).parent for near in (number, number + 1)}
-            hands = [self._carrier(hand) for hand in switch.hands]
-            contacts |= {(hand, other) for hand in hands for other in [*tables, *hands]}
-        return contacts
-
-    def _carrier(self, hand: str) -> str:
-        """Return the frame of the link that a hand is fixed to: that of its parent joint."""
-        model = self.world.model
-        return str(model.names[model.frames[self.world.frame_id(hand)].parentJoint])
+    def _finger(self, number: int, phase: int) -> tuple[Array, Array]:
+        """Return the pose of a shape of a finger in the frame of its hand's joint: open, or closed on what it has."""
+        if (number, phase) not in self._fingers:
+            jaw = self.shapes[number].jaw
+            assert jaw is not None
+            share = jaw_opening(self.modes, jaw.hand, phase, jaw.width)
+            (closed, shut), (opened, wide) = jaw.closed, jaw.opened
+            turn = closed @ exponential(share * logarithm(closed.T @ opened))
+            self._fingers[number, phase] = turn, shut + share * (wide - shut)
+        return self._fingers[number, phase]
 
     def _speeds(
         self, side: int, kinematics: Kinematics, phases: Indices, z: Array, slices: Indices, points: Array
@@ -264,20 +277,65 @@ class Collisions:
         """Return the Jacobians (m, 3, nq) and (m, 3, nz) of points (m, 3) on a shape in the slices (m,)."""
         body, nz = self.shapes[side], self.modes.size
         by_q, by_variables = np.zeros((len(slices), 3, self.world.nq)), np.zeros((len(slices), 3, nz))
-        if body.kind == "object":
+        if body.owner in self.world.scene.objects:
             for phase in np.unique(phases[slices]):
                 rows = np.flatnonzero(phases[slices] == phase)
                 pose = self.modes.pose(body.owner, int(phase), kinematics.rows(slices[rows]), z).with_all_variables(nz)
                 moved = pose.jacobian[:, :3] + cross(pose.jacobian[:, 3:], points[rows] - pose.position)
                 by_q[rows], by_variables[rows] = moved[:, :, : self.world.nq], moved[:, :, self.world.nq :]
+        elif body.leg:
+            by_q[:] = self._leg_speeds(body, kinematics.rows(slices), points)
         elif body.frame:
             by_q[:] = kinematics.rows(slices).point_jacobian(body.frame, points)[:, :3]
         return by_q, by_variables
+
+    def _leg_ends(self, body: CollisionShape, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Return both ends (n, 3) of a part of a leg that is solved in closed form."""
+        assert self._legs is not None
+        at = kinematics.index[body.frame]
+        return self._legs.ends(body.leg, kinematics.rotation[:, at], kinematics.position[:, at])
+
+    def _leg_speeds(self, body: CollisionShape, kinematics: Kinematics, points: Array) -> Array:
+        """Return the Jacobians (n, 3, nq) of points on such a part, up to rotations about its own axis."""
+        assert self._legs is not None
+        side, _, segment = body.leg.partition(" ")
+        at = kinematics.index[body.frame]
+        hip = self._legs.hip(side, kinematics.rotation[:, at], kinematics.position[:, at])
+        start, end = self._leg_ends(body, kinematics)
+        share = np.einsum("ni,ni->n", points - start, end - start) / np.sum((end - start) ** 2, axis=1)
+        share = np.clip(share, 0.0, 1.0)[:, None, None]
+        of_hip = kinematics.point_jacobian(body.frame, hip)[:, :3]
+        of_knee = self._legs.knee_by_hip(side, hip) @ of_hip
+        first, second = (of_hip, of_knee) if segment == "thigh" else (of_knee, np.zeros_like(of_knee))
+        return np.asarray((1.0 - share) * first + share * second)
+
+
+def _from_box(rotation: Array, offset: Array, half: Array) -> tuple[Array, Array]:
+    """Return the signed distances (m,) [m] of points from boxes, and normals (m, 3) away from these.
+
+    Args:
+        rotation: (m, 3, 3) of the boxes.
+        offset: (m, 3) from the middles of the boxes to the points [m].
+        half: (m, 3) half sides [m].
+    """
+    local = np.einsum("mji,mj->mi", rotation, offset)
+    beyond = np.abs(local) - half
+    outside = np.maximum(beyond, 0.0)
+    distance = np.linalg.norm(outside, axis=1)
+    inside = distance == 0.0
+    deepest = np.eye(3)[np.argmax(beyond, axis=1)]
+    direction = np.where(inside[:, None], deepest, outside / np.where(inside, 1.0, distance)[:, None])
+    normal = np.einsum("mij,mj->mi", rotation, direction * np.where(local < 0.0, -1.0, 1.0))
+    return np.where(inside, beyond.max(axis=1), distance), normal
 
 
 def _may_meet(first: CollisionShape, second: CollisionShape) -> bool:
     """Return whether two shapes can touch and are not neighbours in one limb."""
     kinds = {first.kind, second.kind}
+    if "grip" in kinds:
+        return kinds in ({"grip"}, {"grip", "object"})
+    if "point" in kinds:
+        return first.owner != second.owner and bool(kinds & {"table", "object"})
     if "link" not in kinds:
         # Of two shapes that are not links, only objects move.
         return "object" in kinds

@@ -1,28 +1,31 @@
-"""Collision shapes: capsules along the limbs of human and robots, boxes for tables and objects."""
+"""One collision shape: a convex body on a frame of an agent, on an object or in the world."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any
 
 import coal
 import numpy as np
 
-from lgp.kinematics import human
-from lgp.kinematics.features import rotation_about_z
-from lgp.kinematics.world import World
-from lgp.scene.model import Robot
-from lgp.scene.scene_file import known_robots
 from reba.arrays import Array
 
-SHORTEST = 0.03
-"""[m] Shorter links get no capsule: those of their neighbours cover them."""
-FINGERS = 0.10
-"""[m] The last capsule of a robot arm ends this far before the grasping point, which fingers may surround."""
-SHOULDER = 2
-"""Number of first joints of an arm whose links stay inside or beside the base: no collision check against it."""
-RADIUS = 0.06
-"""[m] Capsule radius of the links of robots that are not in robots.toml."""
+
+@dataclass(frozen=True)
+class JawPlacement:
+    """Where a shape of a finger stands in the frame of the joint that carries its hand.
+
+    Attributes:
+        hand: full name of the hand.
+        closed, opened: rotation (3, 3) and position (3,) [m].
+        width: how far the jaws are apart when they are open [m].
+    """
+
+    hand: str
+    closed: tuple[Array, Array]
+    opened: tuple[Array, Array]
+    width: float
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,8 @@ class CollisionShape:
     Attributes:
         name: for messages.
         owner: agent, "table", or the object's name.
-        kind: "link", "base", "table" or "object".
+        kind: "link", "base", "table", "object", "point" of a link or an object: a corner or an end, or "grip": a ball
+            around the grip point of a hand, as large as half the distance that two grip points keep.
         frame: frame it is fixed to, "" for the world.
         branch: limb; shapes of one limb are never checked against each other.
         reaches: whether it can touch other limbs of its agent.
@@ -40,6 +44,9 @@ class CollisionShape:
         radius: of the bounding sphere [m].
         half, rim: all points within `rim` [m] of a box of half sides `half` (3,) [m]; a segment for a capsule.
         shape: coal geometry, capsules along z.
+        hands: hands that it belongs to; these may touch what they take, have and let go.
+        jaw: of a finger, None for other shapes.
+        leg: "left thigh", "right shank" ... of a leg whose joints are solved in closed form, "" for other shapes.
     """
 
     name: str
@@ -54,100 +61,68 @@ class CollisionShape:
     half: Array
     rim: float
     shape: Any = field(repr=False, compare=False)
+    hands: frozenset[str] = frozenset()
+    jaw: JawPlacement | None = None
+    leg: str = ""
 
 
-def collision_shapes(world: World) -> tuple[CollisionShape, ...]:
-    """Return every collision shape of a world: human, robots, tables, objects."""
-    shapes: list[CollisionShape] = []
-    for agent in world.scene.agents:
-        shapes += _robot(world, agent) if isinstance(agent, Robot) else _human(world)
-    for name, table in world.scene.tables.items():
-        rotation = rotation_about_z(np.radians(table.yaw))
-        centre = np.array([*table.position, table.height - table.thickness / 2.0])
-        shapes.append(_box(name, "table", "table", rotation, centre, (*table.size, table.thickness)))
-    for name, item in world.scene.objects.items():
-        shapes.append(_box(name, name, "object", np.eye(3), np.zeros(3), item.size))
-    return tuple(shapes)
-
-
-def _box(
+def box(
     name: str, owner: str, kind: str, rotation: Array, position: Array, size: tuple[float, float, float]
 ) -> CollisionShape:
+    """Return a box of a table or an object, in the world or in the frame of the object."""
     radius = float(np.linalg.norm(size)) / 2.0
     half = np.array(size) / 2.0
     return CollisionShape(name, owner, kind, "", name, False, rotation, position, radius, half, 0.0, coal.Box(*size))
 
 
-def _capsule(
-    name: str, owner: str, kind: str, frame: str, branch: str, reaches: bool, ends: tuple[Array, Array], radius: float
+def points(shape: CollisionShape) -> list[CollisionShape]:
+    """Return the corners of a box, or the ends of a capsule, as shapes.
+
+    Where a shape is parallel to another one, the nearest point jumps between these as it turns; the distance of each
+    of them has no such edge.
+    """
+    places = [np.array(signs) * shape.half for signs in product((-1.0, 1.0), repeat=3)]
+    if not shape.half[:2].any():
+        places = [np.array([0.0, 0.0, side]) for side in (-shape.half[2], shape.half[2])]
+    return [
+        replace(
+            shape,
+            kind="point",
+            position=shape.position + shape.rotation @ place,
+            radius=shape.rim,
+            half=np.zeros(3),
+            shape=coal.Sphere(shape.rim),
+        )
+        for place in places
+    ]
+
+
+def capsule(
+    name: str, owner: str, kind: str, frame: str, branch: str, ends: tuple[Array, Array], radius: float
 ) -> CollisionShape:
+    """Return a capsule between two ends (3,) [m] in a frame."""
     start, end = ends
     length = float(np.linalg.norm(end - start))
-    along = (end - start) / length
-    aside = np.eye(3)[int(np.argmin(np.abs(along)))]
-    across = np.cross(along, aside)
-    across /= np.linalg.norm(across)
-    rotation = np.stack([np.cross(across, along), across, along], axis=1)
     return CollisionShape(
-        name,
-        owner,
-        kind,
-        frame,
-        branch,
-        reaches,
-        rotation,
-        (start + end) / 2.0,
-        length / 2.0 + radius,
-        np.array([0.0, 0.0, length / 2.0]),
-        radius,
-        coal.Capsule(radius, length),
+        name=name,
+        owner=owner,
+        kind=kind,
+        frame=frame,
+        branch=branch,
+        reaches=False,
+        rotation=along((end - start)[None])[0],
+        position=(start + end) / 2.0,
+        radius=length / 2.0 + radius,
+        half=np.array([0.0, 0.0, length / 2.0]),
+        rim=radius,
+        shape=coal.Capsule(radius, length),
     )
 
 
-def _human(world: World) -> list[CollisionShape]:
-    person = world.scene.human
-    if person is None:
-        return []
-    shapes = []
-    for name, joint, end, radius, limb, reaches in human.capsules(person.stature, person.sex):
-        # Solved and locked legs have no joints of their own to attach a capsule to; the trunk covers their space.
-        if limb.endswith("leg") and person.legs != "planted":
-            continue
-        frame = f"human.{joint}"
-        shapes.append(_capsule(f"human.{name}", "human", "link", frame, limb, reaches, (np.zeros(3), end), radius))
-    return shapes
-
-
-def _robot(world: World, robot: Robot) -> list[CollisionShape]:
-    known = known_robots().get(robot.model, {})
-    radius = known.get("radius", RADIUS)
-    shapes = []
-    base = rotation_about_z(np.radians(robot.yaw))
-    for number, body in enumerate(known.get("bodies", [])):
-        ends = tuple(np.array(robot.position) + base @ np.array(body[end], dtype=float) for end in ("from", "to"))
-        name = f"{robot.name}.body_{number}"
-        shapes.append(_capsule(name, robot.name, "base", "", name, False, (ends[0], ends[1]), body["radius"]))
-    for joint, end in _links(world, robot):
-        if np.linalg.norm(end) > SHORTEST:
-            name = world.model.names[joint]
-            chain = list(world.model.supports[joint])[1:]
-            branch = world.model.names[chain[0]]
-            reaches = len(chain) > SHOULDER
-            shapes.append(_capsule(name, robot.name, "link", name, branch, reaches, (np.zeros(3), end), radius))
-    return shapes
-
-
-def _links(world: World, robot: Robot) -> list[tuple[int, Array]]:
-    """Return (joint, far end (3,) in its frame [m]) of each link of a robot."""
-    model = world.model
-    links = []
-    for joint in range(1, model.njoints):
-        if not model.names[joint].startswith(f"{robot.name}."):
-            continue
-        links += [(joint, model.jointPlacements[child].translation) for child in model.children[joint]]
-        for hand in robot.hands:
-            frame = model.frames[world.frame_id(hand.full)]
-            if frame.parentJoint == joint:
-                tip = frame.placement
-                links.append((joint, tip.translation - FINGERS * tip.rotation[:, 2]))
-    return links
+def along(direction: Array) -> Array:
+    """Return rotations (n, 3, 3) whose z is along directions (n, 3)."""
+    z = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    aside = np.eye(3)[np.argmin(np.abs(z), axis=1)]
+    y = np.cross(z, aside)
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    return np.stack([np.cross(y, z), y, z], axis=2)

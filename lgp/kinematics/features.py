@@ -54,6 +54,19 @@ def along(place: Placement, number: int, direction: Array) -> Feature:
     return Feature(of.value @ direction[:, None], np.einsum("i,nij->nj", direction, of.jacobian)[:, None, :])
 
 
+def nearness(first: Placement, second: Placement, least: float) -> Feature:
+    """Return how much nearer [m] than `least` two frames are, (n, 1), <= 0 where they are apart, by q.
+
+    At one point they part along the y axis of the first frame.
+    """
+    away = second.position - first.position
+    distance = np.linalg.norm(away, axis=1)
+    together = distance < SMALL
+    direction = np.where(together[:, None], first.rotation[:, :, 1], away / np.maximum(distance, SMALL)[:, None])
+    moved = second.jacobian[:, :3] - first.jacobian[:, :3]
+    return Feature((least - distance)[:, None], -np.einsum("ni,nij->nj", direction, moved)[:, None])
+
+
 def tilt(place: Placement, limit: float) -> Feature:
     """Return cos(limit) - cos(angle between z of a hand and down), (n, 1): <= 0 where tilted at most by limit [deg]."""
     down = along(place, 2, np.array([0.0, 0.0, -1.0]))

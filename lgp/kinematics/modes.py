@@ -119,6 +119,22 @@ class KinematicSwitch:
         return (self.hand, self.giver) if self.giver else (self.hand,)
 
 
+def jaw_opening(modes: ModeSequence, hand: str, phase: int, width: float) -> float:
+    """Return how far the jaws of a hand are open in a phase, 0 to 1 of their width [m].
+
+    They are open unless the hand has an object or holds one in place; then they are as far apart as its smallest side.
+    """
+    objects = modes.world.scene.objects
+    has = [name for name in objects if modes.attachment(name, phase).parent == hand]
+    has += [
+        modes.switches[k].object_name for one, k, last in modes.holding_intervals if one == hand and k < phase <= last
+    ]
+    has += [name for one, name, last in modes.held_at_first if one == hand and phase <= last]
+    if not has or width <= 0.0:
+        return 1.0
+    return min(min(objects[has[0]].size) / width, 1.0)
+
+
 class ModeSequence:
     """The attachment of every object in every phase of a sequence of switches, one switch per phase.
 

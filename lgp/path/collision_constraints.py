@@ -11,17 +11,24 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lgp.collision.contacts import (
+    declared_contacts,
+    declared_withdrawals,
+    require_withdrawals,
+    required_distances,
+)
 from lgp.collision.distances import Collisions
+from lgp.kinematics.interpolation import AROUND, interpolate, interpolation_weights
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.path.mode_constraints import Blocks, ConstraintInfo
 from lgp.path.phases import Phases
-from reba.arrays import Array, Indices
+from reba.arrays import Array, Flags, Indices
 
 MARGIN = 0.01
 """[m] Distance between bodies at the constrained points, so that little penetration is left between them."""
-EARLY_MARGIN = 0.02
-"""[m] Where a constraint is violated, pairs within the margin and this become active in the slices too."""
+EARLY_MARGIN = 0.005
+"""[m] Where a constraint is violated, pairs within the margin and this become active too."""
 MARGIN_TOLERANCE = 1e-3
 """[m] A pair below the margin by less does not become active."""
 POINTS_PER_SLICE = 4
@@ -54,27 +61,36 @@ class CollisionConstraints:
         self.collisions = Collisions(world, ModeSequence(world, phases.switches))
         self.points, self.pairs = np.zeros(0, np.intp), np.zeros(0, np.intp)
         self._columns: list[tuple[Indices, Indices]] = []
-        self._gradient_entries: tuple[Indices, Indices, Array] | None = None
+        self._gradient_entries: tuple[Indices, Indices, Indices] | None = None
         self._phase = np.repeat(np.arange(phases.count), phases.slices * POINTS_PER_SLICE)
-        self._limits = margin - self.collisions.allowed_penetration(self._phase)
+        contacts = declared_contacts(self.collisions.modes, phases.seconds, phases.tau)
+        times = (np.arange(len(self._phase)) + 1.0) * phases.tau / POINTS_PER_SLICE
+        shapes, pairs = self.collisions.shapes, self.collisions.pairs
+        self._limits = required_distances(shapes, pairs, contacts, times, margin)
+        require_withdrawals(
+            self._limits, shapes, pairs, tuple(declared_withdrawals(self.collisions.modes, phases.seconds)), times
+        )
+        at_first = required_distances(shapes, pairs, contacts, np.zeros(1), margin)
         near = self._near(
-            initial_configuration[None], np.zeros(1, np.intp), np.zeros(self.collisions.modes.size), margin
+            initial_configuration[None], np.zeros(1, np.intp), np.zeros(self.collisions.modes.size), 0.0, at_first
         )
         first = self._limits[: phases.slices * POINTS_PER_SLICE]
         first[:, near.pairs] = np.minimum(first[:, near.pairs], near.value)
 
     def add_violated(self, q: Array, z: Array) -> int:
-        """Add the constraints that a path (T, nq) violates, and near pairs with them; return how many are violated."""
-        near = self._near(self._between(q, np.arange(len(self._phase))), self._phase, z, self.margin + EARLY_MARGIN)
+        """Add the constraints that a path (T, nq) violates, and near pairs with them; return how many are violated.
+
+        Of the points of a slice and a pair only the nearest becomes active: the next ones say nearly the same.
+        """
+        points = np.arange(len(self._phase))
+        near = self._near(self._between(q, points), self._phase, z, EARLY_MARGIN, self._limits)
         count = len(self.collisions.pairs)
         clearance = near.value - self._limits[near.slices, near.pairs]
-        new = ~np.isin(near.slices * count + near.pairs, self.points * count + self.pairs)
+        new = self._nearest_of_slice(near, clearance) & (clearance < EARLY_MARGIN)
+        new &= ~np.isin(near.slices * count + near.pairs, self.points * count + self.pairs)
         violated = int(np.count_nonzero(new & (clearance < -MARGIN_TOLERANCE)))
         if not violated:
             return 0
-        new &= (clearance < 0.0) | (
-            (clearance < EARLY_MARGIN) & (near.slices % POINTS_PER_SLICE == POINTS_PER_SLICE - 1)
-        )
         self.points = np.concatenate([self.points, near.slices[new]])
         self.pairs = np.concatenate([self.pairs, near.pairs[new]])
         self._gradient_entries = None
@@ -84,12 +100,20 @@ class CollisionConstraints:
         ]
         return violated
 
+    def _nearest_of_slice(self, near: _Near, clearance: Array) -> Flags:
+        """Return (m,) whether no other point of the same slice and pair has less clearance."""
+        of = near.slices // POINTS_PER_SLICE * len(self.collisions.pairs) + near.pairs
+        order = np.lexsort((clearance, of))
+        nearest = np.zeros(len(of), dtype=bool)
+        nearest[order[np.unique(of[order], return_index=True)[1]]] = True
+        return nearest
+
     def blocks(self, tail: int) -> Blocks:
         """Return the unknowns of each constraint: configurations (T, nq) first, variables from `tail` on."""
         nq = self.world.nq
         blocks: Blocks = []
         for point, (joints, variables) in zip(self.points.tolist(), self._columns, strict=True):
-            parts = [at * nq + joints for at, _ in _interpolation(point)]
+            parts = [at * nq + joints for at in self._slices(point)]
             blocks.append((1, np.concatenate([*parts, tail + variables])))
         return blocks
 
@@ -108,21 +132,65 @@ class CollisionConstraints:
         kinematics = self.world.at(self._between(q, used), self.collisions.frames)
         distances = self.collisions.distances(kinematics, self._phase[used], z, places, self.pairs)
         gradients = np.concatenate([distances.by_q, distances.by_variables], axis=1)
-        row, column, weight = self._entries()
+        row, column, around = self._entries()
+        weights = interpolation_weights(self._knots(q), *_share(used))
+        weight = np.where(around < 0, 1.0, weights[places[row], around, np.minimum(column, self.world.nq - 1)])
         return self._limits[self.points, self.pairs] - distances.value, [-weight * gradients[row, column]]
 
-    def _entries(self) -> tuple[Indices, Indices, Array]:
-        """Return row, column among joints and variables, and interpolation weight of each entry of the gradients."""
+    def hessian_columns(self) -> list[Indices]:
+        """Return the unknowns of each block of `hessian`: those of one agent in the slices nearest to constraints."""
+        at = np.unique(self._nearest_slices())[:, None] * self.world.nq
+        return [at + columns for columns in self._agents()] if len(at) else []
+
+    def hessian(self, q: Array, z: Array, y: Array) -> list[Array]:
+        """Return the convex part of sum_i y_i d2 row_i (n, p, p) of each agent, for multipliers y (m,).
+
+        Each constraint counts for the slice nearest to it.
+        """
+        if not len(self.points):
+            return []
+        slices, places = np.unique(self._nearest_slices(), return_inverse=True)
+        rows = np.flatnonzero(y > 0.0)
+        used, of_used = np.unique(self.points[rows], return_inverse=True)
+        kinematics = self.world.at(self._between(q, used), self.collisions.frames)
+        by_point = self.collisions.curvature(kinematics, self._phase[used], z, of_used, self.pairs[rows], -y[rows])
+        total = np.zeros((len(slices), self.world.nq, self.world.nq))
+        first = np.zeros(len(used), np.intp)
+        first[of_used] = places[rows]
+        np.add.at(total, first, by_point)
+        return [_convex_part(total[:, columns[:, None], columns]) for columns in self._agents()]
+
+    def _agents(self) -> list[Indices]:
+        return [np.array(self.world.columns(agent.name), np.intp) for agent in self.world.scene.agents]
+
+    def _nearest_slices(self) -> Indices:
+        """Return the slice (m,) nearest to each constraint; the start is none."""
+        return np.maximum((self.points + POINTS_PER_SLICE // 2 + 1) // POINTS_PER_SLICE - 1, 0)
+
+    def _entries(self) -> tuple[Indices, Indices, Indices]:
+        """Return row, column among joints and variables, and place among the knots around of each gradient entry.
+
+        The place is -1 for a variable.
+        """
         if self._gradient_entries is None:
             nq = self.world.nq
-            rows, columns, weights = [], [], []
+            rows, columns, places = [], [], []
             for row, (point, (joints, variables)) in enumerate(zip(self.points.tolist(), self._columns, strict=True)):
-                own = [weight for _, weight in _interpolation(point)]
-                columns += [*[joints] * len(own), nq + variables]
-                weights += [np.repeat([*own, 1.0], [*[len(joints)] * len(own), len(variables)])]
-                rows.append(np.full(len(weights[-1]), row))
-            self._gradient_entries = np.concatenate(rows), np.concatenate(columns), np.concatenate(weights)
+                slices = self._slices(point)
+                columns += [*[joints] * len(slices), nq + variables]
+                first = AROUND.index(slices[0] + 1 - point // POINTS_PER_SLICE)
+                around = [np.full(len(joints), first + number) for number in range(len(slices))]
+                places += [*around, np.full(len(variables), -1)]
+                rows.append(np.full(len(slices) * len(joints) + len(variables), row))
+            self._gradient_entries = np.concatenate(rows), np.concatenate(columns), np.concatenate(places)
         return self._gradient_entries
+
+    def _slices(self, point: int) -> list[int]:
+        """Return the slices that a point depends on; the initial configuration is no unknown."""
+        at = point // POINTS_PER_SLICE
+        if (point + 1) % POINTS_PER_SLICE == 0:
+            return [at]
+        return [at - 1 + offset for offset in AROUND if 0 <= at - 1 + offset < self.phases.total]
 
     def deepest_penetration(self, q: Array, z: Array) -> tuple[float, str]:
         """Return the deepest penetration [m] along a path (T, nq), between slices too, with its phase and pair.
@@ -143,24 +211,32 @@ class CollisionConstraints:
 
     def _depths(self, q: Array, z: Array) -> tuple[_Near, Array]:
         """Return the near pairs along a path (T, nq), and the penetration [m] of each beyond what is allowed (m,)."""
-        near = self._near(self._between(q, np.arange(len(self._phase))), self._phase, z, 0.0)
-        return near, self._limits[near.slices, near.pairs] - self.margin - near.value
+        points = [number for number, pair in enumerate(self.collisions.pairs) if self.collisions.is_grip(pair)]
+        touching = np.where(np.isneginf(self._limits), -np.inf, 0.0)
+        touching[:, points] = -np.inf  # no bodies
+        near = self._near(self._between(q, np.arange(len(self._phase))), self._phase, z, 0.0, touching)
+        return near, -near.value
 
     def _between(self, q: Array, points: Indices) -> Array:
         """Return the interpolated configurations (m, nq) at some points of a path (T, nq)."""
-        last = points // POINTS_PER_SLICE
-        weight = ((points % POINTS_PER_SLICE + 1) / POINTS_PER_SLICE)[:, None]
-        before = np.concatenate([self.initial_configuration[None], q])[last]
-        return np.asarray((1.0 - weight) * before + weight * q[last])
+        return interpolate(self._knots(q), *_share(points))
 
-    def _near(self, q: Array, phases: Indices, z: Array, within: float) -> _Near:
-        """Return the distances of all pairs nearer than `within` [m] beyond their allowed penetration."""
+    def _knots(self, q: Array) -> Array:
+        return np.concatenate([self.initial_configuration[None], q])
+
+    def _near(self, q: Array, phases: Indices, z: Array, within: float, required: Array) -> _Near:
+        """Return the distances of all pairs nearer than `within` [m] beyond the distance they must keep."""
         kinematics = self.world.at(q, self.collisions.frames)
-        slices, pairs = self.collisions.near_pairs(kinematics, phases, z, within)
+        slices, pairs = self.collisions.near_pairs(kinematics, phases, z, within, required)
         return _Near(slices, pairs, self.collisions.values(kinematics, phases, z, slices, pairs))
 
 
-def _interpolation(point: int) -> list[tuple[int, float]]:
-    """Return the slices around a point and their weights; the initial configuration is no unknown."""
-    at, weight = point // POINTS_PER_SLICE, (point % POINTS_PER_SLICE + 1) / POINTS_PER_SLICE
-    return [(at, weight)] if weight == 1.0 or at == 0 else [(at - 1, 1.0 - weight), (at, weight)]
+def _convex_part(matrices: Array) -> Array:
+    """Return symmetric matrices (n, p, p) without their negative eigenvalues."""
+    values, vectors = np.linalg.eigh(matrices)
+    return np.asarray((vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2))
+
+
+def _share(points: Indices) -> tuple[Indices, Array]:
+    """Return the knot before each point (the start is knot 0), and its share of the way to the next knot."""
+    return points // POINTS_PER_SLICE, (points % POINTS_PER_SLICE + 1) / POINTS_PER_SLICE

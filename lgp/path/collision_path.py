@@ -29,6 +29,8 @@ ROUND_ITERATIONS = 8
 """SQP iterations of a round before the last, at most."""
 ROUND_DECREASE = 1e-4
 """Predicted decrease, relative to the cost, that ends a round before the last."""
+FINAL_ITERATIONS = 20
+"""SQP iterations of the last round, at most: distances have edges, where steps get ever shorter."""
 FINAL_DECREASE = 1e-5
 """Predicted decrease, relative to the cost, that ends the last round: constraints added later change it by more."""
 MAX_STEP = 0.3
@@ -69,7 +71,11 @@ def solve_collision_free(
             problem = problem_of(constraints)
         final = not violated or number == rounds - 1
         chosen = collision_options(options) if final else round_options(options)
-        limited = replace(chosen, longest_step=min(MAX_STEP, options.longest_step))
+        limited = replace(
+            chosen,
+            longest_step=min(MAX_STEP, options.longest_step),
+            iterations=min(FINAL_ITERATIONS, chosen.iterations),
+        )
         result = Solver(limited).solve(problem, result.x, warm=_with_new_multipliers(result, problem))
         if result.cost >= cost_limit and result.violation <= COMPARABLE_VIOLATION:
             break
@@ -95,7 +101,7 @@ def _with_new_multipliers(warm: Result, problem: PathProblem) -> Result:
     return replace(warm, y_in=np.concatenate([warm.y_in, np.zeros(new)]))
 
 
-MULTI_START_RATIO = 1.2
+MULTI_START_RATIO = 1.5
 """Cost of a collision-free path, relative to the free path, above which other initial guesses are solved."""
 GOOD_RATIO = 1.5
 """Cost, relative to the free path, below which an improved path ends the multi-start."""

@@ -148,23 +148,28 @@ class Constraints:
             blocks.append(pose.jacobian[:, :, np.flatnonzero(self.world.support(sole))])
 
     def hessian_columns(self) -> list[Indices]:
-        """Return the unknowns of each block of `equality_hessians`, then of `leg_hessian`."""
+        """Return the unknowns of each block of `equality_hessians`, then of `inequality_hessians`."""
         nq, tail = self.world.nq, self.size - self.modes.size
         columns = self._switches.hessian_columns()
         if self._legs is not None:
             columns.append(np.arange(tail // nq)[:, None] * nq + self._legs.columns)
+        if self._collisions is not None:
+            columns += self._collisions.hessian_columns()
         return columns
 
     def curved_equalities(self) -> list[Indices]:
         """Return the unknowns of each block of equalities with curvature: the first blocks of the equalities."""
         return [columns for _, columns in self._switches.eq]
 
-    def leg_hessian(self, q: Array, y: Array) -> list[Array]:
-        """Return the convex part of sum_i y_i d2 row_i (P, p, p) of leg reach, [] where no legs are solved."""
-        if self._legs is None:
-            return []
-        multipliers = y[self._first_leg : self._first_leg + len(q)]
-        return [multipliers[:, None, None] * self._legs.curvature(q)]
+    def inequality_hessians(self, q: Array, z: Array, y: Array) -> list[Array]:
+        """Return the convex part of sum_i y_i d2 row_i (n, p, p) of leg reach, then of collisions."""
+        hessians = []
+        if self._legs is not None:
+            multipliers = y[self._first_leg : self._first_leg + len(q)]
+            hessians.append(multipliers[:, None, None] * self._legs.curvature(q))
+        if self._collisions is not None:
+            hessians += self._collisions.hessian(q, z, y[len(y) - len(self._collisions.points) :])
+        return hessians
 
     def equality_hessians(self, values: Values, z: Array, y: Array) -> list[Array]:
         """Return sum_i y_i d2 row_i (m, m) of each switch by its unknowns in `hessian_columns`, at some values."""

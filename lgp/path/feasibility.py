@@ -16,7 +16,6 @@ from lgp.kinematics.attachments import placed, resting
 from lgp.kinematics.ik import least_squares
 from lgp.kinematics.robot import slides
 from lgp.kinematics.world import World
-from lgp.path.collision_constraints import MARGIN
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.scene.model import Hand, SceneObject, Table
@@ -81,6 +80,9 @@ def explain_infeasibility(problem: PathProblem, x: Array) -> str:
     for row, value in zip(problem.constraints.in_rows, values.inequality, strict=True):
         if row.kind == "tilt":
             messages.append((value, f"{_phase_of_switch(problem, row.number)}: {_tilt(problem, row.name, value)}"))
+        elif row.kind == "hands":
+            text = f"{row.name} come {value:.3f} m nearer to each other than grip points may"
+            messages.append((value, f"{_phase_of_switch(problem, row.number)}: {text}"))
         elif row.kind == "collision":
             messages.append((value, f"{_phase_of_knot(problem, row.number)}: {_collision(row.name, value)}"))
         else:
@@ -125,9 +127,7 @@ def _tilt(problem: PathProblem, hand: str, value: float) -> str:
 
 def _collision(name: str, value: float) -> str:
     first, _, second = name.partition(" and ")
-    if value > MARGIN:
-        return f"{first} penetrates {second} by {value - MARGIN:.3f} m"
-    return f"{first} is {MARGIN - value:.3f} m from {second}, less than the margin of {MARGIN:g} m"
+    return f"{first} comes {value:.3f} m nearer to {second} than it may"
 
 
 def _phase_of_switch(problem: PathProblem, number: int) -> str:

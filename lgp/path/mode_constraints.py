@@ -23,8 +23,8 @@ POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
 class ConstraintInfo:
     """What one row is about: its kind, its unit, the number of a switch or knot, and the name of a hand or object.
 
-    Kinds of switches: "pose_continuity", "screw", "joint", "tilt"; of knots: "rest", "sole", "leg", "collision". A tilt
-    is a difference of cosines, which has no unit.
+    Kinds of switches: "pose_continuity", "screw", "joint", "tilt", "hands"; of knots: "rest", "sole", "leg",
+    "collision". A tilt is a difference of cosines, which has no unit.
     """
 
     kind: str
@@ -75,6 +75,9 @@ class ModeConstraints:
         for number in self._tilted:
             self.ineq.append((1, self._columns(number)))
             self.in_rows.append(ConstraintInfo("tilt", "", number, phases.switches[number].hand))
+        for number in self._given:
+            self.ineq.append((1, self._columns(number)))
+            self.in_rows.append(ConstraintInfo("hands", "m", number, " and ".join(phases.switches[number].hands)))
 
     def limb(self, number: int) -> Indices:
         """Return the columns of q that move the hands of a switch."""
@@ -85,6 +88,11 @@ class ModeConstraints:
     def _tilted(self) -> list[int]:
         switches, hands = self.phases.switches, self.world.scene.hands
         return [n for n in self.at if switches[n].action.works_at_table and hands[switches[n].hand].tilt < 180.0]
+
+    @property
+    def _given(self) -> list[int]:
+        """The handovers: both hands are at one object."""
+        return [number for number in self.at if self.phases.switches[number].giver]
 
     def _columns(self, number: int, own: Indices | None = None) -> Indices:
         """Return the unknowns of the limbs of a switch, and given variables."""
@@ -122,6 +130,11 @@ class ModeConstraints:
             tilt = features.tilt(kinematics[number].placement(hand), self.world.scene.hands[hand].tilt)
             values.inequality.append(tilt.value[0])
             values.in_blocks.append(tilt.jacobian[0][:, self._limbs[number]])
+        for number in self._given:
+            taker, giver = (kinematics[number].placement(hand) for hand in self.phases.switches[number].hands)
+            near = features.nearness(taker, giver, self.world.scene.hand_clearance)
+            values.inequality.append(near.value[0])
+            values.in_blocks.append(near.jacobian[0][:, self._limbs[number]])
         return values
 
     def _kinematics(self, number: int, q: Array) -> Kinematics:

@@ -116,9 +116,9 @@ class PathProblem:
         )
         hessians = self.constraints.equality_hessians(values, z, y_eq)
         violation = float(np.abs(values.equality).max(initial=0.0))
-        blocks = self._convexity.convexify(hessians, values.eq_blocks, violation) + self.constraints.leg_hessian(
-            q, y_in
-        )
+        blocks = self._convexity.convexify(
+            hessians, values.eq_blocks, violation
+        ) + self.constraints.inequality_hessians(q, z, y_in)
         if self.ergonomics is not None:
             _, score_gradient, score_hessians = self.ergonomics.quadratic_model(q, self._loads, self.stage)
             gradient[self._postures.ravel()] += self._rate * score_gradient.ravel()

@@ -117,13 +117,17 @@ class Grip:
     slide: float = 0.0
 
 
+GRIP_DEPTH = 0.03
+"""[m] Grips by default are this far below the top (a choice): deeper, palm and wrist would be inside the object."""
+
+
 @dataclass(frozen=True)
 class SceneObject:
     """An object: size of its box [m], mass [kg], initial table `on` and pose `at` on its top (x, y [m], yaw [deg]).
 
-    A hand may grasp it up to `slide` [m] from its centre along its longest side, or as `grips` state for its kind. If a
-    `hand` has it initially, `in_hand` is its pose in the frame of that hand: x, y, z [m] and a rotation vector [deg];
-    else its axis `up` points upwards initially. Placed objects stand on their x-y side.
+    A hand may grasp it below the middle of its top, up to `slide` [m] from there along its longest side, or as `grips`
+    state for its kind. If a `hand` has it initially, `in_hand` is its pose in the frame of that hand: x, y, z [m] and a
+    rotation vector [deg]; else its axis `up` points upwards initially. Placed objects stand on their x-y side.
     """
 
     name: str
@@ -138,8 +142,8 @@ class SceneObject:
     grips: Mapping[str, Grip] = field(default_factory=dict)
 
     def grip(self, kind: str) -> Grip:
-        """Return the grip of a kind of hand."""
-        return self.grips.get(kind, Grip(slide=self.slide))
+        """Return the grip of a kind of hand; by default `GRIP_DEPTH` below the middle of the top."""
+        return self.grips.get(kind, Grip((0.0, 0.0, max(self.size[2] / 2.0 - GRIP_DEPTH, 0.0)), slide=self.slide))
 
 
 @dataclass(frozen=True)
@@ -169,6 +173,10 @@ class FreeParameter:
     reason: str
 
 
+HAND_CLEARANCE = 0.06
+"""[m] Distance of the grip points of two hands by default (a choice: a palm and a gripper beside each other)."""
+
+
 @dataclass(frozen=True)
 class Scene:
     """A scene.
@@ -187,6 +195,7 @@ class Scene:
         objects: by name.
         assemblies: objects that can be screwed together.
         depth: longest sequence of actions of a search.
+        hand_clearance: least distance of the grip points of two hands [m].
         choices: parameters that the source leaves open, with reasons.
         values: the TOML values with current heights; `read_scene(values)` returns an equal scene.
     """
@@ -204,6 +213,7 @@ class Scene:
     objects: Mapping[str, SceneObject]
     assemblies: tuple[Assembly, ...] = ()
     depth: int = 4
+    hand_clearance: float = HAND_CLEARANCE
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 

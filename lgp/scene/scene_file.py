@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import os
 import tomllib
 from collections.abc import Mapping
@@ -13,7 +14,7 @@ from typing import Any
 from lgp.errors import SceneError
 from lgp.logic.pddl import shipped_domains
 from lgp.scene.body_measures import STATURE, table
-from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
+from lgp.scene.model import HAND_CLEARANCE, Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
 from reba.open_file import read_settings
@@ -23,6 +24,13 @@ SHIPPED = Path(__file__).parents[1] / "scenes"
 ROBOTS = Path(__file__).parent / "data" / "robots.toml"
 FARTHEST = 1000.0
 """[m] Largest coordinate of a position."""
+PHASE_SECONDS = 2.0
+"""[s] Phase by default (a choice)."""
+USUAL_SLICE = 0.2
+LONGEST_SLICE = 0.25
+"""[s] Longest slice: in longer ones bodies move through each other in between (half a second leaves 10 to 17 mm)."""
+FINGER = 0.08
+"""[m] How far a grip may be below the surface: a finger's length."""
 SHORTEST_PHASE = 0.2
 """[s] Shortest phase (a choice): no action of a person is done in less."""
 FREEDOMS = ("free", "axis", "jaw", "fixed")
@@ -70,6 +78,18 @@ def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> S
     return read_scene(_with_absolute_paths(values, path.parent), path.stem, changes)
 
 
+def _slices(entries: TomlTable) -> int:
+    """Return the slices of a phase; by default as many as slices of 0.2 s need."""
+    seconds = entries.number("phase_seconds", PHASE_SECONDS)
+    slices = int(entries.number("slices", max(2, math.ceil(seconds / USUAL_SLICE)), low=2, high=3000))
+    if seconds / slices > LONGEST_SLICE * (1.0 + 1e-9):
+        raise SceneError(
+            f"{entries.where}: {slices} slices of {seconds / slices:.3g} s each, expected {LONGEST_SLICE:g} s or less; "
+            f"give {math.ceil(seconds / LONGEST_SLICE)} slices or more"
+        )
+    return slices
+
+
 def _with_absolute_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Return the values of a file whose relative paths start from its folder, so that they hold everywhere."""
 
@@ -101,8 +121,8 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         domain=entries.text("domain"),
         initial=entries.texts("initial"),
         goal=entries.texts("goal"),
-        phase_seconds=entries.number("phase_seconds", 2.0, low=SHORTEST_PHASE, high=600.0),
-        slices=int(entries.number("slices", 10, low=2, high=1000)),
+        phase_seconds=entries.number("phase_seconds", PHASE_SECONDS, low=SHORTEST_PHASE, high=600.0),
+        slices=_slices(entries),
         human=_human(entries.table("human")) if entries.has("human") else None,
         robots={key: _robot(key, entry) for key, entry in entries.tables("robots").items()},
         tables=tables,
@@ -111,6 +131,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
             _assembly(number, entry, name, objects) for number, entry in enumerate(_list(entries, "joints"))
         ),
         depth=int(entries.number("depth", 4, low=1, high=40)),
+        hand_clearance=entries.number("hand_clearance", HAND_CLEARANCE, low=0.0, high=1.0),
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
         values=chosen,
     )
@@ -249,6 +270,13 @@ def _object(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> Scene
         grips={kind: _grip(entry) for kind, entry in entries.tables("grips").items()},
     )
     entries.done()
+    for kind, grip in scene_object.grips.items():
+        deep = min(side / 2.0 - abs(at) for side, at in zip(scene_object.size, grip.at, strict=True))
+        if deep > FINGER:
+            raise SceneError(
+                f"{entries.where}: the grip of {kind} is {deep:.3f} m inside the object, expected {FINGER:g} m or "
+                "less; put it near a surface that fingers reach around"
+            )
     table = tables[scene_object.on]
     if any(abs(at) > size / 2 for at, size in zip(scene_object.at[:2], table.size, strict=True)):
         raise SceneError(

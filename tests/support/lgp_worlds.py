@@ -32,7 +32,7 @@ HUMAN_ONLY = {
     "domain": "screwdriver",
     "initial": ["on_table(box)", "free(human.right_hand)"],
     "goal": ["grasped(human.right_hand, box)"],
-    "human": {"hands": ["left_hand", "right_hand"], "position": [0.3, -0.2], "yaw": 40},
+    "human": {"hands": ["left_hand", "right_hand"], "position": [0.1, -0.3], "yaw": 40},
     "tables": {"near": {"position": [0.5, 0.1], "yaw": 20, "size": [0.6, 0.4], "height": 0.8}},
     "objects": {"box": {"size": [0.3, 0.1, 0.2], "mass": 2.0, "on": "table.near", "slide": 0.1}},
 }

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from lgp.collision.distances import Collisions
-from lgp.kinematics.modes import KinematicSwitch, ModeSequence
+from lgp.kinematics.leg_ik import solve_legs
+from lgp.kinematics.modes import KinematicSwitch, ModeSequence, jaw_opening
+from lgp.kinematics.posture import PELVIS
 from tests.support.lgp_worlds import anywhere, human_world, needs_robots, screwdriver_world
 
 RIGHT = "human.right_hand"
@@ -59,6 +61,8 @@ def test_derivatives_by_differences_objects_and_variables_included() -> None:
     collisions = Collisions(world, modes)
     rng = np.random.default_rng(0)
     q = np.clip(world.initial_configuration + 0.25 * rng.standard_normal((8, world.nq)), world.lower, world.upper)
+    q[:, [world.column[f"human.{name}"] for name in ("pelvis_x", "pelvis_y", "pelvis_yaw")]] *= 0.1
+    q[:, world.column["human.pelvis_z"]] = rng.uniform(-0.4, -0.1, 8)  # the legs are long enough
     phases, z = np.repeat(np.arange(4), 2), 0.6 * rng.uniform(modes.lower, modes.upper)
     kinematics = world.at(q, collisions.frames)
     rows = collisions.near_pairs(kinematics, phases, z, within=0.3)
@@ -107,25 +111,10 @@ def test_the_resting_postures_are_clear_of_tables_of_any_height() -> None:
         lifted = world.with_scene(world.scene.with_heights(heights))
         collisions = Collisions(lifted)
         kinematics = lifted.at(lifted.initial_configuration[None], collisions.frames)
-        rows = collisions.near_pairs(kinematics, [0], np.zeros(0), within=0.3)
-        assert collisions.distances(kinematics, [0], np.zeros(0), *rows).value.min() > 0.03
-
-
-@needs_robots
-def test_an_object_may_touch_what_holds_it_around_a_switch() -> None:
-    world = screwdriver_world()
-    modes = ModeSequence(world, HANDED_OVER)
-    collisions = Collisions(world, modes)
-    kinematics = world.at(np.tile(world.initial_configuration, (4, 1)), collisions.frames)
-    z = modes.guess(np.tile(world.initial_configuration, (3, 1)))
-    slices, pairs = collisions.near_pairs(kinematics, np.arange(4), z, within=np.inf)
-    met = {(int(at), collisions.name(int(pair))) for at, pair in zip(slices, pairs, strict=True)}
-    assert (0, "table.start and screwdriver") not in met
-    assert (0, "table.right and screwdriver") in met
-    assert (1, "table.left and screwdriver") not in met
-    assert (1, "human.right_palm and screwdriver") in met
-    assert (2, "human.right_palm and screwdriver") not in met
-    assert not any("baxter" in name and "screwdriver" in name for at, name in met if at == 1)
+        slices, pairs = collisions.near_pairs(kinematics, [0], np.zeros(0), within=0.3)
+        moving = np.array(["screwdriver" not in collisions.name(pair) for pair in pairs.tolist()])
+        values = collisions.values(kinematics, [0], np.zeros(0), slices[moving], pairs[moving])
+        assert values.min() > 0.03
 
 
 def test_neighbours_of_one_body_are_no_pairs() -> None:
@@ -138,7 +127,46 @@ def test_neighbours_of_one_body_are_no_pairs() -> None:
         "human.trunk and human.abdomen",
         "human.right_upper_arm and human.right_forearm",
     }
-    assert len(Collisions(human_world("planted")).shapes) == len(collisions.shapes) + 4
+    for legs in ("planted", "locked"):
+        assert [shape.name for shape in Collisions(human_world(legs)).shapes] == [
+            shape.name for shape in collisions.shapes
+        ]
+
+
+@pytest.mark.parametrize("name", ["left_thigh", "right_shank"])
+def test_solved_legs_stand_where_the_joints_of_planted_ones_do(name: str) -> None:
+    solved, planted = human_world("solved"), human_world("planted")
+    rng = np.random.default_rng(3)
+    q = np.tile(solved.initial_configuration, (5, 1))
+    for joint, low, high in (("pelvis_x", -0.1, 0.1), ("pelvis_z", -0.4, -0.1), ("pelvis_yaw", -0.3, 0.3)):
+        q[:, solved.column[f"human.{joint}"]] = rng.uniform(low, high, 5)
+    full = np.tile(planted.initial_configuration, (5, 1))
+    for joint, column in solved.column.items():
+        full[:, planted.column[joint]] = q[:, column]
+    person = solved.scene.human
+    assert person is not None
+    pelvis = np.stack([q[:, solved.column[f"human.{joint}"]] for joint in PELVIS], axis=1)
+    for joint, angles in solve_legs(pelvis, person.stature, person.sex)[0].items():
+        full[:, planted.column[f"human.{joint}"]] = angles
+    found = []
+    for world, configurations in ((solved, q), (planted, full)):
+        collisions = Collisions(world)
+        pair = _pair(collisions, f"human.{name}", "table.near")
+        kinematics = world.at(configurations, collisions.frames)
+        slices = np.arange(5)
+        found.append(collisions.values(kinematics, slices * 0, np.zeros(0), slices, np.full(5, pair)))
+    assert found[0] == pytest.approx(found[1], abs=1e-9)
+
+
+@needs_robots
+def test_jaws_are_open_until_they_hold_something() -> None:
+    world = screwdriver_world()
+    modes = ModeSequence(world, HANDED_OVER)
+    fingers = [shape for shape in Collisions(world, modes).shapes if shape.jaw is not None]
+    assert {shape.jaw.hand for shape in fingers if shape.jaw} == {"baxter.left", "baxter.right"}
+    assert all(shape.jaw.width > 0.03 for shape in fingers if shape.jaw)
+    openings = [jaw_opening(modes, "baxter.right", phase, 0.08) for phase in range(4)]
+    assert openings == [1.0, pytest.approx(min(world.scene.objects["screwdriver"].size) / 0.08), 1.0, 1.0]
 
 
 @pytest.mark.parametrize("legs", ["planted", "solved"])

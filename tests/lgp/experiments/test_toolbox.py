@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import lgp
-from lgp.collision.distances import Collisions
 from lgp.experiments import published
 from lgp.experiments.toolbox import CONDITIONS, Condition, scores_of, summarise_toolbox, write_tables
 from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST, break_even_mass, cost_terms, order_of
@@ -150,24 +149,6 @@ def test_the_page_shows_both_sequences(tmp_path: Path) -> None:
     write_tables(tmp_path, summary, conditions, plan.scene)
     assert parquet_provenance(tmp_path / "runs.parquet") == provenance()
     assert json.loads((tmp_path / "summary.json").read_text())["provenance"] == provenance()
-
-
-@needs_robots
-def test_joined_parts_and_hands_at_work_may_touch() -> None:
-    world = World(lgp.load_scene("toolbox"))
-    phases = Phases.of(world.scene, parse_sequence(task_of(world.scene), paper("ergonomic")))
-    collisions = Collisions(world, ModeSequence(world, phases.switches))
-    names = [tuple(collisions.shapes[side].name for side in pair) for pair in collisions.pairs]
-
-    def touching(first: str, second: str, phase: int) -> set[bool]:
-        pairs = [at for at, (one, two) in enumerate(names) if one.startswith(first) and two.startswith(second)]
-        assert pairs
-        return set(np.isinf(collisions.allowed_penetration([phase])[0, pairs]).tolist())
-
-    # The side touches the handle from its place (phase 5 ends with it) on; the gripper from its hold (phase 6) on.
-    assert [touching(HANDLE, SIDE, phase) for phase in (4, 5, 7)] == [{False}, {True}, {True}]
-    assert [touching("baxter.right_w2", HANDLE, phase) for phase in (5, 6, 7)] == [{False}, {True}, {True}]
-    assert [touching("human.right_palm", SIDE, phase) for phase in (1, 6, 7)] == [{False}, {True}, {True}]
 
 
 @needs_robots

@@ -1,0 +1,96 @@
+"""The collision shapes of a scene: capsules along the limbs of the human, robots by their URDF, boxes for the rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import coal
+import numpy as np
+
+from lgp.collision.robot_shapes import robot_shapes
+from lgp.collision.shapes import CollisionShape, box, capsule, points
+from lgp.kinematics import human
+from lgp.kinematics.features import rotation_about_z
+from lgp.kinematics.leg_ik import LegSegments
+from lgp.kinematics.world import World
+from lgp.scene.model import Human, Robot
+
+
+def collision_shapes(world: World) -> tuple[CollisionShape, ...]:
+    """Return every collision shape of a world: human, robots, tables, objects.
+
+    Warns with `lgp.collision.robot_shapes.MissingMeshWarning` of each mesh of a robot that does not exist.
+    """
+    shapes: list[CollisionShape] = []
+    for agent in world.scene.agents:
+        shapes += robot_shapes(world, agent) if isinstance(agent, Robot) else _human(world)
+    for name, table in world.scene.tables.items():
+        rotation = rotation_about_z(np.radians(table.yaw))
+        centre = np.array([*table.position, table.height - table.thickness / 2.0])
+        shapes.append(box(name, "table", "table", rotation, centre, (*table.size, table.thickness)))
+    for name, hand in world.scene.hands.items():
+        shapes.append(_grip(name, hand.agent, world.scene.hand_clearance / 2.0))
+    for name, item in world.scene.objects.items():
+        shapes.append(box(name, name, "object", np.eye(3), np.zeros(3), item.size))
+    shapes += [point for shape in shapes if _flat_or_long(shape) for point in points(shape)]
+    return tuple(shapes)
+
+
+def _flat_or_long(shape: CollisionShape) -> bool:
+    """Return whether a shape has corners or ends that may be as near to another one as each other."""
+    return shape.kind == "object" or (shape.kind == "link" and shape.owner == "human" and shape.reaches)
+
+
+def _grip(hand: str, agent: str, radius: float) -> CollisionShape:
+    middle = np.zeros(3)
+    return CollisionShape(
+        name=f"grip point of {hand}",
+        owner=agent,
+        kind="grip",
+        frame=hand,
+        branch=hand,
+        reaches=True,
+        rotation=np.eye(3),
+        position=middle,
+        radius=radius,
+        half=middle,
+        rim=radius,
+        shape=coal.Sphere(radius),
+        hands=frozenset([hand]),
+    )
+
+
+def _human(world: World) -> list[CollisionShape]:
+    person = world.scene.human
+    if person is None:
+        return []
+    shapes = []
+    for part in human.capsules(person.stature, person.sex):
+        shape = capsule(
+            f"human.{part.name}",
+            "human",
+            "link",
+            f"human.{part.parent}",
+            part.limb,
+            (np.zeros(3), part.end),
+            part.radius,
+        )
+        side, _, segment = part.name.partition("_")
+        if part.limb.endswith("leg") and person.legs != "planted":
+            shape = _leg(world, person, shape, f"{side} {segment}")
+        hand = f"human.{side}_hand"
+        hands = frozenset([hand] if segment == "palm" and hand in world.scene.hands else [])
+        shapes.append(replace(shape, reaches=part.reaches, hands=hands))
+    return shapes
+
+
+def _leg(world: World, person: Human, shape: CollisionShape, leg: str) -> CollisionShape:
+    """Return a part of a leg whose joints the model does not have: it follows the pelvis."""
+    pelvis = f"human.{human.PELVIS}"
+    if person.legs == "solved":
+        return replace(shape, frame=pelvis, leg=leg)
+    # Locked legs are rigid: as they stand at first.
+    at = world.at(world.initial_configuration[None], [pelvis])
+    ends = LegSegments(person).ends(leg, at.rotation[:, 0], at.position[:, 0])
+    start, end = ((at.rotation[0, 0].T @ (point[0] - at.position[0, 0])) for point in ends)
+    return capsule(shape.name, shape.owner, shape.kind, pelvis, shape.branch, (start, end), shape.rim)
