@@ -24,7 +24,7 @@ from lgp.sqp.problem import Model
 from reba.arrays import Array, Indices
 
 VARIABLE_CURVATURE = 1e-6
-"""Curvature of the model in the variables of grasps and placements, which no cost acts on."""
+"""Curvature of the model in the variables of grasps and placements, which no cost acts on, in cost units."""
 
 
 class PathProblem:
@@ -39,6 +39,10 @@ class PathProblem:
         initial_configuration: (nq,) [rad, m], of the world by default.
         stage: continuation stage of the ergonomic cost, see `Ergonomics.stages`.
         collision_constraints: where all slices are knots; they must not change afterwards.
+
+    Attributes:
+        cost_unit: the least cost of a joint that moves by 1 rad in one phase, from rest to rest. In multiples of it
+            the same motion costs the same in any unit of cost and time, so that its optimum does not depend on them.
     """
 
     def __init__(
@@ -63,6 +67,9 @@ class PathProblem:
             world.initial_configuration if initial_configuration is None else initial_configuration
         )
         self.ergonomics = ergonomics if self.weights.ergonomics > 0.0 else None
+        self.cost_unit = 12.0 * self.weights.acceleration / phases.seconds**3 or 1.0
+        # Rounding, so that the same program in other units is the same to the last digit.
+        self._rate = float(f"{self.weights.ergonomics * phases.tau / self.cost_unit:.12g}")
         self.stage = stage
         switches = tuple(range(phases.count)) if enforced is None else tuple(enforced)
         self.constraints = Constraints(world, phases, self.modes, self.knots, switches, collision_constraints)
@@ -93,21 +100,26 @@ class PathProblem:
 
     def costs(self, x: Array) -> Costs:
         """Return the terms of the cost at x."""
+        acceleration, ergonomics = self._terms(x)
+        return Costs(self.cost_unit * acceleration, self.cost_unit * ergonomics)
+
+    def evaluate(self, x: Array) -> tuple[float, Array, Array]:
+        """Return cost in cost units, equalities and inequalities at x."""
+        values = self._values(x)
+        return sum(self._terms(x)), values.equality, values.inequality
+
+    def _terms(self, x: Array) -> tuple[float, float]:
+        """Return the costs of acceleration and ergonomics at x, in cost units."""
         q, _ = self.split(x)
         away = q - self.initial_configuration
         acceleration = 0.5 * float(np.vdot(away, self._acceleration_gradient(away)))
         ergonomics = self._score_elsewhere
         if self.ergonomics is not None:
             ergonomics += self._rate * float(self.ergonomics.value(q, self._loads, self.stage).sum())
-        return Costs(acceleration, ergonomics)
-
-    def evaluate(self, x: Array) -> tuple[float, Array, Array]:
-        """Return cost, equalities and inequalities at x."""
-        values = self._values(x)
-        return self.costs(x).total, values.equality, values.inequality
+        return acceleration, ergonomics
 
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
-        """Return the convex model at x: Gauss-Newton cost, convexified curvature of the switches."""
+        """Return the convex model at x, in cost units: Gauss-Newton cost, convexified curvature of the switches."""
         q, z = self.split(x)
         values = self._values(x)
         eq_jac, in_jac = self.constraints.jacobians(values)
@@ -141,7 +153,9 @@ class PathProblem:
     def _eliminate(self, stop: bool) -> None:
         """Group the joints by the switches at which they rest, and eliminate the slices between knots."""
         horizon = int(self.knots[-1]) + 1
-        matrix = self.weights.acceleration * acceleration_quadratic(horizon, self.phases.tau, stop)
+        # In cost units a phase lasts 1, and to move by 1 in it costs 1.
+        matrix = acceleration_quadratic(horizon, 1.0 / self.phases.slices, stop) / 12.0
+        matrix *= self.weights.acceleration > 0.0
         groups: dict[tuple[tuple[int, int], ...], list[int]] = {}
         for joint in range(self.world.nq):
             own = tuple(pair for pair, joints in self.constraints.equal_eliminated.items() if joint in joints)
@@ -150,7 +164,6 @@ class PathProblem:
             (np.array(joints, dtype=np.intp), eliminate_slices(matrix, self.knots, pairs))
             for pairs, joints in groups.items()
         ]
-        self._rate = self.weights.ergonomics * self.phases.tau
         self._score_elsewhere = 0.0
         if self.ergonomics is not None:
             # Loads are known in every slice, postures at knots only.
