@@ -102,7 +102,7 @@ class Constraints:
         if self._collisions is not None:
             ineq += self._collisions.blocks(knots * nq)
             self.in_rows += self._collisions.names()
-        self._eq, self._in = RowBlocks(eq, self.size), RowBlocks(ineq, self.size)
+        self.row_blocks = self._eq, self._in = RowBlocks(eq, self.size), RowBlocks(ineq, self.size)
 
     def evaluate(self, q: Array, z: Array) -> Values:
         """Return all rows at configurations (P, nq) and variables (nz,)."""
@@ -165,6 +165,24 @@ class Constraints:
         if self._legs is not None:
             columns.append(np.arange(tail // nq)[:, None] * nq + self._legs.columns)
         return columns
+
+    def switch_columns(self) -> list[Indices]:
+        """Return the unknowns of each block of `switch_hessians`."""
+        return self._switches.hessian_columns()
+
+    def switch_hessians(self, values: Values, z: Array, y: Array) -> list[Array]:
+        """Return sum_i y_i d2 row_i (B, m, m) of each switch at B points, for values of `evaluate_many`."""
+        return self._switches.equality_hessians(values.switches, z, y)
+
+    def leg_hessians(self, q: Array, y: Array) -> list[tuple[Indices, Array]]:
+        """Return the unknowns of leg reach in each knot and its curvature (B, p, p) at B points (B, P, nq)."""
+        if self._legs is None:
+            return []
+        count, knots, nq = q.shape
+        curvature = self._legs.curvature(q.reshape(-1, nq)).reshape(count, knots, -1)
+        curvature *= y[:, self._first_leg : self._first_leg + knots, None]
+        size = len(self._legs.columns)
+        return [(at * nq + self._legs.columns, curvature[:, at].reshape(-1, size, size)) for at in range(knots)]
 
     def curved_equalities(self) -> list[Indices]:
         """Return the unknowns of each block of equalities with curvature: the first blocks of the equalities."""

@@ -101,7 +101,7 @@ class ContactBatch:
         ]
         turned, away, by_point = self._attached(rotation, z)
         position += away
-        moved = spatial[:, self._place] * self._support
+        moved = np.ascontiguousarray(spatial[:, self._place] * self._support)  # indexing may leave axes transposed
         flat = moved.reshape(-1, 6, nq)
         flat[:, :3] += cross(flat[:, 3:], position[:, hands].reshape(-1, 3))
         by_point[:, hands, :, :nq] = moved

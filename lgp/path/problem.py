@@ -69,14 +69,14 @@ class PathProblem:
         self.ergonomics = ergonomics if self.weights.ergonomics > 0.0 else None
         self.cost_unit = 12.0 * self.weights.acceleration / phases.seconds**3 or 1.0
         # Rounding, so that the same program in other units is the same to the last digit.
-        self._rate = float(f"{self.weights.ergonomics * phases.tau / self.cost_unit:.12g}")
+        self.rate = float(f"{self.weights.ergonomics * phases.tau / self.cost_unit:.12g}")
         self.stage = stage
         switches = tuple(range(phases.count)) if enforced is None else tuple(enforced)
         self.constraints = Constraints(world, phases, self.modes, self.knots, switches, collision_constraints)
         self.n = self.constraints.size
         self.lower = np.concatenate([np.tile(world.lower, len(self.knots)), self.modes.lower])
         self.upper = np.concatenate([np.tile(world.upper, len(self.knots)), self.modes.upper])
-        self._loads = phases.loads()[self.knots]
+        self.loads = phases.loads()[self.knots]
         self._eliminate(stop)
         self._set_patterns()
         self._last: tuple[Array, Values] | None = None
@@ -93,8 +93,8 @@ class PathProblem:
     def path(self, x: Array) -> Array:
         """Return all slices (T, nq) of x; those between knots have the least acceleration."""
         away = self.split(x)[0] - self.initial_configuration
-        path = np.empty((len(self._groups[0][1].expand), self.world.nq))
-        for columns, condensed in self._groups:
+        path = np.empty((len(self.groups[0][1].expand), self.world.nq))
+        for columns, condensed in self.groups:
             path[:, columns] = condensed.expand @ away[:, columns]
         return path + self.initial_configuration
 
@@ -113,9 +113,9 @@ class PathProblem:
         q, _ = self.split(x)
         away = q - self.initial_configuration
         acceleration = 0.5 * float(np.vdot(away, self._acceleration_gradient(away)))
-        ergonomics = self._score_elsewhere
+        ergonomics = self.score_elsewhere
         if self.ergonomics is not None:
-            ergonomics += self._rate * float(self.ergonomics.value(q, self._loads, self.stage).sum())
+            ergonomics += self.rate * float(self.ergonomics.value(q, self.loads, self.stage).sum())
         return acceleration, ergonomics
 
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
@@ -132,9 +132,9 @@ class PathProblem:
             q, y_in
         )
         if self.ergonomics is not None:
-            _, score_gradient, score_hessians = self.ergonomics.quadratic_model(q, self._loads, self.stage)
-            gradient[self._postures.ravel()] += self._rate * score_gradient.ravel()
-            blocks += [self._rate * hessian for hessian in score_hessians]
+            _, score_gradient, score_hessians = self.ergonomics.quadratic_model(q, self.loads, self.stage)
+            gradient[self._postures.ravel()] += self.rate * score_gradient.ravel()
+            blocks += [self.rate * hessian for hessian in score_hessians]
         return Model(self._hessian.fill(blocks), gradient, eq_jac, values.equality, in_jac, values.inequality)
 
     def _values(self, x: Array) -> Values:
@@ -146,7 +146,7 @@ class PathProblem:
     def _acceleration_gradient(self, away: Array) -> Array:
         """Return the gradient (P, nq) of the acceleration cost at a path counted from the start."""
         gradient = np.empty_like(away)
-        for columns, condensed in self._groups:
+        for columns, condensed in self.groups:
             gradient[:, columns] = 2.0 * condensed.cost @ away[:, columns]
         return gradient
 
@@ -160,21 +160,21 @@ class PathProblem:
         for joint in range(self.world.nq):
             own = tuple(pair for pair, joints in self.constraints.equal_eliminated.items() if joint in joints)
             groups.setdefault(own, []).append(joint)
-        self._groups: list[tuple[Indices, CondensedQuadratic]] = [
+        self.groups: list[tuple[Indices, CondensedQuadratic]] = [
             (np.array(joints, dtype=np.intp), eliminate_slices(matrix, self.knots, pairs))
             for pairs, joints in groups.items()
         ]
-        self._score_elsewhere = 0.0
+        self.score_elsewhere = 0.0
         if self.ergonomics is not None:
             # Loads are known in every slice, postures at knots only.
             carried = float(self.ergonomics.payload(self.phases.loads()[:horizon]).sum())
-            self._score_elsewhere = self._rate * (carried + self.ergonomics.lower_bound * (horizon - len(self.knots)))
+            self.score_elsewhere = self.rate * (carried + self.ergonomics.lower_bound * (horizon - len(self.knots)))
 
     def _set_patterns(self) -> None:
         """Set the sparsity pattern of the Hessian from the acceleration cost and the blocks of its curvature."""
         nq = self.world.nq
         rows, columns, values = [], [], []
-        for joints, condensed in self._groups:
+        for joints, condensed in self.groups:
             i, j = np.nonzero(np.triu(condensed.cost))
             rows.append((i[:, None] * nq + joints).ravel())
             columns.append((j[:, None] * nq + joints).ravel())
@@ -186,7 +186,7 @@ class PathProblem:
         blocks = self.constraints.hessian_columns()
         of_switches = [block for block in blocks if block.ndim == 1]
         self._convexity = Convexity(
-            self._groups, of_switches, self.constraints.curved_equalities(), (nq, self.modes.size)
+            self.groups, of_switches, self.constraints.curved_equalities(), (nq, self.modes.size)
         )
         if self.ergonomics is not None:
             self._postures = np.arange(len(self.knots))[:, None] * nq + self.ergonomics.columns
