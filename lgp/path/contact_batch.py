@@ -170,9 +170,7 @@ class ContactBatch:
             if len(own):
                 by_grip = weighted[:, number, : len(own)][:, :, own]
                 places = first + own
-                part[np.ix_(range(len(part)), [number], places, places)] = (
-                    0.5 * (by_grip + np.swapaxes(by_grip, 1, 2))
-                )[:, None]
+                part[:, number, places[:, None], places] = 0.5 * (by_grip + np.swapaxes(by_grip, 1, 2))
 
 
 def _sides(modes: ModeSequence, number: int) -> tuple[Attachment, ...]:

@@ -139,13 +139,16 @@ class KeyframeSolver:
         always, restarts = self._initial_guesses(first)
         guesses = [problem.join(*cached)] if cached is not None else []
         guesses += [self._point(problem, guess) for guess in always]
-        minima, starts = [], (1, 1)
+        minima: list[Array] = []
+        starts = (1, 1)
         if self.many_starts:
             found = ManyStarts(problem).minima(np.array(guesses))
             minima, starts = [problem.join(*problem.split(x)) for x in found.points], (found.agreed, found.starts)
         options = SEQUENCE_OPTIONS if self.stages == 1 else replace(SEQUENCE_OPTIONS, iterations=SEQUENCE_ITERATIONS)
-        first, then = (minima[:1], [*minima[1:], *guesses]) if minima else (guesses, [])
-        result, reason = self._solve(problem, first, [*then, *restarts], options)
+        # The best minimum alone, unless it is not feasible to the last digit.
+        result, reason = self._solve(
+            problem, minima[:1] or guesses, [*minima[1:], *(guesses if minima else []), *restarts], options
+        )
         if result is None:
             return None, f"sequence: {reason}"
         keyframes, variables = problem.split(result.x)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from lgp.kinematics.ik import least_squares
 from lgp.path.costs import eliminate_slices
@@ -236,7 +237,7 @@ class ManyStarts:
 class _Rows:
     """The rows of a sparse Jacobian that depend on the unknowns of `place` alone (-1 where another joint)."""
 
-    def __init__(self, matrix: object, place: Indices) -> None:
+    def __init__(self, matrix: sp.csr_matrix, place: Indices) -> None:
         indptr, indices = np.asarray(matrix.indptr), place[np.asarray(matrix.indices)]
         rows = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
         missing = np.zeros(len(indptr) - 1, bool)

@@ -13,6 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
+from numpy.typing import NDArray
+
 from reba.arrays import Array, Flags
 
 ROUNDS = 5
@@ -85,7 +87,7 @@ class _Step:
     step: Array
     y_eq: Array
     y_in: Array
-    side: Array
+    side: NDArray[np.int8]
     active: Flags
     settled: Flags
     """(B,) whether the working set is that of the solution."""
@@ -185,7 +187,7 @@ def _slopes(model: ManyModels, step: Array) -> tuple[Array, Array]:
     return slope, np.einsum("bi,bi->b", step, (model.hessian @ step[..., None])[..., 0])
 
 
-def _solve_qps(model: ManyModels, low: Array, high: Array, side: Array, active: Flags) -> _Step:
+def _solve_qps(model: ManyModels, low: Array, high: Array, side: NDArray[np.int8], active: Flags) -> _Step:
     """Return the steps within low and high (B, n), from the working sets of the last iteration.
 
     Where the sets do not settle, the last step is moved inside its bounds.
@@ -197,7 +199,7 @@ def _solve_qps(model: ManyModels, low: Array, high: Array, side: Array, active: 
         np.zeros((count, n)),
         np.zeros((count, m_e)),
         np.zeros((count, m_i)),
-        side.astype(np.int8),
+        side.copy(),
         active.copy(),
         np.zeros(count, bool),
     )
