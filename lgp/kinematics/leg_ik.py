@@ -18,7 +18,6 @@ from lgp.scene.model import Human
 from reba.arrays import Array
 from reba.posture.columns import SIDES
 
-
 _lengths = cache(lengths)
 
 

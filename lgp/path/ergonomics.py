@@ -62,8 +62,9 @@ class Ergonomics:
         self._evaluated: tuple[Array, Array, Array] | None = None
         q = self._sample()
         angles, jacobian = self._angles(q)
-        self._additive, self._moved = self._is_additive(angles), np.any(jacobian != 0.0, axis=0)
-        self.parts = _coupled_joints(self._moved) if self._additive else [np.arange(len(self.columns))]
+        self._additive, moved = self._is_additive(angles), np.any(jacobian != 0.0, axis=0)
+        self.parts = _coupled_joints(moved) if self._additive else [np.arange(len(self.columns))]
+        self._set_coupled(moved)
         least = self._minimum(angles)
         self.shift = max(-least, 0.0)
         self.lower_bound = least + self.shift
@@ -101,20 +102,29 @@ class Ergonomics:
         weights = np.zeros((len(q), len(COLUMNS)))
         weights[:, self._chosen] = slope
         turned = self.posture.curvature(q, weights)
+        alone = np.einsum("nd,ndk->nk", curvature, jacobian**2)
         blocks = []
-        for part in self.parts:
-            own = jacobian[:, :, part]
-            rows = np.flatnonzero(self._moved[:, part].any(axis=1))
-            own = own[:, rows]
+        for part, (rows, coupled) in zip(self.parts, self._coupled, strict=True):
+            if len(part) == 1:
+                blocks.append(np.maximum(alone[:, part, None], 0.0))
+                continue
+            own = jacobian[:, rows[:, None], part]
             hessian = np.swapaxes(own, 1, 2) @ (curvature[:, rows, None] * own)
-            if len(part) > 1:
-                for local, block in turned:
-                    if np.isin(local, part).all():
-                        at = np.searchsorted(part, local)
-                        hessian[:, at[:, None], at] += block
-                hessian = _convex_part(hessian)
-            blocks.append(hessian)
+            for number, at in coupled:
+                hessian[:, at[:, None], at] += turned[number][1]
+            blocks.append(_convex_part(hessian))
         return blocks
+
+    def _set_coupled(self, moved: Flags) -> None:
+        """Set the angles that each part moves (d, k), and the places in it of the joints of each group of angles."""
+        groups = [local for local, _ in self.posture.curvature(np.zeros((0, self.world.nq)), np.zeros((0, len(COLUMNS))))]
+        self._coupled = [
+            (
+                np.flatnonzero(moved[:, part].any(axis=1)),
+                [(at, np.searchsorted(part, own)) for at, own in enumerate(groups) if np.isin(own, part).all()],
+            )
+            for part in self.parts
+        ]
 
     def _angles(self, q: Array) -> tuple[Array, Array]:
         """Return the angles (n, d) [deg] and their Jacobian (n, d, k); the last configurations' are stored."""

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from reba.arrays import Array, Flags
