@@ -121,8 +121,9 @@ class _Run:
             status = self._status(errors, model, values[0], first)
             if status is None:
                 outcome = self._step(model, values)
-                errors = residuals(self.problem, model, self.x, self.y_eq, self.y_in)
                 status = outcome.status
+                if status is not None:
+                    errors = residuals(self.problem, model, self.x, self.y_eq, self.y_in)
             if status is not None or outcome.accepted is None or outcome.step is None:
                 self.seconds["total"] = time.perf_counter() - begin
                 return self._result(status or SolveStatus.STALLED, values, errors)
