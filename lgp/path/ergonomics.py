@@ -117,7 +117,9 @@ class Ergonomics:
 
     def _set_coupled(self, moved: Flags) -> None:
         """Set the angles that each part moves (d, k), and the places in it of the joints of each group of angles."""
-        groups = [local for local, _ in self.posture.curvature(np.zeros((0, self.world.nq)), np.zeros((0, len(COLUMNS))))]
+        groups = [
+            local for local, _ in self.posture.curvature(np.zeros((0, self.world.nq)), np.zeros((0, len(COLUMNS))))
+        ]
         self._coupled = [
             (
                 np.flatnonzero(moved[:, part].any(axis=1)),

@@ -15,16 +15,17 @@ import scipy.sparse as sp
 
 from lgp.kinematics.ik import least_squares
 from lgp.path.costs import eliminate_slices
+from lgp.path.hessian import MAX_VIOLATION, PENALTY, admissible_shares
 from lgp.path.problem import VARIABLE_CURVATURE, PathProblem
 from lgp.sqp.many import ManyModels, solve_many
 from reba.arrays import Array, Flags, Indices
 
-STARTS = 24
+STARTS = 32
 """Random starts of a sequence, from a fixed seed; 10 to 60 % of them end in its best minimum."""
 LARGE = 100
 """Unknowns and rows above which there are fewer starts, as the time of one grows with the cube of their number."""
-LEAST_RADIUS = 0.1
-"""Least share of the way from the initial configuration to a random one."""
+RADII = (0.1, 0.6)
+"""Share of the way from the initial configuration to a random one: from farther away fewer starts end in a minimum."""
 PROJECTED = 0.02
 """[m, rad] Violation of a projected start above which it is given up."""
 PROJECTIONS = 25
@@ -152,9 +153,11 @@ class ManyStarts:
         hessian = np.broadcast_to(self._model_quadratic, (len(u), self.n, self.n)).copy()
         every = np.zeros(values.equality.shape)
         every[:, self._rows[0].kept] = y_eq
-        blocks = constraints.switch_hessians(values, z, every)
-        for columns, block in zip(self._blocks, blocks, strict=True):
-            hessian[:, columns[:, None], columns] += convex_parts(block)
+        negative = []
+        for columns, block in zip(self._blocks, constraints.switch_hessians(values, z, every), strict=True):
+            spectrum, vectors = np.linalg.eigh(block)
+            hessian[:, columns[:, None], columns] += _scaled(vectors, np.maximum(spectrum, 0.0))
+            negative.append(vectors * np.sqrt(np.maximum(-spectrum, 0.0))[:, None])
         limits = np.zeros(values.inequality.shape)
         limits[:, self._rows[1].kept] = y_in
         for columns, block in constraints.leg_hessians(q, limits):
@@ -174,14 +177,31 @@ class ManyStarts:
             rows.dense(blocks, self.n)
             for rows, blocks in zip(self._rows, (values.eq_blocks, values.in_blocks), strict=True)
         )
+        equality = values.equality[:, self._rows[0].kept]
+        near = np.flatnonzero(np.abs(equality).max(axis=1, initial=0.0) <= MAX_VIOLATION)
+        if len(near) and negative:
+            self._bend(hessian, near, eq, negative)
         return ManyModels(
             hessian,
             gradient,
-            values.equality[:, self._rows[0].kept],
+            equality,
             eq,
             values.inequality[:, self._rows[1].kept],
             ineq,
         )
+
+    def _bend(self, hessian: Array, near: Indices, jacobian: Array, negative: list[Array]) -> None:
+        """Subtract from some Hessians the negative curvature that they and the rows outweigh, see `lgp.path.hessian`."""
+        matrix, rows = hessian[near], jacobian[near]
+        scale = np.einsum("bii->bi", matrix).max(axis=1)
+        matrix += (PENALTY * scale)[:, None, None] * (np.swapaxes(rows, 1, 2) @ rows)
+        np.einsum("bii->bi", matrix)[:] += (1e-9 * scale)[:, None]
+        widths = np.cumsum([0, *(part.shape[2] for part in negative)])
+        factor = np.zeros((len(near), self.n, widths[-1]))
+        for columns, part, begin, end in zip(self._blocks, negative, widths, widths[1:], strict=False):
+            factor[:, columns, begin:end] = part[near]
+        shares = admissible_shares(np.swapaxes(factor, 1, 2) @ np.linalg.solve(matrix, factor))
+        hessian[near] -= _scaled(factor, shares)
 
     def project(self, u: Array) -> tuple[Array, Array]:
         """Return the projections (B, n) of starts to the constraints, and their violations (B,)."""
@@ -228,9 +248,7 @@ class ManyStarts:
         count = int(STARTS * min(1.0, (LARGE / size) ** 2))
         rng = np.random.default_rng(seed)
         q = np.tile(problem.initial_configuration, (count, knots, 1))
-        q += rng.uniform(LEAST_RADIUS, 1.0, (count, 1, 1)) * (
-            rng.uniform(problem.world.lower, problem.world.upper, q.shape) - q
-        )
+        q += rng.uniform(*RADII, (count, 1, 1)) * (rng.uniform(problem.world.lower, problem.world.upper, q.shape) - q)
         return np.reshape([problem.join(one, problem.modes.guess(one)) for one in q], (count, problem.n))
 
 
@@ -257,7 +275,6 @@ class _Rows:
         return out
 
 
-def convex_parts(matrices: Array) -> Array:
-    """Return symmetric matrices (B, m, m) without their negative eigenvalues."""
-    values, vectors = np.linalg.eigh(matrices)
-    return np.asarray((vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2))
+def _scaled(vectors: Array, weights: Array) -> Array:
+    """Return V diag(w) V' (B, n, n) for V (B, n, m) and w (B, m)."""
+    return np.asarray((vectors * weights[:, None]) @ np.swapaxes(vectors, 1, 2))

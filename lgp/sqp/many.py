@@ -26,9 +26,9 @@ ARMIJO = 1e-4
 """Share of the predicted decrease that a step must achieve (NW eq. 3.4)."""
 RHO = 0.1
 """rho of NW eq. 18.36."""
-TRIALS = 4
-"""Step lengths tried, each a third of the last."""
-SHORTER = 1.0 / 3.0
+TRIALS = 3
+"""Step lengths tried, each a quarter of the last."""
+SHORTER = 0.25
 FIRST_DAMPING = 1e-2
 """Damping after a step of which no length is accepted, relative to the largest diagonal entry of the Hessian; ten times
 as much after each further one."""
@@ -98,9 +98,9 @@ def solve_many(
     *,
     violation: float = 1e-4,
     decrease: float = 1e-4,
-    iterations: int = 25,
+    iterations: int = 18,
     longest_step: float = 1.0,
-    hopeless: float = 1.3,
+    hopeless: float = 1.15,
 ) -> ManyResults:
     """Return the local minima from starts x0 (B, n).
 
