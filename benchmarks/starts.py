@@ -36,6 +36,7 @@ LINES = (
     "grasp(human.right_hand, screwdriver)",
 )
 WITHIN = 0.01
+WIDTHS = (9, 9, 9, 7, 10, 6, 5)
 NEAR, PATHS = 0.10, 8
 """Minima of the random starts from which paths are solved: relative difference to the best one, and number at most."""
 
@@ -107,9 +108,8 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     options = parser.parse_args()
     print(stamp())
-    print(
-        f"{'cost':10} {'sequences':>9} {'found':>9} {'one start':>9} {'worst':>7} {'worst, one':>10} {'agree':>6} {'s':>5}"
-    )
+    heads = ("sequences", "found", "one start", "worst", "worst, one", "agree", "s")
+    print(f"{'cost':10} " + " ".join(f"{head:>{width}}" for head, width in zip(heads, WIDTHS, strict=True)))
     figures = {}
     for kind in options.cost:
         rows = rows_of(kind, options.sequences, options.starts)

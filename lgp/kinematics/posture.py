@@ -241,8 +241,9 @@ def _rotated(
     return every[:, 0], every[:, 1:]
 
 
-def _trunk(values: Array, _: bool) -> tuple[Array, Array]:
+def _trunk(values: Array, smooth: bool) -> tuple[Array, Array]:
     """Return flexion, side bend and twist (3, n) [deg] and slopes (3, 6, n) by pelvis tilt and the spine (6, n)."""
+    del smooth  # these angles are
     thorax = [(axis, sign) for axis, sign, _ in chain("thorax")]
     # Pelvis tilt acts as one more lumbar joint; pelvis yaw turns the vertical reference frame as well.
     (x, y, z), (dx, dy, dz) = _rotated(values, [(2, -1.0), *thorax], (0.0, 1.0, 0.0))

@@ -191,7 +191,7 @@ class ManyStarts:
         )
 
     def _bend(self, hessian: Array, near: Indices, jacobian: Array, negative: list[Array]) -> None:
-        """Subtract from some Hessians the negative curvature that they and the rows outweigh, see `lgp.path.hessian`."""
+        """Subtract from some Hessians the negative curvature that they and the rows outweigh (`lgp.path.hessian`)."""
         matrix, rows = hessian[near], jacobian[near]
         scale = np.einsum("bii->bi", matrix).max(axis=1)
         matrix += (PENALTY * scale)[:, None, None] * (np.swapaxes(rows, 1, 2) @ rows)
