@@ -211,8 +211,9 @@ class PostureMap:
             if name in self._local:
                 jacobian[:, rows, self._local[name]] = by_names[:, :, at]
 
-    def _knees(self, values: Array, _: bool) -> tuple[Array, Array]:
+    def _knees(self, values: Array, smooth: bool) -> tuple[Array, Array]:
         """Return the flexion of both knees (2, n) [deg] and its slopes (2, 5, n) by the joints of the pelvis (5, n)."""
+        del smooth  # these angles are
         bend, by_pelvis, _, _ = knees(values.T, self.body.stature, self.body.sex)
         return np.degrees(bend.T), np.degrees(by_pelvis.transpose(1, 2, 0))
 
