@@ -152,6 +152,28 @@ def cost_models(data: dict[str, Any]) -> Iterator[Figure]:
         yield Figure(f"plans with cost {name}", value, "REBA without ergonomics", row["reba_mean"] / plain["reba_mean"])
 
 
+def poses(data: dict[str, Any]) -> Iterator[Figure]:
+    for who in dict.fromkeys(row["pose"] for row in data["rows"]):
+        *batches, alone = (row for row in data["rows"] if row["pose"] == who)
+        for row in batches:
+            each = row["each_ms"]
+            what = f"iteration of a pose of {who}, {row['starts']} at once"
+            yield Figure(what, f"{each:.2f} ms", "time alone", each / alone["each_ms"])
+
+
+def starts(data: dict[str, Any]) -> Iterator[Figure]:
+    for kind, rows in data["rows"].items():
+        for name in ("found", "alone"):
+            good = sum(row[name] <= 1.01 * row["known"] for row in rows)
+            yield Figure(f"best known path of a sequence, {kind}, {name}", f"{good} of {len(rows)} within 1 %")
+
+
+def optima(data: dict[str, Any]) -> Iterator[Figure]:
+    for row in data["rows"]:
+        value = f"{row['ours']:.5f}"
+        yield Figure(f"cost of a path, {row['cost']}", value, "cost by IPOPT", row["ours"] / row["ipopt"])
+
+
 def path(data: dict[str, Any]) -> Iterator[Figure]:
     own = data["same"][0]
     for row in data["same"]:
@@ -230,6 +252,9 @@ SCRIPTS: tuple[Script, ...] = (
     Script("reachability", reachability),
     Script("bounds", bounds, ("--runs", "1")),
     Script("cost_models", cost_models, ("--runs", "1", "--models", "convex")),
+    Script("poses", poses, ("--starts", "8")),
+    Script("starts", starts, ("--sequences", "1", "--starts", "10", "--cost", "convex")),
+    Script("optima", optima, ("--slices", "5")),
     Script("path", path, ("--repeat", "1", "--no-growth")),
     Script("audit", audit, ("screwdriver_panda", "--repeat", "2")),
     Script("toolbox", toolbox, ("--parts", "2", "--seconds", "5")),

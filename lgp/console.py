@@ -43,6 +43,9 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
         f"search: {search['poses']} poses, {search['sequences']} sequences, {search['paths']} paths in "
         f"{search['seconds']:.1f} s; {best}"
     )
+    starts = summary["starts"]
+    if starts and starts["of"] > 1:
+        console.print(f"motion: the best of {starts['of']} starts, of which {starts['agreed']} agree within 1 %")
 
 
 def show_audit(console: Console, audit: dict[str, Any]) -> None:

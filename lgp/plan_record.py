@@ -58,6 +58,8 @@ class Plan:
         search: expanded, pruned, poses, sequences, paths, seconds, bound, gap, and statistics of each level.
         tree: nodes of the searched tree; not saved.
         provenance: the version that computed the plan; {} if it is unknown.
+        starts: how many starts of the best sequence were solved (`of`) and how many agree on its cost (`agreed`) within
+            1 %; {} without a plan, and of older plans.
         audit: what `lgp.audit_plan` found, as `Audit.summary` gives it; {} without a plan, and of older plans.
     """
 
@@ -81,6 +83,7 @@ class Plan:
     tree: tuple[Any, ...] = field(default=(), repr=False)
     provenance: dict[str, Any] = field(default_factory=provenance)
     audit: dict[str, Any] = field(default_factory=dict)
+    starts: dict[str, int] = field(default_factory=dict)
 
     def reba(self, rules: Rules | str = "measured") -> ScoreArrays | None:
         """Return the true REBA scores of every slice, None without a plan or a human.
@@ -112,6 +115,7 @@ class Plan:
             "audit": plain_data(self.audit),
             "search": plain_data(self.search),
             "solver": self.solver,
+            "starts": self.starts,
         }
 
     @accepts(LgpError, folder=PATH)
@@ -148,7 +152,7 @@ PLAIN: Final[dict[str, type]] = {
     "variables": dict,
 }
 """Fields that are saved as they are, with their JSON types."""
-LATER: Final[dict[str, type]] = {"audit": dict, "provenance": dict}
+LATER: Final[dict[str, type]] = {"audit": dict, "provenance": dict, "starts": dict}
 """Fields that older plans do not have, with their JSON types."""
 NUMBERS: Final = ("costs", "residuals", "variables")
 """Fields whose values are numbers by name."""

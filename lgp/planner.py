@@ -300,4 +300,5 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
             "iterations": len(solution.result.iterations) - 1,
             "seconds": solution.result.seconds["total"],
         },
+        "starts": dict(zip(("agreed", "of"), solution.starts, strict=True)),
     }

@@ -13,6 +13,7 @@ import numpy as np
 
 from lgp.kinematics import features
 from lgp.kinematics.features import (
+    IDENTITY,
     Feature,
     cross,
     exponential,
@@ -20,7 +21,6 @@ from lgp.kinematics.features import (
     logarithm,
     pose_difference,
     rotation_about_z,
-    skew,
 )
 from lgp.kinematics.world import Kinematics
 from lgp.scene.model import Assembly, Hand, SceneObject, Table
@@ -73,14 +73,18 @@ class FullPose:
 class Attachment:
     """The hand or table that an object is attached to during some phases.
 
+    At variables z (m,) the object has, on a parent with rotation R and position p, the rotation
+    R exp(turns z) facing and the position p + R (offset + offset_by z) - rotation (arm + arm_by z).
+
     Attributes:
         parent: full name of the hand or table.
         names: of its m variables; `lower` and `upper` are their bounds [m, rad].
         variables: their slice of z.
-        pose: (kinematics of n slices, variables (m,)) -> Pose.
         fit: (kinematics, rotation (3, 3), position (3,), slice) -> variables (m,) of the nearest pose.
-        slopes: (kinematics of one slice, variables (k, m)) -> Jacobians (k, 6, m) by the variables; None where these
-            are constant.
+        base: rotation (3, 3) and position (3,) of a table, None for a hand.
+        facing: (3, 3).
+        turns, offset_by, arm_by: (3, m); `offset` and `arm` are (3,) [m].
+        grip: whether its slopes change with its variables.
     """
 
     parent: str
@@ -88,14 +92,40 @@ class Attachment:
     lower: Array
     upper: Array
     variables: slice
-    pose: Callable[[Kinematics, Array], Pose]
     fit: Callable[[Kinematics, Array, Array, int], Array]
-    slopes: Callable[[Kinematics, Array], Array] | None = None
+    base: tuple[Array, Array] | None
+    facing: Array
+    turns: Array
+    offset: Array
+    offset_by: Array
+    arm: Array
+    arm_by: Array
+    grip: bool = False
 
     @property
     def size(self) -> int:
         """Number of variables."""
         return len(self.names)
+
+    def pose(self, kinematics: Kinematics, z: Array) -> Pose:
+        """Return the poses of the object in n slices, for its variables (m,)."""
+        n, nq = len(kinematics), kinematics.world.nq
+        if self.base is None:
+            place = kinematics.placement(self.parent)
+            rotation, position, by_q = place.rotation, place.position, place.jacobian.copy()
+        else:
+            rotation, position = np.broadcast_to(self.base[0], (n, 3, 3)), np.broadcast_to(self.base[1], (n, 3))
+            by_q = np.zeros((n, 6, nq))
+        turn, slope = exponential_with_slope(self.turns @ z)
+        turned = rotation @ (turn @ self.facing)
+        away = rotation @ (self.offset + self.offset_by @ z) - turned @ (self.arm + self.arm_by @ z)
+        if self.base is None:
+            by_q[:, :3] += cross(by_q[:, 3:], away)
+        by_variables = np.zeros((n, 6, self.size))
+        by_variables[:, 3:] = rotation @ (slope @ self.turns)
+        by_variables[:, :3] = rotation @ self.offset_by - turned @ self.arm_by
+        by_variables[:, :3] -= cross(by_variables[:, 3:], turned @ (self.arm + self.arm_by @ z))
+        return Pose(turned, position + away, by_q, by_variables, self.variables)
 
 
 UPRIGHT: dict[str, Array] = {
@@ -122,41 +152,22 @@ def resting(
 def fixed_on(table: Table, scene_object: SceneObject) -> Attachment:
     """Return the attachment to the table that an object is on initially, without variables."""
     x, y, yaw = scene_object.at
-    rotation, position = resting(table, scene_object, x, y, np.radians(yaw), scene_object.up)
-
-    def pose(kinematics: Kinematics, _: Array) -> Pose:
-        n, nq = len(kinematics), kinematics.world.nq
-        return Pose(
-            np.broadcast_to(rotation, (n, 3, 3)),
-            np.broadcast_to(position, (n, 3)),
-            np.zeros((n, 6, nq)),
-            np.zeros((n, 6, 0)),
-            slice(0, 0),
-        )
-
-    def fit(*_: object) -> Array:
-        return np.zeros(0)
-
-    return Attachment(table.full, (), np.zeros(0), np.zeros(0), slice(0, 0), pose, fit)
+    base = resting(table, scene_object, x, y, np.radians(yaw), scene_object.up)
+    return _without_variables(table.full, base, IDENTITY, np.zeros(3))
 
 
 def fixed_in(hand: Hand, scene_object: SceneObject) -> Attachment:
     """Return the attachment to the hand that has an object initially, without variables."""
     turn = exponential(np.radians(np.array(scene_object.in_hand[3:])))
-    offset = np.array(scene_object.in_hand[:3])
+    return _without_variables(hand.full, None, turn, np.array(scene_object.in_hand[:3]))
 
-    def pose(kinematics: Kinematics, _: Array) -> Pose:
-        place = kinematics.placement(hand.full)
-        arm = place.rotation @ offset
-        by_q = place.jacobian.copy()
-        by_q[:, :3] -= skew(arm) @ place.jacobian[:, 3:]
-        by_variables = np.zeros((len(kinematics), 6, 0))
-        return Pose(place.rotation @ turn, place.position + arm, by_q, by_variables, slice(0, 0))
 
+def _without_variables(parent: str, base: tuple[Array, Array] | None, facing: Array, offset: Array) -> Attachment:
     def fit(*_: object) -> Array:
         return np.zeros(0)
 
-    return Attachment(hand.full, (), np.zeros(0), np.zeros(0), slice(0, 0), pose, fit)
+    none, by = np.zeros(0), np.zeros((3, 0))
+    return Attachment(parent, (), none, none, slice(0, 0), fit, base, facing, by, offset, by, np.zeros(3), by)
 
 
 def placed(table: Table, scene_object: SceneObject, first_variable: int) -> Attachment:
@@ -167,29 +178,28 @@ def placed(table: Table, scene_object: SceneObject, first_variable: int) -> Atta
     margin = min(scene_object.size[:2]) / 2.0
     reach = np.maximum(np.array(table.size) / 2.0 - margin, 0.0)
     lower, upper = np.array([*-reach, -2.0 * np.pi]), np.array([*reach, 2.0 * np.pi])
-    variables = slice(first_variable, first_variable + 3)
-    top = rotation_about_z(np.radians(table.yaw))
-
-    def pose(kinematics: Kinematics, z: Array) -> Pose:
-        n, nq = len(kinematics), kinematics.world.nq
-        rotation, position = resting(table, scene_object, *z)
-        by_variables = np.zeros((n, 6, 3))
-        by_variables[:, :3, :2] = top[:, :2]
-        by_variables[:, 5, 2] = 1.0
-        return Pose(
-            np.broadcast_to(rotation, (n, 3, 3)),
-            np.broadcast_to(position, (n, 3)),
-            np.zeros((n, 6, nq)),
-            by_variables,
-            variables,
-        )
+    top, centre = rotation_about_z(np.radians(table.yaw)), np.array([*table.position, table.height])
 
     def fit(kinematics: Kinematics, rotation: Array, position: Array, _: int) -> Array:
-        x, y, _ = top.T @ (position - np.array([*table.position, table.height]))
+        x, y, _ = top.T @ (position - centre)
         forward = top.T @ rotation[:, 0]
         return np.clip([x, y, np.arctan2(forward[1], forward[0])], lower, upper)
 
-    return Attachment(table.full, ("x", "y", "yaw"), lower, upper, variables, pose, fit)
+    return Attachment(
+        parent=table.full,
+        names=("x", "y", "yaw"),
+        lower=lower,
+        upper=upper,
+        variables=slice(first_variable, first_variable + 3),
+        fit=fit,
+        base=(top, centre),
+        facing=IDENTITY,
+        turns=np.diag([0.0, 0.0, 1.0]),
+        offset=np.array([0.0, 0.0, scene_object.size[2] / 2.0]),
+        offset_by=np.diag([1.0, 1.0, 0.0]),
+        arm=np.zeros(3),
+        arm_by=np.zeros((3, 3)),
+    )
 
 
 def held(hand: Hand, scene_object: SceneObject, first_variable: int) -> Attachment:
@@ -203,33 +213,11 @@ def held(hand: Hand, scene_object: SceneObject, first_variable: int) -> Attachme
     side, at, facing = np.eye(3)[int(np.argmax(scene_object.size))], np.array(grip.at), _facing(np.array(grip.along))
     names = tuple(f"turn_{'xyz'[part]}" for part in turns) + (("slide",) if slides else ())
     upper = np.array([np.pi] * len(turns) + [grip.slide] * slides)
-    variables = slice(first_variable, first_variable + len(names))
-
-    def moved(place: Array, z: Array) -> tuple[Array, Array, Array]:
-        """Return rotation (n, 3, 3), offset (n, 3) and slopes (n, 6, m) for n hands, or one hand and n variables."""
-        vector = np.zeros((*z.shape[:-1], 3))
-        vector[..., turns] = z[..., : len(turns)]
-        turn, slope = exponential_with_slope(vector)
-        rotation = place @ (turn @ facing)
-        slid = at + z[..., -1:] * side if slides else at
-        arm = -(rotation @ slid[..., None])[..., 0]
-        by_variables = np.zeros((len(rotation), 6, len(names)))
-        by_turn = (place @ slope)[:, :, turns]
-        by_variables[:, 3:, : len(turns)] = by_turn
-        by_variables[:, :3, : len(turns)] = -skew(arm) @ by_turn
-        if slides:
-            by_variables[:, :3, -1] = -(rotation @ side)
-        return rotation, arm, by_variables
-
-    def pose(kinematics: Kinematics, z: Array) -> Pose:
-        place = kinematics.placement(hand.full)
-        rotation, arm, by_variables = moved(place.rotation, z)
-        by_q = place.jacobian.copy()
-        by_q[:, :3] -= skew(arm) @ place.jacobian[:, 3:]
-        return Pose(rotation, place.position + arm, by_q, by_variables, variables)
-
-    def slopes(kinematics: Kinematics, z: Array) -> Array:
-        return moved(kinematics.placement(hand.full).rotation, z)[2]
+    nothing = np.zeros((3, len(names)))
+    by_turn, by_slide = nothing.copy(), nothing.copy()
+    by_turn[turns, range(len(turns))] = 1.0
+    if slides:
+        by_slide[:, -1] = side
 
     def fit(kinematics: Kinematics, rotation: Array, position: Array, slice_: int) -> Array:
         place = kinematics.placement(hand.full)
@@ -237,7 +225,22 @@ def held(hand: Hand, scene_object: SceneObject, first_variable: int) -> Attachme
         point = rotation.T @ (place.position[slice_] - position) - at
         return np.clip([*vector[turns], *([float(point @ side)] if slides else [])], -upper, upper)
 
-    return Attachment(hand.full, names, -upper, upper, variables, pose, fit, slopes)
+    return Attachment(
+        parent=hand.full,
+        names=names,
+        lower=-upper,
+        upper=upper,
+        variables=slice(first_variable, first_variable + len(names)),
+        fit=fit,
+        base=None,
+        facing=facing,
+        turns=by_turn,
+        offset=np.zeros(3),
+        offset_by=nothing,
+        arm=at,
+        arm_by=by_slide,
+        grip=bool(names),
+    )
 
 
 def _facing(along: Array) -> Array:

@@ -7,6 +7,8 @@ the remaining rotation the hip.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from lgp.kinematics.features import rotation_about_z
@@ -15,6 +17,8 @@ from lgp.scene.body_measures import lengths, table
 from lgp.scene.model import Human
 from reba.arrays import Array
 from reba.posture.columns import SIDES
+
+_lengths = cache(lengths)
 
 
 def solve_legs(pelvis: Array, stature: float, sex: str) -> tuple[dict[str, Array], Array]:
@@ -71,7 +75,7 @@ def knees(pelvis: Array, stature: float, sex: str) -> tuple[Array, Array, Array,
         Flexion (n, 2) [rad] left and right, `STRAIGHTEST` or more within reach, and its Jacobian (n, 2, 5); distance
         of hip and ankle less that of a leg with the straightest knee (n, 2) [m], <= 0 within reach, and its Jacobian.
     """
-    measures = lengths(stature, sex)
+    measures = _lengths(stature, sex)
     thigh, shank = measures["thigh"], measures["shank"]
     out = measures["half_hips"] * np.array([-1.0, 1.0])
     sine, cosine = np.sin(pelvis[:, 3, None]), np.cos(pelvis[:, 3, None])

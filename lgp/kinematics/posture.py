@@ -12,7 +12,9 @@ the cone and equals the definition outside it.
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 
@@ -20,7 +22,7 @@ from lgp.errors import WorldError
 from lgp.kinematics.human import joint_names
 from lgp.kinematics.leg_ik import knees
 from lgp.kinematics.world import World
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 from reba.posture.angles import CONE
 from reba.posture.columns import COLUMNS, INDEX, SIDES
 from reba.readers.recording.profile import find_profile
@@ -29,6 +31,8 @@ Turn = tuple[int, float, str]
 """An elementary rotation: axis 0, 1 or 2, its sign, the joint."""
 BAND = (np.sin(np.radians(CONE / 2)), np.sin(np.radians(CONE * 1.5)))
 """Length of the unit arm projected on the sagittal plane: limits between which elevation blends into flexion."""
+STEP = 1e-6
+"""[rad, m] Of the forward differences that give the second derivatives of the angles."""
 PELVIS = ("pelvis_x", "pelvis_y", "pelvis_z", "pelvis_yaw", "pelvis_tilt")
 
 
@@ -52,6 +56,26 @@ def joint_angles() -> dict[str, tuple[str, float, float]]:
         ((_, raised, joint_name),) = chain(f"clavicle_{side}")
         columns[f"shoulder_elevation_{side}"] = (joint_name, -raised, 0.0)
     return columns
+
+
+GroupAngles = Callable[[Array, bool], tuple[Array, Array]]
+"""(joints (j, n), smooth) -> angles (r, n) [deg] and slopes (r, j, n) [deg/rad]."""
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Angles that depend on some joints together.
+
+    Attributes:
+        names: of the j joints; `moving` are the places of those that are not locked, `local` their places in `columns`.
+        rows: of the posture table.
+    """
+
+    names: tuple[str, ...]
+    rows: Indices
+    moving: Indices
+    local: Indices
+    angles: GroupAngles
 
 
 class PostureMap:
@@ -87,6 +111,7 @@ class PostureMap:
                 self._linear[row, self._local[joint]] = sign * 180.0 / np.pi
             else:
                 self._offset[row] += sign * float(np.degrees(self._locked[joint]))
+        self._groups = self._make_groups()
 
     def angles(self, q: Array) -> Array:
         """Return the posture angles (n, 22) [deg] of configurations (n, nq), exactly as `reba` defines them."""
@@ -103,12 +128,65 @@ class PostureMap:
         angles = own @ self._linear.T + self._offset
         jacobian = np.empty((len(own), *self._linear.shape))
         jacobian[:] = self._linear
-        self._trunk(own, angles, jacobian)
-        for side in SIDES:
-            self._arm(own, side, smooth, angles, jacobian)
-        if self.body.legs == "solved":
-            self._knees(own, angles, jacobian)
+        for group in self._groups:
+            for one, (values, slopes) in zip(group, self._group_angles(group, own, smooth), strict=True):
+                angles[:, one.rows] = values.T
+                jacobian[:, one.rows[:, None], one.local] = slopes[:, one.moving].transpose(2, 0, 1)
         return angles, jacobian
+
+    def curvature(self, q: Array, weights: Array) -> list[tuple[Indices, Array]]:
+        """Return sum_i weights_i d2 angle_i (n, m, m) of smooth angles for weights (n, 22), with their places in
+        `columns` (m,); by forward differences. Other joints have no curvature."""
+        own = np.asarray(q, dtype=float)[:, self.columns]
+        blocks = []
+        for group in self._groups:
+            steps = len(group[0].names)
+            values = np.repeat(self._group_values(group, own)[:, None], steps + 1, axis=1)
+            values[range(steps), range(1, steps + 1)] += STEP
+            count = len(own) * len(group)
+            _, slopes = group[0].angles(values.reshape(steps, -1), True)
+            change = slopes.reshape(*slopes.shape[:2], steps + 1, count)
+            change = (change[:, :, 1:] - change[:, :, :1]) / STEP
+            for number, one in enumerate(group):
+                part = change[..., number * len(own) : (number + 1) * len(own)]
+                hessian = np.einsum("nr,rijn->nij", weights[:, one.rows], part)[:, one.moving][:, :, one.moving]
+                blocks.append((one.local, 0.5 * (hessian + np.swapaxes(hessian, 1, 2))))
+        return blocks
+
+    def _group_values(self, group: tuple[_Group, ...], own: Array) -> Array:
+        """Return the joints of a group (j, n times its sides), side after side."""
+        return np.concatenate([np.array([self._value(own, name) for name in one.names]) for one in group], axis=1)
+
+    def _group_angles(self, group: tuple[_Group, ...], own: Array, smooth: bool) -> list[tuple[Array, Array]]:
+        """Return angles (r, n) and slopes (r, j, n) of each side of a group."""
+        values, slopes = group[0].angles(self._group_values(group, own), smooth)
+        return list(zip(np.split(values, len(group), axis=1), np.split(slopes, len(group), axis=2), strict=True))
+
+    def _make_groups(self) -> list[tuple[_Group, ...]]:
+        """Return the groups of angles that are not linear in the joints; sides of one kind are evaluated at once."""
+        trunk = ((2, -1.0, "pelvis_tilt"), *chain("thorax"))
+        arms = {side: (*chain(f"clavicle_{side}"), *chain(f"upper_arm_{side}")[:-1]) for side in SIDES}
+        flexion = [f"upper_arm_{part}" for part in ("flexion", "abduction")]
+        # The last joint of the upper arm turns about the arm's own axis and does not change its direction.
+        by_shape: dict[tuple[tuple[int, float], ...], list[_Group]] = {}
+        for side, turns in arms.items():
+            rows = [f"{name}_{side}" for name in flexion]
+            shape = tuple((axis, sign) for axis, sign, _ in turns)
+            by_shape.setdefault(shape, []).append(self._group(turns, rows, partial(_arm, shape)))
+        groups = [
+            (self._group(trunk, ["trunk_flexion", "trunk_side_bend", "trunk_twist"], _trunk),),
+            *map(tuple, by_shape.values()),
+        ]
+        if self.body.legs == "solved":
+            joints = tuple((0, 1.0, name) for name in PELVIS)
+            groups.append((self._group(joints, [f"knee_flexion_{side}" for side in SIDES], self._knees),))
+        return groups
+
+    def _group(self, turns: tuple[Turn, ...], rows: list[str], angles: GroupAngles) -> _Group:
+        names = tuple(name for _, _, name in turns)
+        moving = np.array([at for at, name in enumerate(names) if name in self._local], np.intp)
+        local = np.array([self._local[names[at]] for at in moving], np.intp)
+        return _Group(names, np.array([INDEX[row] for row in rows]), moving, local, angles)
 
     def leg_shortfall(self, q: Array) -> tuple[Array, Array]:
         """Return the missing leg length (n, 2) [m] for soles in place, and its Jacobian (n, 2, k).
@@ -133,71 +211,73 @@ class PostureMap:
             if name in self._local:
                 jacobian[:, rows, self._local[name]] = by_names[:, :, at]
 
-    def _chain(self, own: Array, turns: tuple[Turn, ...], vector: tuple[float, float, float]) -> tuple[Array, Array]:
-        """Return a vector (3, n) of the last frame in the axes of the first, and derivatives (3, len(turns), n)."""
-        rotated = np.repeat(np.array(vector)[:, None], len(own), axis=1)
-        slopes = np.zeros((3, len(turns), len(own)))
-        for at, (axis, sign, name) in reversed(list(enumerate(turns))):
-            angle = sign * self._value(own, name)
-            cosine, sine = np.cos(angle), np.sin(angle)
-            i, j = (axis + 1) % 3, (axis + 2) % 3
-            for part in (rotated, slopes):
-                first = part[i] * cosine - part[j] * sine
-                part[j] = part[i] * sine + part[j] * cosine
-                part[i] = first
-            slopes[i, at], slopes[j, at] = -sign * rotated[j], sign * rotated[i]
-        return rotated, slopes
+    def _knees(self, values: Array, smooth: bool) -> tuple[Array, Array]:
+        """Return the flexion of both knees (2, n) [deg] and its slopes (2, 5, n) by the joints of the pelvis (5, n)."""
+        del smooth  # these angles are
+        bend, by_pelvis, _, _ = knees(values.T, self.body.stature, self.body.sex)
+        return np.degrees(bend.T), np.degrees(by_pelvis.transpose(1, 2, 0))
 
-    def _trunk(self, own: Array, angles: Array, jacobian: Array) -> None:
-        # Pelvis tilt acts as one more lumbar joint; pelvis yaw turns the vertical reference frame as well.
-        turns = ((2, -1.0, "pelvis_tilt"), *chain("thorax"))
-        (x, y, z), (dx, dy, dz) = self._chain(own, turns, (0.0, 1.0, 0.0))
-        names = tuple(name for _, _, name in turns)
-        flat = np.hypot(x, y)
-        by_flat = (x * dx + y * dy) / flat
-        row = INDEX["trunk_flexion"]
-        angles[:, row], slopes = _atan2(x, y, dx, dy)
-        self._put(jacobian, slice(row, row + 1), names, slopes.T[:, None, :])
-        row = INDEX["trunk_side_bend"]
-        angles[:, row], slopes = _atan2(z, flat, dz, by_flat)
-        self._put(jacobian, slice(row, row + 1), names, slopes.T[:, None, :])
-        # The third row of the rotation pelvis -> thorax is the inverse rotation of the z axis.
-        inverse = tuple((axis, -sign, name) for axis, sign, name in reversed(chain("thorax")))
-        (x, y, z), (dx, dy, dz) = self._chain(own, inverse, (0.0, 0.0, 1.0))
-        row = INDEX["trunk_twist"]
-        angles[:, row], slopes = _atan2(-x, z, -dx, dz)
-        self._put(jacobian, slice(row, row + 1), tuple(name for _, _, name in inverse), slopes.T[:, None, :])
 
-    def _arm(self, own: Array, side: str, smooth: bool, angles: Array, jacobian: Array) -> None:
-        # The last joint of the upper arm turns about the arm's own axis and does not change its direction.
-        turns = (*chain(f"clavicle_{side}"), *chain(f"upper_arm_{side}")[:-1])
-        (x, y, z), (dx, dy, dz) = self._chain(own, turns, (0.0, -1.0, 0.0))
-        flat, across = np.hypot(x, y), np.hypot(x, z)
-        # Along a pure direction the projection has length 0 and no slope; its weight in the result is 0 there.
-        by_flat = (x * dx + y * dy) / np.maximum(flat, 1e-12)
-        by_across = (x * dx + z * dz) / np.maximum(across, 1e-12)
-        forward, by_forward = _atan2(x, -y, dx, -dy)
-        forward = np.where(forward < -90.0, forward + 360.0, forward)
-        raised, by_raised = _atan2(across, -y, by_across, -dy)
-        if smooth:
-            share, by_share = _blend(flat)
-        else:
-            share, by_share = (flat > np.sin(np.radians(CONE))).astype(float), np.zeros_like(flat)
-        flexion = share * forward + (1.0 - share) * raised
-        slopes = share * by_forward + (1.0 - share) * by_raised + by_share * by_flat * (forward - raised)
-        abduction, by_abduction = _atan2(z, flat, dz, by_flat)
-        names = tuple(name for _, _, name in turns)
-        for column, value, by_value in (("flexion", flexion, slopes), ("abduction", abduction, by_abduction)):
-            row = INDEX[f"upper_arm_{column}_{side}"]
-            angles[:, row] = value
-            self._put(jacobian, slice(row, row + 1), names, by_value.T[:, None, :])
+def _rotated(
+    values: Array, turns: Sequence[tuple[int, float]], vector: tuple[float, float, float]
+) -> tuple[Array, Array]:
+    """Return a vector (3, n) of the last frame of a chain in the axes of the first, and derivatives (3, T, n).
 
-    def _knees(self, own: Array, angles: Array, jacobian: Array) -> None:
-        bend, by_pelvis, _, _ = knees(self._pelvis(own), self.body.stature, self.body.sex)
-        for at, side in enumerate(SIDES):
-            row = INDEX[f"knee_flexion_{side}"]
-            angles[:, row] = np.degrees(bend[:, at])
-            self._put(jacobian, slice(row, row + 1), PELVIS, np.degrees(by_pelvis[:, at : at + 1]))
+    Args:
+        values: (T, n) joint angles.
+        turns: axis and sign of each of the T rotations.
+    """
+    signs = np.array([sign for _, sign in turns])
+    cosine, sine = np.cos(values), np.sin(values) * signs[:, None]
+    # The vector, and then its derivative by each turn: an outer turn rotates them alike.
+    every = np.zeros((3, 1 + len(turns), values.shape[1]))
+    every[:, 0] = np.array(vector)[:, None]
+    for at in range(len(turns) - 1, -1, -1):
+        axis, sign = turns[at]
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        first = every[i] * cosine[at] - every[j] * sine[at]
+        every[j] = every[i] * sine[at] + every[j] * cosine[at]
+        every[i] = first
+        every[i, 1 + at], every[j, 1 + at] = -sign * every[j, 0], sign * every[i, 0]
+    return every[:, 0], every[:, 1:]
+
+
+def _trunk(values: Array, smooth: bool) -> tuple[Array, Array]:
+    """Return flexion, side bend and twist (3, n) [deg] and slopes (3, 6, n) by pelvis tilt and the spine (6, n)."""
+    del smooth  # these angles are
+    thorax = [(axis, sign) for axis, sign, _ in chain("thorax")]
+    # Pelvis tilt acts as one more lumbar joint; pelvis yaw turns the vertical reference frame as well.
+    (x, y, z), (dx, dy, dz) = _rotated(values, [(2, -1.0), *thorax], (0.0, 1.0, 0.0))
+    flat = np.hypot(x, y)
+    by_flat = (x * dx + y * dy) / flat
+    flexion, side_bend = _atan2(x, y, dx, dy), _atan2(z, flat, dz, by_flat)
+    # The third row of the rotation pelvis -> thorax is the inverse rotation of the z axis.
+    inverse = [(axis, -sign) for axis, sign in reversed(thorax)]
+    (x, y, z), (dx, dy, dz) = _rotated(values[:0:-1], inverse, (0.0, 0.0, 1.0))
+    twist, by_spine = _atan2(-x, z, -dx, dz)
+    slopes = np.zeros((3, *values.shape))
+    slopes[0], slopes[1], slopes[2, :0:-1] = flexion[1], side_bend[1], by_spine
+    return np.stack([flexion[0], side_bend[0], twist]), slopes
+
+
+def _arm(turns: Sequence[tuple[int, float]], values: Array, smooth: bool) -> tuple[Array, Array]:
+    """Return flexion and abduction (2, n) [deg] and slopes (2, T, n) by girdle and shoulder (T, n)."""
+    (x, y, z), (dx, dy, dz) = _rotated(values, turns, (0.0, -1.0, 0.0))
+    flat, across = np.hypot(x, y), np.hypot(x, z)
+    # Along a pure direction the projection has length 0 and no slope; its weight in the result is 0 there.
+    by_flat = (x * dx + y * dy) / np.maximum(flat, 1e-12)
+    by_across = (x * dx + z * dz) / np.maximum(across, 1e-12)
+    forward, by_forward = _atan2(x, -y, dx, -dy)
+    forward = np.where(forward < -90.0, forward + 360.0, forward)
+    raised, by_raised = _atan2(across, -y, by_across, -dy)
+    if smooth:
+        share, by_share = _blend(flat)
+    else:
+        share, by_share = (flat > np.sin(np.radians(CONE))).astype(float), np.zeros_like(flat)
+    flexion = share * forward + (1.0 - share) * raised
+    slopes = share * by_forward + (1.0 - share) * by_raised + by_share * by_flat * (forward - raised)
+    abduction, by_abduction = _atan2(z, flat, dz, by_flat)
+    return np.stack([flexion, abduction]), np.stack([slopes, by_abduction])
 
 
 def _atan2(y: Array, x: Array, dy: Array, dx: Array) -> tuple[Array, Array]:

@@ -41,8 +41,8 @@ class PathBounds:
             start from their motions there.
         collisions: whether paths are collision-free. Poses and sequences never are, which keeps them lower bounds; the
             path without collision constraints is one more level then.
-        multi_start: whether collision-free paths that cost much more than the free path are solved from other initial
-            guesses too.
+        multi_start: whether sequences are solved from many starts, and collision-free paths that cost much more than
+            the free path from other initial guesses too.
     """
 
     def __init__(
@@ -67,7 +67,13 @@ class PathBounds:
         )
         self.slices, self.reference = slices, reference
         self.keyframes = KeyframeSolver(
-            self.problem, world, ergonomics, self.weights, self.initial_configuration, self.reference_solution
+            self.problem,
+            world,
+            ergonomics,
+            self.weights,
+            self.initial_configuration,
+            self.reference_solution,
+            multi_start,
         )
         self.paths = PathSolver(self.keyframes, options, self.free_path, collisions=collisions, multi_start=multi_start)
         self._results: dict[tuple[str, Skeleton], BoundResult] = {}

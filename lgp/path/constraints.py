@@ -16,23 +16,23 @@ from lgp.kinematics import features
 from lgp.kinematics.features import Feature
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.posture import PELVIS, PostureMap
-from lgp.kinematics.world import Kinematics, World
+from lgp.kinematics.world import World
 from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.hessian import RowBlocks
-from lgp.path.mode_constraints import Blocks, ConstraintInfo, ModeConstraints
+from lgp.path.mode_constraints import Blocks, ConstraintInfo, ModeConstraints, SwitchValues
 from lgp.path.phases import Phases
 from reba.arrays import Array, Indices
 
 
 @dataclass(frozen=True)
 class Values:
-    """Values and Jacobian blocks of all rows, in their order; and the kinematics of the knot of each switch."""
+    """Values (m,) and Jacobian blocks of all rows, in their order; of B points (B, m) and (B, rows, columns)."""
 
     equality: Array
     inequality: Array
     eq_blocks: list[Array]
     in_blocks: list[Array]
-    kinematics: dict[int, Kinematics]
+    switches: SwitchValues
 
 
 class Constraints:
@@ -102,26 +102,37 @@ class Constraints:
         if self._collisions is not None:
             ineq += self._collisions.blocks(knots * nq)
             self.in_rows += self._collisions.names()
-        self._eq, self._in = RowBlocks(eq, self.size), RowBlocks(ineq, self.size)
+        self.row_blocks = self._eq, self._in = RowBlocks(eq, self.size), RowBlocks(ineq, self.size)
 
     def evaluate(self, q: Array, z: Array) -> Values:
         """Return all rows at configurations (P, nq) and variables (nz,)."""
-        flat, switches = q.ravel(), self._switches.evaluate(q, z)
-        equality, inequality = [np.zeros(0), *switches.equality], [np.zeros(0), *switches.inequality]
-        eq_blocks, in_blocks = switches.eq_blocks, switches.in_blocks
-        for first, second in self._rests:
-            equality.append(flat[second] - flat[first])
-            eq_blocks.append(np.tile([-1.0, 1.0], len(first)))
-        self._add_soles(q, equality, eq_blocks)
-        if self._legs is not None:
-            excess, gradient = self._legs.evaluate(q)
-            inequality.append(excess)
-            in_blocks.append(gradient)
+        values = self.evaluate_many(q[None], z[None])
+        equality, inequality = values.equality[0], values.inequality[0]
+        eq_blocks, in_blocks = ([block[0] for block in blocks] for blocks in (values.eq_blocks, values.in_blocks))
         if self._collisions is not None:
             value, blocks = self._collisions.evaluate(q, z)
-            inequality.append(value)
+            inequality = np.concatenate([inequality, value])
             in_blocks += blocks
-        return Values(np.concatenate(equality), np.concatenate(inequality), eq_blocks, in_blocks, switches.kinematics)
+        return Values(equality, inequality, eq_blocks, in_blocks, values.switches)
+
+    def evaluate_many(self, q: Array, z: Array) -> Values:
+        """Return all rows but those of collisions at B configurations (B, P, nq) and variables (B, nz)."""
+        count = len(q)
+        flat, switches = q.reshape(count, -1), self._switches.evaluate(q, z)
+        equality = [np.zeros((count, 0)), *switches.equality]
+        inequality = [np.zeros((count, 0)), *switches.inequality]
+        eq_blocks, in_blocks = switches.eq_blocks, switches.in_blocks
+        for first, second in self._rests:
+            equality.append(flat[:, second] - flat[:, first])
+            eq_blocks.append(np.tile([-1.0, 1.0], (count, len(first))))
+        self._add_soles(q, equality, eq_blocks)
+        if self._legs is not None:
+            excess, gradient = self._legs.evaluate(q.reshape(-1, q.shape[2]))
+            inequality.append(excess.reshape(count, -1))
+            in_blocks.append(gradient.reshape(count, -1))
+        return Values(
+            np.concatenate(equality, axis=1), np.concatenate(inequality, axis=1), eq_blocks, in_blocks, switches
+        )
 
     def jacobians(self, values: Values) -> tuple[sp.csr_matrix, sp.csr_matrix]:
         """Return the two sparse Jacobians of evaluated rows; the next call reuses them."""
@@ -141,11 +152,11 @@ class Constraints:
     def _add_soles(self, q: Array, equality: list[Array], blocks: list[Array]) -> None:
         if not self._soles:
             return
-        kinematics = self.world.at(q, self._soles)
+        kinematics = self.world.at(q.reshape(-1, q.shape[2]), self._soles)
         for sole in self._soles:
             pose: Feature = features.pose(kinematics.placement(sole), *self.world.planted[sole])
-            equality.append(pose.value.ravel())
-            blocks.append(pose.jacobian[:, :, np.flatnonzero(self.world.support(sole))])
+            equality.append(pose.value.reshape(len(q), -1))
+            blocks.append(pose.jacobian[:, :, np.flatnonzero(self.world.support(sole))].reshape(len(q), -1))
 
     def hessian_columns(self) -> list[Indices]:
         """Return the unknowns of each block of `equality_hessians`, then of `inequality_hessians`."""
@@ -156,6 +167,24 @@ class Constraints:
         if self._collisions is not None:
             columns += self._collisions.hessian_columns()
         return columns
+
+    def switch_columns(self) -> list[Indices]:
+        """Return the unknowns of each block of `switch_hessians`."""
+        return self._switches.hessian_columns()
+
+    def switch_hessians(self, values: Values, z: Array, y: Array) -> list[Array]:
+        """Return sum_i y_i d2 row_i (B, m, m) of each switch at B points, for values of `evaluate_many`."""
+        return self._switches.equality_hessians(values.switches, z, y)
+
+    def leg_hessians(self, q: Array, y: Array) -> list[tuple[Indices, Array]]:
+        """Return the unknowns of leg reach in each knot and its curvature (B, p, p) at B points (B, P, nq)."""
+        if self._legs is None:
+            return []
+        count, knots, nq = q.shape
+        curvature = self._legs.curvature(q.reshape(-1, nq)).reshape(count, knots, -1)
+        curvature *= y[:, self._first_leg : self._first_leg + knots, None]
+        size = len(self._legs.columns)
+        return [(at * nq + self._legs.columns, curvature[:, at].reshape(-1, size, size)) for at in range(knots)]
 
     def curved_equalities(self) -> list[Indices]:
         """Return the unknowns of each block of equalities with curvature: the first blocks of the equalities."""
@@ -173,7 +202,7 @@ class Constraints:
 
     def equality_hessians(self, values: Values, z: Array, y: Array) -> list[Array]:
         """Return sum_i y_i d2 row_i (m, m) of each switch by its unknowns in `hessian_columns`, at some values."""
-        return self._switches.equality_hessians(values.kinematics, z, y)
+        return [block[0] for block in self._switches.equality_hessians(values.switches, z[None], y[None])]
 
 
 Pair = tuple[int, int]

@@ -21,8 +21,6 @@ MINIMISATIONS = 24
 """Number of random postures, those of the lowest scores, from which the minimum of a surrogate is sought."""
 PROBES = 64
 """Random postures in which an additive surrogate must have no mixed second derivative."""
-STEP = 1e-6
-"""[rad] Of the forward differences that give the second derivatives of the angles."""
 
 
 class Ergonomics:
@@ -64,10 +62,9 @@ class Ergonomics:
         self._evaluated: tuple[Array, Array, Array] | None = None
         q = self._sample()
         angles, jacobian = self._angles(q)
-        self._additive = self._is_additive(angles)
-        self.parts = (
-            _coupled_joints(np.any(jacobian != 0.0, axis=0)) if self._additive else [np.arange(len(self.columns))]
-        )
+        self._additive, moved = self._is_additive(angles), np.any(jacobian != 0.0, axis=0)
+        self.parts = _coupled_joints(moved) if self._additive else [np.arange(len(self.columns))]
+        self._set_coupled(moved)
         least = self._minimum(angles)
         self.shift = max(-least, 0.0)
         self.lower_bound = least + self.shift
@@ -102,23 +99,34 @@ class Ergonomics:
 
     def _additive_hessian(self, q: Array, slope: Array, jacobian: Array, curvature: Array) -> list[Array]:
         """Return the convex part of each block, second derivatives of the angles included; slope, curvature (n, d)."""
-        longest = max(len(part) for part in self.parts)
-        moved = np.repeat(q[None], longest, axis=0)
-        for part in self.parts:
-            if len(part) > 1:
-                moved[np.arange(len(part)), :, self.columns[part]] += STEP
-        jacobians = self._evaluate(moved.reshape(-1, q.shape[1]))[1].reshape(longest, *jacobian.shape)
-        # Joints of different blocks share no angle, so one step moves one joint of each.
-        by_step = np.einsum("nd,sndk->nsk", slope, jacobians - jacobian) / STEP
+        weights = np.zeros((len(q), len(COLUMNS)))
+        weights[:, self._chosen] = slope
+        turned = self.posture.curvature(q, weights)
+        alone = np.einsum("nd,ndk->nk", curvature, jacobian**2)
         blocks = []
-        for part in self.parts:
-            own = jacobian[:, :, part]
-            hessian = np.swapaxes(own, 1, 2) @ (curvature[:, :, None] * own)
-            if len(part) > 1:
-                mixed = by_step[:, : len(part), part]
-                hessian = _convex_part(hessian + 0.5 * (mixed + np.swapaxes(mixed, 1, 2)))
-            blocks.append(hessian)
+        for part, (rows, coupled) in zip(self.parts, self._coupled, strict=True):
+            if len(part) == 1:
+                blocks.append(np.maximum(alone[:, part, None], 0.0))
+                continue
+            own = jacobian[:, rows[:, None], part]
+            hessian = np.swapaxes(own, 1, 2) @ (curvature[:, rows, None] * own)
+            for number, at in coupled:
+                hessian[:, at[:, None], at] += turned[number][1]
+            blocks.append(_convex_part(hessian))
         return blocks
+
+    def _set_coupled(self, moved: Flags) -> None:
+        """Set the angles that each part moves (d, k), and the places in it of the joints of each group of angles."""
+        groups = [
+            local for local, _ in self.posture.curvature(np.zeros((0, self.world.nq)), np.zeros((0, len(COLUMNS))))
+        ]
+        self._coupled = [
+            (
+                np.flatnonzero(moved[:, part].any(axis=1)),
+                [(at, np.searchsorted(part, own)) for at, own in enumerate(groups) if np.isin(own, part).all()],
+            )
+            for part in self.parts
+        ]
 
     def _angles(self, q: Array) -> tuple[Array, Array]:
         """Return the angles (n, d) [deg] and their Jacobian (n, d, k); the last configurations' are stored."""

@@ -100,17 +100,21 @@ class Convexity:
 
 
 def admissible_shares(response: Array) -> Array:
-    """Return shares (c,) of rank-one parts that may be subtracted from a matrix M and leave it positive definite.
+    """Return shares (..., c) of rank-one parts that may be subtracted from a matrix M and leave it positive definite.
 
     M - sum_j share_j u_j u_j' is positive definite where S R S has no eigenvalue above 1, with S the roots of the
-    shares and the response R = U' M^-1 U (c, c). No eigenvalue exceeds the largest absolute row sum (Gershgorin), so
-    the roots are made as large as these sums allow (Sinkhorn & Knopp 1967).
+    shares and the response R = U' M^-1 U (..., c, c). No eigenvalue exceeds the largest absolute row sum (Gershgorin),
+    so the roots are made as large as these sums allow (Sinkhorn & Knopp 1967).
     """
-    sizes, roots = np.abs(response), np.ones(len(response))
+    sizes, roots = np.abs(response), np.ones(response.shape[:-1])
+    # A part without a response is no part: its share does not matter.
+    sizes += np.where(np.einsum("...ii->...i", sizes) > 0.0, 0.0, 1.0)[..., None] * np.eye(sizes.shape[-1])
     for _ in range(ROUNDS):
-        roots = np.minimum(np.sqrt(roots * (1.0 - MIN_CURVATURE_SHARE) / (sizes @ roots)), 1.0)
-    excess = float(np.max(roots * (sizes @ roots))) / (1.0 - MIN_CURVATURE_SHARE)
-    return np.asarray(roots**2 / max(excess, 1.0))
+        sums = (sizes @ roots[..., None])[..., 0]
+        roots = np.minimum(np.sqrt(roots * (1.0 - MIN_CURVATURE_SHARE) / sums), 1.0)
+    sums = (sizes @ roots[..., None])[..., 0]
+    excess = np.max(roots * sums, axis=-1, keepdims=True) / (1.0 - MIN_CURVATURE_SHARE)
+    return np.asarray(roots**2 / np.maximum(excess, 1.0))
 
 
 def _restricted(cost: Array, at: Indices) -> Array:

@@ -18,6 +18,7 @@ from lgp.path.cache import WarmStartCache
 from lgp.path.costs import Costs, Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.feasibility import CLOSE, ReachCheck, explain_infeasibility, project_to_feasible
+from lgp.path.many_starts import ManyStarts
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.search.tree_search import Skeleton
@@ -55,6 +56,8 @@ class Solution:
         keyframes: (k, nq) configurations at the switches so far [rad, m].
         variables: (nz,) of grasps and placements; empty at the level "pose".
         path: (T, nq), at the levels "free_path" and "path" only.
+        starts: number of starts of the sequence that agree with this one, and of all.
+        minima: points (N,) of the sequence problem that paths start from; () for the keyframes alone.
     """
 
     keyframes: Array
@@ -62,6 +65,8 @@ class Solution:
     path: Array | None
     costs: Costs
     result: Result
+    starts: tuple[int, int] = (1, 1)
+    minima: tuple[Array, ...] = ()
 
 
 class KeyframeSolver:
@@ -72,6 +77,7 @@ class KeyframeSolver:
         ergonomics: the ergonomic cost, None to leave it out.
         initial_configuration: (nq,) [rad, m].
         reference: level, actions -> solution under another ergonomic cost, whose robots' motions are initial guesses.
+        many_starts: whether sequences are solved from random starts too.
     """
 
     def __init__(
@@ -82,7 +88,9 @@ class KeyframeSolver:
         weights: Weights,
         initial_configuration: Array,
         reference: Callable[[str, Skeleton], Solution | None],
+        many_starts: bool = True,
     ) -> None:
+        self.many_starts = many_starts
         self.problem, self.world, self.ergonomics, self.weights = problem, world, ergonomics, weights
         self.initial_configuration, self.reference = initial_configuration, reference
         self.cache = WarmStartCache(world)
@@ -105,7 +113,8 @@ class KeyframeSolver:
         if cached is None:
             last = self.initial_configuration[None] if earlier is None else before[-1:]
             problem = self.problem("pose", phases)
-            result, reason = self._solve(problem, [self._with_robots("pose", phases, last)], POSE_OPTIONS)
+            always, restarts = self._initial_guesses(self._with_robots("pose", phases, last))
+            result, reason = self._solve(problem, always, restarts, POSE_OPTIONS)
             if result is None:
                 self.cache.store_infeasible(phases, reason)
                 return None, reason
@@ -127,14 +136,24 @@ class KeyframeSolver:
             first = self._with_robots("sequence", phases, earlier.keyframes)
         problem = self.problem("sequence", phases)
         cached = self.cache.initial_guess(phases, self.initial_configuration)
-        guesses = [first] if cached is None else [problem.join(*cached), first]
+        always, restarts = self._initial_guesses(first)
+        guesses = [problem.join(*cached)] if cached is not None else []
+        guesses += [self._point(problem, guess) for guess in always]
+        minima: list[Array] = []
+        starts = (1, 1)
+        if self.many_starts:
+            found = ManyStarts(problem).minima(np.array(guesses))
+            minima, starts = [problem.join(*problem.split(x)) for x in found.points], (found.agreed, found.starts)
         options = SEQUENCE_OPTIONS if self.stages == 1 else replace(SEQUENCE_OPTIONS, iterations=SEQUENCE_ITERATIONS)
-        result, reason = self._solve(problem, guesses, options)
+        # The best minimum alone, unless it is not feasible to the last digit.
+        result, reason = self._solve(
+            problem, minima[:1] or guesses, [*minima[1:], *(guesses if minima else []), *restarts], options
+        )
         if result is None:
             return None, f"sequence: {reason}"
         keyframes, variables = problem.split(result.x)
         self.cache.store_motion(phases, result.cost, keyframes, variables)
-        return Solution(keyframes, variables, None, problem.costs(result.x), result), ""
+        return Solution(keyframes, variables, None, problem.costs(result.x), result, starts, tuple(minima)), ""
 
     def _with_robots(self, level: str, phases: Phases, keyframes: Array) -> Array:
         """Return configurations (P, nq) whose robot joints are those of the reference solution, if there is one."""
@@ -153,17 +172,17 @@ class KeyframeSolver:
             return 0.0
         return self.weights.ergonomics * phases.tau * float(self.ergonomics.payload(phases.loads()).sum())
 
-    def _solve(self, problem: PathProblem, guesses: list[Array], options: SolverOptions) -> tuple[Result | None, str]:
-        """Return the cheapest feasible result over the initial guesses, or None and the constraint that failed least.
+    def _solve(
+        self, problem: PathProblem, guesses: list[Array], restarts: list[Array], options: SolverOptions
+    ) -> tuple[Result | None, str]:
+        """Return the cheapest feasible result of the guesses, or None and the constraint that failed least.
 
-        A guess is x (n,) or configurations (P, nq); restarts are drawn around the last one, which has these.
+        A guess is x (n,) or configurations (P, nq); restarts follow until one is feasible.
         """
         best: Result | None = None
         least: tuple[float, str] = (math.inf, "")
-        first, restarts = self._initial_guesses(guesses[-1])
-        always = [*guesses[:-1], *first]
-        for number, guess in enumerate([*always, *restarts]):
-            if best is not None and number >= len(always):
+        for number, guess in enumerate([*guesses, *restarts]):
+            if best is not None and number >= len(guesses):
                 break
             result, violation, reason = self._solve_from(problem, guess, options)
             if result is None:
@@ -172,15 +191,19 @@ class KeyframeSolver:
                 best = result
         return best, least[1]
 
+    def _point(self, problem: PathProblem, guess: Array) -> Array:
+        """Return x (n,) of configurations (P, nq), with variables that fit them; x is returned as it is."""
+        if guess.ndim == 1:
+            return guess
+        complete = len(guess) == problem.phases.count
+        keyframes = guess if complete else np.broadcast_to(guess[-1], (problem.phases.count, self.world.nq))
+        return problem.join(guess, problem.modes.guess(keyframes))
+
     def _solve_from(
         self, problem: PathProblem, guess: Array, options: SolverOptions
     ) -> tuple[Result | None, float, str]:
         """Return the result from a guess, x (n,) or configurations (P, nq), or None, the violation and the reason."""
-        if guess.ndim == 2:
-            complete = len(guess) == problem.phases.count
-            keyframes = guess if complete else np.broadcast_to(guess[-1], (problem.phases.count, self.world.nq))
-            guess = problem.join(guess, problem.modes.guess(keyframes))
-        x, violation = project_to_feasible(problem, guess)
+        x, violation = project_to_feasible(problem, self._point(problem, guess))
         if violation > INFEASIBLE:
             return None, violation, explain_infeasibility(problem, x)
         result = solve(problem, x, options=options)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from lgp.kinematics import features
-from lgp.kinematics.attachments import Attachment, Pose, ScrewConstraint
-from lgp.kinematics.features import Feature, skew
+from lgp.kinematics.attachments import ScrewConstraint
+from lgp.kinematics.features import Feature, nearness
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import Kinematics, World
+from lgp.path.contact_batch import ContactBatch, ContactValues
 from lgp.path.phases import Phases
 from reba.arrays import Array, Indices
 
@@ -35,13 +36,15 @@ class ConstraintInfo:
 
 @dataclass(frozen=True)
 class SwitchValues:
-    """Values and Jacobian blocks of the rows of all switches, in order; and the kinematics of each switch."""
+    """Values (B, m) and Jacobian blocks (B, rows, columns) of the rows of all switches at B points, in order; and the
+    kinematics and contacts that their curvature needs."""
 
     equality: list[Array]
     inequality: list[Array]
     eq_blocks: list[Array]
     in_blocks: list[Array]
-    kinematics: dict[int, Kinematics]
+    kinematics: Kinematics
+    contacts: ContactValues | None
 
 
 class ModeConstraints:
@@ -78,13 +81,22 @@ class ModeConstraints:
         for number in self._given:
             self.ineq.append((1, self._columns(number)))
             self.in_rows.append(ConstraintInfo("hands", "m", number, " and ".join(phases.switches[number].hands)))
+        self._places = np.array(list(at.values()), np.intp)
+        self._frames = tuple(dict.fromkeys(name for number in at for name in self._frames_of(number)))
+        self._contacts = [number for number in self._own if number not in self._screws]
+        self._batch = ContactBatch(world, modes, self._contacts, list(at)) if self._contacts else None
+        self._joints = np.unique(np.concatenate([np.zeros(0, np.intp), *self._limbs.values()]))
+        self._curved = {
+            number: np.concatenate([np.searchsorted(self._joints, self._limbs[number]), len(self._joints) + own])
+            for number, own in self._own.items()
+        }
 
     def limb(self, number: int) -> Indices:
         """Return the columns of q that move the hands of a switch."""
         support = [self.world.support(hand) for hand in self.phases.switches[number].hands]
         return np.flatnonzero(np.max(support, axis=0))
 
-    @property
+    @cached_property
     def _tilted(self) -> list[int]:
         switches, hands = self.phases.switches, self.world.scene.hands
         return [n for n in self.at if switches[n].action.works_at_table and hands[switches[n].hand].tilt < 180.0]
@@ -118,30 +130,53 @@ class ModeConstraints:
         self.eq_rows += [ConstraintInfo("joint", POSE_UNITS[row], number, switch.other) for row in rows]
 
     def evaluate(self, q: Array, z: Array) -> SwitchValues:
-        """Return all rows at configurations (P, nq) and variables (nz,)."""
-        kinematics = {number: self._kinematics(number, q) for number in self.at}
-        values = SwitchValues([], [], [], [], kinematics)
+        """Return all rows at B configurations (B, P, nq) and variables (B, nz)."""
+        kinematics = self.world.at(q[:, self._places].reshape(-1, q.shape[2]), self._frames)
+        contacts = None if self._batch is None else self._batch.evaluate(kinematics, z)
+        values = SwitchValues([], [], [], [], kinematics, contacts)
         for number in self._own:
-            for feature in self._equalities(number, kinematics[number], z):
-                values.equality.append(feature.value[0])
-                values.eq_blocks.append(self._block(number, feature))
-        for number in self._tilted:
-            hand = self.phases.switches[number].hand
-            tilt = features.tilt(kinematics[number].placement(hand), self.world.scene.hands[hand].tilt)
-            values.inequality.append(tilt.value[0])
-            values.in_blocks.append(tilt.jacobian[0][:, self._limbs[number]])
+            if contacts is not None and number not in self._screws:
+                at = self._contacts.index(number)
+                values.equality.append(contacts.value[:, at])
+                values.eq_blocks.append(contacts.jacobian[:, at][:, :, self._block(number)])
+                continue
+            own = self._kinematics(kinematics, number)
+            features_of = [self._screw(number, own.rows(slice(b, b + 1)), z[b]) for b in range(len(z))]
+            for parts in zip(*features_of, strict=True):
+                values.equality.append(np.concatenate([part.value for part in parts]))
+                jacobian = np.concatenate([part.jacobian for part in parts])
+                values.eq_blocks.append(jacobian[:, :, self._block(number)])
+        if self._tilted:
+            self._add_tilts(kinematics, values, len(q))
         for number in self._given:
-            taker, giver = (kinematics[number].placement(hand) for hand in self.phases.switches[number].hands)
-            near = features.nearness(taker, giver, self.world.scene.hand_clearance)
-            values.inequality.append(near.value[0])
-            values.in_blocks.append(near.jacobian[0][:, self._limbs[number]])
+            own = self._kinematics(kinematics, number)
+            taker, giver = (own.placement(hand) for hand in self.phases.switches[number].hands)
+            near = nearness(taker, giver, self.world.scene.hand_clearance)
+            values.inequality.append(near.value)
+            values.in_blocks.append(near.jacobian[:, :, self._limbs[number]])
         return values
 
-    def _kinematics(self, number: int, q: Array) -> Kinematics:
-        at = self.at[number]
-        return self.world.at(q[at : at + 1], self._frames(number))
+    def _add_tilts(self, kinematics: Kinematics, values: SwitchValues, count: int) -> None:
+        """Add the tilt of every hand that works on a table, as `features.tilt` has it, at once."""
+        order, hands = list(self.at), [self.phases.switches[number].hand for number in self._tilted]
+        places = [order.index(number) for number in self._tilted]
+        frames = [kinematics.index[hand] for hand in hands]
+        shape = (count, len(order), -1)
+        axis = kinematics.rotation[..., 2].reshape(*shape, 3)[:, places, frames]
+        spin = kinematics.spatial[:, 3:5].reshape(*shape, self.world.nq)[:, places]
+        # Up along the hand's own axis z: that of a hand that points down is -1.
+        slopes = spin[:, :, 0] * axis[:, :, 1, None] - spin[:, :, 1] * axis[:, :, 0, None]
+        for at, (number, hand) in enumerate(zip(self._tilted, hands, strict=True)):
+            limit = np.cos(np.radians(self.world.scene.hands[hand].tilt))
+            values.inequality.append(limit + axis[:, at, 2:])
+            limb = self._limbs[number]
+            values.in_blocks.append((slopes[:, at, limb] * self.world.support(hand)[limb])[:, None])
 
-    def _frames(self, number: int) -> tuple[str, ...]:
+    def _kinematics(self, kinematics: Kinematics, number: int) -> Kinematics:
+        """Return the kinematics of B points in one switch."""
+        return kinematics.rows(slice(list(self.at).index(number), None, len(self.at)))
+
+    def _frames_of(self, number: int) -> tuple[str, ...]:
         """Return the hands that take part, and those that the objects are attached to."""
         switch = self.phases.switches[number]
         parents = {self.modes.attachment(part, number).parent for part in (switch.object_name, switch.other) if part}
@@ -149,16 +184,14 @@ class ModeConstraints:
             dict.fromkeys([*switch.hands, *(name for name in sorted(parents) if name in self.world.scene.hands)])
         )
 
-    def _equalities(self, number: int, kinematics: Kinematics, z: Array) -> list[Feature]:
-        if number not in self._screws:
-            return [self.modes.pose_continuity(number, kinematics, z)]
+    def _screw(self, number: int, kinematics: Kinematics, z: Array) -> list[Feature]:
         screw, rows = self._screws[number], list(self._joined[number])
         joint = screw.assembly_error(kinematics, z)
         return [screw.tool_error(kinematics, z), Feature(joint.value[:, rows], joint.jacobian[:, rows])]
 
-    def _block(self, number: int, feature: Feature) -> Array:
-        columns = np.concatenate([self._limbs[number], self.world.nq + self._own[number]])
-        return np.asarray(feature.jacobian[0][:, columns])
+    def _block(self, number: int) -> Indices:
+        """Return the columns of a block among configuration and variables."""
+        return np.concatenate([self._limbs[number], self.world.nq + self._own[number]])
 
     def hessian_columns(self) -> list[Indices]:
         """Return the unknowns of each block of `equality_hessians`: limbs and variables, of a screw its limb."""
@@ -171,72 +204,28 @@ class ModeConstraints:
                 columns.append(self._columns(number, self._own[number]))
         return columns
 
-    def equality_hessians(self, kinematics: dict[int, Kinematics], z: Array, y: Array) -> list[Array]:
-        """Return sum_i y_i d2 row_i (m, m) by the unknowns of each block in `hessian_columns`.
+    def equality_hessians(self, values: SwitchValues, z: Array, y: Array) -> list[Array]:
+        """Return sum_i y_i d2 row_i (B, m, m) by the unknowns of each block in `hessian_columns`.
 
-        `kinematics` are those that `evaluate` returned for each switch, y the multipliers of `eq_rows`, z is (nz,).
+        `values` are those of `evaluate` at z (B, nz), y (B, m_e) the multipliers of all equalities.
         """
-        hessians, start = [], 0
-        for number, own in self._own.items():
-            contact = self.modes.contact(number)
-            if contact is not None:
-                weights = y[start : start + 6]
-                hessians.append(contact_curvature(contact, self._limbs[number], own, kinematics[number], z, weights))
-                start += 6
+        starts, start = {}, 0
+        for number in self._own:
+            starts[number] = start
+            start += 5 + len(self._joined[number]) if number in self._screws else 6
+        curvature = np.zeros(0)
+        if self._batch is not None and values.contacts is not None:
+            weights = np.stack([y[:, starts[number] : starts[number] + 6] for number in self._contacts], axis=1)
+            curvature = self._batch.curvature(values.contacts, weights, self._joints)
+        hessians = []
+        for number in self._own:
+            if number not in self._screws:
+                columns = self._curved[number]
+                hessians.append(curvature[:, self._contacts.index(number)][:, columns[:, None], columns])
                 continue
             limb = np.flatnonzero(self.world.support(self.phases.switches[number].hand))
-            hessian = self._screws[number].curvature(kinematics[number], z, y[start : start + 5])[0]
-            hessians.append(hessian[np.ix_(limb, limb)])
-            start += 5 + len(self._joined[number])
+            own, screw = self._kinematics(values.kinematics, number), self._screws[number]
+            weights = y[:, starts[number] : starts[number] + 5]
+            each = [screw.curvature(own.rows(slice(b, b + 1)), z[b], weights[b])[0] for b in range(len(z))]
+            hessians.append(np.stack(each)[:, limb[:, None], limb])
         return hessians
-
-
-STEP: Final = 1e-6
-"""[m, rad] Of the forward differences that give the second derivatives by a grip."""
-
-
-def contact_curvature(
-    sides: tuple[Attachment, Attachment], limbs: Indices, own: Indices, kinematics: Kinematics, z: Array, y: Array
-) -> Array:
-    """Return sum_i y_i d2 row_i (m, m) of a contact by the joints of its limbs, then its variables.
-
-    Args:
-        sides: attachment of the object after the switch, and before.
-        limbs, own: columns of q, places in z (nz,).
-        kinematics: of the slice of the switch (n = 1).
-        y: (6,) weights of the rows: difference of positions, rotation vector in the frame of the first pose.
-    """
-    poses = [side.pose(kinematics, z[side.variables]) for side in sides]
-    world = np.concatenate([y[:3], poses[0].rotation[0] @ y[3:]])
-    hessian, turns = np.zeros((len(limbs) + len(own),) * 2), []
-    for side, pose, sign in zip(sides, poses, (1.0, -1.0), strict=True):
-        places = len(limbs) + np.searchsorted(own, np.arange(side.variables.start, side.variables.stop))
-        moved = np.flatnonzero(np.any(pose.by_q[0][:, limbs] != 0.0, axis=0))
-        turn = np.zeros((3, len(hessian)))
-        turn[:, moved], turn[:, places] = pose.by_q[0, 3:][:, limbs[moved]], pose.by_variables[0, 3:]
-        turns.append(turn)
-        if len(moved):
-            every = np.concatenate([moved, places])
-            hessian[np.ix_(every, every)] += _attached_pose_hessian(
-                side, pose, limbs[moved], kinematics, z, sign * world
-            )
-    mixed = -0.5 * (skew(world[3:]) @ turns[1]).T @ turns[0]
-    return np.asarray(hessian + mixed + mixed.T)
-
-
-def _attached_pose_hessian(
-    attachment: Attachment, pose: Pose, limb: Indices, kinematics: Kinematics, z: Array, weights: Array
-) -> Array:
-    """Return the weighted second derivative (m, m) of the pose of an attached object by its limb and grip."""
-    jacobian = np.concatenate([pose.by_q[:, :, limb], pose.by_variables], axis=2)
-    hessian = features.position_curvature(jacobian, weights[None, :3])[0]
-    angular = jacobian[0, 3:]
-    twist = np.triu((skew(weights[3:]) @ angular).T @ angular, 1)
-    hessian += 0.5 * (twist + twist.T)
-    # The grip is a rotation vector itself: its components are no consecutive rotations.
-    if attachment.slopes is not None:
-        grip = z[attachment.variables]
-        moved = attachment.slopes(kinematics, grip + STEP * np.eye(len(grip)))
-        by_grip = weights @ (moved - pose.by_variables) / STEP
-        hessian[len(limb) :, len(limb) :] = 0.5 * (by_grip + by_grip.T)
-    return np.asarray(hessian)

@@ -27,6 +27,7 @@ from lgp.path.problem import PathProblem
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result
 from lgp.sqp.solver import solve
+from reba.arrays import Array
 
 OPTIONS = SolverOptions(violation=1e-6, kkt=1e-5, decrease=1e-7, iterations=60)
 """Paths: violations of a micrometre, costs to seven digits."""
@@ -67,8 +68,12 @@ class PathSolver:
             if earlier is None:
                 return None, reason
         sequence = self.keyframes.problem("sequence", phases)
-        path = sequence.path(sequence.join(earlier.keyframes, earlier.variables))
-        variables = earlier.variables
+        begins = earlier.minima or (sequence.join(earlier.keyframes, earlier.variables),)
+        answers = [self._solve_from(phases, sequence.path(x), sequence.split(x)[1], earlier.starts) for x in begins]
+        return min(answers, key=_cost)
+
+    def _solve_from(self, phases: Phases, path: Array, variables: Array, starts: tuple[int, int]) -> Answer:
+        """Return the free path nearest to a path (T, nq) with variables (nz,)."""
         result: Result | None = None
         stages = self.keyframes.stages
         for stage in range(stages):
@@ -78,7 +83,7 @@ class PathSolver:
             path, variables = problem.split(result.x)
         if result is None:
             return None, "path: the ergonomic cost has no stage; expected 1 or more"
-        return self.accept(problem, result)
+        return self.accept(problem, result, starts)
 
     def solve_collision_free(self, phases: Phases, earlier: Solution | None) -> Answer:
         """Return the collision-free path that starts from the free path, or a cheaper one from another guess."""
@@ -89,7 +94,7 @@ class PathSolver:
             return None, reason
         problem_of = self.problem_of(phases)
         constraints = self.collision_constraints(phases)
-        nearest = self.accept(*solve_collision_free(problem_of, constraints, free.result, self.options))
+        nearest = self.accept(*solve_collision_free(problem_of, constraints, free.result, self.options), free.starts)
         if not self.multi_start or _cost(nearest) <= MULTI_START_RATIO * free.costs.total:
             return nearest
         reference = self.keyframes.reference("path", phases.actions)
@@ -103,11 +108,12 @@ class PathSolver:
         if candidate is None:
             return nearest
         other = self.accept(
-            *solve_collision_free(problem_of, candidate.constraints, candidate.result, self.options, solved=False)
+            *solve_collision_free(problem_of, candidate.constraints, candidate.result, self.options, solved=False),
+            free.starts,
         )
         return min(nearest, other, key=_cost)
 
-    def accept(self, problem: PathProblem, result: Result) -> Answer:
+    def accept(self, problem: PathProblem, result: Result, starts: tuple[int, int] = (1, 1)) -> Answer:
         """Return the solution if its constraints hold within the tolerance, else None and the one that fails most."""
         x, violation = result.x, result.violation
         if NEARLY_FEASIBLE > violation > self.tolerance:
@@ -116,7 +122,7 @@ class PathSolver:
         if violation > self.tolerance:
             return None, f"path: {explain_infeasibility(problem, x) or result.status.value}"
         path, variables = problem.split(x)
-        return Solution(path[problem.phases.keyframes], variables, path, problem.costs(x), result), ""
+        return Solution(path[problem.phases.keyframes], variables, path, problem.costs(x), result, starts), ""
 
     def collision_constraints(self, phases: Phases) -> CollisionConstraints:
         """Return the collision constraints of a sequence, none active yet."""

@@ -24,7 +24,7 @@ from lgp.sqp.problem import Model
 from reba.arrays import Array, Indices
 
 VARIABLE_CURVATURE = 1e-6
-"""Curvature of the model in the variables of grasps and placements, which no cost acts on."""
+"""Curvature of the model in the variables of grasps and placements, which no cost acts on, in cost units."""
 
 
 class PathProblem:
@@ -39,6 +39,10 @@ class PathProblem:
         initial_configuration: (nq,) [rad, m], of the world by default.
         stage: continuation stage of the ergonomic cost, see `Ergonomics.stages`.
         collision_constraints: where all slices are knots; they must not change afterwards.
+
+    Attributes:
+        cost_unit: the least cost of a joint that moves by 1 rad in one phase, from rest to rest. In multiples of it
+            the same motion costs the same in any unit of cost and time, so that its optimum does not depend on them.
     """
 
     def __init__(
@@ -63,13 +67,16 @@ class PathProblem:
             world.initial_configuration if initial_configuration is None else initial_configuration
         )
         self.ergonomics = ergonomics if self.weights.ergonomics > 0.0 else None
+        self.cost_unit = 12.0 * self.weights.acceleration / phases.seconds**3 or 1.0
+        # Rounding, so that the same program in other units is the same to the last digit.
+        self.rate = float(f"{self.weights.ergonomics * phases.tau / self.cost_unit:.12g}")
         self.stage = stage
         switches = tuple(range(phases.count)) if enforced is None else tuple(enforced)
         self.constraints = Constraints(world, phases, self.modes, self.knots, switches, collision_constraints)
         self.n = self.constraints.size
         self.lower = np.concatenate([np.tile(world.lower, len(self.knots)), self.modes.lower])
         self.upper = np.concatenate([np.tile(world.upper, len(self.knots)), self.modes.upper])
-        self._loads = phases.loads()[self.knots]
+        self.loads = phases.loads()[self.knots]
         self._eliminate(stop)
         self._set_patterns()
         self._last: tuple[Array, Values] | None = None
@@ -86,28 +93,33 @@ class PathProblem:
     def path(self, x: Array) -> Array:
         """Return all slices (T, nq) of x; those between knots have the least acceleration."""
         away = self.split(x)[0] - self.initial_configuration
-        path = np.empty((len(self._groups[0][1].expand), self.world.nq))
-        for columns, condensed in self._groups:
+        path = np.empty((len(self.groups[0][1].expand), self.world.nq))
+        for columns, condensed in self.groups:
             path[:, columns] = condensed.expand @ away[:, columns]
         return path + self.initial_configuration
 
     def costs(self, x: Array) -> Costs:
         """Return the terms of the cost at x."""
+        acceleration, ergonomics = self._terms(x)
+        return Costs(self.cost_unit * acceleration, self.cost_unit * ergonomics)
+
+    def evaluate(self, x: Array) -> tuple[float, Array, Array]:
+        """Return cost in cost units, equalities and inequalities at x."""
+        values = self._values(x)
+        return sum(self._terms(x)), values.equality, values.inequality
+
+    def _terms(self, x: Array) -> tuple[float, float]:
+        """Return the costs of acceleration and ergonomics at x, in cost units."""
         q, _ = self.split(x)
         away = q - self.initial_configuration
         acceleration = 0.5 * float(np.vdot(away, self._acceleration_gradient(away)))
-        ergonomics = self._score_elsewhere
+        ergonomics = self.score_elsewhere
         if self.ergonomics is not None:
-            ergonomics += self._rate * float(self.ergonomics.value(q, self._loads, self.stage).sum())
-        return Costs(acceleration, ergonomics)
-
-    def evaluate(self, x: Array) -> tuple[float, Array, Array]:
-        """Return cost, equalities and inequalities at x."""
-        values = self._values(x)
-        return self.costs(x).total, values.equality, values.inequality
+            ergonomics += self.rate * float(self.ergonomics.value(q, self.loads, self.stage).sum())
+        return acceleration, ergonomics
 
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
-        """Return the convex model at x: Gauss-Newton cost, convexified curvature of the switches."""
+        """Return the convex model at x, in cost units: Gauss-Newton cost, convexified curvature of the switches."""
         q, z = self.split(x)
         values = self._values(x)
         eq_jac, in_jac = self.constraints.jacobians(values)
@@ -120,9 +132,9 @@ class PathProblem:
             hessians, values.eq_blocks, violation
         ) + self.constraints.inequality_hessians(q, z, y_in)
         if self.ergonomics is not None:
-            _, score_gradient, score_hessians = self.ergonomics.quadratic_model(q, self._loads, self.stage)
-            gradient[self._postures.ravel()] += self._rate * score_gradient.ravel()
-            blocks += [self._rate * hessian for hessian in score_hessians]
+            _, score_gradient, score_hessians = self.ergonomics.quadratic_model(q, self.loads, self.stage)
+            gradient[self._postures.ravel()] += self.rate * score_gradient.ravel()
+            blocks += [self.rate * hessian for hessian in score_hessians]
         return Model(self._hessian.fill(blocks), gradient, eq_jac, values.equality, in_jac, values.inequality)
 
     def _values(self, x: Array) -> Values:
@@ -134,34 +146,35 @@ class PathProblem:
     def _acceleration_gradient(self, away: Array) -> Array:
         """Return the gradient (P, nq) of the acceleration cost at a path counted from the start."""
         gradient = np.empty_like(away)
-        for columns, condensed in self._groups:
+        for columns, condensed in self.groups:
             gradient[:, columns] = 2.0 * condensed.cost @ away[:, columns]
         return gradient
 
     def _eliminate(self, stop: bool) -> None:
         """Group the joints by the switches at which they rest, and eliminate the slices between knots."""
         horizon = int(self.knots[-1]) + 1
-        matrix = self.weights.acceleration * acceleration_quadratic(horizon, self.phases.tau, stop)
+        # In cost units a phase lasts 1, and to move by 1 in it costs 1.
+        matrix = acceleration_quadratic(horizon, 1.0 / self.phases.slices, stop) / 12.0
+        matrix *= self.weights.acceleration > 0.0
         groups: dict[tuple[tuple[int, int], ...], list[int]] = {}
         for joint in range(self.world.nq):
             own = tuple(pair for pair, joints in self.constraints.equal_eliminated.items() if joint in joints)
             groups.setdefault(own, []).append(joint)
-        self._groups: list[tuple[Indices, CondensedQuadratic]] = [
+        self.groups: list[tuple[Indices, CondensedQuadratic]] = [
             (np.array(joints, dtype=np.intp), eliminate_slices(matrix, self.knots, pairs))
             for pairs, joints in groups.items()
         ]
-        self._rate = self.weights.ergonomics * self.phases.tau
-        self._score_elsewhere = 0.0
+        self.score_elsewhere = 0.0
         if self.ergonomics is not None:
             # Loads are known in every slice, postures at knots only.
             carried = float(self.ergonomics.payload(self.phases.loads()[:horizon]).sum())
-            self._score_elsewhere = self._rate * (carried + self.ergonomics.lower_bound * (horizon - len(self.knots)))
+            self.score_elsewhere = self.rate * (carried + self.ergonomics.lower_bound * (horizon - len(self.knots)))
 
     def _set_patterns(self) -> None:
         """Set the sparsity pattern of the Hessian from the acceleration cost and the blocks of its curvature."""
         nq = self.world.nq
         rows, columns, values = [], [], []
-        for joints, condensed in self._groups:
+        for joints, condensed in self.groups:
             i, j = np.nonzero(np.triu(condensed.cost))
             rows.append((i[:, None] * nq + joints).ravel())
             columns.append((j[:, None] * nq + joints).ravel())
@@ -173,7 +186,7 @@ class PathProblem:
         blocks = self.constraints.hessian_columns()
         of_switches = [block for block in blocks if block.ndim == 1]
         self._convexity = Convexity(
-            self._groups, of_switches, self.constraints.curved_equalities(), (nq, self.modes.size)
+            self.groups, of_switches, self.constraints.curved_equalities(), (nq, self.modes.size)
         )
         if self.ergonomics is not None:
             self._postures = np.arange(len(self.knots))[:, None] * nq + self.ergonomics.columns

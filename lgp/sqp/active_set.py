@@ -30,6 +30,8 @@ MAX_EXCHANGES = 40
 """Single exchanges of the dual method at most; beyond, the interior point method is faster."""
 MAX_FIRST_ERRORS = 200
 """Errors of the first working set beyond which an interior point method is as fast."""
+MAX_COLD_ERRORS = 20
+"""The same without a warm start, whose first working set is a mere guess."""
 MAX_STALLED_ROUNDS = 1
 """Consecutive block exchanges without fewer errors before they count as cycling."""
 MAX_WRONG_SIGNS = 5
@@ -88,7 +90,7 @@ class ActiveSet:
         best, least, stalled = (active, guess), np.inf, 0
         for count in range(1, ROUNDS + 1):
             point = self._solve_working_set(qp, scale, active, guess)
-            if point is None or (count == 1 and point.errors > MAX_FIRST_ERRORS):
+            if point is None or (count == 1 and point.errors > (MAX_COLD_ERRORS if warm is None else MAX_FIRST_ERRORS)):
                 break
             if point.errors == 0:
                 return _result(point, scale, count, self.name)

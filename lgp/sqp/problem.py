@@ -43,11 +43,19 @@ class Model:
 
 
 class Problem(Protocol):
-    """Minimise a cost under equalities c(x) = 0, inequalities d(x) <= 0 and bounds lower <= x <= upper."""
+    """Minimise a cost under equalities c(x) = 0, inequalities d(x) <= 0 and bounds lower <= x <= upper.
+
+    The cost counts in multiples of `cost_unit`, a size that matters: so no tolerance or penalty depends on the unit in
+    which a user states costs. The solver returns costs in that unit of the user, multipliers by cost units.
+    """
 
     @property
     def n(self) -> int:
         """Number of unknowns."""
+
+    @property
+    def cost_unit(self) -> float:
+        """What a cost of 1 in `evaluate` and `linearise` is worth, > 0."""
 
     @property
     def lower(self) -> Array:
@@ -75,6 +83,7 @@ class FunctionProblem:
         inequality, inequality_jacobian: x -> (m_i,) <= 0, x -> (m_i, n); None for no inequality.
         hessian: (x, y_eq, y_in) -> (n, n) of the Lagrangian; None for central differences of its gradient.
             It is made convex by reflecting negative eigenvalues.
+        cost_unit: size of a cost that matters; `cost`, `gradient` and `hessian` are divided by it.
 
     >>> import numpy as np
     >>> bowl = FunctionProblem(2, cost=lambda x: x @ x, gradient=lambda x: 2 * x)
@@ -95,8 +104,9 @@ class FunctionProblem:
         inequality: Callable[[Array], Array] | None = None,
         inequality_jacobian: Callable[[Array], Array] | None = None,
         hessian: Callable[[Array, Array, Array], Array] | None = None,
+        cost_unit: float = 1.0,
     ) -> None:
-        self.n = n
+        self.n, self.cost_unit = n, cost_unit
         self.lower = np.full(n, -np.inf) if lower is None else np.asarray(lower, dtype=float)
         self.upper = np.full(n, np.inf) if upper is None else np.asarray(upper, dtype=float)
         self._cost, self._gradient, self._hessian = cost, gradient, hessian
@@ -105,17 +115,19 @@ class FunctionProblem:
 
     def evaluate(self, x: Array) -> Values:
         """Return cost, equalities and inequalities at x (n,)."""
-        return float(self._cost(x)), _vector(self._equality, x), _vector(self._inequality, x)
+        return float(self._cost(x)) / self.cost_unit, _vector(self._equality, x), _vector(self._inequality, x)
 
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
         """Return the model at x with a positive semidefinite Hessian; every entry belongs to the pattern."""
         eq_jac, in_jac = self._jacobian(self._equality_jacobian, x), self._jacobian(self._inequality_jacobian, x)
-        hessian = (
-            self._finite_difference_hessian(x, y_eq, y_in) if self._hessian is None else self._hessian(x, y_eq, y_in)
-        )
+        unit = self.cost_unit
+        if self._hessian is None:
+            hessian = self._finite_difference_hessian(x, y_eq, y_in)
+        else:
+            hessian = np.asarray(self._hessian(x, unit * y_eq, unit * y_in), dtype=float) / unit
         return Model(
-            hessian=sp.csc_matrix(_full_pattern(_reflected(np.asarray(hessian, dtype=float)))),
-            gradient=np.asarray(self._gradient(x), dtype=float),
+            hessian=sp.csc_matrix(_full_pattern(_reflected(hessian))),
+            gradient=np.asarray(self._gradient(x), dtype=float) / unit,
             eq_jac=sp.csr_matrix(_full_pattern(eq_jac)),
             eq=_vector(self._equality, x),
             in_jac=sp.csr_matrix(_full_pattern(in_jac)),
@@ -129,7 +141,7 @@ class FunctionProblem:
 
     def _lagrangian_gradient(self, x: Array, y_eq: Array, y_in: Array) -> Array:
         """Return the gradient (n,) of the Lagrangian."""
-        gradient = np.array(self._gradient(x), dtype=float)
+        gradient = np.array(self._gradient(x), dtype=float) / self.cost_unit
         gradient += self._jacobian(self._equality_jacobian, x).T @ y_eq
         return gradient + self._jacobian(self._inequality_jacobian, x).T @ y_in
 
@@ -174,7 +186,7 @@ class SolverOptions:
     kkt: float = 1e-6
     """Largest relative stationarity and complementarity error of an OPTIMAL point."""
     decrease: float = 1e-10
-    """Predicted decrease, relative to max(1, abs(cost)), below which a feasible point is ACCEPTABLE."""
+    """Predicted decrease, relative to max(1, abs(cost)) in cost units, below which a feasible point is ACCEPTABLE."""
     iterations: int = 100
     seconds: float = float("inf")
     """Wall time; checked between iterations."""
@@ -183,7 +195,7 @@ class SolverOptions:
     max_stalled_iterations: int = 6
     """Iterations in which the violation falls by less than a tenth, before inconsistent rows end the solve."""
     penalty: float = 1.0
-    """Initial penalty parameter of the merit function; raised automatically."""
+    """Initial penalty parameter of the merit function, by cost units; raised automatically."""
 
     def __post_init__(self) -> None:
         for field in fields(self):

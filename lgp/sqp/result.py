@@ -38,7 +38,7 @@ class ConstraintViolation:
 
 @dataclass(frozen=True)
 class Iteration:
-    """One line of the iteration log: the state before the step, and the step."""
+    """One line of the iteration log: the state before the step, and the step; costs in cost units of the problem."""
 
     cost: float
     equality: float
@@ -63,7 +63,7 @@ class Iteration:
 
 @dataclass(frozen=True)
 class Result:
-    """Outcome of a solve. All residuals are recomputed from the problem at `x`.
+    """Outcome of a solve. All residuals are recomputed from the problem at `x`; multipliers are by its cost units.
 
     Example: `if not result: print(result.status.value, result.worst)`.
     """

@@ -65,7 +65,8 @@ class Solver:
         Raises:
             ProblemError: inconsistent shapes or bounds, or an initial point that is not finite.
         """
-        return _Run(self, problem, _initial_point(problem, x0)).run(warm)
+        result = _Run(self, problem, _initial_point(problem, x0)).run(warm)
+        return replace(result, cost=problem.cost_unit * result.cost)
 
 
 def solve(
@@ -120,8 +121,9 @@ class _Run:
             status = self._status(errors, model, values[0], first)
             if status is None:
                 outcome = self._step(model, values)
-                errors = residuals(self.problem, model, self.x, self.y_eq, self.y_in)
                 status = outcome.status
+                if status is not None:
+                    errors = residuals(self.problem, model, self.x, self.y_eq, self.y_in)
             if status is not None or outcome.accepted is None or outcome.step is None:
                 self.seconds["total"] = time.perf_counter() - begin
                 return self._result(status or SolveStatus.STALLED, values, errors)
@@ -335,6 +337,8 @@ class _Run:
 
 def _initial_point(problem: Problem, x0: Array) -> Array:
     """Return the initial point within the bounds, checked with them."""
+    if not 0.0 < problem.cost_unit < np.inf:
+        raise ProblemError(f"cost_unit: {problem.cost_unit} given, expected a positive number")
     check_vector("lower", problem.lower, problem.n)
     check_vector("upper", problem.upper, problem.n)
     crossed = np.flatnonzero(problem.lower > problem.upper)

@@ -87,7 +87,7 @@ class PathProblem:
     ) -> None:
         rng = np.random.default_rng(seed)
         self.slices = slices
-        self.n = DOFS * slices + PLACE
+        self.n, self.cost_unit = DOFS * slices + PLACE, 1.0
         self.left, self.right = _chain(rng, LEFT, [0.9, 0.25, 0.9]), _chain(rng, RIGHT, [0.0, -0.2, 1.3])
         self.rest = rng.uniform(-0.3, 0.3, DOFS)
         width = rng.uniform(0.9, 1.6, DOFS)
