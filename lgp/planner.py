@@ -34,7 +34,8 @@ from lgp.plan_record import Plan
 from lgp.scene.consistency import check_first_facts
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
-from lgp.search.tree_search import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton, search
+from lgp.search.records import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton
+from lgp.search.tree_search import search
 from reba.arrays import Array
 from reba.checks import COUNT, PATH, YES_NO, Allowed, accepts, from_home, is_number
 

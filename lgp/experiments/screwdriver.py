@@ -27,7 +27,7 @@ from lgp.path.ergonomics import Ergonomics
 from lgp.plan_record import Plan
 from lgp.planner import parse_sequence, plan_within, task_of
 from lgp.scene.model import Scene
-from lgp.search.tree_search import Budget
+from lgp.search.records import Budget
 from reba.batch.parallel import run_parallel
 from reba.batch.worker_pool import WorkerDied
 from reba.posture.columns import COLUMNS

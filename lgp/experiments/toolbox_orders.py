@@ -13,7 +13,7 @@ from lgp.path.bounds import PathBounds
 from lgp.path.costs import acceleration_quadratic
 from lgp.plan_record import Plan
 from lgp.planner import parse_sequence, plan_within
-from lgp.search.tree_search import Skeleton
+from lgp.search.records import Skeleton
 
 PLACE_FIRST: Final = "place, then grasp"
 GRASP_FIRST: Final = "grasp, then place"

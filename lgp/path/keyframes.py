@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from lgp.path.ergonomics import Ergonomics
 from lgp.path.feasibility import CLOSE, ReachCheck, explain_infeasibility, project_to_feasible
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
-from lgp.search.tree_search import Skeleton
+from lgp.search.records import Skeleton
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result
 from lgp.sqp.solver import solve
@@ -30,6 +31,12 @@ SEQUENCE_OPTIONS = SolverOptions(violation=2e-5, kkt=1e-4, decrease=1e-6, longes
 """Sequences are bounds and initial guesses: a violation of 20 um suffices; longer steps end in poorer minima."""
 SEQUENCE_ITERATIONS = 25
 """Iterations of a sequence with a graduated cost, whose edges allow ever shorter steps only."""
+PREFIX: Final = "prefix_sequence"
+"""Level of incomplete sequences: the configurations at all their switches, under the constraints of all."""
+PREFIX_OPTIONS = replace(SEQUENCE_OPTIONS, kkt=1e-3, decrease=1e-4, iterations=40)
+"""The last digits of a bound exclude nothing."""
+PREFIX_TOLERANCE = 2e-3
+"""Share of its cost by which a prefix may be above its minimum (0.12 % seen in the toolbox): its bound is lower."""
 POSE_OPTIONS = replace(SEQUENCE_OPTIONS, longest_step=0.6, iterations=25)
 """The cost of a pose is seldom near that of a path: not worth many iterations."""
 NEARLY_FEASIBLE = 0.01
@@ -120,20 +127,37 @@ class KeyframeSolver:
         costs = replace(costs, ergonomics=costs.ergonomics + self._payload_cost(phases))
         return Solution(np.concatenate([before, cached.pose]), np.zeros(0), None, costs, cached.result), ""
 
-    def solve_sequence(self, phases: Phases, earlier: Solution | None) -> Answer:
-        """Return the keyframes of a sequence and the variables of its grasps and placements."""
+    def solve_sequence(
+        self, phases: Phases, earlier: Solution | None, level: str = "sequence", before: Solution | None = None
+    ) -> Answer:
+        """Return the keyframes of a sequence and the variables of its grasps and placements.
+
+        Args:
+            earlier: poses of the sequence.
+            level: "sequence", or PREFIX, whose cost is a bound only: it is solved from one guess to fewer digits.
+            before: keyframes of the sequence without its last action.
+        """
         first = np.tile(self.initial_configuration, (phases.count, 1))
         if earlier is not None and len(earlier.keyframes) == phases.count:
-            first = self._with_robots("sequence", phases, earlier.keyframes)
-        problem = self.problem("sequence", phases)
+            first = self._with_robots(level, phases, earlier.keyframes)
+        problem = self.problem(level, phases)
         cached = self.cache.initial_guess(phases, self.initial_configuration)
-        guesses = [first] if cached is None else [problem.join(*cached), first]
-        options = SEQUENCE_OPTIONS if self.stages == 1 else replace(SEQUENCE_OPTIONS, iterations=SEQUENCE_ITERATIONS)
+        guesses = [] if cached is None else [problem.join(*cached)]
+        guesses.append(first)
+        if before is not None:
+            guesses.append(np.concatenate([before.keyframes, first[-1:]]))
+        if level == PREFIX:
+            guesses, options = guesses[-1:], PREFIX_OPTIONS
+        elif self.stages == 1:
+            options = SEQUENCE_OPTIONS
+        else:
+            options = replace(SEQUENCE_OPTIONS, iterations=SEQUENCE_ITERATIONS)
         result, reason = self._solve(problem, guesses, options)
         if result is None:
             return None, f"sequence: {reason}"
         keyframes, variables = problem.split(result.x)
-        self.cache.store_motion(phases, result.cost, keyframes, variables)
+        if level != PREFIX:
+            self.cache.store_motion(phases, result.cost, keyframes, variables)
         return Solution(keyframes, variables, None, problem.costs(result.x), result), ""
 
     def _with_robots(self, level: str, phases: Phases, keyframes: Array) -> Array:
