@@ -26,7 +26,8 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
     satisfied = f"satisfied within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"
     faults = len(summary["audit"]["faults"])
     console.print(
-        f"cost {cost['total']:.3f}: acceleration {cost['acceleration']:.3f}, ergonomics {cost['ergonomics']:.3f}; "
+        f"cost {cost['total']:.3f}: acceleration {cost['acceleration']:.3f}, ergonomics {cost['ergonomics']:.3f}, "
+        f"time {cost['time']:.3f}; "
         + (f"the audit found {_count(faults)}, the constraints of the planner are " if faults else "constraints are ")
         + satisfied
     )

@@ -51,7 +51,8 @@ class Plan:
         variables: pose of objects relative to hands and tables: name -> value [m, rad].
         posture: angles of the human (T, 22) [deg] as `reba` defines them, (0, 0) without a human.
         carried: mass in the hands of the human (T,) [kg].
-        costs: total, acceleration, ergonomics.
+        costs: total, acceleration, ergonomics, time.
+        weights: of these terms; {} of older plans.
         residuals: largest constraint violations recomputed from the path: equality, inequality, by unit (metres,
             radians), and the deepest penetration of two collision shapes [m], between slices as well.
         solver: status, KKT residual, iterations and seconds of the path problem.
@@ -76,6 +77,7 @@ class Plan:
     posture: Array = field(default_factory=_no_rows)
     carried: Array = field(default_factory=_no_values)
     costs: dict[str, float] = field(default_factory=dict)
+    weights: dict[str, float] = field(default_factory=dict)
     residuals: dict[str, float] = field(default_factory=dict)
     solver: dict[str, Any] = field(default_factory=dict)
     tree: tuple[Any, ...] = field(default=(), repr=False)
@@ -106,7 +108,8 @@ class Plan:
             "reason": self.reason,
             "scene": self.scene.name,
             "actions": list(self.actions),
-            "cost": self.costs or {"total": None, "acceleration": None, "ergonomics": None},
+            "cost": self.costs or dict.fromkeys(("total", "acceleration", "ergonomics", "time")),
+            "weights": self.weights,
             "reba": reba,
             "residuals": self.residuals or {"equality": None, "inequality": None},
             "audit": plain_data(self.audit),
@@ -148,7 +151,7 @@ PLAIN: Final[dict[str, type]] = {
     "variables": dict,
 }
 """Fields that are saved as they are, with their JSON types."""
-LATER: Final[dict[str, type]] = {"audit": dict, "provenance": dict}
+LATER: Final[dict[str, type]] = {"weights": dict, "audit": dict, "provenance": dict}
 """Fields that older plans do not have, with their JSON types."""
 NUMBERS: Final = ("costs", "residuals", "variables")
 """Fields whose values are numbers by name."""

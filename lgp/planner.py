@@ -10,7 +10,7 @@ import os
 import re
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -86,7 +86,7 @@ def plan(
         seconds: wall-clock limit of the search [s]; the best plan so far is returned.
         start: initial configuration (nq,) [rad, m] in the order of `Plan.joints`, the scene's by default.
         slices: per phase, the scene's by default.
-        weights: of the terms of the cost.
+        weights: of the terms of the cost, by default 1, 1 and the scene's `time_weight`.
         world: kinematics with the agents of this scene, to save building them.
         collisions: constrain the path to be collision-free; `residuals["penetration"]` is computed either way.
 
@@ -242,6 +242,7 @@ def _record(scene: Scene, bounds: PathBounds, result: SearchResult) -> Plan:
         "start": bounds.initial_configuration,
         "search": counts,
         "tree": result.nodes,
+        "weights": asdict(bounds.weights),
     }
     if np.isinf(result.cost):
         return Plan(feasible=False, **common)
@@ -255,7 +256,7 @@ def _rest(bounds: PathBounds) -> dict[str, Any]:
     """Return the motion of a plan without actions, for a goal that holds already."""
     return {
         "path": np.zeros((0, bounds.world.nq)),
-        "costs": {"total": 0.0, "acceleration": 0.0, "ergonomics": 0.0},
+        "costs": {"total": 0.0, "acceleration": 0.0, "ergonomics": 0.0, "time": 0.0},
         "residuals": {"equality": 0.0, "inequality": 0.0, "metres": 0.0, "radians": 0.0, "penetration": 0.0},
     }
 
@@ -278,7 +279,7 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
         "variables": dict(zip(problem.modes.names, solution.variables.tolist(), strict=True)),
         "posture": posture,
         "carried": phases.loads(),
-        "costs": {"total": costs.total, "acceleration": costs.acceleration, "ergonomics": costs.ergonomics},
+        "costs": {"total": costs.total} | asdict(costs),
         "residuals": problem.constraints.residuals(*problem.split(x)) | {"penetration": penetration},
         "solver": {
             "status": solution.result.status.name.lower(),

@@ -71,7 +71,7 @@ def plan_run(
         world.initial_configuration if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
     )
     rows, paths = [], []
-    weights = Weights(ergonomics=applied.weight)
+    weights = Weights(ergonomics=applied.weight, time=scene.time_weight)
     options: dict[str, Any] = {
         "weights": weights,
         "initial_configuration": start,

@@ -130,7 +130,8 @@ def experiment_toolbox(
         conditions[name] = _plan_condition(bounds, task, scene.depth, collisions, report)
 
     def weighted(weights: Weights) -> PathBounds:
-        return PathBounds(world, ergonomics, weights, slices=slices, collisions=collisions)
+        timed = replace(weights, time=scene.time_weight)
+        return PathBounds(world, ergonomics, timed, slices=slices, collisions=collisions)
 
     rows = _vary_weight(weighted, task, conditions["ergonomic"].orders, ergonomic_weights, report)
     settings = {

@@ -87,6 +87,7 @@ def cost_terms(plan: Plan, weight: float = 1.0) -> dict[str, float]:
         },
         "posture": plan.costs["ergonomics"] - load,
         "load": load,
+        "time": plan.costs.get("time", 0.0),
         "carried": carried,
     }
 

@@ -63,7 +63,7 @@ class PathBounds:
     ) -> None:
         self.world, self.ergonomics, self.options = world, ergonomics, options
         self.collisions, self.prefix_level = collisions, PREFIX if prefixes else ""
-        self.weights = Weights() if weights is None else weights
+        self.weights = Weights(time=world.scene.time_weight) if weights is None else weights
         self.initial_configuration = (
             world.initial_configuration
             if initial_configuration is None
@@ -87,9 +87,10 @@ class PathBounds:
         return level in self.levels
 
     def least_cost(self, actions: int) -> float:
-        """Return what a number of further actions cost at least: the least score in all of their slices."""
+        """Return what a number of further actions cost at least: their time, at the least score."""
         least = 0.0 if self.ergonomics is None else self.ergonomics.lower_bound
-        return actions * self.world.scene.phase_seconds * self.weights.ergonomics * least
+        rate = self.weights.ergonomics * least + self.weights.time
+        return actions * self.world.scene.phase_seconds * rate
 
     def objects(self, action: Action) -> tuple[str, ...]:
         """Return the objects that an action acts on."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lgp.defaults import TIME_WEIGHT
 from reba.arrays import Array, Indices
 
 
@@ -77,20 +78,28 @@ class Weights:
     Attributes:
         acceleration: per rad^2/s^3 (m^2/s^3 for slides).
         ergonomics: per score point and second.
+        time: per second.
     """
 
     acceleration: float = 1.0
     ergonomics: float = 1.0
+    time: float = TIME_WEIGHT
 
 
 @dataclass(frozen=True)
 class Costs:
-    """The weighted terms of a cost."""
+    """The weighted terms of a cost; `time` is the same for every motion of the same duration."""
 
     acceleration: float
     ergonomics: float
+    time: float = 0.0
+
+    @property
+    def motion(self) -> float:
+        """The terms that depend on the motion."""
+        return self.acceleration + self.ergonomics
 
     @property
     def total(self) -> float:
-        """Their sum."""
-        return self.acceleration + self.ergonomics
+        """The sum of all terms."""
+        return self.motion + self.time

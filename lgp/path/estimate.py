@@ -44,7 +44,7 @@ class CostEstimate:
             own = away[np.ix_(acts, columns)]
             acceleration += float(np.vdot(own, condensed.cost @ own))
             path[:, columns] = condensed.expand @ own
-        cost = self.weights.acceleration * acceleration
+        cost = self.weights.acceleration * acceleration + self.weights.time * phases.tau * phases.total
         if self.ergonomics is not None:
             loads = phases.loads()
             scores = self.ergonomics.value(path + self.initial_configuration, loads) + self.ergonomics.payload(loads)

@@ -123,7 +123,8 @@ class KeyframeSolver:
         if cached.count != phases.count:
             # With more phases before it the pose costs less: only the least score of every slice is certain.
             least = 0.0 if self.ergonomics is None else self.ergonomics.lower_bound
-            costs = Costs(0.0, self.weights.ergonomics * phases.tau * phases.total * least)
+            duration = phases.tau * phases.total
+            costs = Costs(0.0, self.weights.ergonomics * duration * least, self.weights.time * duration)
         costs = replace(costs, ergonomics=costs.ergonomics + self._payload_cost(phases))
         return Solution(np.concatenate([before, cached.pose]), np.zeros(0), None, costs, cached.result), ""
 
@@ -213,7 +214,7 @@ class KeyframeSolver:
         if result.violation < NEARLY_FEASIBLE:
             x, violation = project_to_feasible(problem, result.x)
             if violation <= CLOSE:
-                cost = problem.costs(x).total
+                cost = problem.costs(x).motion
                 return replace(result, x=x, cost=cost, equality=violation, inequality=violation), 0.0, ""
         return None, result.violation, explain_infeasibility(problem, result.x)
 

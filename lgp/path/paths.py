@@ -90,7 +90,7 @@ class PathSolver:
         problem_of = self.problem_of(phases)
         constraints = self.collision_constraints(phases)
         nearest = self.accept(*solve_collision_free(problem_of, constraints, free.result, self.options))
-        if not self.multi_start or _cost(nearest) <= MULTI_START_RATIO * free.costs.total:
+        if not self.multi_start or _cost(nearest) <= MULTI_START_RATIO * free.costs.motion:
             return nearest
         reference = self.keyframes.reference("path", phases.actions)
         candidate = multi_start(
@@ -132,4 +132,4 @@ class PathSolver:
 
 
 def _cost(answer: Answer) -> float:
-    return math.inf if answer[0] is None else answer[0].costs.total
+    return math.inf if answer[0] is None else answer[0].costs.motion

@@ -99,12 +99,12 @@ class PathProblem:
         ergonomics = self._score_elsewhere
         if self.ergonomics is not None:
             ergonomics += self._rate * float(self.ergonomics.value(q, self._loads, self.stage).sum())
-        return Costs(acceleration, ergonomics)
+        return Costs(acceleration, ergonomics, self._time)
 
     def evaluate(self, x: Array) -> tuple[float, Array, Array]:
-        """Return cost, equalities and inequalities at x."""
+        """Return the cost of the motion, equalities and inequalities at x."""
         values = self._values(x)
-        return self.costs(x).total, values.equality, values.inequality
+        return self.costs(x).motion, values.equality, values.inequality
 
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
         """Return the convex model at x: Gauss-Newton cost, convexified curvature of the switches."""
@@ -151,6 +151,7 @@ class PathProblem:
             for pairs, joints in groups.items()
         ]
         self._rate = self.weights.ergonomics * self.phases.tau
+        self._time = self.weights.time * self.phases.tau * horizon
         self._score_elsewhere = 0.0
         if self.ergonomics is not None:
             # Loads are known in every slice, postures at knots only.

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from lgp.defaults import TIME_WEIGHT
 from lgp.errors import SceneError
 from reba.errors import did_you_mean
 
@@ -187,6 +188,7 @@ class Scene:
         objects: by name.
         assemblies: objects that can be screwed together.
         depth: longest sequence of actions of a search.
+        time_weight: cost of a second.
         choices: parameters that the source leaves open, with reasons.
         values: the TOML values with current heights; `read_scene(values)` returns an equal scene.
     """
@@ -204,6 +206,7 @@ class Scene:
     objects: Mapping[str, SceneObject]
     assemblies: tuple[Assembly, ...] = ()
     depth: int = 4
+    time_weight: float = TIME_WEIGHT
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -247,6 +250,11 @@ class Scene:
         written = dict(self.values.get("tables", {}))
         written |= {table.name: {**written.get(table.name, {}), "height": table.height} for table in tables.values()}
         return replace(self, tables=tables, values={**self.values, "tables": written})
+
+    def with_time_weight(self, weight: float) -> Scene:
+        """Return the scene with another cost of a second."""
+        cost = {**self.values.get("cost", {}), "time_weight": float(weight)}
+        return replace(self, time_weight=float(weight), values={**self.values, "cost": cost})
 
     def draw_heights(self, rng: np.random.Generator) -> Scene:
         """Return the scene with every table height drawn uniformly from its range."""

@@ -43,7 +43,7 @@ class OpenNodes:
         return iter(self._nodes.values())
 
     def deferred(self, parent: Node, action: Action, revisits: bool) -> int:
-        """Return the number of deferred actions of a node after one more; `revisits`: whether it returns to a symbolic state."""
+        """Return the number of deferred actions after one more; `revisits`: whether it is back to a symbolic state."""
         objects = self._bounds.objects(action)
         outside = bool(objects) and self._goal_objects.isdisjoint(objects)
         before = parent.action
@@ -107,7 +107,14 @@ class OpenNodes:
         return node.skeleton != self._first[: len(node.skeleton)]
 
     def _push_estimate(self, node: Node) -> None:
-        entry = (self._off_first(node), node.deferred, self.estimate(node), -len(node.skeleton), node.level, node.number)
+        entry = (
+            self._off_first(node),
+            node.deferred,
+            self.estimate(node),
+            -len(node.skeleton),
+            node.level,
+            node.number,
+        )
         heapq.heappush(self._by_estimate, entry)
 
     def _push_bound(self, node: Node) -> None:

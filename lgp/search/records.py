@@ -106,8 +106,8 @@ class Node:
         action: last action of the skeleton, None at the root.
         state: symbolic state after all actions.
         actions_left: estimated number of actions to the goal; `least_left` is a lower bound of it.
-        deferred: number of its actions that are searched last: on objects outside the goal, back to a symbolic state, or
-            independent of the one before and usually in the other order.
+        deferred: number of its actions that are searched last: on objects outside the goal, back to a symbolic state,
+            or independent of the one before and usually in the other order.
         level: number of the next level to solve; an incomplete sequence is extended after the first.
         costs: level -> cost.
         estimate: cost of a path through what is known of it, of its parent before the first level; not a bound.
