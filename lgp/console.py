@@ -18,9 +18,10 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
     table = Table(title=f"Plan for {summary['scene']}", title_justify="left", header_style="bold")
     table.add_column("action")
     table.add_column("mean REBA", justify="right")
+    table.add_column("seconds", justify="right")
     scores = summary["reba"]["per_phase"] or [None] * len(summary["actions"])
-    for action, score in zip(summary["actions"], scores, strict=True):
-        table.add_row(Text(action), "-" if score is None else f"{score:.1f}")
+    for action, score, seconds in zip(summary["actions"], scores, summary["durations"], strict=True):
+        table.add_row(Text(action), "-" if score is None else f"{score:.1f}", f"{seconds:.2f}")
     console.print(table)
     cost, residuals, search = summary["cost"], summary["residuals"], summary["search"]
     satisfied = f"satisfied within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"

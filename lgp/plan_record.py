@@ -84,6 +84,12 @@ class Plan:
     provenance: dict[str, Any] = field(default_factory=provenance)
     audit: dict[str, Any] = field(default_factory=dict)
 
+    @property
+    def durations(self) -> tuple[float, ...]:
+        """Duration of each phase [s], (K,)."""
+        ends = self.time[np.flatnonzero(np.diff(self.phase, append=len(self.actions)))]
+        return tuple(np.diff(ends, prepend=0.0).tolist())
+
     def reba(self, rules: Rules | str = "measured") -> ScoreArrays | None:
         """Return the true REBA scores of every slice, None without a plan or a human.
 
@@ -101,13 +107,19 @@ class Plan:
         if scores is not None:
             total = np.asarray(scores.reba, dtype=float)
             phases = [float(total[self.phase == number].mean()) for number in range(len(self.actions))]
-            reba = {"mean": float(total.mean()), "max": int(total.max()), "per_phase": phases, "last": int(total[-1])}
+            reba = {
+                "mean": float(np.average(total, weights=np.diff(self.time, prepend=0.0))),
+                "max": int(total.max()),
+                "per_phase": phases,
+                "last": int(total[-1]),
+            }
         return {
             "feasible": self.feasible,
             "status": self.status,
             "reason": self.reason,
             "scene": self.scene.name,
             "actions": list(self.actions),
+            "durations": list(self.durations),
             "cost": self.costs or dict.fromkeys(("total", "acceleration", "ergonomics", "time")),
             "weights": self.weights,
             "reba": reba,
@@ -164,7 +176,12 @@ def save(plan: Plan, folder: Path) -> None:
     data: dict[str, Any] = {"format": FORMAT, "version": VERSION}
     data["scene"] = {"name": plan.scene.name, "values": plan.scene.values}
     data |= {name: getattr(plan, name) for name in PLAIN}
-    data |= {"actions": list(plan.actions), "joints": list(plan.joints), "start": plan.start.tolist()}
+    data |= {
+        "actions": list(plan.actions),
+        "durations": list(plan.durations),
+        "joints": list(plan.joints),
+        "start": plan.start.tolist(),
+    }
     data |= {"reba": plan.summary()["reba"]} | {name: getattr(plan, name) for name in LATER}
     times = {"time": plan.time, "phase": plan.phase}
 

@@ -262,7 +262,7 @@ def _rest(bounds: PathBounds) -> dict[str, Any]:
 
 
 def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) -> dict[str, Any]:
-    phases = bounds.phases(tuple(skeleton))
+    phases = bounds.phases(tuple(skeleton), solution.durations)
     problem = bounds.problem("path", phases)
     path = solution.keyframes if solution.path is None else solution.path
     x = problem.join(path, solution.variables)

@@ -20,6 +20,7 @@ from lgp.kinematics.world import World
 from lgp.logic.task import Action
 from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.costs import Weights
+from lgp.path.durations import LEAST_SECONDS, DurationSolver
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.estimate import CostEstimate
 from lgp.path.keyframes import PREFIX, PREFIX_TOLERANCE, Answer, KeyframeSolver, Solution
@@ -83,14 +84,17 @@ class PathBounds:
         return ("pose", "sequence", *(["free_path"] if self.collisions else []), "path")
 
     def is_lower_bound(self, level: str) -> bool:
-        """Return True: dropping slices, switches and the stop at the end only ever lowers the cost."""
-        return level in self.levels
+        """Return True: dropping slices, switches and the stop at the end only ever lowers the cost.
+
+        Not so of a pose whose phases have other durations than those of its path.
+        """
+        return level in self.levels and not (self.free_durations and level == "pose")
 
     def least_cost(self, actions: int) -> float:
         """Return what a number of further actions cost at least: their time, at the least score."""
         least = 0.0 if self.ergonomics is None else self.ergonomics.lower_bound
         rate = self.weights.ergonomics * least + self.weights.time
-        return actions * self.world.scene.phase_seconds * rate
+        return actions * (LEAST_SECONDS if self.free_durations else self.world.scene.phase_seconds) * rate
 
     def objects(self, action: Action) -> tuple[str, ...]:
         """Return the objects that an action acts on."""
@@ -102,9 +106,14 @@ class PathBounds:
         switches = map(switch_of, skeleton)
         return tuple(sorted({s.object_name: s.hand for s in switches if s.action.attaches_to == "table"}.items()))
 
-    def phases(self, skeleton: Skeleton) -> Phases:
-        """Return a sequence laid out in time."""
-        return Phases.of(self.world.scene, skeleton, self.slices)
+    @property
+    def free_durations(self) -> bool:
+        """Whether the durations of phases are unknowns."""
+        return self.world.scene.durations == "free"
+
+    def phases(self, skeleton: Skeleton, durations: tuple[float, ...] = ()) -> Phases:
+        """Return a sequence laid out in time, with the durations of the scene by default."""
+        return Phases.of(self.world.scene, skeleton, self.slices, durations)
 
     def problem(
         self,
@@ -163,7 +172,7 @@ class PathBounds:
 
     def _result(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
         begin = time.perf_counter()
-        phases = self.phases(skeleton)
+        phases = self.phases(skeleton, self._first_durations(skeleton, warm))
         earlier = warm.payload if warm is not None and isinstance(warm.payload, Solution) else None
         by_level = {
             "pose": self.keyframes.solve_pose,
@@ -177,14 +186,41 @@ class PathBounds:
         if solution is None:
             conflict = infeasible_actions(skeleton) if level == "pose" else ()
             return BoundResult(False, math.inf, reason, conflict, seconds)
+        if self.free_durations and level != "pose":
+            solution = self._durations(level).solve(phases, solution)
         cost = attained = solution.costs.total
         if level != "path" and not solution.result:
             # A cost that is not at its minimum bounds nothing; the bound of the level before stays true.
-            cost = warm.cost if warm is not None else 0.0
+            cost = warm.cost if warm is not None and self.is_lower_bound("pose") else 0.0
         elif level == PREFIX:
             cost *= 1.0 - PREFIX_TOLERANCE
         estimate = self._estimate.of(phases, solution.keyframes) if level == "pose" else None
         return BoundResult(True, cost, seconds=seconds, payload=solution, estimate=estimate, attained=attained)
+
+    def _first_durations(self, skeleton: Skeleton, warm: BoundResult | None) -> tuple[float, ...]:
+        """Return the durations that a problem starts with: those of what was solved before, () without them."""
+        if not self.free_durations:
+            return ()
+        if warm is not None and isinstance(warm.payload, Solution) and len(warm.payload.durations) == len(skeleton):
+            return warm.payload.durations
+        before = self.solution(PREFIX, skeleton[:-1])
+        first = self.world.scene.phase_seconds
+        return (first,) * len(skeleton) if before is None else (*before.durations, first)
+
+    def _durations(self, level: str) -> DurationSolver:
+        """Return the solver of the durations of a level."""
+        if level in (PREFIX, "sequence"):
+            return DurationSolver(
+                self.world,
+                lambda phases: self.problem(level, phases),
+                lambda phases, solution: self.keyframes.solve_again(self.problem(level, phases), solution),
+            )
+        collision_free = self.collisions and level == "path"
+        return DurationSolver(
+            self.world,
+            lambda phases: self.problem("path", phases),
+            lambda phases, solution: self.paths.solve_again(phases, solution, collision_free=collision_free),
+        )
 
     def _solve_switches(self, level: str) -> Callable[[Phases, Solution | None], Answer]:
         """Return the solver of a level with all switches, which goes on from the sequence before its last action."""

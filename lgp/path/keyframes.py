@@ -62,6 +62,7 @@ class Solution:
         keyframes: (k, nq) configurations at the switches so far [rad, m].
         variables: (nz,) of grasps and placements; empty at the level "pose".
         path: (T, nq), at the levels "free_path" and "path" only.
+        durations: of each phase [s], () where all take as long.
     """
 
     keyframes: Array
@@ -69,6 +70,7 @@ class Solution:
     path: Array | None
     costs: Costs
     result: Result
+    durations: tuple[float, ...] = ()
 
 
 class KeyframeSolver:
@@ -160,6 +162,15 @@ class KeyframeSolver:
         if level != PREFIX:
             self.cache.store_motion(phases, result.cost, keyframes, variables)
         return Solution(keyframes, variables, None, problem.costs(result.x), result), ""
+
+    def solve_again(self, problem: PathProblem, earlier: Solution) -> Solution | None:
+        """Return the solution of a sequence problem near that of a similar one, None where it is not feasible."""
+        x = problem.join(earlier.keyframes, earlier.variables)
+        result = solve(problem, x, options=PREFIX_OPTIONS, warm=earlier.result)
+        if result.violation > CLOSE:
+            return None
+        keyframes, variables = problem.split(result.x)
+        return Solution(keyframes, variables, None, problem.costs(result.x), result)
 
     def _with_robots(self, level: str, phases: Phases, keyframes: Array) -> Array:
         """Return configurations (P, nq) whose robot joints are those of the reference solution, if there is one."""

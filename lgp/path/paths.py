@@ -107,6 +107,19 @@ class PathSolver:
         )
         return min(nearest, other, key=_cost)
 
+    def solve_again(self, phases: Phases, earlier: Solution, *, collision_free: bool) -> Solution | None:
+        """Return the path near one with other durations, None where it is not feasible."""
+        problem = self.keyframes.problem("path", phases)
+        path = earlier.keyframes if earlier.path is None else earlier.path
+        # Collision constraints come last, and are found again.
+        known = earlier.result.y_in[: len(problem.constraints.in_rows)]
+        begin = replace(earlier.result, x=problem.join(path, earlier.variables), y_in=known)
+        if collision_free:
+            constraints = self.collision_constraints(phases)
+            found = solve_collision_free(self.problem_of(phases), constraints, begin, self.options, solved=False)
+            return self.accept(*found)[0]
+        return self.accept(problem, solve(problem, begin.x, options=self.options, warm=begin))[0]
+
     def accept(self, problem: PathProblem, result: Result) -> Answer:
         """Return the solution if its constraints hold within the tolerance, else None and the one that fails most."""
         x, violation = result.x, result.violation

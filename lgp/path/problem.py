@@ -16,7 +16,15 @@ from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.constraints import Constraints, Values
-from lgp.path.costs import CondensedQuadratic, Costs, Weights, acceleration_quadratic, eliminate_slices
+from lgp.path.costs import (
+    CondensedQuadratic,
+    Costs,
+    Weights,
+    acceleration_quadratic,
+    acceleration_quadratic_of,
+    eliminate_slices,
+    slope_by_steps,
+)
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.hessian import Convexity, UpperBlocks
 from lgp.path.phases import Phases
@@ -98,8 +106,31 @@ class PathProblem:
         acceleration = 0.5 * float(np.vdot(away, self._acceleration_gradient(away)))
         ergonomics = self._score_elsewhere
         if self.ergonomics is not None:
-            ergonomics += self._rate * float(self.ergonomics.value(q, self._loads, self.stage).sum())
+            ergonomics += self._rate * float(
+                self.ergonomics.value(q, self._loads, self.stage) @ self._share[self.knots]
+            )
         return Costs(acceleration, ergonomics, self._time)
+
+    def ergonomics_by_phase(self, x: Array) -> Array:
+        """Return the ergonomic cost of each phase at x, (K,)."""
+        if self.ergonomics is None:
+            return np.zeros(self.phases.count)
+        horizon = len(self._share)
+        scores = np.full(horizon, self.ergonomics.lower_bound)
+        scores[self.knots] = self.ergonomics.value(self.split(x)[0], self._loads, self.stage)
+        scores += self.ergonomics.payload(self.phases.loads()[:horizon])
+        return self._rate * (scores * self._share).reshape(-1, self.phases.slices).sum(axis=1)
+
+    def slope_by_durations(self, x: Array) -> Array:
+        """Return the derivative of the total cost by the logarithm of each duration at x, (K,).
+
+        Of the path with its own durations this is all: no constraint depends on time.
+        """
+        steps = self.phases.steps[: len(self._share)]
+        accelerations = slope_by_steps(self.path(x) - self.initial_configuration, steps, self._stop)
+        by_phase = accelerations.reshape(-1, self.phases.slices).sum(axis=1)
+        time = self.weights.time * self.phases.phase_durations
+        return np.asarray(self.weights.acceleration * by_phase + self.ergonomics_by_phase(x) + time)
 
     def evaluate(self, x: Array) -> tuple[float, Array, Array]:
         """Return the cost of the motion, equalities and inequalities at x."""
@@ -121,8 +152,9 @@ class PathProblem:
         )
         if self.ergonomics is not None:
             _, score_gradient, score_hessians = self.ergonomics.quadratic_model(q, self._loads, self.stage)
-            gradient[self._postures.ravel()] += self._rate * score_gradient.ravel()
-            blocks += [self._rate * hessian for hessian in score_hessians]
+            rates = self._rate * self._share[self.knots]
+            gradient[self._postures.ravel()] += (rates[:, None] * score_gradient).ravel()
+            blocks += [rates[:, None, None] * hessian for hessian in score_hessians]
         return Model(self._hessian.fill(blocks), gradient, eq_jac, values.equality, in_jac, values.inequality)
 
     def _values(self, x: Array) -> Values:
@@ -140,8 +172,15 @@ class PathProblem:
 
     def _eliminate(self, stop: bool) -> None:
         """Group the joints by the switches at which they rest, and eliminate the slices between knots."""
+        self._stop = stop
         horizon = int(self.knots[-1]) + 1
-        matrix = self.weights.acceleration * acceleration_quadratic(horizon, self.phases.tau, stop)
+        steps = self.phases.steps[:horizon]
+        plain = (
+            acceleration_quadratic_of(steps, stop)
+            if self.phases.durations
+            else acceleration_quadratic(horizon, self.phases.tau, stop)
+        )
+        matrix = self.weights.acceleration * plain
         groups: dict[tuple[tuple[int, int], ...], list[int]] = {}
         for joint in range(self.world.nq):
             own = tuple(pair for pair, joints in self.constraints.equal_eliminated.items() if joint in joints)
@@ -151,12 +190,15 @@ class PathProblem:
             for pairs, joints in groups.items()
         ]
         self._rate = self.weights.ergonomics * self.phases.tau
-        self._time = self.weights.time * self.phases.tau * horizon
+        # Slices of phases with durations of their own last longer or shorter than others.
+        self._share = steps / self.phases.tau
+        self._time = self.weights.time * float(steps.sum())
         self._score_elsewhere = 0.0
         if self.ergonomics is not None:
             # Loads are known in every slice, postures at knots only.
-            carried = float(self.ergonomics.payload(self.phases.loads()[:horizon]).sum())
-            self._score_elsewhere = self._rate * (carried + self.ergonomics.lower_bound * (horizon - len(self.knots)))
+            carried = float(self.ergonomics.payload(self.phases.loads()[:horizon]) @ self._share)
+            elsewhere = float(self._share.sum() - self._share[self.knots].sum())
+            self._score_elsewhere = self._rate * (carried + self.ergonomics.lower_bound * elsewhere)
 
     def _set_patterns(self) -> None:
         """Set the sparsity pattern of the Hessian from the acceleration cost and the blocks of its curvature."""

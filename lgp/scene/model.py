@@ -180,7 +180,8 @@ class Scene:
         domain: name or path of the PDDL domain.
         initial: atoms of the initial state, as text.
         goal: atoms of the goal, as text.
-        phase_seconds: duration of each phase [s].
+        phase_seconds: duration of each phase [s], or the first guess of it.
+        durations: "fixed", or "free" where they are unknowns of a plan.
         slices: slices per phase of a path.
         human: the human, or None.
         robots: robots by name.
@@ -207,6 +208,7 @@ class Scene:
     assemblies: tuple[Assembly, ...] = ()
     depth: int = 4
     time_weight: float = TIME_WEIGHT
+    durations: str = "fixed"
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 

@@ -112,6 +112,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
             _assembly(number, entry, name, objects) for number, entry in enumerate(_list(entries, "joints"))
         ),
         depth=int(entries.number("depth", 4, low=1, high=40)),
+        durations=entries.text("durations", "fixed", ("fixed", "free")),
         time_weight=_time_weight(entries.table("cost")) if entries.has("cost") else TIME_WEIGHT,
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
         values=chosen,
