@@ -85,11 +85,11 @@ class DurationSolver:
                 break
             durations = np.maximum(np.exp(logs + step), LEAST_SECONDS)
             trial_phases = replace(phases, durations=tuple(durations.tolist()))
-            answer = self.resolve(trial_phases, solution)
-            if answer is None:
+            warm = self.resolve(trial_phases, solution)
+            if warm is None:
                 hessian = 4.0 * hessian
                 continue
-            trial, trial_slope, trial_lowest = self._evaluate(trial_phases, answer)
+            trial, trial_slope, trial_lowest = self._evaluate(trial_phases, warm)
             if trial.costs.total > solution.costs.total and not too_fast:
                 hessian = 4.0 * hessian
                 continue
@@ -145,8 +145,8 @@ def bounded_step(hessian: Array, slope: Array, lower: Array) -> Array:
     if (high - low < 1e-12).all():
         return low
     target = -np.linalg.solve(root.T, slope)
-    found = lsq_linear(root, target, bounds=(low, np.maximum(high, low + 1e-9)), method="bvls")
-    return np.asarray(np.clip(found.x, low, high).round(15))
+    optimum = lsq_linear(root, target, bounds=(low, np.maximum(high, low + 1e-9)), method="bvls")
+    return np.asarray(np.clip(optimum.x, low, high).round(15))
 
 
 def bfgs(hessian: Array, step: Array, change: Array) -> Array:

@@ -116,8 +116,8 @@ class PathSolver:
         begin = replace(earlier.result, x=problem.join(path, earlier.variables), y_in=known)
         if collision_free:
             constraints = self.collision_constraints(phases)
-            found = solve_collision_free(self.problem_of(phases), constraints, begin, self.options, solved=False)
-            return self.accept(*found)[0]
+            solved = solve_collision_free(self.problem_of(phases), constraints, begin, self.options, solved=False)
+            return self.accept(*solved)[0]
         return self.accept(problem, solve(problem, begin.x, options=self.options, warm=begin))[0]
 
     def accept(self, problem: PathProblem, result: Result) -> Answer:
