@@ -71,7 +71,7 @@ class Bounds(Protocol):
 class SearchStatus(Enum):
     """How a search ended, as a sentence."""
 
-    OPTIMAL = "no other sequence within the depth can cost less"
+    OPTIMAL = "no other sequence within the depth can cost less, by the local solutions of its bounds"
     GIVEN = "the sequence was given; no other was planned"
     GAP = "a plan was found; a budget ran out before the rest was excluded"
     INTERRUPTED = "interrupted; the best plan so far"
@@ -161,7 +161,7 @@ class SearchResult:
     """Result of a search: skeleton, cost and payload of the best path, () and inf where there is none.
 
     Attributes:
-        bound: lower bound on the cost of any path within the depth.
+        bound: lower bound on the cost of any path within the depth, as far as its problems are solved to their optimum.
         statistics: level -> problems solved.
         expanded, pruned: nodes extended, nodes cut off by bounds or known conflicts.
         reason: why there is no plan.
