@@ -31,7 +31,8 @@ from lgp.path.bounds import PathBounds
 from lgp.path.ergonomics import Ergonomics
 from lgp.planner import plan, task_of
 from lgp.scene.scene_file import load_scene
-from lgp.search.tree_search import BoundResult, Budget, Skeleton, search
+from lgp.search.records import BoundResult, Budget, Skeleton
+from lgp.search.tree_search import search
 
 LEVELS = ("pose", "sequence", "path")
 SAME = 1e-6

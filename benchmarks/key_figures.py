@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -207,6 +208,12 @@ def toolbox(data: dict[str, Any]) -> Iterator[Figure]:
         yield Figure(f"toolbox of {row['parts']} parts, {row['what']}", value)
 
 
+def anytime(data: dict[str, Any]) -> Iterator[Figure]:
+    for row in data["rows"]:
+        best = ", ".join(f"{cost:.2f} after {at:.1f} s" for at, cost in row["incumbents"])
+        yield Figure(f"search, {Path(row['scene']).stem}", f"{best}; {row['status']}, gap {row['gap']:.0%}")
+
+
 def scale(data: dict[str, Any]) -> Iterator[Figure]:
     rows = data["rows"]
     for row in rows:
@@ -258,6 +265,7 @@ SCRIPTS: tuple[Script, ...] = (
     Script("path", path, ("--repeat", "1", "--no-growth")),
     Script("audit", audit, ("screwdriver_panda", "--repeat", "2")),
     Script("toolbox", toolbox, ("--parts", "2", "--seconds", "5")),
+    Script("anytime", anytime, ("--seconds", "10")),
     Script("study_nulls", study_nulls, ("--studies", "20", "--files", "0")),
     Script("scale", scale, ("--recordings", "4", "--minutes", "1", "--subset", "2", "--mcap", "1")),
     Script("live", live, ("--seconds", "4", "--frames", "1000", "--kinds", "rows")),

@@ -65,6 +65,9 @@ def cli() -> None:
     type=Number(0, MOST, min_open=True),
     help="Time limit of the search [s]; the best plan so far is returned.",
 )
+@click.option(
+    "--time-weight", type=Number(0, 1000), metavar="W", help="Cost of a second; the scene's by default (0.2)."
+)
 @click.option("--height", "heights", multiple=True, metavar="TABLE=M", help="Height of a table [m]; may be repeated.")
 @click.option(
     "-o", "--output", type=output_folder(*PLAN_FILES), metavar="DIR",
@@ -81,6 +84,7 @@ def plan(
     sequence: str | None,
     depth: int | None,
     seconds: float | None,
+    time_weight: float | None,
     heights: tuple[str, ...],
     output: str | None,
     tree: str | None,
@@ -92,6 +96,7 @@ def plan(
     if tree is not None and sequence is not None:
         raise LgpError("--tree and --sequence exclude each other: a sequence is not searched; leave one of them out")
     loaded = load_scene(scene).with_heights(dict(_height(text) for text in heights))
+    loaded = loaded if time_weight is None else loaded.with_time_weight(time_weight)
     lines = None if sequence is None else _read(sequence)
     from lgp.planner import INTERRUPTED
     from lgp.planner import plan as make_plan

@@ -18,15 +18,21 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
     table = Table(title=f"Plan for {summary['scene']}", title_justify="left", header_style="bold")
     table.add_column("action")
     table.add_column("mean REBA", justify="right")
+    durations = summary["durations"]
+    differ = max(durations) - min(durations) > 1e-6
+    if differ:
+        table.add_column("seconds", justify="right")
     scores = summary["reba"]["per_phase"] or [None] * len(summary["actions"])
-    for action, score in zip(summary["actions"], scores, strict=True):
-        table.add_row(Text(action), "-" if score is None else f"{score:.1f}")
+    for action, score, seconds in zip(summary["actions"], scores, durations, strict=True):
+        own = [f"{seconds:.2f}"] if differ else []
+        table.add_row(Text(action), "-" if score is None else f"{score:.1f}", *own)
     console.print(table)
     cost, residuals, search = summary["cost"], summary["residuals"], summary["search"]
     satisfied = f"satisfied within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"
     faults = len(summary["audit"]["faults"])
     console.print(
-        f"cost {cost['total']:.3f}: acceleration {cost['acceleration']:.3f}, ergonomics {cost['ergonomics']:.3f}; "
+        f"cost {cost['total']:.3f}: acceleration {cost['acceleration']:.3f}, ergonomics {cost['ergonomics']:.3f}, "
+        f"time {cost['time']:.3f}; "
         + (f"the audit found {_count(faults)}, the constraints of the planner are " if faults else "constraints are ")
         + satisfied
     )

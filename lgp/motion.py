@@ -61,7 +61,9 @@ class Motion:
         if self.world.joints != plan.joints:
             raise LgpError(f"{plan.scene.name}: the joints of the plan differ from those of its scene; plan again")
         actions = parse_sequence(task_of(plan.scene), plan.actions)
-        self.phases = Phases.of(plan.scene, actions, len(plan.path) // len(actions) if actions else None)
+        slices = len(plan.path) // len(actions) if actions else None
+        own = plan.durations if plan.scene.durations == "free" else ()
+        self.phases = Phases.of(plan.scene, actions, slices, own)
         self.modes = ModeSequence(self.world, self.phases.switches)
         if self.modes.names != tuple(plan.variables):
             raise LgpError(f"{plan.scene.name}: variables of the plan differ from those of its actions; plan again")

@@ -51,7 +51,8 @@ class Plan:
         variables: pose of objects relative to hands and tables: name -> value [m, rad].
         posture: angles of the human (T, 22) [deg] as `reba` defines them, (0, 0) without a human.
         carried: mass in the hands of the human (T,) [kg].
-        costs: total, acceleration, ergonomics.
+        costs: total, acceleration, ergonomics, time.
+        weights: of these terms; {} of older plans.
         residuals: largest constraint violations recomputed from the path: equality, inequality, by unit (metres,
             radians), and the deepest penetration of two collision shapes [m], between slices as well.
         solver: status, KKT residual, iterations and seconds of the path problem.
@@ -78,12 +79,19 @@ class Plan:
     posture: Array = field(default_factory=_no_rows)
     carried: Array = field(default_factory=_no_values)
     costs: dict[str, float] = field(default_factory=dict)
+    weights: dict[str, float] = field(default_factory=dict)
     residuals: dict[str, float] = field(default_factory=dict)
     solver: dict[str, Any] = field(default_factory=dict)
     tree: tuple[Any, ...] = field(default=(), repr=False)
     provenance: dict[str, Any] = field(default_factory=provenance)
     audit: dict[str, Any] = field(default_factory=dict)
     starts: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def durations(self) -> tuple[float, ...]:
+        """Duration of each phase [s], (K,)."""
+        ends = self.time[np.flatnonzero(np.diff(self.phase, append=len(self.actions)))]
+        return tuple(np.diff(ends, prepend=0.0).tolist())
 
     def reba(self, rules: Rules | str = "measured") -> ScoreArrays | None:
         """Return the true REBA scores of every slice, None without a plan or a human.
@@ -102,14 +110,21 @@ class Plan:
         if scores is not None:
             total = np.asarray(scores.reba, dtype=float)
             phases = [float(total[self.phase == number].mean()) for number in range(len(self.actions))]
-            reba = {"mean": float(total.mean()), "max": int(total.max()), "per_phase": phases, "last": int(total[-1])}
+            reba = {
+                "mean": float(np.average(total, weights=np.diff(self.time, prepend=0.0))),
+                "max": int(total.max()),
+                "per_phase": phases,
+                "last": int(total[-1]),
+            }
         return {
             "feasible": self.feasible,
             "status": self.status,
             "reason": self.reason,
             "scene": self.scene.name,
             "actions": list(self.actions),
-            "cost": self.costs or {"total": None, "acceleration": None, "ergonomics": None},
+            "durations": list(self.durations),
+            "cost": self.costs or dict.fromkeys(("total", "acceleration", "ergonomics", "time")),
+            "weights": self.weights,
             "reba": reba,
             "residuals": self.residuals or {"equality": None, "inequality": None},
             "audit": plain_data(self.audit),
@@ -152,7 +167,7 @@ PLAIN: Final[dict[str, type]] = {
     "variables": dict,
 }
 """Fields that are saved as they are, with their JSON types."""
-LATER: Final[dict[str, type]] = {"audit": dict, "provenance": dict, "starts": dict}
+LATER: Final[dict[str, type]] = {"weights": dict, "audit": dict, "provenance": dict, "starts": dict}
 """Fields that older plans do not have, with their JSON types."""
 NUMBERS: Final = ("costs", "residuals", "variables")
 """Fields whose values are numbers by name."""
@@ -165,7 +180,12 @@ def save(plan: Plan, folder: Path) -> None:
     data: dict[str, Any] = {"format": FORMAT, "version": VERSION}
     data["scene"] = {"name": plan.scene.name, "values": plan.scene.values}
     data |= {name: getattr(plan, name) for name in PLAIN}
-    data |= {"actions": list(plan.actions), "joints": list(plan.joints), "start": plan.start.tolist()}
+    data |= {
+        "actions": list(plan.actions),
+        "durations": list(plan.durations),
+        "joints": list(plan.joints),
+        "start": plan.start.tolist(),
+    }
     data |= {"reba": plan.summary()["reba"]} | {name: getattr(plan, name) for name in LATER}
     times = {"time": plan.time, "phase": plan.phase}
 

@@ -10,7 +10,7 @@ import os
 import re
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -35,7 +35,8 @@ from lgp.plan_record import Plan
 from lgp.scene.consistency import check_first_facts
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
-from lgp.search.tree_search import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton, search
+from lgp.search.records import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton
+from lgp.search.tree_search import search
 from reba.arrays import Array
 from reba.checks import COUNT, PATH, YES_NO, Allowed, accepts, from_home, is_number
 
@@ -88,7 +89,7 @@ def plan(
         seconds: wall-clock limit of the search [s]; the best plan so far is returned.
         start: initial configuration (nq,) [rad, m] in the order of `Plan.joints`, the scene's by default.
         slices: per phase, the scene's by default.
-        weights: of the terms of the cost.
+        weights: of the terms of the cost, by default 1, 1 and the scene's `time_weight`.
         world: kinematics with the agents of this scene, to save building them.
         collisions: constrain the path to be collision-free; `residuals["penetration"]` is computed either way.
         accept_start: plan from a start in which bodies are in each other; otherwise it is refused.
@@ -248,6 +249,7 @@ def _record(scene: Scene, bounds: PathBounds, result: SearchResult) -> Plan:
         "start": bounds.initial_configuration,
         "search": counts,
         "tree": result.nodes,
+        "weights": asdict(bounds.weights),
     }
     if np.isinf(result.cost):
         return Plan(feasible=False, **common)
@@ -261,7 +263,7 @@ def _rest(bounds: PathBounds) -> dict[str, Any]:
     """Return the motion of a plan without actions, for a goal that holds already."""
     return {
         "path": np.zeros((0, bounds.world.nq)),
-        "costs": {"total": 0.0, "acceleration": 0.0, "ergonomics": 0.0},
+        "costs": {"total": 0.0, "acceleration": 0.0, "ergonomics": 0.0, "time": 0.0},
         "residuals": {"equality": 0.0, "inequality": 0.0, "metres": 0.0, "radians": 0.0, "penetration": 0.0}
         | _start_penetration(bounds),
     }
@@ -273,7 +275,7 @@ def _start_penetration(bounds: PathBounds) -> dict[str, float]:
 
 
 def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) -> dict[str, Any]:
-    phases = bounds.phases(tuple(skeleton))
+    phases = bounds.phases(tuple(skeleton), solution.durations)
     problem = bounds.problem("path", phases)
     path = solution.keyframes if solution.path is None else solution.path
     x = problem.join(path, solution.variables)
@@ -290,7 +292,7 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
         "variables": dict(zip(problem.modes.names, solution.variables.tolist(), strict=True)),
         "posture": posture,
         "carried": phases.loads(),
-        "costs": {"total": costs.total, "acceleration": costs.acceleration, "ergonomics": costs.ergonomics},
+        "costs": {"total": costs.total} | asdict(costs),
         "residuals": problem.constraints.residuals(*problem.split(x))
         | {"penetration": penetration}
         | _start_penetration(bounds),

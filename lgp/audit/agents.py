@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from fnmatch import fnmatch
-from typing import Final
 
 import numpy as np
 
@@ -14,17 +12,11 @@ from lgp.audit.robot_file import RobotFile, robot_file
 from lgp.audit.shapes import PERSON, ROBOT, Body, capsule
 from lgp.errors import WorldError
 from lgp.kinematics import human
+from lgp.kinematics.human_speeds import speed_limit
 from lgp.kinematics.leg_ik import rest_posture
 from lgp.kinematics.robot import urdf_of
 from lgp.scene.model import Agent, Human, Robot
 from reba.arrays import Array
-
-SPEEDS: Final = {"pelvis_[xyz]": 1.0, "pelvis_*": np.radians(180.0), "middle_*": np.radians(180.0),
-                 "*_clavicle_*": np.radians(180.0), "*": np.radians(360.0)}  # fmt: skip
-"""Limits of the speed of a person's joints [rad/s, m/s], the first pattern that fits.
-
-A choice for calm work: walking pace for the pelvis, half a turn a second for the spine, one for the limbs. It is far
-below what athletes reach: 28 rad/s in the knee and 50 rad/s in the wrist (Jessop & Pain 2016, J Hum Kinet 50:37-44)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +58,7 @@ def person_model(person: Human) -> AgentModel:
     for joint in human.joints(person.stature, person.sex):
         axes = human.ISB if joint.parent == human.PELVIS else np.eye(3)  # the pelvis moves in the axes of the world
         at = Frame(number[joint.parent], axes, axes @ joint.position)
-        speed = next(limit for pattern, limit in SPEEDS.items() if fnmatch(joint.name, pattern))
+        speed = speed_limit(joint.name)
         name = f"{person.name}.{joint.name}"
         tree.append(TreeJoint(name, at, joint.axis, joint.prismatic, joint.lower, joint.upper, speed))
         number[joint.name] = len(tree)

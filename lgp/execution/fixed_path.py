@@ -20,7 +20,7 @@ from lgp.path.keyframes import Answer, KeyframeSolver, Solution
 from lgp.path.paths import PathSolver
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
-from lgp.search.tree_search import Skeleton
+from lgp.search.records import Skeleton
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.solver import Solver
 from reba.arrays import Array, Flags, Indices

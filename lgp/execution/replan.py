@@ -16,7 +16,7 @@ from lgp.logic.task import Action, Task
 from lgp.motion import Motion
 from lgp.plan_record import Plan
 from lgp.planner import parse_sequence, plan_within
-from lgp.search.tree_search import Budget
+from lgp.search.records import Budget
 from reba.arrays import Array
 
 EXTRA_ACTIONS = (1, 3)

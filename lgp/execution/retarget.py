@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -108,7 +108,11 @@ class Planner:
         slices, path = self.motion.phases.slices, self.motion.path
         first, last = number * slices, (number + 1) * slices
         beside = path[max(first - 1, 0)], path[min(last + 1, len(path) - 1)]
-        return ActionMotion(JointTrajectory(path[first : last + 1], self.motion.phases.seconds, beside=beside))
+        return ActionMotion(JointTrajectory(path[first : last + 1], self._seconds(number), beside=beside))
+
+    def _seconds(self, number: int) -> float:
+        """Return the planned duration of an action [s]."""
+        return float(self.motion.phases.phase_durations[number])
 
     def deviations(self, number: int, view: TrackedWorld) -> list[str]:
         """Return, in words, joints and objects that are away from the start of the planned motion of an action."""
@@ -158,9 +162,11 @@ class Planner:
             pause: whether the hands of the action before rest for a slice, as they do within a plan.
             still: further hands that stand still.
         """
+        # One action takes as long as it was planned to take.
+        scene = replace(scene, durations="fixed", phase_seconds=self._seconds(number))
         world = self.motion.world.with_scene(scene)
         first = np.clip(start, world.lower, world.upper)
-        action, seconds = self.actions[number], self.motion.phases.seconds
+        action, seconds = self.actions[number], self._seconds(number)
         try:
             ModeSequence(world, self.motion.phases.switches[number : number + 1])
         except WorldError as error:

@@ -32,7 +32,7 @@ from lgp.kinematics.modes import ModeSequence
 from lgp.path.phases import Phases
 from lgp.plan_record import Plan
 from lgp.scene.model import Scene
-from lgp.search.tree_search import BoundResult
+from lgp.search.records import BoundResult
 
 TICK = 0.05
 """[s] Time between observations."""

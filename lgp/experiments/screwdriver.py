@@ -27,7 +27,7 @@ from lgp.path.ergonomics import Ergonomics
 from lgp.plan_record import Plan
 from lgp.planner import parse_sequence, plan_within, task_of
 from lgp.scene.model import Scene
-from lgp.search.tree_search import Budget
+from lgp.search.records import Budget
 from reba.batch.parallel import run_parallel
 from reba.batch.worker_pool import WorkerDied
 from reba.posture.columns import COLUMNS
@@ -71,7 +71,7 @@ def plan_run(
         world.initial_configuration if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
     )
     rows, paths = [], []
-    weights = Weights(ergonomics=applied.weight)
+    weights = Weights(ergonomics=applied.weight, time=scene.time_weight)
     options: dict[str, Any] = {
         "weights": weights,
         "initial_configuration": start,

@@ -40,7 +40,7 @@ from lgp.plan_record import Plan
 from lgp.planner import plan_within, task_of
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
-from lgp.search.tree_search import Budget
+from lgp.search.records import Budget
 from reba.checks import PATH, YES_NO, accepts
 from reba.files import plain_data, write_atomic, write_folder
 from reba.outputs import FolderOutput, check_outputs
@@ -124,12 +124,14 @@ def experiment_toolbox(
     ergonomics = Ergonomics(world, model.model())
     conditions: dict[str, Condition] = {}
     for name in CONDITIONS:
-        bounds = PathBounds(world, ergonomics if name == "ergonomic" else None, slices=slices)
+        # Both orders are compared, so that the sequences of the dearer one are solved as well.
+        bounds = PathBounds(world, ergonomics if name == "ergonomic" else None, slices=slices, prefixes=False)
         report(f"{name}: searching")
         conditions[name] = _plan_condition(bounds, task, scene.depth, collisions, report)
 
     def weighted(weights: Weights) -> PathBounds:
-        return PathBounds(world, ergonomics, weights, slices=slices, collisions=collisions)
+        timed = replace(weights, time=scene.time_weight)
+        return PathBounds(world, ergonomics, timed, slices=slices, collisions=collisions)
 
     rows = _vary_weight(weighted, task, conditions["ergonomic"].orders, ergonomic_weights, report)
     settings = {

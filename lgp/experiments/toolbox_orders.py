@@ -10,10 +10,10 @@ import numpy as np
 from dreba.surrogates.task_factors import OMEGA_LOAD
 from lgp.logic.task import Action, Task
 from lgp.path.bounds import PathBounds
-from lgp.path.costs import acceleration_quadratic
+from lgp.path.costs import acceleration_quadratic_of
 from lgp.plan_record import Plan
 from lgp.planner import parse_sequence, plan_within
-from lgp.search.tree_search import Skeleton
+from lgp.search.records import Skeleton
 
 PLACE_FIRST: Final = "place, then grasp"
 GRASP_FIRST: Final = "grasp, then place"
@@ -72,11 +72,11 @@ def cost_terms(plan: Plan, weight: float = 1.0) -> dict[str, float]:
     Keys: total, acceleration, `acceleration of NAME` for each agent, posture and load (terms of the ergonomic cost,
     load by equation 4 of the paper), and carried [kg s].
     """
-    tau = float(plan.time[0])
+    steps = np.diff(plan.time, prepend=0.0)
     deviation = plan.path - plan.start
-    by_joint = np.einsum("tj,ts,sj->j", deviation, acceleration_quadratic(len(deviation), tau, stop=True), deviation)
+    by_joint = np.einsum("tj,ts,sj->j", deviation, acceleration_quadratic_of(steps, stop=True), deviation)
     agents = dict.fromkeys(name.partition(".")[0] for name in plan.joints)
-    carried = tau * float(plan.carried.sum())
+    carried = float(steps @ plan.carried)
     load = weight * carried / OMEGA_LOAD
     return {
         "total": plan.costs["total"],
@@ -87,6 +87,7 @@ def cost_terms(plan: Plan, weight: float = 1.0) -> dict[str, float]:
         },
         "posture": plan.costs["ergonomics"] - load,
         "load": load,
+        "time": plan.costs.get("time", 0.0),
         "carried": carried,
     }
 

@@ -37,6 +37,13 @@ class Action:
         """Return the state after the action."""
         return (state & ~self.deletes) | self.adds
 
+    def commutes_with(self, other: Action) -> bool:
+        """Return whether two actions are independent: neither order changes what the other needs or leaves."""
+        return not any(
+            (one.adds | one.deletes) & (two.needs | two.forbids) or one.adds & two.deletes
+            for one, two in ((self, other), (other, self))
+        )
+
     def at(self, step: int) -> str:
         """Return the action as the paper prints it: `grasp(1, baxter.left, screwdriver)`."""
         return f"{self.name}({', '.join((str(step), *self.arguments))})"

@@ -1,16 +1,17 @@
 """The levels of the tree search: pose, sequence and path problems of one sequence, each a relaxation of the next.
 
 pose: the last configuration of a prefix under the constraints of the last switch only. sequence: the configurations at
-all switches under the constraints of all. path: every slice; where paths must be collision-free, a path without
-collision constraints comes first (free_path). All are the same `PathProblem` on fewer knots or constraints, so their
-costs are on one scale and none exceeds the next, as far as each is solved: the problems are not convex and solutions
-are local minima.
+all switches under the constraints of all; of an incomplete sequence (prefix_sequence) agents need not stop. path: every
+slice; where paths must be collision-free, a path without collision constraints comes first (free_path). All are the
+same `PathProblem` on fewer knots or constraints, so their costs are on one scale and none exceeds the next, as far as
+each is solved: the problems are not convex and solutions are local minima.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,12 +20,14 @@ from lgp.kinematics.world import World
 from lgp.logic.task import Action
 from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.costs import Weights
+from lgp.path.durations import LEAST_SECONDS, DurationSolver
 from lgp.path.ergonomics import Ergonomics
-from lgp.path.keyframes import Answer, KeyframeSolver, Solution
+from lgp.path.estimate import CostEstimate
+from lgp.path.keyframes import PREFIX, PREFIX_TOLERANCE, Answer, KeyframeSolver, Solution
 from lgp.path.paths import OPTIONS, PathSolver
 from lgp.path.phases import Phases, switch_of
 from lgp.path.problem import PathProblem
-from lgp.search.tree_search import BoundResult, Skeleton
+from lgp.search.records import BoundResult, Skeleton
 from lgp.sqp.problem import SolverOptions
 from reba.arrays import Array
 
@@ -43,6 +46,7 @@ class PathBounds:
             path without collision constraints is one more level then.
         multi_start: whether sequences are solved from many starts, and collision-free paths that cost much more than
             the free path from other initial guesses too.
+        prefixes: whether incomplete sequences have a finer level: fewer complete ones are solved then.
     """
 
     def __init__(
@@ -56,10 +60,11 @@ class PathBounds:
         reference: PathBounds | None = None,
         collisions: bool = False,
         multi_start: bool = True,
+        prefixes: bool = True,
     ) -> None:
         self.world, self.ergonomics, self.options = world, ergonomics, options
-        self.collisions = collisions
-        self.weights = Weights() if weights is None else weights
+        self.collisions, self.prefix_level = collisions, PREFIX if prefixes else ""
+        self.weights = Weights(time=world.scene.time_weight) if weights is None else weights
         self.initial_configuration = (
             world.initial_configuration
             if initial_configuration is None
@@ -76,6 +81,7 @@ class PathBounds:
             multi_start,
         )
         self.paths = PathSolver(self.keyframes, options, self.free_path, collisions=collisions, multi_start=multi_start)
+        self._estimate = CostEstimate(world, ergonomics, self.weights, self.initial_configuration)
         self._results: dict[tuple[str, Skeleton], BoundResult] = {}
 
     @property
@@ -84,17 +90,36 @@ class PathBounds:
         return ("pose", "sequence", *(["free_path"] if self.collisions else []), "path")
 
     def is_lower_bound(self, level: str) -> bool:
-        """Return True: dropping slices, switches and the stop at the end only ever lowers the cost."""
-        return level in self.levels
+        """Return True: dropping slices, switches and the stop at the end only ever lowers the cost.
+
+        Not so of a pose whose phases have other durations than those of its path.
+        """
+        return level in self.levels and not (self.free_durations and level == "pose")
+
+    def least_cost(self, actions: int) -> float:
+        """Return what a number of further actions cost at least: their time, at the least score."""
+        least = 0.0 if self.ergonomics is None else self.ergonomics.lower_bound
+        rate = self.weights.ergonomics * least + self.weights.time
+        return actions * (LEAST_SECONDS if self.free_durations else self.world.scene.phase_seconds) * rate
+
+    def objects(self, action: Action) -> tuple[str, ...]:
+        """Return the objects that an action acts on."""
+        switch = switch_of(action)
+        return (switch.object_name, switch.other) if switch.other else (switch.object_name,)
 
     def displaced(self, skeleton: Skeleton) -> tuple[tuple[str, str], ...]:
         """Return (object, hand that put it down last): one hand does not put a thing down twice for nothing."""
         switches = map(switch_of, skeleton)
         return tuple(sorted({s.object_name: s.hand for s in switches if s.action.attaches_to == "table"}.items()))
 
-    def phases(self, skeleton: Skeleton) -> Phases:
-        """Return a sequence laid out in time."""
-        return Phases.of(self.world.scene, skeleton, self.slices)
+    @property
+    def free_durations(self) -> bool:
+        """Whether the durations of phases are unknowns."""
+        return self.world.scene.durations == "free"
+
+    def phases(self, skeleton: Skeleton, durations: tuple[float, ...] = ()) -> Phases:
+        """Return a sequence laid out in time, with the durations of the scene by default."""
+        return Phases.of(self.world.scene, skeleton, self.slices, durations)
 
     def problem(
         self,
@@ -103,7 +128,7 @@ class PathBounds:
         stage: int = -1,
         collision_constraints: CollisionConstraints | None = None,
     ) -> PathProblem:
-        """Return the problem of a level: "pose", "sequence" or "path", only the last one with collision constraints.
+        """Return the problem of a level: "pose", PREFIX, "sequence" or "path", the last one with collision constraints.
 
         `stage` is the continuation stage of the ergonomic cost.
         """
@@ -111,9 +136,9 @@ class PathBounds:
         return PathProblem(
             self.world,
             phases,
-            knots={"pose": phases.keyframes[-1:], "sequence": phases.keyframes, "path": None}[level],
+            knots={"pose": phases.keyframes[-1:], "path": None}.get(level, phases.keyframes),
             enforced=[last] if level == "pose" else None,
-            stop=level != "pose",
+            stop=level not in ("pose", PREFIX),
             ergonomics=self.ergonomics,
             weights=self.weights,
             initial_configuration=self.initial_configuration,
@@ -153,11 +178,12 @@ class PathBounds:
 
     def _result(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
         begin = time.perf_counter()
-        phases = self.phases(skeleton)
+        phases = self.phases(skeleton, self._first_durations(skeleton, warm))
         earlier = warm.payload if warm is not None and isinstance(warm.payload, Solution) else None
         by_level = {
             "pose": self.keyframes.solve_pose,
-            "sequence": self.keyframes.solve_sequence,
+            PREFIX: self._solve_switches(PREFIX),
+            "sequence": self._solve_switches("sequence"),
             "free_path": self.paths.solve_free,
             "path": self.paths.solve_collision_free if self.collisions else self.paths.solve_free,
         }
@@ -166,11 +192,50 @@ class PathBounds:
         if solution is None:
             conflict = infeasible_actions(skeleton) if level == "pose" else ()
             return BoundResult(False, math.inf, reason, conflict, seconds)
-        cost = solution.costs.total
+        if self.free_durations and level != "pose":
+            solution = self._durations(level).solve(phases, solution)
+        cost = attained = solution.costs.total
         if level != "path" and not solution.result:
             # A cost that is not at its minimum bounds nothing; the bound of the level before stays true.
-            cost = warm.cost if warm is not None else 0.0
-        return BoundResult(True, cost, seconds=seconds, payload=solution)
+            cost = warm.cost if warm is not None and self.is_lower_bound("pose") else 0.0
+        elif level == PREFIX:
+            cost *= 1.0 - PREFIX_TOLERANCE
+        estimate = self._estimate.of(phases, solution.keyframes) if level == "pose" else None
+        return BoundResult(True, cost, seconds=seconds, payload=solution, estimate=estimate, attained=attained)
+
+    def _first_durations(self, skeleton: Skeleton, warm: BoundResult | None) -> tuple[float, ...]:
+        """Return the durations that a problem starts with: those of what was solved before, () without them."""
+        if not self.free_durations:
+            return ()
+        if warm is not None and isinstance(warm.payload, Solution) and len(warm.payload.durations) == len(skeleton):
+            return warm.payload.durations
+        before = self.solution(PREFIX, skeleton[:-1])
+        first = self.world.scene.phase_seconds
+        return (first,) * len(skeleton) if before is None else (*before.durations, first)
+
+    def _durations(self, level: str) -> DurationSolver:
+        """Return the solver of the durations of a level."""
+        if level in (PREFIX, "sequence"):
+            return DurationSolver(
+                self.world,
+                lambda phases: self.problem(level, phases),
+                lambda phases, solution: self.keyframes.solve_again(self.problem(level, phases), solution),
+            )
+        collision_free = self.collisions and level == "path"
+        return DurationSolver(
+            self.world,
+            lambda phases: self.problem("path", phases),
+            lambda phases, solution: self.paths.solve_again(phases, solution, collision_free=collision_free),
+        )
+
+    def _solve_switches(self, level: str) -> Callable[[Phases, Solution | None], Answer]:
+        """Return the solver of a level with all switches, which goes on from the sequence before its last action."""
+
+        def solve(phases: Phases, earlier: Solution | None) -> Answer:
+            before = self.solution(PREFIX, phases.actions[:-1])
+            return self.keyframes.solve_sequence(phases, earlier, level, before)
+
+        return solve
 
 
 def infeasible_actions(skeleton: tuple[Action, ...]) -> Skeleton:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lgp.defaults import TIME_WEIGHT
 from reba.arrays import Array, Indices
 
 
@@ -47,6 +48,52 @@ def acceleration_quadratic(slices: int, tau: float, stop: bool) -> Array:
     return differences.T @ differences / tau**3
 
 
+def acceleration_quadratic_of(steps: Array, stop: bool) -> Array:
+    """Return A (T, T) as `acceleration_quadratic` does, for slices at unequal times.
+
+    The acceleration at a slice is the change of velocity over half the steps before and after it; before the first and
+    after the last slice there is one more step, as long as that beside it.
+
+    Args:
+        steps: time from the slice before to each slice [s], (T,).
+        stop: whether the path ends at rest.
+
+    >>> bool(np.allclose(acceleration_quadratic_of(np.full(4, 0.5), True), acceleration_quadratic(4, 0.5, True)))
+    True
+    """
+    total = len(steps)
+    velocity = (np.eye(total) - np.eye(total, k=-1)) / steps[:, None]
+    velocity = np.concatenate([np.zeros((1, total)), velocity, np.zeros((int(stop), total))])
+    around = np.concatenate([steps[:1], steps, steps[-1:]])[: total + 1 + stop]
+    difference = np.diff(velocity, axis=0) / np.sqrt(0.5 * (around[:-1] + around[1:]))[:, None]
+    return np.asarray(difference.T @ difference)
+
+
+def slope_by_steps(path: Array, steps: Array, stop: bool) -> Array:
+    """Return the derivative (T,) of the acceleration cost of a path (T, n) by the logarithm of each step.
+
+    Scaling all of them by a factor scales the cost by its third power, so they sum to -3 times the cost.
+    """
+    total = len(steps)
+    velocity = np.diff(path, axis=0, prepend=0.0) / steps[:, None]
+    rest = np.zeros((1, path.shape[1]))
+    velocity = np.concatenate([rest, velocity, rest[: int(stop)]])
+    around = np.concatenate([steps[:1], steps, steps[-1:]])[: total + 1 + stop]
+    middle = 0.5 * (around[:-1] + around[1:])
+    change = np.diff(velocity, axis=0)
+    cost = (change**2).sum(axis=1) / middle
+    slope = np.zeros(total + 2)
+    count = len(middle)
+    # Of each pair of neighbouring steps: a velocity falls with its own step, and the change is divided by their mean.
+    slope[:count] += 2.0 * (change * velocity[:count]).sum(axis=1) / middle - cost * around[:count] / (2.0 * middle)
+    slope[1 : count + 1] -= 2.0 * (change * velocity[1 : count + 1]).sum(axis=1) / middle
+    slope[1 : count + 1] -= cost * around[1 : count + 1] / (2.0 * middle)
+    own = slope[1 : total + 1].copy()
+    own[0] += slope[0]
+    own[-1] += slope[total + 1]
+    return own
+
+
 def eliminate_slices(matrix: Array, knots: Indices, joined: Sequence[tuple[int, int]] = ()) -> CondensedQuadratic:
     """Return the quadratic of a matrix A (T, T) on the knots (P,), rising, minimised over all other slices.
 
@@ -77,20 +124,28 @@ class Weights:
     Attributes:
         acceleration: per rad^2/s^3 (m^2/s^3 for slides).
         ergonomics: per score point and second.
+        time: per second.
     """
 
     acceleration: float = 1.0
     ergonomics: float = 1.0
+    time: float = TIME_WEIGHT
 
 
 @dataclass(frozen=True)
 class Costs:
-    """The weighted terms of a cost."""
+    """The weighted terms of a cost; `time` is the same for every motion of the same duration."""
 
     acceleration: float
     ergonomics: float
+    time: float = 0.0
+
+    @property
+    def motion(self) -> float:
+        """The terms that depend on the motion."""
+        return self.acceleration + self.ergonomics
 
     @property
     def total(self) -> float:
-        """Their sum."""
-        return self.acceleration + self.ergonomics
+        """The sum of all terms."""
+        return self.motion + self.time

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from lgp.path.feasibility import CLOSE, ReachCheck, explain_infeasibility, proje
 from lgp.path.many_starts import ManyStarts
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
-from lgp.search.tree_search import Skeleton
+from lgp.search.records import Skeleton
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result
 from lgp.sqp.solver import solve
@@ -31,6 +32,12 @@ SEQUENCE_OPTIONS = SolverOptions(violation=2e-5, kkt=1e-4, decrease=1e-6, longes
 """Sequences are bounds and initial guesses: a violation of 20 um suffices; longer steps end in poorer minima."""
 SEQUENCE_ITERATIONS = 25
 """Iterations of a sequence with a graduated cost, whose edges allow ever shorter steps only."""
+PREFIX: Final = "prefix_sequence"
+"""Level of incomplete sequences: the configurations at all their switches, under the constraints of all."""
+PREFIX_OPTIONS = replace(SEQUENCE_OPTIONS, kkt=1e-3, decrease=1e-4, iterations=40)
+"""The last digits of a bound exclude nothing."""
+PREFIX_TOLERANCE = 2e-3
+"""Share of its cost by which a prefix may be above its minimum (0.12 % seen in the toolbox): its bound is lower."""
 POSE_OPTIONS = replace(SEQUENCE_OPTIONS, longest_step=0.6, iterations=25)
 """The cost of a pose is seldom near that of a path: not worth many iterations."""
 NEARLY_FEASIBLE = 0.01
@@ -58,6 +65,7 @@ class Solution:
         path: (T, nq), at the levels "free_path" and "path" only.
         starts: number of starts of the sequence that agree with this one, and of all.
         minima: points (N,) of the sequence problem that paths start from; () for the keyframes alone.
+        durations: of each phase [s], () where all take as long.
     """
 
     keyframes: Array
@@ -67,6 +75,7 @@ class Solution:
     result: Result
     starts: tuple[int, int] = (1, 1)
     minima: tuple[Array, ...] = ()
+    durations: tuple[float, ...] = ()
 
 
 class KeyframeSolver:
@@ -125,20 +134,37 @@ class KeyframeSolver:
         if cached.count != phases.count:
             # With more phases before it the pose costs less: only the least score of every slice is certain.
             least = 0.0 if self.ergonomics is None else self.ergonomics.lower_bound
-            costs = Costs(0.0, self.weights.ergonomics * phases.tau * phases.total * least)
+            duration = phases.tau * phases.total
+            costs = Costs(0.0, self.weights.ergonomics * duration * least, self.weights.time * duration)
         costs = replace(costs, ergonomics=costs.ergonomics + self._payload_cost(phases))
         return Solution(np.concatenate([before, cached.pose]), np.zeros(0), None, costs, cached.result), ""
 
-    def solve_sequence(self, phases: Phases, earlier: Solution | None) -> Answer:
-        """Return the keyframes of a sequence and the variables of its grasps and placements."""
+    def solve_sequence(
+        self, phases: Phases, earlier: Solution | None, level: str = "sequence", before: Solution | None = None
+    ) -> Answer:
+        """Return the keyframes of a sequence and the variables of its grasps and placements.
+
+        Args:
+            earlier: poses of the sequence.
+            level: "sequence", or PREFIX, whose cost is a bound only: it is solved from one guess to fewer digits.
+            before: keyframes of the sequence without its last action.
+        """
         first = np.tile(self.initial_configuration, (phases.count, 1))
         if earlier is not None and len(earlier.keyframes) == phases.count:
-            first = self._with_robots("sequence", phases, earlier.keyframes)
-        problem = self.problem("sequence", phases)
+            first = self._with_robots(level, phases, earlier.keyframes)
+        problem = self.problem(level, phases)
         cached = self.cache.initial_guess(phases, self.initial_configuration)
+        after = first if before is None else np.concatenate([before.keyframes, first[-1:]])
+        if level == PREFIX:
+            always, restarts = self._initial_guesses(after)
+            result, reason = self._solve(problem, always[:1], restarts, PREFIX_OPTIONS)
+            if result is None:
+                return None, f"sequence: {reason}"
+            keyframes, variables = problem.split(result.x)
+            return Solution(keyframes, variables, None, problem.costs(result.x), result), ""
         always, restarts = self._initial_guesses(first)
         guesses = [problem.join(*cached)] if cached is not None else []
-        guesses += [self._point(problem, guess) for guess in always]
+        guesses += [self._point(problem, guess) for guess in [*always, *([] if before is None else [after])]]
         minima: list[Array] = []
         starts = (1, 1)
         if self.many_starts:
@@ -154,6 +180,15 @@ class KeyframeSolver:
         keyframes, variables = problem.split(result.x)
         self.cache.store_motion(phases, result.cost, keyframes, variables)
         return Solution(keyframes, variables, None, problem.costs(result.x), result, starts, tuple(minima)), ""
+
+    def solve_again(self, problem: PathProblem, earlier: Solution) -> Solution | None:
+        """Return the solution of a sequence problem near that of a similar one, None where it is not feasible."""
+        x = problem.join(earlier.keyframes, earlier.variables)
+        result = solve(problem, x, options=PREFIX_OPTIONS, warm=earlier.result)
+        if result.violation > CLOSE:
+            return None
+        keyframes, variables = problem.split(result.x)
+        return Solution(keyframes, variables, None, problem.costs(result.x), result)
 
     def _with_robots(self, level: str, phases: Phases, keyframes: Array) -> Array:
         """Return configurations (P, nq) whose robot joints are those of the reference solution, if there is one."""
@@ -212,7 +247,7 @@ class KeyframeSolver:
         if result.violation < NEARLY_FEASIBLE:
             x, violation = project_to_feasible(problem, result.x)
             if violation <= CLOSE:
-                cost = problem.costs(x).total
+                cost = problem.costs(x).motion
                 return replace(result, x=x, cost=cost, equality=violation, inequality=violation), 0.0, ""
         return None, result.violation, explain_infeasibility(problem, result.x)
 

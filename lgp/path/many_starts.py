@@ -79,7 +79,7 @@ class ManyStarts:
         self._score_elsewhere = 0.0
         if problem.ergonomics is not None:
             least = problem.ergonomics.lower_bound
-            self._score_elsewhere = problem.score_elsewhere + problem.rate * least * (knots - len(self._scored))
+            self._score_elsewhere = problem.score_elsewhere + least * float(np.delete(problem.rates, self._scored).sum())
 
     def _acting(self) -> list[Indices]:
         """Return the joints that are unknowns in each keyframe."""
@@ -136,7 +136,7 @@ class ManyStarts:
         ergonomics = self.problem.ergonomics
         if ergonomics is not None and len(self._scored):
             scores = ergonomics.value(*self._scored_knots(q), self.problem.stage)
-            cost += self.problem.rate * scores.reshape(len(u), -1).sum(axis=1)
+            cost += scores.reshape(len(u), -1) @ self.problem.rates[self._scored]
         return cost, values.equality[:, self._rows[0].kept], values.inequality[:, self._rows[1].kept]
 
     def _scored_knots(self, q: Array) -> tuple[Array, Array]:
@@ -170,9 +170,9 @@ class ManyStarts:
             for number, at in enumerate(self._scored):
                 pick = slice(number, None, len(self._scored))
                 own = self._place[at * self.nq + ergonomics.columns]
-                gradient[:, own] += problem.rate * slope[pick]
+                gradient[:, own] += problem.rates[at] * slope[pick]
                 for part, block in zip(ergonomics.parts, parts, strict=True):
-                    hessian[:, own[part][:, None], own[part]] += problem.rate * block[pick]
+                    hessian[:, own[part][:, None], own[part]] += problem.rates[at] * block[pick]
         eq, ineq = (
             rows.dense(blocks, self.n)
             for rows, blocks in zip(self._rows, (values.eq_blocks, values.in_blocks), strict=True)

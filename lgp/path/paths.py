@@ -95,7 +95,7 @@ class PathSolver:
         problem_of = self.problem_of(phases)
         constraints = self.collision_constraints(phases)
         nearest = self.accept(*solve_collision_free(problem_of, constraints, free.result, self.options), free.starts)
-        if not self.multi_start or _cost(nearest) <= MULTI_START_RATIO * free.costs.total:
+        if not self.multi_start or _cost(nearest) <= MULTI_START_RATIO * free.costs.motion:
             return nearest
         reference = self.keyframes.reference("path", phases.actions)
         candidate = multi_start(
@@ -112,6 +112,19 @@ class PathSolver:
             free.starts,
         )
         return min(nearest, other, key=_cost)
+
+    def solve_again(self, phases: Phases, earlier: Solution, *, collision_free: bool) -> Solution | None:
+        """Return the path near one with other durations, None where it is not feasible."""
+        problem = self.keyframes.problem("path", phases)
+        path = earlier.keyframes if earlier.path is None else earlier.path
+        # Collision constraints come last, and are found again.
+        known = earlier.result.y_in[: len(problem.constraints.in_rows)]
+        begin = replace(earlier.result, x=problem.join(path, earlier.variables), y_in=known)
+        if collision_free:
+            constraints = self.collision_constraints(phases)
+            solved = solve_collision_free(self.problem_of(phases), constraints, begin, self.options, solved=False)
+            return self.accept(*solved, earlier.starts)[0]
+        return self.accept(problem, solve(problem, begin.x, options=self.options, warm=begin), earlier.starts)[0]
 
     def accept(self, problem: PathProblem, result: Result, starts: tuple[int, int] = (1, 1)) -> Answer:
         """Return the solution if its constraints hold within the tolerance, else None and the one that fails most."""
@@ -138,4 +151,4 @@ class PathSolver:
 
 
 def _cost(answer: Answer) -> float:
-    return math.inf if answer[0] is None else answer[0].costs.total
+    return math.inf if answer[0] is None else answer[0].costs.motion

@@ -20,7 +20,12 @@ from reba.arrays import Array, Indices
 
 @dataclass(frozen=True)
 class Phases:
-    """A sequence of actions laid out in time, each with its kinematic switch; `slices` and `seconds` are per phase.
+    """A sequence of actions laid out in time, each with its kinematic switch.
+
+    Attributes:
+        slices: per phase.
+        seconds: duration of each phase [s] unless it has its own.
+        durations: of each phase [s], () where all take `seconds`.
 
     Example:
         >>> from lgp.scene.scene_file import load_scene
@@ -33,13 +38,17 @@ class Phases:
     switches: tuple[KinematicSwitch, ...]
     slices: int
     seconds: float
+    durations: tuple[float, ...] = ()
 
     @staticmethod
-    def of(scene: Scene, actions: Sequence[Action], slices: int | None = None) -> Phases:
+    def of(
+        scene: Scene, actions: Sequence[Action], slices: int | None = None, durations: Sequence[float] = ()
+    ) -> Phases:
         """Return the phases of a sequence of ground actions.
 
         Args:
             slices: per phase, at least 2; those of the scene by default.
+            durations: of each phase [s]; those of the scene by default.
 
         Raises:
             LgpError: an action has no geometry, or there are too few slices.
@@ -47,9 +56,8 @@ class Phases:
         chosen = scene.slices if slices is None else slices
         if chosen < 2:
             raise LgpError(f"{chosen} slices per phase given, expected 2 or more")
-        return Phases(
-            scene, tuple(actions), tuple(switch_of(action) for action in actions), chosen, scene.phase_seconds
-        )
+        switches = tuple(switch_of(action) for action in actions)
+        return Phases(scene, tuple(actions), switches, chosen, scene.phase_seconds, tuple(map(float, durations)))
 
     @property
     def count(self) -> int:
@@ -63,8 +71,18 @@ class Phases:
 
     @property
     def tau(self) -> float:
-        """Time between slices [s]."""
+        """Time between slices [s] of a phase of `seconds`."""
         return self.seconds / self.slices
+
+    @property
+    def phase_durations(self) -> Array:
+        """Duration of each phase [s], (K,)."""
+        return np.array(self.durations) if self.durations else np.full(self.count, self.seconds)
+
+    @property
+    def steps(self) -> Array:
+        """Time from the slice before to each slice [s], (T,)."""
+        return np.repeat(self.phase_durations / self.slices, self.slices)
 
     @property
     def keyframes(self) -> Indices:
@@ -73,7 +91,9 @@ class Phases:
 
     def times(self) -> Array:
         """Return the time of each slice [s], (T,)."""
-        return np.asarray((np.arange(self.total) + 1) * self.tau, dtype=np.float64)
+        if not self.durations:
+            return np.asarray((np.arange(self.total) + 1) * self.tau, dtype=np.float64)
+        return np.cumsum(self.steps)
 
     def loads(self) -> Array:
         """Return the mass in the hands of the human in each slice [kg], (T,)."""

@@ -16,7 +16,15 @@ from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.constraints import Constraints, Values
-from lgp.path.costs import CondensedQuadratic, Costs, Weights, acceleration_quadratic, eliminate_slices
+from lgp.path.costs import (
+    CondensedQuadratic,
+    Costs,
+    Weights,
+    acceleration_quadratic,
+    acceleration_quadratic_of,
+    eliminate_slices,
+    slope_by_steps,
+)
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.hessian import Convexity, UpperBlocks
 from lgp.path.phases import Phases
@@ -43,6 +51,7 @@ class PathProblem:
     Attributes:
         cost_unit: the least cost of a joint that moves by 1 rad in one phase, from rest to rest. In multiples of it
             the same motion costs the same in any unit of cost and time, so that its optimum does not depend on them.
+        rates: cost of a score point in the slice of each knot, in cost units, (P,).
     """
 
     def __init__(
@@ -101,10 +110,10 @@ class PathProblem:
     def costs(self, x: Array) -> Costs:
         """Return the terms of the cost at x."""
         acceleration, ergonomics = self._terms(x)
-        return Costs(self.cost_unit * acceleration, self.cost_unit * ergonomics)
+        return Costs(self.cost_unit * acceleration, self.cost_unit * ergonomics, self._time)
 
     def evaluate(self, x: Array) -> tuple[float, Array, Array]:
-        """Return cost in cost units, equalities and inequalities at x."""
+        """Return the cost of the motion in cost units, equalities and inequalities at x."""
         values = self._values(x)
         return sum(self._terms(x)), values.equality, values.inequality
 
@@ -115,8 +124,29 @@ class PathProblem:
         acceleration = 0.5 * float(np.vdot(away, self._acceleration_gradient(away)))
         ergonomics = self.score_elsewhere
         if self.ergonomics is not None:
-            ergonomics += self.rate * float(self.ergonomics.value(q, self.loads, self.stage).sum())
+            ergonomics += float(self.ergonomics.value(q, self.loads, self.stage) @ self.rates)
         return acceleration, ergonomics
+
+    def ergonomics_by_phase(self, x: Array) -> Array:
+        """Return the ergonomic cost of each phase at x, (K,)."""
+        if self.ergonomics is None:
+            return np.zeros(self.phases.count)
+        scores = np.full(len(self._all_shares), self.ergonomics.lower_bound)
+        scores[self.knots] = self.ergonomics.value(self.split(x)[0], self.loads, self.stage)
+        scores += self.ergonomics.payload(self.phases.loads()[: len(scores)])
+        by_phase = (scores * self._all_shares).reshape(-1, self.phases.slices).sum(axis=1)
+        return np.asarray(self.cost_unit * self.rate * by_phase)
+
+    def slope_by_durations(self, x: Array) -> Array:
+        """Return the derivative of the total cost by the logarithm of each duration at x, (K,).
+
+        Of the path with its own durations this is all: no constraint depends on time.
+        """
+        steps = self.phases.steps[: len(self._all_shares)]
+        accelerations = slope_by_steps(self.path(x) - self.initial_configuration, steps, self._stop)
+        by_phase = accelerations.reshape(-1, self.phases.slices).sum(axis=1)
+        time = self.weights.time * self.phases.phase_durations
+        return np.asarray(self.weights.acceleration * by_phase + self.ergonomics_by_phase(x) + time)
 
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
         """Return the convex model at x, in cost units: Gauss-Newton cost, convexified curvature of the switches."""
@@ -133,8 +163,8 @@ class PathProblem:
         ) + self.constraints.inequality_hessians(q, z, y_in)
         if self.ergonomics is not None:
             _, score_gradient, score_hessians = self.ergonomics.quadratic_model(q, self.loads, self.stage)
-            gradient[self._postures.ravel()] += self.rate * score_gradient.ravel()
-            blocks += [self.rate * hessian for hessian in score_hessians]
+            gradient[self._postures.ravel()] += (self.rates[:, None] * score_gradient).ravel()
+            blocks += [self.rates[:, None, None] * hessian for hessian in score_hessians]
         return Model(self._hessian.fill(blocks), gradient, eq_jac, values.equality, in_jac, values.inequality)
 
     def _values(self, x: Array) -> Values:
@@ -152,9 +182,14 @@ class PathProblem:
 
     def _eliminate(self, stop: bool) -> None:
         """Group the joints by the switches at which they rest, and eliminate the slices between knots."""
+        self._stop = stop
         horizon = int(self.knots[-1]) + 1
-        # In cost units a phase lasts 1, and to move by 1 in it costs 1.
-        matrix = acceleration_quadratic(horizon, 1.0 / self.phases.slices, stop) / 12.0
+        steps = self.phases.steps[:horizon]
+        # In cost units a phase of `Phases.seconds` lasts 1, and to move by 1 in it costs 1.
+        if self.phases.durations:
+            matrix = acceleration_quadratic_of(steps / self.phases.seconds, stop) / 12.0
+        else:
+            matrix = acceleration_quadratic(horizon, 1.0 / self.phases.slices, stop) / 12.0
         matrix *= self.weights.acceleration > 0.0
         groups: dict[tuple[tuple[int, int], ...], list[int]] = {}
         for joint in range(self.world.nq):
@@ -164,11 +199,15 @@ class PathProblem:
             (np.array(joints, dtype=np.intp), eliminate_slices(matrix, self.knots, pairs))
             for pairs, joints in groups.items()
         ]
+        self._all_shares = steps / self.phases.tau
+        self.rates = self.rate * self._all_shares[self.knots]
+        self._time = self.weights.time * float(steps.sum())
         self.score_elsewhere = 0.0
         if self.ergonomics is not None:
             # Loads are known in every slice, postures at knots only.
-            carried = float(self.ergonomics.payload(self.phases.loads()[:horizon]).sum())
-            self.score_elsewhere = self.rate * (carried + self.ergonomics.lower_bound * (horizon - len(self.knots)))
+            carried = float(self.ergonomics.payload(self.phases.loads()[:horizon]) @ self._all_shares)
+            elsewhere = self.rate * float(self._all_shares.sum()) - float(self.rates.sum())
+            self.score_elsewhere = self.rate * carried + self.ergonomics.lower_bound * elsewhere
 
     def _set_patterns(self) -> None:
         """Set the sparsity pattern of the Hessian from the acceleration cost and the blocks of its curvature."""

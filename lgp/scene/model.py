@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from lgp.defaults import TIME_WEIGHT
 from lgp.errors import SceneError
 from reba.errors import did_you_mean
 
@@ -187,7 +188,8 @@ class Scene:
         domain: name or path of the PDDL domain.
         initial: atoms of the initial state, as text.
         goal: atoms of the goal, as text.
-        phase_seconds: duration of each phase [s].
+        phase_seconds: duration of each phase [s], or the first guess of it.
+        durations: "fixed", or "free" where they are unknowns of a plan.
         slices: slices per phase of a path.
         human: the human, or None.
         robots: robots by name.
@@ -196,6 +198,7 @@ class Scene:
         assemblies: objects that can be screwed together.
         depth: longest sequence of actions of a search.
         hand_clearance: least distance of the grip points of two hands [m].
+        time_weight: cost of a second.
         choices: parameters that the source leaves open, with reasons.
         values: the TOML values with current heights; `read_scene(values)` returns an equal scene.
     """
@@ -214,6 +217,8 @@ class Scene:
     assemblies: tuple[Assembly, ...] = ()
     depth: int = 4
     hand_clearance: float = HAND_CLEARANCE
+    time_weight: float = TIME_WEIGHT
+    durations: str = "fixed"
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -257,6 +262,11 @@ class Scene:
         written = dict(self.values.get("tables", {}))
         written |= {table.name: {**written.get(table.name, {}), "height": table.height} for table in tables.values()}
         return replace(self, tables=tables, values={**self.values, "tables": written})
+
+    def with_time_weight(self, weight: float) -> Scene:
+        """Return the scene with another cost of a second."""
+        cost = {**self.values.get("cost", {}), "time_weight": float(weight)}
+        return replace(self, time_weight=float(weight), values={**self.values, "cost": cost})
 
     def draw_heights(self, rng: np.random.Generator) -> Scene:
         """Return the scene with every table height drawn uniformly from its range."""

@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from lgp.defaults import TIME_WEIGHT
 from lgp.errors import SceneError
 from lgp.logic.pddl import shipped_domains
 from lgp.scene.body_measures import STATURE, table
@@ -132,6 +133,8 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         ),
         depth=int(entries.number("depth", 4, low=1, high=40)),
         hand_clearance=entries.number("hand_clearance", HAND_CLEARANCE, low=0.0, high=1.0),
+        durations=entries.text("durations", "fixed", ("fixed", "free")),
+        time_weight=_time_weight(entries.table("cost")) if entries.has("cost") else TIME_WEIGHT,
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
         values=chosen,
     )
@@ -162,6 +165,12 @@ def _list(entries: TomlTable, key: str) -> list[Any]:
     if not isinstance(value, list):
         raise SceneError(f"{entries.where}: {key} is {value!r}, expected a list of tables ([[{key}]])")
     return value
+
+
+def _time_weight(entries: TomlTable) -> float:
+    weight = entries.number("time_weight", TIME_WEIGHT, low=0.0, high=1000.0)
+    entries.done()
+    return weight
 
 
 def _choice(number: int, value: Any, name: str) -> FreeParameter:

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import Final
 
-from lgp.search.tree_search import Node
+from lgp.search.records import Node
 from reba.printable import as_markup
 
 BOX: Final = (300, 78)

@@ -1,4 +1,4 @@
-"""Multi-bound tree search over sequences of actions (Toussaint & Lopes 2017), as best-first branch and bound.
+"""Multi-bound tree search over sequences of actions (Toussaint & Lopes 2017), as anytime branch and bound.
 
 A sequence is bounded by problems of growing detail ("pose", "sequence", "path"), each a relaxation of the next: what is
 infeasible at one level is infeasible at every later one and for every longer sequence, and where the cost of a level is
@@ -7,172 +7,31 @@ kinematics nor costs: it queries a `Bounds` object.
 
     prefix -> first level -> extended or pruned;  goal reached -> next levels -> path -> incumbent
 
-Until a first path is found the search is depth first: the node with the fewest estimated actions to the goal comes
-first. From then on the lowest bound comes first, so that the search ends as soon as no open node can improve the
-incumbent.
+Good plans come first, then their proof. Nodes are taken by the estimated cost of a path through them, as long as one
+may cost less than the incumbent; every few steps, and from then on, the lowest bound comes first. Before a node of the
+lowest bound is taken further, it is bounded by the finer level of incomplete sequences, from the root on, so that one
+problem bounds all nodes below.
+
+Problems are solved locally, so a bound may be too high. Where a longer sequence costs less than the bound of a shorter
+one, that bound is lowered to it, and what it excluded is open again.
 """
 
 from __future__ import annotations
 
-import heapq
 import math
 import time
-from collections.abc import Hashable, Mapping
-from dataclasses import dataclass, field
-from enum import Enum
-from typing import Any, Protocol
+from collections.abc import Iterator
 
 from lgp.logic.heuristic import relaxed_plan, why_unreachable
 from lgp.logic.impossible import exclusive_goals, fewest_actions
-from lgp.logic.task import Action, Task
+from lgp.logic.task import Task
+from lgp.search.order import OpenNodes
+from lgp.search.records import BoundResult, Bounds, Budget, LevelStatistics, Node, SearchResult, SearchStatus, Skeleton
 
-Skeleton = tuple[Action, ...]
-
-
-@dataclass(frozen=True)
-class BoundResult:
-    """Result of one level for one sequence.
-
-    Attributes:
-        cost: of its optimum, inf where infeasible.
-        reason: why it is infeasible, one sentence.
-        conflict: consecutive actions that are infeasible in any sequence, () if only this one is known to be.
-        payload: input of the next level (a path, a warm start).
-        known: whether it was solved before.
-    """
-
-    feasible: bool
-    cost: float
-    reason: str = ""
-    conflict: Skeleton = ()
-    seconds: float = 0.0
-    payload: Any = None
-    known: bool = False
-
-
-class Bounds(Protocol):
-    """The levels of a problem, coarse to fine; the last one is the problem itself."""
-
-    @property
-    def levels(self) -> tuple[str, ...]:
-        """Names of the levels."""
-
-    def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
-        """Return the result of a level for a sequence; `warm` is that of the level before."""
-
-    def is_lower_bound(self, level: str) -> bool:
-        """Whether the cost of a level is a lower bound of later levels and of longer sequences."""
-
-    def displaced(self, skeleton: Skeleton) -> Hashable:
-        """What a sequence changed that symbols do not tell: a thing put elsewhere on the same table.
-
-        A symbolic state is visited again in one sequence only where this differs.
-        """
-
-
-class SearchStatus(Enum):
-    """How a search ended, as a sentence."""
-
-    OPTIMAL = "no other sequence within the depth can cost less"
-    GIVEN = "the sequence was given; no other was planned"
-    GAP = "a plan was found; a budget ran out before the rest was excluded"
-    INTERRUPTED = "interrupted; the best plan so far"
-    INFEASIBLE = "no sequence within the depth is feasible"
-    UNREACHABLE = "no sequence of actions reaches the goal"
-    EXHAUSTED = "a budget ran out before a plan was found"
-
-
-@dataclass(frozen=True)
-class Budget:
-    """Limits of a search.
-
-    Attributes:
-        depth: longest sequence.
-        calls: level -> maximum number of problems solved; other levels are not limited.
-        seconds: wall-clock time [s]; a search that ends by it is not repeatable.
-        keep_interrupted: an interrupt (Ctrl-C) ends the search with the best plan so far; otherwise it is raised.
-    """
-
-    depth: int = 6
-    calls: Mapping[str, int] = field(default_factory=dict)
-    seconds: float = math.inf
-    keep_interrupted: bool = False
-
-
-@dataclass
-class Node:
-    """One sequence in the searched tree.
-
-    Attributes:
-        number, parent: position in the tree; the root is 0 and has parent -1.
-        action: last action of the skeleton, None at the root.
-        state: symbolic state after all actions.
-        actions_left: estimated number of actions to the goal.
-        costs: level -> cost.
-        bound: lower bound of any path through this node.
-        verdict: "", "infeasible", "pruned" or "over budget"; `reason` says why in one sentence.
-        result: of the last level, the warm start of the next.
-    """
-
-    number: int
-    parent: int
-    action: Action | None
-    skeleton: Skeleton
-    state: int
-    goal: bool
-    actions_left: int = 0
-    costs: dict[str, float] = field(default_factory=dict)
-    bound: float = 0.0
-    verdict: str = ""
-    reason: str = ""
-    result: BoundResult | None = None
-
-
-@dataclass(frozen=True)
-class LevelStatistics:
-    """Problems of one level: number solved, of these infeasible, and solved before (`known`); time [s]."""
-
-    solved: int = 0
-    infeasible: int = 0
-    seconds: float = 0.0
-    known: int = 0
-
-    def plus(self, result: BoundResult, seconds: float) -> LevelStatistics:
-        """Return the statistics with one more problem."""
-        return LevelStatistics(
-            self.solved + 1, self.infeasible + (not result.feasible), self.seconds + seconds, self.known + result.known
-        )
-
-
-@dataclass(frozen=True)
-class SearchResult:
-    """Result of a search: skeleton, cost and payload of the best path, () and inf where there is none.
-
-    Attributes:
-        bound: lower bound on the cost of any path within the depth.
-        statistics: level -> problems solved.
-        expanded, pruned: nodes extended, nodes cut off by bounds or known conflicts.
-        reason: why there is no plan.
-    """
-
-    status: SearchStatus
-    skeleton: Skeleton
-    cost: float
-    payload: Any
-    bound: float
-    nodes: tuple[Node, ...]
-    statistics: dict[str, LevelStatistics]
-    expanded: int
-    pruned: int
-    seconds: float
-    reason: str = ""
-
-    @property
-    def gap(self) -> float:
-        """Relative gap between cost and bound; 0 where the plan is proved optimal, inf without a plan."""
-        if math.isinf(self.cost):
-            return math.inf
-        return max(0.0, self.cost - self.bound) / max(abs(self.cost), 1e-12)
+PATIENCE = 100
+"""Nodes extended until a search without a plan goes depth first."""
+BOUND_EVERY = 4
+"""Of so many steps one raises the lowest bound, once there is a plan."""
 
 
 def search(task: Task, bounds: Bounds, budget: Budget | None = None, first: Skeleton = ()) -> SearchResult:
@@ -193,18 +52,17 @@ def _why_impossible(task: Task) -> str:
 
 
 class _Search:
-    """State of one search: the tree, its open nodes in both orders, conflicts and the incumbent."""
+    """State of one search: the tree, its open nodes, conflicts and the incumbent."""
 
     def __init__(self, task: Task, bounds: Bounds, budget: Budget, first: Skeleton) -> None:
-        self.task, self.bounds, self.budget, self.first = task, bounds, budget, first
+        self.task, self.bounds, self.budget = task, bounds, budget
         self.nodes = [Node(0, -1, None, (), task.initial, task.is_goal(task.initial))]
-        self.open: dict[int, int] = {}
-        self.by_bound: list[tuple[float, int, int, int]] = []
-        self.by_distance: list[tuple[bool, int, int, float, int]] = []
-        self.statistics = {level: LevelStatistics() for level in bounds.levels}
+        self.open = OpenNodes(task, bounds, first, self._bound)
+        levels = [*bounds.levels, *([bounds.prefix_level] if bounds.prefix_level else [])]
+        self.statistics = {level: LevelStatistics() for level in levels}
         self.conflicts: dict[Skeleton, str] = {}
         self.incumbent: Node | None = None
-        self.expanded = self.pruned = 0
+        self.expanded = self.pruned = self.steps = 0
         self.blocked = False
         self.start = time.perf_counter()
 
@@ -218,15 +76,11 @@ class _Search:
             return self._finish()
         self._extend(self.nodes[0])
         try:
-            while self.open:
+            while self.open or self._reopen():
                 if time.perf_counter() - self.start > self.budget.seconds:
                     self.blocked = True
                     break
-                node, level = self._pop()
-                if self._cannot_improve(node.bound):
-                    self._prune(node, f"costs {node.bound:.4g} or more, the best path {self._best_cost():.4g}")
-                else:
-                    self._advance(node, level)
+                self._step()
         except KeyboardInterrupt:
             if not self.budget.keep_interrupted:
                 raise
@@ -236,7 +90,7 @@ class _Search:
     def _finish(self) -> SearchResult:
         if self.incumbent is not None:
             status = SearchStatus.GAP if self.blocked else SearchStatus.OPTIMAL
-            return self._result(status, self._open_bound() if self.blocked else self.incumbent.bound)
+            return self._result(status, self._open_bound())
         if self.blocked:
             return self._result(SearchStatus.EXHAUSTED, self._open_bound(), "the budget ran out")
         reasons = dict.fromkeys(node.reason for node in self.nodes if node.verdict == "infeasible")
@@ -250,64 +104,131 @@ class _Search:
         reason = f"the goal needs at least {needed} actions, the depth is {self.budget.depth}; raise the depth"
         return self._result(SearchStatus.INFEASIBLE, math.inf, reason)
 
+    def _step(self) -> None:
+        """Take one node further."""
+        if self.incumbent is None:
+            by_estimate = self.expanded <= PATIENCE
+            node = self.open.pop_by_estimate() if by_estimate else None
+            self._advance(node or self.open.pop_by_distance())
+            return
+        self.steps += 1
+        promising = self.open.pop_by_estimate(self._best_cost()) if self.steps % BOUND_EVERY else None
+        node = promising or self.open.pop_by_bound()
+        if not self._still_open(node):
+            return
+        loose = None if promising else next(self._not_tightened(node), None)
+        if loose is None:
+            self._advance(node)
+        else:
+            self._tighten(loose)
+            self.open.push(node)
+
+    def _still_open(self, node: Node) -> bool:
+        """Prune a node that cannot improve the incumbent."""
+        bound = self._bound(node)
+        if bound < self._best_cost():
+            return True
+        dead = next((above for above in self._chain(node) if above.verdict == "infeasible"), None)
+        costs = f"costs {bound:.4g} or more, the best path {self._best_cost():.4g}"
+        self._prune(node, costs if dead is None else dead.reason)
+        return False
+
+    def _chain(self, node: Node) -> Iterator[Node]:
+        """Yield a node and its ancestors, up to the root."""
+        while True:
+            yield node
+            if node.parent < 0:
+                return
+            node = self.nodes[node.parent]
+
+    def _bound(self, node: Node) -> float:
+        """Return the lower bound of any path through a node, by its own problems and those of its ancestors."""
+        return max(min(above.bound, above.attained) for above in self._chain(node))
+
+    def _not_tightened(self, node: Node) -> Iterator[Node]:
+        """Yield the incomplete sequences on the way to a node whose finer level is not solved, the shortest first."""
+        name = self.bounds.prefix_level
+        if name and self.statistics[name].solved < self.budget.calls.get(name, math.inf):
+            for above in reversed(list(self._chain(node))):
+                if above.level > 0 and not above.goal and not above.tightened:
+                    yield above
+
+    def _tighten(self, node: Node) -> None:
+        """Bound all nodes below an incomplete sequence by its finer level."""
+        node.tightened = True
+        name = self.bounds.prefix_level
+        result = self._solve(name, node)
+        if not result.feasible:
+            self._close(node, name, result)
+            return
+        rest = self.bounds.least_cost(node.least_left)
+        node.costs[name] = result.cost
+        self._correct(node, rest + (result.cost if result.attained is None else result.attained))
+        node.bound = max(node.bound, rest + result.cost)
+
+    def _correct(self, node: Node, attained: float) -> None:
+        """Lower what turns out to be no bound: a sequence costs no less than each of its prefixes."""
+        for above in self._chain(node):
+            above.attained = min(above.attained, attained)
+
+    def _reopen(self) -> bool:
+        """Open again what was excluded by bounds that were lowered since."""
+        for node in self.nodes:
+            low = node.verdict == "pruned" and self._bound(node) < self._best_cost()
+            if low and self._conflict_in(node.skeleton) is None:
+                node.verdict, node.reason = "", ""
+                self.pruned -= 1
+                self.open.push(node)
+        return len(self.open) > 0
+
     def _open_bound(self) -> float:
         """Return the lowest bound of all sequences that were not excluded."""
-        open_bounds = [self.nodes[number].bound for number in self.open]
-        return min([self._best_cost(), *open_bounds, *self._skipped_bounds()])
-
-    def _skipped_bounds(self) -> list[float]:
-        return [node.bound for node in self.nodes if node.verdict == "over budget"]
+        skipped = (node for node in self.nodes if node.verdict == "over budget")
+        return min([self._best_cost(), *map(self._bound, self.open), *map(self._bound, skipped)])
 
     def _best_cost(self) -> float:
         """Return the cost of the incumbent, inf without one."""
         return math.inf if self.incumbent is None else self.incumbent.costs[self.bounds.levels[-1]]
 
-    def _cannot_improve(self, bound: float) -> bool:
-        return self.incumbent is not None and bound >= self._best_cost()
-
-    def _push(self, node: Node, level: int) -> None:
-        self.open[node.number] = level
-        # Equal bounds: finer levels first, then shorter sequences.
-        heapq.heappush(self.by_bound, (node.bound, -level, len(node.skeleton), node.number))
-        off_first = node.skeleton != self.first[: len(node.skeleton)]
-        heapq.heappush(self.by_distance, (off_first, node.actions_left, -level, node.bound, node.number))
-
-    def _pop(self) -> tuple[Node, int]:
-        """Return the next node and its level: depth first without an incumbent, then by bound."""
-        while True:
-            number = heapq.heappop(self.by_distance)[4] if self.incumbent is None else heapq.heappop(self.by_bound)[3]
-            # A node is in both orders: skip it where it was taken from the other.
-            if number in self.open:
-                return self.nodes[number], self.open.pop(number)
-
-    def _advance(self, node: Node, level: int) -> None:
-        """Solve one level of a node; push, extend or close it."""
-        name = self.bounds.levels[level]
+    def _advance(self, node: Node) -> None:
+        """Extend a node, or solve its next level."""
         conflict = self._conflict_in(node.skeleton)
         if conflict is not None:
             self._prune(node, conflict)
             return
+        if node.level > 0 and not node.goal:
+            self._extend(node)
+            return
+        name = self.bounds.levels[node.level]
         if self.statistics[name].solved >= self.budget.calls.get(name, math.inf):
             self.blocked, node.verdict, node.reason = True, "over budget", f"no {name} problem left"
             return
         result = self._solve(name, node)
         if not result.feasible:
-            node.verdict, node.reason = "infeasible", result.reason or f"{name} is infeasible"
-            if result.conflict:
-                self.conflicts[result.conflict] = node.reason
+            self._close(node, name, result)
             return
-        node.result = result
-        node.costs[name] = result.cost
-        last = level == len(self.bounds.levels) - 1
+        node.result, node.costs[name] = result, result.cost
+        node.estimate = result.cost if result.estimate is None else result.estimate
+        node.level += 1
+        last = node.level == len(self.bounds.levels)
+        if node.level > 1:
+            self._correct(node, result.cost if result.attained is None else result.attained)
         if last or self.bounds.is_lower_bound(name):
-            node.bound = max(node.bound, result.cost)
-        if last:
-            if self.incumbent is None or result.cost < self._best_cost():
-                self.incumbent = node
-        elif node.goal:
-            self._push(node, level + 1)
-        if level == 0 and not node.goal:
-            self._extend(node)
+            node.bound = max(node.bound, result.cost + self.bounds.least_cost(node.least_left))
+        if not last:
+            node.estimates[node.level] = node.estimate
+            self.open.push(node)
+            return
+        self.open.learn(node.estimates, result.cost)
+        if result.cost < self._best_cost():
+            self.incumbent = node
+
+    def _close(self, node: Node, name: str, result: BoundResult) -> None:
+        """Exclude an infeasible sequence and all longer ones."""
+        node.verdict, node.reason = "infeasible", result.reason or f"{name} is infeasible"
+        node.bound = math.inf
+        if result.conflict:
+            self.conflicts[result.conflict] = node.reason
 
     def _solve(self, name: str, node: Node) -> BoundResult:
         start = time.perf_counter()
@@ -335,6 +256,7 @@ class _Search:
         for end, action in enumerate((*node.skeleton, None)):
             visited.add((state, self.bounds.displaced(node.skeleton[:end])))
             state = state if action is None else action.apply(state)
+        states = {state for state, _ in visited}
         for action, after in self.task.successors(node.state):
             if (after, self.bounds.displaced((*node.skeleton, action))) in visited:
                 continue
@@ -350,10 +272,12 @@ class _Search:
                 after,
                 self.task.is_goal(after),
                 actions_left=len(remaining.actions),
-                bound=node.bound,
+                least_left=remaining.layers,
+                deferred=self.open.deferred(node, action, after in states),
+                estimate=node.estimate,
             )
             self.nodes.append(child)
-            self._push(child, 0)
+            self.open.push(child)
 
     def _result(self, status: SearchStatus, bound: float, reason: str = "") -> SearchResult:
         best, last = self.incumbent, self.bounds.levels[-1]

@@ -16,7 +16,7 @@ from reba.terminal import Console
 from tests.support.gantry import PUT, TABLES, carried
 from tests.support.lgp_worlds import HUMAN_ONLY
 
-COSTS = {"total": 1.0, "acceleration": 1.0, "ergonomics": 0.0}
+COSTS = {"total": 1.4, "acceleration": 1.0, "ergonomics": 0.0, "time": 0.4}
 SEARCH = {"poses": 1, "sequences": 1, "paths": 1, "seconds": 0.1, "gap": 0.0}
 
 

@@ -74,7 +74,9 @@ def test_a_human_takes_a_box(planned: lgp.Plan) -> None:
     assert planned.actions == ("grasp(1, human.right_hand, box)",)
     assert planned.path.shape == (5, len(planned.joints))
     assert planned.time.tolist() == pytest.approx([0.4, 0.8, 1.2, 1.6, 2.0])
-    assert planned.costs["total"] == pytest.approx(planned.costs["acceleration"] + planned.costs["ergonomics"])
+    terms = [planned.costs[term] for term in ("acceleration", "ergonomics", "time")]
+    assert planned.costs["total"] == pytest.approx(sum(terms))
+    assert planned.costs["time"] == pytest.approx(planned.weights["time"] * planned.time[-1])
     assert planned.costs["ergonomics"] > 0.0
     assert max(planned.residuals.values()) <= 1e-6
     scores = planned.reba()
@@ -146,7 +148,7 @@ def test_plan_of_the_screwdriver_from_the_command_line(tmp_path: Path) -> None:
     assert result["feasible"] is True
     assert result["actions"][0] == "grasp(1, baxter.right, screwdriver)"
     assert result["actions"][-1] == "grasp(3, human.right_hand, screwdriver)"
-    assert set(result["cost"]) == {"total", "acceleration", "ergonomics"}
+    assert set(result["cost"]) == {"total", "acceleration", "ergonomics", "time"}
     assert len(result["reba"]["per_phase"]) == 3
     assert max(result["residuals"].values()) <= 1e-6
     assert {"expanded", "poses", "sequences", "paths", "seconds"} <= set(result["search"])
@@ -245,3 +247,28 @@ def test_drawing_holds_every_node_once(planned: lgp.Plan) -> None:
     root = ElementTree.fromstring(draw(planned.tree, planned.tree[1].skeleton))
     boxes = root.findall(".//{http://www.w3.org/2000/svg}rect")
     assert len(boxes) == len(planned.tree)
+
+
+@needs_robots
+def test_time_is_not_rewarded() -> None:
+    """A crate is brought in two actions, also where four fit: putting it down on the way only adds time."""
+    tables = {
+        side: {"position": [0.6, y], "size": [0.3, 0.3], "height": 0.8} for side, y in (("a", 0.35), ("b", -0.35))
+    }
+    values = {
+        "domain": "screwdriver",
+        "initial": ["on_table(crate)", "free(human.right_hand)", "free(baxter.left)", "free(baxter.right)"],
+        "goal": ["placed(crate, table.b)"],
+        "human": {"tilt": 100},
+        "robots": {"baxter": {"model": "baxter", "position": [1.2, 0.0], "yaw": 180}},
+        "tables": tables,
+        "objects": {"crate": {"size": [0.2, 0.08, 0.15], "mass": 12.0, "on": "table.a"}},
+    }
+    plans = {
+        (depth, weight): lgp.plan(read_scene(values).with_time_weight(weight), depth=depth, collisions=False, slices=6)
+        for depth, weight in ((2, 0.2), (4, 0.2), (4, 0.0))
+    }
+    assert plans[4, 0.2].actions == plans[2, 0.2].actions
+    assert plans[4, 0.2].costs["time"] == pytest.approx(0.2 * 4.0)
+    # Without a cost of time the same scene is delivered in four actions.
+    assert len(plans[4, 0.0].actions) == 4

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import random
 
-from lgp.search.tree_search import BoundResult, Skeleton
+from lgp.logic.task import Action
+from lgp.search.records import BoundResult, Skeleton
 
 
 class RandomBounds:
@@ -13,12 +14,18 @@ class RandomBounds:
 
     levels = ("pose", "sequence", "path")
 
-    def __init__(self, seed: int, infeasible: float = 0.2, direct: bool = False) -> None:
-        self.seed, self.infeasible, self.direct = seed, infeasible, direct
+    def __init__(self, seed: int, infeasible: float = 0.2, direct: bool = False, prefix_level: str = "") -> None:
+        self.seed, self.infeasible, self.direct, self.prefix_level = seed, infeasible, direct, prefix_level
         self.calls: list[tuple[str, Skeleton]] = []
 
     def is_lower_bound(self, level: str) -> bool:
         return True
+
+    def least_cost(self, actions: int) -> float:
+        return 0.0
+
+    def objects(self, action: Action) -> tuple[str, ...]:
+        return (action.arguments[1],)
 
     def displaced(self, skeleton: Skeleton) -> int:
         return 0
@@ -38,7 +45,7 @@ class RandomBounds:
 
     def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
         self.calls.append((level, skeleton))
-        stage = self.levels.index(level)
+        stage = 1 if level == self.prefix_level else self.levels.index(level)
         end = self._bad(skeleton, stage)
         if end:
             return BoundResult(False, math.inf, f"{level}: {skeleton[end - 1]} cannot be reached")

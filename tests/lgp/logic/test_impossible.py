@@ -11,7 +11,8 @@ import pytest
 from lgp.logic.impossible import exclusive_goals, fewest_actions
 from lgp.logic.pddl import load_domain
 from lgp.logic.task import Task, ground, parse_atom
-from lgp.search.tree_search import Budget, SearchStatus, search
+from lgp.search.records import Budget, SearchStatus
+from lgp.search.tree_search import search
 from tests.support.random_bounds import RandomBounds
 from tests.support.says import says
 

@@ -36,6 +36,19 @@ def test_a_full_hand_cannot_grasp() -> None:
     assert names == {f"place(baxter.left, screwdriver, {table})" for table in OBJECTS if table.startswith("table")}
 
 
+def test_actions_of_one_hand_or_one_object_do_not_commute() -> None:
+    task = screwdriver()
+    left, right = (task.action(f"grasp(baxter.{side}, screwdriver)") for side in ("left", "right"))
+    put, other = (task.action(f"place(baxter.left, screwdriver, table.{table})") for table in ("left", "center"))
+    assert not left.commutes_with(right)
+    assert not left.commutes_with(put)
+    assert not put.commutes_with(other)
+    tools = {**OBJECTS, "hammer": "thing"}
+    first = [parse_atom(text) for text in ("free(baxter.left)", "free(baxter.right)", "on_table(hammer)")]
+    more = ground(load_domain("screwdriver"), tools, [*first, parse_atom("on_table(screwdriver)")], [])
+    assert more.action("grasp(baxter.left, screwdriver)").commutes_with(more.action("grasp(baxter.right, hammer)"))
+
+
 @pytest.mark.parametrize(
     ("text", "facts"),
     [

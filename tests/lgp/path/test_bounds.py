@@ -18,7 +18,7 @@ from lgp.path.phases import Phases, switch_of
 from lgp.path.problem import PathProblem
 from lgp.planner import task_of
 from lgp.scene.scene_file import load_scene
-from lgp.search.tree_search import BoundResult
+from lgp.search.records import BoundResult
 from tests.support.lgp_worlds import needs_robots
 from tests.support.says import says
 
@@ -140,6 +140,7 @@ def solved(bounds: PathBounds, skeleton: tuple[Action, ...]) -> dict[str, BoundR
         warm = bounds.solve("pose", skeleton[: end + 1], warm)
         assert warm.feasible, warm.reason
         found[f"pose {end}"] = warm
+        found[f"prefix {end}"] = bounds.solve(bounds.prefix_level, skeleton[: end + 1], warm)
     for level in ("sequence", "path"):
         warm = bounds.solve(level, skeleton, warm)
         assert warm.feasible, warm.reason
@@ -155,7 +156,14 @@ def test_no_level_costs_more_than_the_next(world: World, task: Task, ergonomics:
         bounds = PathBounds(there, ergonomics if ergonomic else None, slices=SLICES)
         found = solved(bounds, actions(task, GRASP, place(table), TAKE))
         poses = [result.cost for level, result in found.items() if level.startswith("pose")]
+        prefixes = [result.cost for level, result in found.items() if level.startswith("prefix")]
         assert 0.0 < max(poses) <= found["sequence"].cost
+        assert prefixes == sorted(prefixes)
+        assert max(poses) <= prefixes[-1] * 1.01
+        assert 0.5 * found["sequence"].cost < prefixes[-1] <= found["sequence"].cost
+        estimate = found[f"pose {len(poses) - 1}"].estimate
+        assert estimate is not None
+        assert 0.5 < estimate / found["path"].cost < 3.0
         assert found["sequence"].cost <= found["path"].cost * (1.0 + 1e-6)
         if not ergonomic:
             # Without posture costs only limits between switches part the two.

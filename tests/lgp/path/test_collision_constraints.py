@@ -16,7 +16,7 @@ from lgp.path.keyframes import Solution
 from lgp.path.problem import PathProblem
 from lgp.planner import plan, task_of
 from lgp.scene.scene_file import load_scene
-from lgp.search.tree_search import BoundResult
+from lgp.search.records import BoundResult
 from tests.support.lgp_worlds import needs_robots
 from tests.support.says import says
 

@@ -16,7 +16,7 @@ from lgp.path.collision_path import MULTI_START_RATIO, candidate_guesses, initia
 from lgp.path.keyframes import Solution
 from lgp.planner import follow, parse_sequence, task_of
 from lgp.scene.scene_file import load_scene
-from lgp.search.tree_search import SearchResult
+from lgp.search.records import SearchResult
 from tests.support.lgp_worlds import needs_robots
 
 pytestmark = needs_robots

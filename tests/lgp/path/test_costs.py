@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lgp.path.costs import acceleration_quadratic, eliminate_slices
+from lgp.path.costs import acceleration_quadratic, acceleration_quadratic_of, eliminate_slices, slope_by_steps
 
 
 @settings(max_examples=30, deadline=None)
@@ -35,3 +35,23 @@ def test_eliminated_slices_are_at_their_minimum(slices: int, seed: int) -> None:
     away = rng.normal(size=slices)
     away[[2, 3, slices - 1]] = 0.0
     assert (best + away) @ matrix @ (best + away) >= best @ matrix @ best - 1e-9
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(2, 9), st.booleans(), st.integers(0, 1000))
+def test_unequal_steps(slices: int, stop: bool, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    even = acceleration_quadratic_of(np.full(slices, 0.3), stop)
+    assert even == pytest.approx(acceleration_quadratic(slices, 0.3, stop), abs=1e-9)
+    steps, path = rng.uniform(0.1, 0.4, slices), rng.normal(size=(slices, 2))
+
+    def cost(logs: np.ndarray) -> float:
+        matrix = acceleration_quadratic_of(np.exp(logs), stop)
+        return float(np.einsum("tj,ts,sj->", path, matrix, path))
+
+    logs = np.log(steps)
+    slope = slope_by_steps(path, steps, stop)
+    for number in range(slices):
+        step = 1e-6 * np.eye(slices)[number]
+        assert slope[number] == pytest.approx((cost(logs + step) - cost(logs - step)) / 2e-6, rel=1e-5, abs=1e-4)
+    assert slope.sum() == pytest.approx(-3.0 * cost(logs))

@@ -46,6 +46,19 @@ def test_the_screwdriver_scene_gives_a_reason_for_each_free_choice() -> None:
         assert load_scene("screwdriver", {key: held}) != scene
 
 
+def test_a_second_costs_what_the_scene_says() -> None:
+    assert read_scene(HUMAN_ONLY).time_weight == 0.2
+    scene = read_scene(_with("cost.time_weight", 1.5))
+    assert scene.time_weight == 1.5
+    other = read_scene(HUMAN_ONLY).with_time_weight(0.0)
+    assert read_scene(other.values) == other
+    assert other.time_weight == 0.0
+    for key, value in {"cost.time_weight": -1.0, "cost.time": 1.0}.items():
+        with pytest.raises(SceneError) as error:
+            read_scene(_with(key, value))
+        says(error, "cost", "time")
+
+
 def test_heights_are_drawn_from_their_ranges_alone() -> None:
     scene = load_scene("screwdriver")
     drawn = np.array(

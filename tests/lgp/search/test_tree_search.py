@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -12,7 +13,8 @@ from hypothesis import strategies as st
 
 from lgp.logic.pddl import load_domain
 from lgp.logic.task import Task, ground, parse_atom
-from lgp.search.tree_search import BoundResult, Budget, SearchResult, SearchStatus, Skeleton, search
+from lgp.search.records import BoundResult, Budget, SearchResult, SearchStatus, Skeleton
+from lgp.search.tree_search import search
 from tests.support.random_bounds import RandomBounds
 from tests.support.says import says
 
@@ -47,11 +49,11 @@ def exhaustive(problem: Task, bounds: RandomBounds, depth: int) -> float:
     return best
 
 
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, 10_000), st.sampled_from([0.0, 0.2, 0.6]), st.booleans())
-def test_finds_the_optimum_and_proves_it(seed: int, infeasible: float, direct: bool) -> None:
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 0.2, 0.6]), st.booleans(), st.sampled_from(["", "prefix"]))
+def test_finds_the_optimum_and_proves_it(seed: int, infeasible: float, direct: bool, prefix_level: str) -> None:
     problem = task()
-    bounds = RandomBounds(seed, infeasible, direct)
+    bounds = RandomBounds(seed, infeasible, direct, prefix_level)
     result = search(problem, bounds, Budget(depth=5))
     truth = exhaustive(problem, RandomBounds(seed, infeasible, direct), 5)
     assert result.cost == pytest.approx(truth)
@@ -196,3 +198,86 @@ def test_levels_without_a_bound_do_not_prune() -> None:
     for seed in range(5):
         result = search(task(), Unrelated(seed, 0.2), Budget(depth=3))
         assert result.cost == pytest.approx(exhaustive(task(), RandomBounds(seed, 0.2), 3))
+
+
+def crew() -> Task:
+    """Two hands, each at its own of two tools, and a third tool that no goal names; one table."""
+    objects = {"a": "robot_hand", "b": "robot_hand", "left": "table", **dict.fromkeys(("one", "two", "odd"), "thing")}
+    initial = ["free(a)", "free(b)", "on_table(one)", "on_table(two)", "on_table(odd)"]
+    goal = ["placed(one, left)", "placed(two, left)"]
+    return ground(domain("screwdriver"), objects, map(parse_atom, initial), map(parse_atom, goal))
+
+
+def test_the_path_of_the_lowest_estimate_is_solved_first() -> None:
+    """An estimate that knows the cost of each prefix finds the best plan at once."""
+
+    class Informed(RandomBounds):
+        def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
+            result = super().solve(level, skeleton, warm)
+            return replace(result, estimate=super().solve("path", skeleton, None).cost) if result.feasible else result
+
+    for seed in range(8):
+        best = search(crew(), Informed(seed, 0.0), Budget(depth=4))
+        first = search(crew(), Informed(seed, 0.0), Budget(depth=4, calls={"path": 1}))
+        assert first.cost <= 1.25 * best.cost, seed
+
+
+def test_objects_outside_the_goal_and_swapped_orders_come_last() -> None:
+    bounds = RandomBounds(3, 0.0)
+    search(crew(), bounds, Budget(depth=4, calls={"path": 1}))
+    first = next(index for index, (level, _) in enumerate(bounds.calls) if level == "path")
+    before = [skeleton for _, skeleton in bounds.calls[: first + 1]]
+    assert not any("odd" in action.arguments for skeleton in before for action in skeleton)
+    for one, two in itertools.pairwise(before[-1]):
+        assert not (two.commutes_with(one) and str(two) < str(one)), before[-1]
+
+
+def test_the_finer_level_of_prefixes_saves_paths_and_closes_the_gap() -> None:
+    saved = 0
+    for seed in range(6):
+        plain, finer = (RandomBounds(seed, 0.1, prefix_level=level) for level in ("", "prefix"))
+        results = [search(crew(), bounds, Budget(depth=5)) for bounds in (plain, finer)]
+        assert results[0].cost == pytest.approx(results[1].cost)
+        sequences = [sum(level == "sequence" for level, _ in bounds.calls) for bounds in (plain, finer)]
+        saved += sequences[0] - sequences[1]
+        few = [
+            search(crew(), RandomBounds(seed, 0.1, prefix_level=level), Budget(5, {"path": 1, "prefix": 20}))
+            for level in ("", "prefix")
+        ]
+        assert few[0].bound <= few[1].bound + 1e-12
+        assert few[1].bound <= results[0].cost + 1e-12
+    assert saved > 0
+
+
+def test_a_bound_that_a_longer_sequence_undercuts_is_lowered() -> None:
+    """Bounds are solved locally and may be too high; what they exclude is opened again as soon as that shows."""
+
+    class TooHigh(RandomBounds):
+        def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
+            result = super().solve(level, skeleton, warm)
+            wrong = level == "prefix" and len(skeleton) == 1
+            return replace(result, cost=100.0, attained=100.0) if wrong and result.feasible else result
+
+    for seed in range(6):
+        result = search(crew(), TooHigh(seed, 0.0, prefix_level="prefix"), Budget(depth=4))
+        for node in result.nodes:
+            if node.skeleton == result.skeleton[:1]:
+                assert min(node.bound, node.attained) <= result.cost
+        best = min((n for n in result.nodes if n.skeleton[:1] == result.skeleton[:1] and "path" in n.costs),
+                   key=lambda n: n.costs["path"])  # fmt: skip
+        assert result.cost == best.costs["path"]
+        left = [n for n in result.nodes if n.skeleton[:1] == result.skeleton[:1] and n.verdict == "pruned"]
+        assert all("100" not in node.reason for node in left), seed
+
+
+def test_what_is_left_costs_something() -> None:
+    """The least cost of the actions that are still needed is part of the bound."""
+
+    class Priced(RandomBounds):
+        def least_cost(self, actions: int) -> float:
+            return 0.4 * actions
+
+    for seed in range(5):
+        plain, priced = (search(task(), kind(seed, 0.1), Budget(depth=4)) for kind in (RandomBounds, Priced))
+        assert plain.cost == pytest.approx(priced.cost)
+        assert len(priced.nodes) <= len(plain.nodes)
