@@ -34,6 +34,11 @@ def check_first_facts(scene: Scene) -> None:
     for name, item in scene.objects.items():
         where = f"{scene.name}: objects.{name}"
         if item.hand:
+            payload = scene.hands[item.hand].payload
+            if item.mass > payload:
+                raise SceneError(
+                    f"{where} of {item.mass:g} kg is in {item.hand}, whose payload is {payload:g} kg; correct one"
+                )
             if (item.hand, name) not in grasped:
                 raise SceneError(
                     f"{where} is in {item.hand}, but `initial` has no grasped({item.hand}, {name}); add the fact"

@@ -5,6 +5,7 @@ Lengths are in metres, angles in degrees as in scene files; world axes are x, y 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,7 @@ class Hand:
         tilt: largest angle [deg] between its z and straight down when it works at a table; 180 allows any.
         freedom: rotation of an object relative to the hand: "free", about the "axis" z only, about the axis y of a
             "jaw", or "fixed".
+        payload: largest mass that it carries [kg]; infinite where the scene states none.
     """
 
     agent: str
@@ -37,6 +39,7 @@ class Hand:
     kind: str
     tilt: float
     freedom: str
+    payload: float = math.inf
 
     @property
     def full(self) -> str:
@@ -75,10 +78,34 @@ class Human(Agent):
 
 
 @dataclass(frozen=True)
+class PlanarBase:
+    """How far a mobile robot moves over the floor from its position and yaw, along and about its own axes.
+
+    Attributes:
+        x, y: lowest and highest displacement [m].
+        yaw: lowest and highest turn [deg].
+        speed, turn: largest speeds [m/s, deg/s].
+    """
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    yaw: tuple[float, float]
+    speed: float
+    turn: float
+
+
+@dataclass(frozen=True)
 class Robot(Agent):
-    """A robot: `model` is a name in robots.toml or the path of a URDF file; `position` includes the base height."""
+    """A robot: `model` is a name in robots.toml or the path of a URDF file; `position` includes the base height.
+
+    Attributes:
+        base: of a mobile robot; its joints are `base_x`, `base_y` [m] and `base_yaw`.
+        packages: folders in which ROS packages are looked for, those that `package://NAME/...` names.
+    """
 
     model: str
+    base: PlanarBase | None = None
+    packages: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import os
 import tomllib
 from collections.abc import Mapping
@@ -13,7 +14,7 @@ from typing import Any
 from lgp.errors import SceneError
 from lgp.logic.pddl import shipped_domains
 from lgp.scene.body_measures import STATURE, table
-from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
+from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, PlanarBase, Robot, Scene, SceneObject, Table
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
 from reba.open_file import read_settings
@@ -23,6 +24,8 @@ SHIPPED = Path(__file__).parents[1] / "scenes"
 ROBOTS = Path(__file__).parent / "data" / "robots.toml"
 FARTHEST = 1000.0
 """[m] Largest coordinate of a position."""
+MOST_TURN = 3600.0
+"""[deg] Largest turn of a mobile base each way."""
 SHORTEST_PHASE = 0.2
 """[s] Shortest phase (a choice): no action of a person is done in less."""
 FREEDOMS = ("free", "axis", "jaw", "fixed")
@@ -86,6 +89,10 @@ def _with_absolute_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]
     for robot in robots.values() if isinstance(robots, dict) else ():
         if isinstance(robot, dict) and str(robot.get("model")).endswith(".urdf"):
             robot["model"] = absolute(robot["model"])
+        if isinstance(robot, dict) and isinstance(robot.get("packages"), list):
+            robot["packages"] = [
+                str((folder / part).absolute()) if isinstance(part, str) else part for part in robot["packages"]
+            ]
     return values
 
 
@@ -159,11 +166,12 @@ def _human(entries: TomlTable) -> Human:
             raise SceneError(f"{entries.where}: no hand {hand!r}, expected {' or '.join(hands)}")
     tilt = entries.number("tilt", 180.0, 0.0, 180.0)
     freedom = entries.text("freedom", "free", FREEDOMS)
+    payload = _payload(entries)
     human = Human(
         name="human",
         position=(x, y, 0.0),
         yaw=entries.number("yaw", 0.0),
-        hands=tuple(Hand("human", hand, hand, 0.0, "human_hand", tilt, freedom) for hand in chosen),
+        hands=tuple(Hand("human", hand, hand, 0.0, "human_hand", tilt, freedom, payload) for hand in chosen),
         locked=entries.texts("locked", ()),
         joints=entries.numbers("joints"),
         stature=entries.number("stature", 1.75, *STATURE),
@@ -188,6 +196,7 @@ def _robot(name: str, entries: TomlTable) -> Robot:
     if not hands:
         defaults = known.get("hands", {})
         hands = {hand: TomlTable(f"{entries.where}.hands.{hand}", {}, SceneError) for hand in defaults}
+    base = entries.table("base")
     robot = Robot(
         name=name,
         position=placement,
@@ -196,9 +205,30 @@ def _robot(name: str, entries: TomlTable) -> Robot:
         locked=entries.texts("locked", tuple(known.get("locked", ()))),
         joints=dict(known.get("joints", {})) | entries.numbers("joints"),
         model=model,
+        base=_base(base) if entries.has("base") else None,
+        packages=entries.texts("packages", ()),
     )
     entries.done()
     return robot
+
+
+def _base(entries: TomlTable) -> PlanarBase:
+    base = PlanarBase(
+        x=_range(entries, "x", (0.0, 0.0), FARTHEST),
+        y=_range(entries, "y", (0.0, 0.0), FARTHEST),
+        yaw=_range(entries, "yaw", (-180.0, 180.0), MOST_TURN),
+        speed=entries.number("speed", 0.5, low=0.001, high=100.0),
+        turn=entries.number("turn", 60.0, low=0.1, high=10000.0),
+    )
+    entries.done()
+    return base
+
+
+def _range(entries: TomlTable, key: str, default: tuple[float, float], widest: float) -> tuple[float, float]:
+    low, high = entries.vector(key, 2, default, -widest, widest)
+    if high < low:
+        raise SceneError(f"{entries.where}: {key} is [{low:g}, {high:g}], expected [lowest, highest]")
+    return low, high
 
 
 def _hand(agent: str, name: str, entries: TomlTable, known: Mapping[str, Any]) -> Hand:
@@ -210,9 +240,14 @@ def _hand(agent: str, name: str, entries: TomlTable, known: Mapping[str, Any]) -
         kind=entries.text("kind", "robot_hand"),
         tilt=entries.number("tilt", 90.0, 0.0, 180.0),
         freedom=entries.text("freedom", "free", FREEDOMS),
+        payload=_payload(entries, float(known.get("payload", math.inf))),
     )
     entries.done()
     return hand
+
+
+def _payload(entries: TomlTable, default: float = math.inf) -> float:
+    return entries.number("payload", low=0.0) if entries.has("payload") else default
 
 
 def _table(name: str, entries: TomlTable) -> Table:

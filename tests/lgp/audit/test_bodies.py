@@ -312,7 +312,7 @@ def test_a_link_whose_mesh_is_not_there_is_named(tmp_path: Path) -> None:
     file.write_text(file.read_text().replace('<sphere radius="0.05"/>', '<mesh filename="tool.stl"/>'))
     robot_file.cache_clear()
     audit = audit_plan(plan)
-    assert audit.unaudited == ("gantry: link 'tool' has no body, because its mesh is not there",)
+    assert audit.unaudited == ("gantry: link 'tool' has no body, because its mesh 'tool.stl' is not there",)
 
 
 @needs_robots
