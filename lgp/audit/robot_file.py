@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from lgp.audit.joint_tree import BASE, Frame, TreeJoint, about, chain_of
-from lgp.audit.shapes import Shape, ball, box, capsule, cylinder, mesh
+from lgp.audit.shapes import Shape, ball, box, capsule, cylinder, mesh_of
 from lgp.kinematics.mesh_file import MissingMeshError, mesh_path, read_mesh
 from lgp.kinematics.urdf import read_urdf
 from lgp.scene.model import PlanarBase
@@ -56,7 +56,15 @@ def robot_file(path: Path, base: PlanarBase | None = None, packages: tuple[str, 
             frames[child] = at
             frames.setdefault(element.get("name", ""), at)
             waiting.append(child)
-    parts, notes = [], []
+    known = {element.get("name") for element in root.findall("joint")}
+    parts, notes = (
+        [],
+        [
+            f"joint {joint.name!r} follows {joint.follows[0]!r}, which is not there, and stays where it is"
+            for joint in joints
+            if joint.follows is not None and joint.follows[0] not in known
+        ],
+    )
     for link in root.findall("link"):
         for element in link.findall("collision"):
             try:
@@ -114,9 +122,7 @@ def _shape(element: ET.Element, path: Path, packages: tuple[str, ...]) -> tuple[
     shape: Any = element.find("geometry/*")
     if shape.tag == "mesh":
         parts = read_mesh(mesh_path(str(shape.get("filename")), path, packages))
-        counts = np.cumsum([0, *(len(vertices) for vertices, *_ in parts)])
-        faces = np.concatenate([own + first for (_, own, _), first in zip(parts, counts, strict=False)])
-        return mesh(np.concatenate([vertices for vertices, *_ in parts]) * _numbers(shape, "scale", "1 1 1"), faces)
+        return mesh_of(parts, _numbers(shape, "scale", "1 1 1"))
     if shape.tag == "box":
         return box(_numbers(shape, "size", "")), np.zeros(3)
     radius = float(shape.get("radius", "0"))

@@ -321,8 +321,12 @@ def _agent_model(agent: Agent) -> tuple[JointedModel, pin.SE3]:
     model = built.model
     for number in range(1, model.njoints):
         model.names[number] = f"{agent.name}.{model.names[number]}"
+    links = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY}
     for number in range(1, model.nframes):
-        model.frames[number].name = f"{agent.name}.{model.frames[number].name}"
+        frame = model.frames[number]
+        # A joint and a link may have one name: it is that of the link, as in `frame` of a hand.
+        twice = frame.type != pin.FrameType.BODY and frame.name in links
+        frame.name = f"{agent.name}.{frame.name}{' (joint)' if twice else ''}"
     couplings = {
         f"{agent.name}.{name}": replace(one, leader=f"{agent.name}.{one.leader}")
         for name, one in built.couplings.items()

@@ -17,7 +17,7 @@ from lgp.kinematics.mesh_file import mesh_path, read_mesh
 from lgp.kinematics.robot import urdf_of
 from lgp.kinematics.urdf import read_urdf
 from lgp.page.mesh import Mesh, colour, joined
-from lgp.scene.model import Robot, SceneObject, Table
+from lgp.scene.model import Obstacle, Robot, SceneObject, Table
 from reba.arrays import Array
 
 FACES = 2500
@@ -188,6 +188,19 @@ def table_mesh(table: Table) -> Mesh:
             at = (x * (length / 2 - leg), y * (width / 2 - leg), bottom / 2.0)
             bodies.append(_box((leg, leg, bottom), at, look["legs"]))
     return joined(bodies)
+
+
+def obstacle_mesh(body: Obstacle) -> Mesh:
+    """Return an obstacle, in the colour of obstacles; a mesh keeps its own."""
+    import trimesh
+
+    tint = shapes()["table"]["obstacle"]
+    if body.shape == "box":
+        return _box(body.size, (0.0, 0.0, 0.0), tint)
+    if body.shape == "cylinder":
+        bar = trimesh.creation.cylinder(body.size[0] / 2.0, body.size[2])
+        return reduced([(bar.vertices, bar.faces, colour(tint))])
+    return _load(Path(body.file), body.size, tuple(colour(tint).tolist()))
 
 
 def object_mesh(scene_object: SceneObject, number: int) -> Mesh:

@@ -46,7 +46,13 @@ def check_first_facts(scene: Scene) -> None:
             for fact in facts:
                 if fact.arguments in {(name,), (item.hand,)} and fact.predicate in ("on_table", "free"):
                     raise SceneError(f"{where} is in {item.hand}, but `initial` says {fact}; remove the fact")
-        elif name in placed and item.on not in placed[name]:
+            continue
+        clearance, height = scene.tables[item.on].clearance, item.size["xyz".index(item.up)]
+        if height >= clearance:
+            raise SceneError(
+                f"{where} is {height:g} m high on {item.on}, above which are {clearance:.3g} m; correct one of them"
+            )
+        if name in placed and item.on not in placed[name]:
             raise SceneError(
                 f"{where} is on {item.on}, but `initial` says placed({name}, {placed[name][0]}); correct one of them"
             )

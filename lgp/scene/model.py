@@ -112,7 +112,8 @@ class Robot(Agent):
 class Table:
     """A table: centre of its top (x, y) [m], yaw [deg], size, height and thickness of the top [m].
 
-    An experiment draws the height from the range `heights`, which is (height, height) for a fixed one.
+    An experiment draws the height from the range `heights`, which is (height, height) for a fixed one. Above the top
+    `clearance` [m] are free; what bounds them is another table, or a board of its own where it is `covered`.
     """
 
     name: str
@@ -122,11 +123,38 @@ class Table:
     height: float
     heights: tuple[float, float]
     thickness: float
+    clearance: float = math.inf
+    covered: bool = False
 
     @property
     def full(self) -> str:
         """The name in plans: `table.left`."""
         return f"table.{self.name}"
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A body that is in the way: it never moves, nothing is placed on it, and no action names it.
+
+    Attributes:
+        shape: "box", "cylinder" (its axis is z) or "mesh".
+        position: of the middle of a box or cylinder, of the origin of a mesh [m].
+        rotation: rotation vector [deg].
+        size: sides of a box, two diameters and the length of a cylinder [m]; the scale of a mesh.
+        file: path of a mesh.
+    """
+
+    name: str
+    shape: str
+    position: tuple[float, float, float]
+    rotation: tuple[float, float, float]
+    size: tuple[float, float, float]
+    file: str = ""
+
+    @property
+    def full(self) -> str:
+        """The name in messages: `obstacle.pillar`."""
+        return f"obstacle.{self.name}"
 
 
 @dataclass(frozen=True)
@@ -212,6 +240,7 @@ class Scene:
         robots: robots by name.
         tables: tables by full name.
         objects: by name.
+        obstacles: by full name; `lgp.scene.surroundings.fixed_bodies` adds the boards above covered tables.
         assemblies: objects that can be screwed together.
         depth: longest sequence of actions of a search.
         choices: parameters that the source leaves open, with reasons.
@@ -231,6 +260,7 @@ class Scene:
     objects: Mapping[str, SceneObject]
     assemblies: tuple[Assembly, ...] = ()
     depth: int = 4
+    obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -272,7 +302,7 @@ class Scene:
                 raise SceneError(f"{self.name}: height of {full} is {height:g} m, expected 0 to 3 m")
             tables[full] = replace(tables[full], height=float(height))
         written = dict(self.values.get("tables", {}))
-        written |= {table.name: {**written.get(table.name, {}), "height": table.height} for table in tables.values()}
+        written |= {name: {**entry, "height": tables[f"table.{name}"].height} for name, entry in written.items()}
         return replace(self, tables=tables, values={**self.values, "tables": written})
 
     def draw_heights(self, rng: np.random.Generator) -> Scene:

@@ -15,6 +15,7 @@ from lgp.errors import SceneError
 from lgp.logic.pddl import shipped_domains
 from lgp.scene.body_measures import STATURE, table
 from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, PlanarBase, Robot, Scene, SceneObject, Table
+from lgp.scene.surroundings import FARTHEST, read_obstacle, read_shelf
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
 from reba.open_file import read_settings
@@ -22,8 +23,6 @@ from reba.toml_table import TomlTable
 
 SHIPPED = Path(__file__).parents[1] / "scenes"
 ROBOTS = Path(__file__).parent / "data" / "robots.toml"
-FARTHEST = 1000.0
-"""[m] Largest coordinate of a position."""
 MOST_TURN = 3600.0
 """[deg] Largest turn of a mobile base each way."""
 SHORTEST_PHASE = 0.2
@@ -93,6 +92,10 @@ def _with_absolute_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]
             robot["packages"] = [
                 str((folder / part).absolute()) if isinstance(part, str) else part for part in robot["packages"]
             ]
+    obstacles = values.get("obstacles")
+    for obstacle in obstacles.values() if isinstance(obstacles, dict) else ():
+        if isinstance(obstacle, dict) and "mesh" in obstacle:
+            obstacle["mesh"] = absolute(obstacle["mesh"])
     return values
 
 
@@ -101,6 +104,11 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
     chosen = _changed(values, changes or {}, name)
     entries = TomlTable(name, chosen, SceneError)
     tables = {f"table.{key}": _table(key, entry) for key, entry in entries.tables("tables").items()}
+    obstacles = {f"obstacle.{key}": read_obstacle(key, entry) for key, entry in entries.tables("obstacles").items()}
+    for key, entry in entries.tables("shelves").items():
+        boards, walls = read_shelf(key, entry)
+        tables |= boards
+        obstacles |= walls
     objects = {key: _object(key, entry, tables) for key, entry in entries.tables("objects").items()}
     scene = Scene(
         name=name,
@@ -118,6 +126,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
             _assembly(number, entry, name, objects) for number, entry in enumerate(_list(entries, "joints"))
         ),
         depth=int(entries.number("depth", 4, low=1, high=40)),
+        obstacles=obstacles,
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
         values=chosen,
     )
@@ -183,7 +192,7 @@ def _human(entries: TomlTable) -> Human:
 
 
 def _robot(name: str, entries: TomlTable) -> Robot:
-    if name in ("human", "table"):
+    if name in ("human", "table", "obstacle"):
         raise SceneError(f"{entries.where}: robot name {name!r} is reserved; give it another name")
     model = entries.text("model")
     known = known_robots().get(model, {})
@@ -265,6 +274,8 @@ def _table(name: str, entries: TomlTable) -> Table:
         height=(low + high) / 2.0,
         heights=(low, high),
         thickness=entries.number("thickness", 0.03, low=0.001, high=3.0),
+        clearance=entries.number("clearance", low=0.01, high=3.0) if entries.has("clearance") else math.inf,
+        covered=entries.has("clearance"),
     )
     entries.done()
     return table
@@ -275,7 +286,7 @@ def _object(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> Scene
         name=name,
         size=entries.vector("size", 3, low=0.001, high=100.0),
         mass=entries.number("mass", low=0.0, high=1000.0),
-        on=entries.text("on", choices=tables),
+        on=entries.text("on", "" if entries.has("hand") else None, [*tables, *([""] if entries.has("hand") else [])]),
         at=entries.vector("at", 3, (0.0, 0.0, 0.0)),
         slide=entries.number("slide", 0.0, low=0.0, high=100.0),
         hand=entries.text("hand", ""),
@@ -284,8 +295,8 @@ def _object(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> Scene
         grips={kind: _grip(entry) for kind, entry in entries.tables("grips").items()},
     )
     entries.done()
-    table = tables[scene_object.on]
-    if any(abs(at) > size / 2 for at, size in zip(scene_object.at[:2], table.size, strict=True)):
+    table = tables.get(scene_object.on)
+    if table is not None and any(abs(at) > size / 2 for at, size in zip(scene_object.at[:2], table.size, strict=True)):
         raise SceneError(
             f"{entries.where}: at {scene_object.at[:2]} is off {scene_object.on}, whose top is {table.size}"
         )
@@ -336,6 +347,11 @@ def _check_names(scene: Scene) -> None:
     for text in (*scene.initial, *scene.goal):
         _, _, inside = text.partition("(")
         for word in (part.strip() for part in inside.rstrip(") ").split(",")):
+            if f"obstacle.{word.removeprefix('obstacle.')}" in scene.obstacles:
+                raise SceneError(
+                    f"{scene.name}: {text!r} names the obstacle {word!r}, expected hands, objects and tables; "
+                    "make it one of [tables] if things stand on it"
+                )
             if word and word not in known:
                 hint = did_you_mean(word, known) or f"; known are {', '.join(known)}"
                 raise SceneError(f"{scene.name}: {text!r} contains unknown {word!r}{hint}")

@@ -98,17 +98,21 @@ def test_what_follows_a_locked_joint_stays_where_that_takes_it(tmp_path: Path) -
     assert np.linalg.norm(fingers[0] - fingers[1]) == pytest.approx(0.04 + 0.03 + 0.8 * 0.03 + 0.002)
 
 
-@pytest.mark.parametrize(
-    ("mimic", "facts"),
-    [
-        ('<mimic joint="f9"/>', ("joint 'f2' follows 'f9'", "not there")),
-        ('<mimic joint="f2"/>', ("joint 'f2' follows 'f2'", "in turn")),
-    ],
-)
-def test_following_nothing_or_oneself_is_refused(tmp_path: Path, mimic: str, facts: tuple[str, ...]) -> None:
+MIMIC = '<mimic joint="f1" multiplier="0.8" offset="0.002"/>'
+
+
+def test_following_oneself_is_refused(tmp_path: Path) -> None:
     with pytest.raises(WorldError) as error:
-        arm_world(tmp_path, LIFT_ARM.replace('<mimic joint="f1" multiplier="0.8" offset="0.002"/>', mimic))
-    says(error, *facts)
+        arm_world(tmp_path, LIFT_ARM.replace(MIMIC, '<mimic joint="f2"/>'))
+    says(error, "joint 'f2' follows 'f2'", "in turn")
+
+
+def test_following_a_joint_that_is_not_there_is_standing_still(tmp_path: Path) -> None:
+    world = arm_world(tmp_path, LIFT_ARM.replace(MIMIC, '<mimic joint="f9" multiplier="0.8" offset="0.003"/>'))
+    assert "arm.f2" not in world.joints
+    assert agreement(world) < 1e-12
+    (note,) = robot_model(world.scene.robots["arm"]).notes[:1]
+    says(note, "joint 'f2' follows 'f9'", "not there")
 
 
 def test_an_endless_joint_that_follows_does_not_narrow_the_other(tmp_path: Path) -> None:
@@ -183,6 +187,14 @@ def test_a_wrong_base_is_refused(tmp_path: Path) -> None:
     with pytest.raises(WorldError) as failed:
         arm_world(tmp_path, LIFT_ARM.replace('"lift"', '"base_x"'), base={"x": [-1, 1]})
     says(failed, "joint 'base_x' is that of a mobile base", "leave out `base`")
+
+
+def test_a_joint_may_have_the_name_of_a_link(tmp_path: Path) -> None:
+    world = arm_world(
+        tmp_path, LIFT_ARM.replace('joint name="tcp_joint"', 'joint name="tcp"').replace('"lift"', '"l5"')
+    )
+    assert agreement(world) < 1e-12
+    assert world.support("arm.l5").sum() == 6.0, "the link, not the joint"
 
 
 def test_a_floating_joint_has_to_be_locked(tmp_path: Path) -> None:

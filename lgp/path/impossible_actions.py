@@ -1,4 +1,4 @@
-"""Payloads: a hand that takes an object heavier than it carries is an impossible action."""
+"""Actions that no posture makes possible: an object too heavy for a hand, or too high for a shelf."""
 
 from __future__ import annotations
 
@@ -6,7 +6,12 @@ from lgp.logic.task import parse_atom
 from lgp.path.phases import Phases
 
 
-def overload(phases: Phases) -> str:
+def impossible(phases: Phases) -> str:
+    """Return why the last action of a sequence is impossible whatever the postures, "" if nothing says so."""
+    return _overload(phases) or _too_high(phases)
+
+
+def _overload(phases: Phases) -> str:
     """Return why the hand of the last switch cannot carry what it takes, "" if it can or takes nothing.
 
     Parts that are screwed to the object by then are carried with it.
@@ -36,3 +41,18 @@ def _joined(phases: Phases, name: str) -> set[str]:
         before = len(parts)
         parts |= {part for pair in pairs if pair & parts for part in pair}
     return parts
+
+
+def _too_high(phases: Phases) -> str:
+    """Return that an object is higher than the space above the table it is placed on; it stands on its x-y side."""
+    number = phases.count - 1
+    switch = phases.switches[number]
+    if switch.action.attaches_to != "table":
+        return ""
+    height, space = phases.scene.objects[switch.object_name].size[2], phases.scene.tables[switch.table].clearance
+    if height < space:
+        return ""
+    return (
+        f"phase {number + 1}, {phases.label(number)}: {switch.object_name} is {height:g} m high, above {switch.table} "
+        f"are {space:.3g} m"
+    )

@@ -1,4 +1,4 @@
-"""A hand that takes more than it carries is an impossible action, and the message names hand, object and masses."""
+"""What is too heavy for a hand or too high for a shelf is an impossible action, and the reason names both."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 import lgp
 from lgp.errors import SceneError
 from lgp.logic.task import Action
-from lgp.path.payload import overload
+from lgp.path.impossible_actions import impossible
 from lgp.path.phases import Phases
 from lgp.planner import task_of
 from lgp.scene.consistency import check_first_facts
@@ -54,7 +54,7 @@ def test_what_is_screwed_to_an_object_is_carried_with_it() -> None:
     screw = task.action(f"screw({hand}, {part}, {other})")
 
     def refusal(*actions: Action) -> str:
-        return overload(Phases.of(scene, actions))
+        return impossible(Phases.of(scene, actions))
 
     assert refusal(grasp) == ""
     says(refusal(screw, grasp), f"{part} with {other} has {sum(masses.values()):g} kg", f"{hand} carries up to 1.2 kg")
