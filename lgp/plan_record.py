@@ -131,8 +131,8 @@ class Plan:
             >>> import lgp
             >>> scene = lgp.load_scene("screwdriver", {"goal": ["grasped(baxter.right, screwdriver)"]})
             >>> motion = lgp.plan(scene, cost=None, collisions=False).trajectory("baxter", step=0.1)
-            >>> motion.position.shape, motion.joints[0], abs(motion.velocity[[0, -1]]).max()
-            ((21, 14), 'left_s0', 0.0)
+            >>> motion.position.shape, motion.joints[0]
+            ((21, 14), 'left_s0')
         """
         names = [one.name for one in self.scene.agents]
         if agent not in names:
