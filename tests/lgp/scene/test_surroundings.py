@@ -20,9 +20,7 @@ from lgp.scene.consistency import check_first_facts
 from lgp.scene.scene_file import load_scene, read_scene
 from lgp.scene.surroundings import fixed_bodies
 from tests.support.gantry import HEIGHT, START, made_plan, scene_values
-from tests.support.lgp_worlds import needs_robots
 from tests.support.page_packages import needs_page
-from tests.support.paths import ROOT
 from tests.support.robot_files import STL
 from tests.support.says import says
 
@@ -182,12 +180,3 @@ def test_obstacles_are_drawn(tmp_path: Path) -> None:
     np.testing.assert_allclose(spans["obstacle.pillar"], [0.1, 0.1, 1.0], atol=1e-3)
     np.testing.assert_allclose(spans["obstacle.crate"], [0.1, 0.2, 0.3], atol=1e-6)
     np.testing.assert_allclose(spans["obstacle.part"], 0.2, atol=1e-6)
-
-
-@pytest.mark.slow
-@needs_robots
-def test_the_example_is_planned_around_what_is_in_the_way() -> None:
-    plan = lgp.plan(ROOT / "examples" / "scenes" / "shelf_and_pillar.toml", cost=None)
-    assert [action.partition("(")[0] for action in plan.actions] == ["grasp", "place"]
-    audit = lgp.audit_plan(plan)
-    assert not any(name.startswith("obstacle.") for one in audit.contacts for name in one.pair)
