@@ -10,6 +10,8 @@ import pytest
 
 import lgp
 from lgp.errors import LgpError
+from lgp.execution.retarget import Planner
+from lgp.execution.tracking import Observation, TrackedPose, TrackedWorld
 from lgp.scene.scene_file import read_scene
 from tests.support.gantry import HEIGHT, SECONDS, scene_values
 from tests.support.says import says
@@ -66,6 +68,15 @@ def test_joints_are_where_they_are_measured(plan: lgp.Plan) -> None:
     off = lgp.replan(plan, 0.0, joints={"gantry.x": 0.3, "gantry.tilt": 0.1})
     assert (off.start[0], off.start[3]) == (0.3, 0.1)
     np.testing.assert_array_equal(off.start[1:3], plan.start[1:3])
+
+
+def test_a_slide_that_is_off_is_said_in_metres(plan: lgp.Plan) -> None:
+    planner = Planner(plan, None)
+    view = TrackedWorld(planner.motion.world)
+    box = planner.motion.object_poses("box")
+    objects = {"box": TrackedPose(box.rotation[0], box.position[0], 0.0)}
+    view.add(Observation(0.0, plan.start + np.array([0.25, 0.0, 0.0, 0.1]), objects))
+    assert planner.deviations(0, view) == ["gantry.x is 0.25 m off"]
 
 
 def test_nothing_remains_where_the_goal_holds(plan: lgp.Plan) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lgp.audit.agents import robot_model
-from lgp.audit.joint_tree import attached, place, values_of
+from lgp.audit.joint_tree import BASE, Frame, TreeJoint, attached, place, values_of
 from lgp.errors import SceneError, WorldError
 from lgp.execution.trajectory import JointTrajectory, violations
 from lgp.kinematics import features
@@ -137,6 +137,19 @@ def test_a_joint_that_follows_one_that_follows_another(tmp_path: Path) -> None:
     turn = features.logarithm((placed[0].T @ placed[1])[None])[0]
     np.testing.assert_allclose(turn, [0.0, 0.0, -10.0 * (0.8 * 0.02 + 0.002)], atol=1e-12)
     assert agreement(world) < 1e-12
+
+
+@pytest.mark.parametrize("last_first", [False, True])
+def test_the_audit_follows_in_any_order(last_first: bool) -> None:
+    at = Frame(BASE, np.eye(3), np.zeros(3))
+    axis = np.array([0.0, 0.0, 1.0])
+    tree = [
+        TreeJoint("a", at, axis, True, 0.0, 1.0, 1.0),
+        TreeJoint("b", at, axis, True, 0.0, 1.0, 1.0, ("a", 2.0, 0.1)),
+        TreeJoint("c", at, axis, True, 0.0, 1.0, 1.0, ("b", -1.0, 0.0)),
+    ]
+    values = values_of(tree[::-1] if last_first else tree, {"a": np.array([0.0, 0.5])}, {})
+    np.testing.assert_allclose(values["c"], [-0.1, -1.1])
 
 
 def agreement(world: World) -> float:
