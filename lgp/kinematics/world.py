@@ -48,12 +48,12 @@ class Kinematics:
 
     Attributes:
         index: frame -> its row in `rotation` (n, F, 3, 3) and `position` (n, F, 3) [m].
-        spatial: (n, 6, joints of the model) spatial velocity of each joint at the origin of the world.
+        model_spatial: (n, 6, joints of the model) spatial velocity of each joint at the origin of the world.
     """
 
     def __init__(self, world: World, names: Sequence[str], rotation: Array, position: Array, spatial: Array) -> None:
         self.world, self.index = world, {name: number for number, name in enumerate(names)}
-        self.rotation, self.position, self.spatial = rotation, position, spatial
+        self.rotation, self.position, self.model_spatial = rotation, position, spatial
         self._placements: dict[str, FramePlacement] = {}
 
     def __len__(self) -> int:
@@ -61,7 +61,13 @@ class Kinematics:
 
     def rows(self, which: slice | Indices) -> Kinematics:
         """Return the placements of some of the slices."""
-        return Kinematics(self.world, list(self.index), self.rotation[which], self.position[which], self.spatial[which])
+        parts = (self.rotation[which], self.position[which], self.model_spatial[which])
+        return Kinematics(self.world, list(self.index), *parts)
+
+    @property
+    def spatial(self) -> Array:
+        """Spatial velocities (n, 6, nq) by the configuration: of frames that all joints of a coupling move, or none."""
+        return self.world.by_configuration(self.model_spatial)
 
     def placement(self, name: str) -> FramePlacement:
         """Return the placement of a frame with its Jacobian (n, 6, nq)."""
@@ -74,7 +80,7 @@ class Kinematics:
 
     def point_jacobian(self, name: str, points: Array) -> Array:
         """Return the Jacobian (n, 6, nq) of points (n, 3) fixed to a frame, given in world axes."""
-        jacobian = self.spatial * self.world.model_support(name)
+        jacobian = self.model_spatial * self.world.model_support(name)
         jacobian[:, :3] += cross(jacobian[:, 3:], points)
         return self.world.by_configuration(jacobian)
 

@@ -72,6 +72,7 @@ def test_a_joint_that_follows_another_is_no_variable_but_moves(tmp_path: Path) -
         np.testing.assert_allclose(frame.jacobian[:, :3], moved, atol=1e-8)
         turned = differences(lambda x, name=name: world.at(x, [name]).rotation[:, 0, :, 0], q)  # type: ignore[misc]
         np.testing.assert_allclose(features.axis(frame, 0).jacobian, turned, atol=1e-8)
+    assert world.at(q, []).spatial.shape == (5, 6, world.nq)
     assert world.support("arm.fr")[at] == 1.0
     assert world.support("arm.tcp")[at] == 0.0
 
