@@ -240,11 +240,11 @@ class Scene:
         robots: robots by name.
         tables: tables by full name.
         objects: by name.
-        obstacles: by full name; `lgp.scene.surroundings.fixed_bodies` adds the boards above covered tables.
         assemblies: objects that can be screwed together.
         depth: longest sequence of actions of a search.
         choices: parameters that the source leaves open, with reasons.
         values: the TOML values with current heights; `read_scene(values)` returns an equal scene.
+        obstacles: by full name; `lgp.scene.surroundings.fixed_bodies` adds the boards above covered tables.
     """
 
     name: str
@@ -260,9 +260,9 @@ class Scene:
     objects: Mapping[str, SceneObject]
     assemblies: tuple[Assembly, ...] = ()
     depth: int = 4
-    obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
 
     @property
     def agents(self) -> tuple[Agent, ...]:

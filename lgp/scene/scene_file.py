@@ -14,7 +14,8 @@ from typing import Any
 from lgp.errors import SceneError
 from lgp.logic.pddl import shipped_domains
 from lgp.scene.body_measures import STATURE, table
-from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, PlanarBase, Robot, Scene, SceneObject, Table
+from lgp.scene.mobile_base import read_base
+from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
 from lgp.scene.surroundings import FARTHEST, read_obstacle, read_shelf
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
@@ -23,8 +24,6 @@ from reba.toml_table import TomlTable
 
 SHIPPED = Path(__file__).parents[1] / "scenes"
 ROBOTS = Path(__file__).parent / "data" / "robots.toml"
-MOST_TURN = 3600.0
-"""[deg] Largest turn of a mobile base each way."""
 SHORTEST_PHASE = 0.2
 """[s] Shortest phase (a choice): no action of a person is done in less."""
 FREEDOMS = ("free", "axis", "jaw", "fixed")
@@ -122,11 +121,11 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         robots={key: _robot(key, entry) for key, entry in entries.tables("robots").items()},
         tables=tables,
         objects=objects,
+        obstacles=obstacles,
         assemblies=tuple(
             _assembly(number, entry, name, objects) for number, entry in enumerate(_list(entries, "joints"))
         ),
         depth=int(entries.number("depth", 4, low=1, high=40)),
-        obstacles=obstacles,
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
         values=chosen,
     )
@@ -214,30 +213,11 @@ def _robot(name: str, entries: TomlTable) -> Robot:
         locked=entries.texts("locked", tuple(known.get("locked", ()))),
         joints=dict(known.get("joints", {})) | entries.numbers("joints"),
         model=model,
-        base=_base(base) if entries.has("base") else None,
+        base=read_base(base) if entries.has("base") else None,
         packages=entries.texts("packages", ()),
     )
     entries.done()
     return robot
-
-
-def _base(entries: TomlTable) -> PlanarBase:
-    base = PlanarBase(
-        x=_range(entries, "x", (0.0, 0.0), FARTHEST),
-        y=_range(entries, "y", (0.0, 0.0), FARTHEST),
-        yaw=_range(entries, "yaw", (-180.0, 180.0), MOST_TURN),
-        speed=entries.number("speed", 0.5, low=0.001, high=100.0),
-        turn=entries.number("turn", 60.0, low=0.1, high=10000.0),
-    )
-    entries.done()
-    return base
-
-
-def _range(entries: TomlTable, key: str, default: tuple[float, float], widest: float) -> tuple[float, float]:
-    low, high = entries.vector(key, 2, default, -widest, widest)
-    if high < low:
-        raise SceneError(f"{entries.where}: {key} is [{low:g}, {high:g}], expected [lowest, highest]")
-    return low, high
 
 
 def _hand(agent: str, name: str, entries: TomlTable, known: Mapping[str, Any]) -> Hand:
