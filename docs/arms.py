@@ -116,13 +116,17 @@ def tried(name: str, urdf: str, hand: str, reach: float) -> Outcome:
         robot["position"] = [0, 0, float(HEIGHT + SIDE / 2 - target[2])]
         values["tables"]["spot"]["position"] = target[:2].tolist()
         scene = read_scene(values, name)
-        plan = lgp.plan(scene, cost=None)
-        if plan.feasible:
+        try:
+            plan = lgp.plan(scene, cost=None)
+            reason = plan.reason
+        except lgp.LgpError as error:  # bodies are in each other at the start
+            reason = str(error)
+        if not reason:
             break
         if not without and lgp.plan(scene, cost=None, collisions=False).feasible:
-            without = f"without bodies only: {plan.reason}"
+            without = f"without bodies only: {reason}"
     else:
-        return replace(result, plan=without or f"none: {plan.reason}", audit="-")
+        return replace(result, plan=without or f"none: {reason}", audit="-")
     audit = lgp.audit_plan(plan)
     found = "clean" if audit.clean else f"{len(audit.faults)} faults: {audit.faults[0].what}, ..."
     if len(audit.faults) == 1:
