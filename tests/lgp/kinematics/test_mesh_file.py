@@ -10,8 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from lgp.audit.agents import robot_model
 from lgp.errors import WorldError
 from lgp.kinematics.mesh_file import MissingMeshError, mesh_path, read_mesh
+from lgp.page.objects import robot_meshes
+from lgp.scene.model import Robot
 from tests.support.page_packages import needs_page
 from tests.support.robot_files import DAE, DAE_NODES, STL, STL_TEXT, dae, with_mesh
 from tests.support.says import says
@@ -187,3 +190,16 @@ def test_a_package_that_is_nowhere_says_where_it_was_looked_for(
     with pytest.raises(MissingMeshError) as error:
         mesh_path("package://grippr/meshes/a.stl", elsewhere / "cell" / "arm.urdf", [str(elsewhere / "cell")])
     says(error, "package 'grippr'", elsewhere / "ws", elsewhere / "cell", "`packages`", "ROS_PACKAGE_PATH")
+
+
+@needs_page
+def test_page_and_audit_read_the_meshes_of_other_packages(elsewhere: Path) -> None:
+    urdf = elsewhere / "cell" / "arm.urdf"
+    shape = '<geometry><mesh filename="package://gripper/meshes/a.stl"/></geometry>'
+    urdf.write_text(
+        f'<robot name="m"><link name="base"><visual>{shape}</visual><collision>{shape}</collision></link></robot>'
+    )
+    packages = (str(elsewhere / "ws"),)
+    robot = Robot("r", (0.0, 0.0, 0.0), 0.0, (), (), {}, str(urdf), packages=packages)
+    assert [part.link for part in robot_meshes(robot)] == ["base"]
+    assert [body.name for body, _ in robot_model(robot).parts] == ["r.base"]
