@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import coal
 import numpy as np
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from reba.arrays import Array
 
@@ -81,9 +81,10 @@ def mesh(vertices: Array, faces: Any) -> tuple[Shape, Array]:
     model.addSubModel(points, triangles)
     model.endModel()
     half = np.ptp(vertices, axis=0) / 2.0
-    if half.min() <= 0.0:  # flat: there is no hull with a volume
+    try:
+        return Shape(half, _hull(moved), model, moved, faces), middle
+    except QhullError:  # flat: there is no hull with a volume
         return Shape(half, model, model, moved, faces), middle
-    return Shape(half, _hull(moved), model, moved, faces), middle
 
 
 def _hull(vertices: Array) -> Any:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import coal
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from lgp.collision.shapes import CollisionShape
 from lgp.kinematics.features import exponential
@@ -14,6 +15,11 @@ from lgp.kinematics.mesh_file import read_mesh
 from lgp.scene.model import Obstacle, Scene
 from lgp.scene.surroundings import fixed_bodies
 from reba.arrays import Array
+
+NEIGHBOURS: Final = 250
+"""Neighbours of a corner of a convex hull; coal counts them in a byte."""
+THIN: Final = 0.0005
+"""[m] Half the thickness of a flat part; a choice."""
 
 
 def obstacle_shapes(scene: Scene) -> tuple[CollisionShape, ...]:
@@ -34,13 +40,32 @@ def _shapes(body: Obstacle) -> list[CollisionShape]:
         return [_shape(body, rotation, position, np.array(body.size) / 2.0, cylinder)]
     hulls = []
     for vertices, *_ in read_mesh(Path(body.file)):
-        scaled = vertices * np.array(body.size)
+        scaled = _corners(vertices * np.array(body.size))
         middle = (scaled.min(axis=0) + scaled.max(axis=0)) / 2.0
         points = coal.StdVec_Vec3s()
         points.extend(list(scaled - middle))
         hull = coal.ConvexBase.convexHull(points, True, "Qt")
         hulls.append(_shape(body, rotation, position + rotation @ middle, np.ptp(scaled, axis=0) / 2.0, hull))
     return hulls
+
+
+def _corners(points: Array) -> Array:
+    """Return the corners (m, 3) of the convex hull of points (n, 3); flat ones get a thickness.
+
+    Where a corner has more neighbours than coal counts, the hull is that of the farthest points in `NEIGHBOURS`
+    directions.
+    """
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+        points = (points[:, None] + THIN * signs).reshape(-1, 3)
+        hull = ConvexHull(points)
+    corners: Array = points[hull.vertices]
+    if np.bincount(hull.simplices.ravel()).max() > NEIGHBOURS:
+        directions = np.random.default_rng(0).normal(size=(NEIGHBOURS, 3))
+        corners = corners[np.unique((corners @ directions.T).argmax(axis=0))]
+    return corners
 
 
 def _shape(body: Obstacle, rotation: Array, position: Array, half: Array, shape: Any) -> CollisionShape:

@@ -172,6 +172,24 @@ def test_obstacles_stand_where_both_have_them(tmp_path: Path) -> None:
 
 
 @needs_page
+@pytest.mark.parametrize("shape", ["flat", "line", "cone"])
+def test_meshes_of_any_shape_are_in_the_way(tmp_path: Path, shape: str) -> None:
+    around = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
+    points = {
+        "flat": np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.3], [0.0, 0.3, 0.0]]),
+        "line": np.array([[0.0, 0.0, 0.0], [0.3, 0.3, 0.0], [0.1, 0.1, 0.0], [0.2, 0.2, 0.001]]),
+        "cone": np.array([[0.0, 0.0, 0.3], *np.stack([0.1 * np.cos(around), 0.1 * np.sin(around), 0 * around], 1)]),
+    }[shape]
+    corners = [f"v {x} {y} {z}" for x, y, z in points]
+    faces = [f"f 1 {number} {number + 1}" for number in range(2, len(points))]
+    (tmp_path / "part.obj").write_text("\n".join([*corners, *faces]))
+    part = {"mesh": str(tmp_path / "part.obj"), "position": [0.4, -0.1, 0.8]}
+    plan = lgp.plan(scene_of(tmp_path, obstacles={"part": part}), cost=None)
+    assert plan.feasible
+    assert plan.audit["samples"] > 0
+
+
+@needs_page
 def test_obstacles_are_drawn(tmp_path: Path) -> None:
     (tmp_path / "part.stl").write_bytes(STL)
     part = {"mesh": str(tmp_path / "part.stl"), "position": [0.3, 0.2, 1.0], "scale": [2, 2, 2]}
