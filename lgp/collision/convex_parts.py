@@ -8,11 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any, Final
 
+import coal
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from reba.arrays import Array, Indices
 
+NEIGHBOURS: Final = 250
+"""Neighbours of a corner of a convex hull; coal counts them in a byte."""
+THIN: Final = 0.0005
+"""[m] Half the thickness of a flat part; a choice."""
 SLABS = 6
 HOLLOW = 0.9
 """Volume of the hulls of the slabs, relative to the hull of all, below which slabs are used (a choice)."""
@@ -65,3 +72,29 @@ def _slabs(vertices: Array, triangles: Indices) -> Sequence[Array]:
         np.concatenate([vertices[(height >= low) & (height <= high)], crossings[number], crossings[number + 1]])
         for number, (low, high) in enumerate(pairwise(cuts))
     ]
+
+
+def hull_corners(points: Array) -> Array:
+    """Return the corners (m, 3) of the convex hull of points (n, 3); flat ones get a thickness.
+
+    Where a corner has more neighbours than coal counts, the hull is that of the farthest points in `NEIGHBOURS`
+    directions.
+    """
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+        points = (points[:, None] + THIN * signs).reshape(-1, 3)
+        hull = ConvexHull(points)
+    corners: Array = points[hull.vertices]
+    if np.bincount(hull.simplices.ravel()).max() > NEIGHBOURS:
+        directions = np.random.default_rng(0).normal(size=(NEIGHBOURS, 3))
+        corners = corners[np.unique((corners @ directions.T).argmax(axis=0))]
+    return corners
+
+
+def convex_body(corners: Array) -> Any:
+    """Return the coal body with some corners (n, 3)."""
+    vertices = coal.StdVec_Vec3s()
+    vertices.extend(list(corners))
+    return coal.Convex.convexHull(vertices, True, "Qt")

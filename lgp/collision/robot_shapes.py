@@ -20,10 +20,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from lgp.collision.convex_parts import convex_parts
+from lgp.collision.convex_parts import convex_body, convex_parts, hull_corners
 from lgp.collision.shapes import CollisionShape, JawPlacement, capsule
-from lgp.errors import WorldError
-from lgp.kinematics.mesh_file import mesh_path, read_mesh
+from lgp.kinematics.mesh_file import MissingMeshError, mesh_path, read_mesh
 from lgp.kinematics.robot import urdf_of
 from lgp.kinematics.urdf import read_urdf
 from lgp.kinematics.world import World
@@ -63,8 +62,8 @@ def robot_shapes(world: World, robot: Robot) -> list[CollisionShape]:
     Raises:
         WorldError: a mesh is damaged or outside of the robot's folder.
     """
-    path = urdf_of(robot.model)
-    geometry = _geometry(path)
+    path = urdf_of(robot.model, robot.packages)
+    geometry = _geometry(path, robot.packages)
     if not geometry:
         return _link_capsules(world, robot)
     jaws = _jaws(world, robot, path, geometry)
@@ -125,17 +124,17 @@ def _shape(world: World, robot: Robot, name: str, joint: int, at: pin.SE3, part:
 
 
 @cache
-def _geometry(path: Path) -> tuple[LinkGeometry, ...]:
+def _geometry(path: Path, packages: tuple[str, ...]) -> tuple[LinkGeometry, ...]:
     """Return the <collision> geometry of a URDF (read once)."""
     root, _ = read_urdf(path)
     parts: list[LinkGeometry] = []
     for link in root.findall("link"):
         for element in link.findall("collision"):
-            parts += _parts(link.get("name", ""), element, path)
+            parts += _parts(link.get("name", ""), element, path, packages)
     return tuple(parts)
 
 
-def _parts(link: str, element: ET.Element, path: Path) -> Iterator[LinkGeometry]:
+def _parts(link: str, element: ET.Element, path: Path, packages: tuple[str, ...]) -> Iterator[LinkGeometry]:
     shape, origin = element.find("geometry/*"), element.find("origin")
     if shape is None:
         return
@@ -145,7 +144,7 @@ def _parts(link: str, element: ET.Element, path: Path) -> Iterator[LinkGeometry]
     )
     at = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
     if shape.tag == "mesh":
-        yield from _mesh(link, shape, at, path)
+        yield from _mesh(link, shape, at, path, packages)
         return
     size = {key: [float(word) for word in shape.get(key, "0").split()] for key in ("size", "radius", "length")}
     radius, length = size["radius"][0], size["length"][0]
@@ -169,24 +168,15 @@ def _prism(radius: float, length: float) -> tuple[Any, Array, float]:
     wide = radius / np.cos(np.pi / SIDES_OF_PRISM)
     ring = wide * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     end = np.array([0.0, 0.0, length / 2.0])
-    return _convex(np.concatenate([ring - end, ring + end])), np.array([wide, wide, length / 2.0]), 0.0
+    return convex_body(np.concatenate([ring - end, ring + end])), np.array([wide, wide, length / 2.0]), 0.0
 
 
-def _convex(corners: Array) -> Any:
-    """Return the convex body with some corners (n, 3)."""
-    vertices = coal.StdVec_Vec3s()
-    vertices.extend(list(corners))
-    return coal.Convex.convexHull(vertices, True, "Qt")
-
-
-def _mesh(link: str, mesh: ET.Element, at: pin.SE3, path: Path) -> Iterator[LinkGeometry]:
+def _mesh(link: str, mesh: ET.Element, at: pin.SE3, path: Path, packages: tuple[str, ...]) -> Iterator[LinkGeometry]:
     """Yield the convex bodies around a mesh, none with a warning where its file does not exist."""
     name = str(mesh.get("filename"))
     try:
-        file = mesh_path(name, path)
-    except WorldError as error:
-        if "does not exist" not in str(error):
-            raise
+        file = mesh_path(name, path, packages)
+    except MissingMeshError as error:
         warnings.warn(f"{error}; link {link!r} has no body", MissingMeshWarning, stacklevel=2)
         return
     scale = np.array([float(word) for word in mesh.get("scale", "1 1 1").split()])
@@ -197,7 +187,7 @@ def _mesh(link: str, mesh: ET.Element, at: pin.SE3, path: Path) -> Iterator[Link
     for corners in convex_parts(vertices, triangles):
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
         moved = at * pin.SE3(np.eye(3), middle)
-        yield LinkGeometry(link, _convex(corners - middle), np.ptp(corners, axis=0) / 2.0, 0.0, moved)
+        yield LinkGeometry(link, convex_body(hull_corners(corners) - middle), np.ptp(corners, axis=0) / 2.0, 0.0, moved)
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ Resolve = Callable[[Phases, Solution], Solution | None]
 
 def speed_limits(world: World) -> Array:
     """Return the speed limit of each joint [rad/s, m/s], (nq,); inf where a URDF gives none."""
-    limits = np.where(world.model.velocityLimit > 0.0, world.model.velocityLimit, np.inf)
+    limits = world.speed_limit.copy()
     if world.scene.human is not None:
         for column in world.columns("human"):
             limits[column] = speed_limit(world.joints[column].partition(".")[2])

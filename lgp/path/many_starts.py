@@ -79,7 +79,9 @@ class ManyStarts:
         self._score_elsewhere = 0.0
         if problem.ergonomics is not None:
             least = problem.ergonomics.lower_bound
-            self._score_elsewhere = problem.score_elsewhere + least * float(np.delete(problem.rates, self._scored).sum())
+            self._score_elsewhere = problem.score_elsewhere + least * float(
+                np.delete(problem.rates, self._scored).sum()
+            )
 
     def _acting(self) -> list[Indices]:
         """Return the joints that are unknowns in each keyframe."""
