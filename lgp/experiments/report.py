@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from lgp.experiments import published
 from lgp.experiments.figures import bars, example, profile, reach_map
+from lgp.experiments.findings import findings
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs
-from lgp.experiments.summary import findings, summarise, write_summary
+from lgp.experiments.summary import summarise, write_summary
 from lgp.files import REPORT, SUMMARY
 from lgp.kinematics.reachability import Reachability
 from lgp.scene.model import Scene
