@@ -78,7 +78,7 @@ def paired_difference(left: int, came: int, n: int) -> ShareDifference:
 
     >>> change = paired_difference(left=9, came=2, n=20)
     >>> round(change.difference, 2), round(change.low, 2), round(change.high, 2)
-    (-0.3, -0.55, 0.0)
+    (-0.35, -0.6, -0.04)
     """
     if not n:
         return ShareDifference(0, math.nan, math.nan, math.nan)
@@ -91,6 +91,7 @@ def paired_difference(left: int, came: int, n: int) -> ShareDifference:
 def equivalent(low: float | None, high: float | None, margin: float) -> bool:
     """Whether a 95 % interval lies inside (-margin, margin): only this shows that there is no effect of note.
 
-    A large p value does not: it may come of too few runs (Schuirmann 1987, J. Pharmacokinetics and Biopharmaceutics 15).
+    A large p value does not: it may come of too few runs (Schuirmann 1987, J. Pharmacokinetics and Biopharmaceutics
+    15).
     """
     return low is not None and high is not None and -margin < low and high < margin
