@@ -9,3 +9,5 @@ COST: Final = "convex"
 TIME_WEIGHT: Final = 0.2
 """Cost of a second: with fixed phases an action more has to save more than its time (a crate put down and lifted again
 on its way saved 0.19 a second)."""
+SCENE_COST: Final = "scene"
+"""In the place of a surrogate: the one that the scene states."""

@@ -64,7 +64,7 @@ class PathBounds:
     ) -> None:
         self.world, self.ergonomics, self.options = world, ergonomics, options
         self.collisions, self.prefix_level = collisions, PREFIX if prefixes else ""
-        self.weights = Weights(time=world.scene.time_weight) if weights is None else weights
+        self.weights = Weights.of(world.scene, slices) if weights is None else weights
         self.initial_configuration = (
             world.initial_configuration
             if initial_configuration is None

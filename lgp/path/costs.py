@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lgp.defaults import TIME_WEIGHT
+from lgp.scene.model import Scene
 from reba.arrays import Array, Indices
 
 
@@ -130,6 +131,11 @@ class Weights:
     acceleration: float = 1.0
     ergonomics: float = 1.0
     time: float = TIME_WEIGHT
+
+    @classmethod
+    def of(cls, scene: Scene, slices: int | None = None) -> Weights:
+        """Return those that a scene states, with these slices per phase, its own by default."""
+        return cls(ergonomics=scene.ergonomic_weight(slices), time=scene.cost.time_weight)
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from lgp.defaults import TIME_WEIGHT
+from lgp.defaults import COST, SCENE_COST, TIME_WEIGHT
 from lgp.errors import SceneError
 from reba.errors import did_you_mean
 
 if TYPE_CHECKING:
     import numpy as np
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -234,6 +236,19 @@ HAND_CLEARANCE = 0.06
 
 
 @dataclass(frozen=True)
+class SceneCost:
+    """The ergonomic cost: a surrogate by name or path, and the weight of a score point for a second or a slice.
+
+    `time_weight` is the cost of a second.
+    """
+
+    model: str = COST
+    weight: float = 1.0
+    per: str = "second"
+    time_weight: float = TIME_WEIGHT
+
+
+@dataclass(frozen=True)
 class Scene:
     """A scene.
 
@@ -253,7 +268,7 @@ class Scene:
         assemblies: objects that can be screwed together.
         depth: longest sequence of actions of a search.
         hand_clearance: least distance of the grip points of two hands [m].
-        time_weight: cost of a second.
+        cost: the ergonomic cost, and that of a second.
         choices: parameters that the source leaves open, with reasons.
         values: the TOML values with current heights; `read_scene(values)` returns an equal scene.
         obstacles: by full name; `lgp.scene.surroundings.fixed_bodies` adds the boards above covered tables.
@@ -273,7 +288,7 @@ class Scene:
     assemblies: tuple[Assembly, ...] = ()
     depth: int = 4
     hand_clearance: float = HAND_CLEARANCE
-    time_weight: float = TIME_WEIGHT
+    cost: SceneCost = SceneCost()
     durations: str = "fixed"
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -288,6 +303,15 @@ class Scene:
     def hands(self) -> dict[str, Hand]:
         """Every end-effector by full name, the human's first."""
         return {hand.full: hand for agent in self.agents for hand in agent.hands}
+
+    def ergonomic_weight(self, slices: int | None = None) -> float:
+        """Return the weight of a score point for a second, with these slices per phase, its own by default."""
+        per_phase = (slices or self.slices) / self.phase_seconds
+        return self.cost.weight * (per_phase if self.cost.per == "slice" else 1.0)
+
+    def cost_model(self, given: T) -> T | str:
+        """Return a given cost model, or where that is "scene" the one that the scene states."""
+        return self.cost.model if isinstance(given, str) and given == SCENE_COST else given
 
     @property
     def object_types(self) -> dict[str, str]:
@@ -323,7 +347,7 @@ class Scene:
     def with_time_weight(self, weight: float) -> Scene:
         """Return the scene with another cost of a second."""
         cost = {**self.values.get("cost", {}), "time_weight": float(weight)}
-        return replace(self, time_weight=float(weight), values={**self.values, "cost": cost})
+        return replace(self, cost=replace(self.cost, time_weight=float(weight)), values={**self.values, "cost": cost})
 
     def draw_heights(self, rng: np.random.Generator) -> Scene:
         """Return the scene with every table height drawn uniformly from its range."""
