@@ -49,7 +49,7 @@ TABLES = {
     "a": {"position": [0.0, 0.0], "size": [0.4, 0.4], "height": HEIGHT},
     "b": {"position": [1.0, 0.0], "size": [0.4, 0.4], "height": HEIGHT},
 }
-BOX = {"size": [0.10, 0.06, 0.08], "mass": 1.0, "on": "table.a"}
+BOX = {"size": [0.10, 0.06, 0.08], "mass": 1.0, "on": "table.a", "grips": {"robot_hand": {"at": [0.0, 0.0, 0.0]}}}
 GRIP = HEIGHT + 0.04 + BELOW
 """[m] Height of the ball when its grip point is in the middle of the box on a table."""
 
