@@ -4,8 +4,8 @@
 
 IPOPT (in the wheel of CasADi) gets the values, Jacobians and model Hessians of our problem by callbacks, and nothing of
 our solver: globalisation, barrier and linear algebra are its own. The sequence of `benchmarks/path.py` without
-collisions, by cost model. IPOPT starts from our path with all unknowns moved at random (0.01 rad, m); from the start of
-ours it may end in another local optimum. A cost that differs by more than 1e-4 is marked.
+collisions, by cost model. IPOPT starts from our path with all unknowns moved at random (1 mrad, mm) and our
+multipliers; from elsewhere it may end in another local optimum. A cost that differs by more than 1e-4 is marked.
 """
 
 from __future__ import annotations
@@ -27,11 +27,20 @@ from lgp.path.bounds import PathBounds
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.paths import OPTIONS
 from lgp.path.problem import PathProblem
+from lgp.sqp.result import Result
 from lgp.sqp.solver import solve
 from reba.arrays import Array
 
 AGREE = 1e-4
-MOVED = 0.01
+IPOPT = {"print_level": 0, "sb": "yes", "tol": 1e-7, "max_iter": 500}
+IPOPT |= {
+    "mu_init": 1e-6,
+    "warm_start_init_point": "yes",
+    "warm_start_bound_push": 1e-8,
+    "warm_start_mult_bound_push": 1e-8,
+}
+"""A small barrier, so that it stays in the basin of its start."""
+MOVED = 1e-3
 """[rad, m] Standard deviation of the start of IPOPT from our path."""
 
 
@@ -65,8 +74,8 @@ class FromProblem(ca.Callback):
         return [ca.DM(pattern, value) for pattern, value in zip(self.outputs, values, strict=True)]
 
 
-def by_ipopt(problem: PathProblem, x0: Array) -> tuple[float, float, int, float]:
-    """Return cost, violation, iterations and seconds of IPOPT from a start x0 (n,)."""
+def by_ipopt(problem: PathProblem, x0: Array, near: Result) -> tuple[float, float, int, float]:
+    """Return cost, violation, iterations and seconds of IPOPT from a start x0 (n,) and the multipliers of a result."""
     m_e, m_i = (rows.size for rows in problem.evaluate(x0)[1:])
     model = problem.linearise(x0, np.zeros(m_e), np.zeros(m_i))
     jacobian = sp.csr_matrix(sp.vstack([model.eq_jac, model.in_jac]))
@@ -107,13 +116,14 @@ def by_ipopt(problem: PathProblem, x0: Array) -> tuple[float, float, int, float]
     options |= {
         "print_time": False,
         "no_nlp_grad": True,
-        "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-7, "max_iter": 500},
+        "ipopt": IPOPT,
     }
     solver = ca.nlpsol("path", "ipopt", {"x": x, "f": functions["f"](x), "g": functions["g"](x)}, options)
     begin = time.process_time()
     upper = np.zeros(m)
     lower = np.concatenate([np.zeros(m_e), np.full(m_i, -np.inf)])
-    result = solver(x0=x0, lbx=problem.lower, ubx=problem.upper, lbg=lower, ubg=upper)
+    multipliers = {"lam_g0": np.concatenate([near.y_eq, near.y_in]), "lam_x0": near.y_box}
+    result = solver(x0=x0, **multipliers, lbx=problem.lower, ubx=problem.upper, lbg=lower, ubg=upper)
     seconds = time.process_time() - begin
     point = np.clip(np.array(result["x"]).ravel(), problem.lower, problem.upper)
     cost, equality, inequality = problem.evaluate(point)
@@ -145,8 +155,9 @@ def main() -> None:
         own = solve(path, x0, options=OPTIONS)
         seconds = time.process_time() - begin
         moved = own.x + np.random.default_rng(0).normal(0.0, MOVED, path.n)
-        cost, violation, iterations, theirs = by_ipopt(path, np.clip(moved, path.lower, path.upper))
+        cost, violation, iterations, theirs = by_ipopt(path, np.clip(moved, path.lower, path.upper), own)
         difference = cost / own.cost - 1.0
+        violation = max(violation, own.violation)
         rows.append({"cost": kind, "ours": own.cost, "ipopt": cost, "seconds": seconds, "ipopt_seconds": theirs})
         print(
             f"{kind:12} {own.cost:11.6f} {len(own.iterations) - 1:4d} {seconds:6.2f} {cost:11.6f} {iterations:4d} "

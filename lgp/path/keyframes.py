@@ -169,8 +169,8 @@ class KeyframeSolver:
         minima: list[Array] = []
         starts = (1, 1)
         if self.many_starts:
-            found = ManyStarts(problem).minima(np.array(guesses))
-            minima, starts = [problem.join(*problem.split(x)) for x in found.points], (found.agreed, found.starts)
+            solved = ManyStarts(problem).minima(np.array(guesses))
+            minima, starts = [problem.join(*problem.split(x)) for x in solved.points], (solved.agreed, solved.starts)
         options = SEQUENCE_OPTIONS if self.stages == 1 else replace(SEQUENCE_OPTIONS, iterations=SEQUENCE_ITERATIONS)
         # The best minimum alone, unless it is not feasible to the last digit.
         result, reason = self._solve(
