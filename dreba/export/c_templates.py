@@ -146,8 +146,8 @@ static void ${name}_curvature(const double *angles, double *diagonal)
     }
 }
 """
-# The difference is 0 for numbers and not a number for others, which every function of angles passes on to its value, as
-# the product of the factors does. Minima and maxima are single instructions.
+# The difference is 0 for numbers and not a number for others, which every function of angles passes on to its value;
+# so is the product of the factors. Minima and maxima are single instructions.
 VALID: Final = """
 static int ${name}_valid(double value, double load, const double *coupling, double activity)
 {
