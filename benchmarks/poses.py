@@ -53,7 +53,7 @@ def rows_of(bounds: PathBounds, actions: Any, who: str, counts: list[int]) -> li
         times = []
         for _ in range(REPEAT):
             begin = time.process_time()
-            found = solve_many(many, points, hopeless=np.inf)
+            found = solve_many(many, points, cost_ratio=np.inf)
             times.append(1e3 * (time.process_time() - begin))
         each = min(times) / max(int(found.iterations.sum()), 1)
         rows.append({"pose": who, "starts": count, "ms": min(times), "each_ms": each, "unknowns": many.n})

@@ -12,6 +12,8 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.collision_path import (
     MULTI_START_RATIO,
@@ -35,6 +37,10 @@ COARSE_OPTIONS = replace(OPTIONS, kkt=1e-3, decrease=1e-4, iterations=12)
 """Paths at all continuation stages but the last, each the initial guess of the next."""
 FINAL_OPTIONS = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
 """Paths at the last stage, whose cost has edges: steps to more digits get ever shorter."""
+
+
+DIGITS = 13
+"""Decimals of a path [rad, m]."""
 
 
 class PathSolver:
@@ -134,7 +140,8 @@ class PathSolver:
             x, violation = project_to_feasible(problem, x, 0.5 * self.tolerance)
         if violation > self.tolerance:
             return None, f"path: {explain_infeasibility(problem, x) or result.status.value}"
-        path, variables = problem.split(x)
+        # Steps of 1e-310 rad are none: those who interpolate a path divide by them.
+        path, variables = problem.split(np.clip(np.round(x, DIGITS), problem.lower, problem.upper))
         return Solution(path[problem.phases.keyframes], variables, path, problem.costs(x), result, starts), ""
 
     def collision_constraints(self, phases: Phases) -> CollisionConstraints:

@@ -100,7 +100,7 @@ def solve_many(
     decrease: float = 1e-4,
     iterations: int = 18,
     longest_step: float = 1.0,
-    hopeless: float = 1.15,
+    cost_ratio: float = 1.15,
 ) -> ManyResults:
     """Return the local minima from starts x0 (B, n).
 
@@ -108,7 +108,7 @@ def solve_many(
         violation: largest violation of a row of a converged problem.
         decrease: predicted decrease, relative to max(1, cost), at which a problem has converged.
         longest_step: largest change of an unknown in one iteration.
-        hopeless: cost expected after the next step, relative to the best minimum so far, at which one is given up.
+        cost_ratio: cost expected after the next step, relative to the best minimum so far, at which one is given up.
     """
     x = np.clip(x0, problem.lower, problem.upper)
     cost, eq, ineq = problem.evaluate(x)
@@ -124,10 +124,10 @@ def solve_many(
         model = problem.linearise(x[open_], y_eq[open_], y_in[open_])
         diagonal = np.einsum("bii->bi", model.hessian)
         diagonal += (damping[open_] * diagonal.max(axis=1, initial=0.0))[:, None]
-        found = _solve_qps(model, problem.lower - x[open_], problem.upper - x[open_], side[open_], active[open_])
-        y_eq[open_], y_in[open_] = found.y_eq, found.y_in
-        side[open_], active[open_] = found.side, found.active
-        step, slope, curvature = found.step, *_slopes(model, found.step)
+        solved = _solve_qps(model, problem.lower - x[open_], problem.upper - x[open_], side[open_], active[open_])
+        y_eq[open_], y_in[open_] = solved.y_eq, solved.y_in
+        side[open_], active[open_] = solved.side, solved.active
+        step, slope, curvature = solved.step, *_slopes(model, solved.step)
         before = violation_sums(model.eq, model.ineq)
         after = violation_sums(
             model.eq + (model.eq_jac @ step[..., None])[..., 0], model.ineq + (model.in_jac @ step[..., None])[..., 0]
@@ -139,7 +139,7 @@ def solve_many(
         mu = penalty[open_]
         predicted = -slope - 0.5 * curvature + mu * gain
         met = _largest(eq[open_], ineq[open_]) <= violation
-        done = met & found.settled & (predicted <= decrease * np.maximum(1.0, np.abs(cost[open_])))
+        done = met & solved.settled & (predicted <= decrease * np.maximum(1.0, np.abs(cost[open_])))
         converged[open_[done]] = True
         left = np.flatnonzero(~done & (slope - mu * gain < 0.0))
         size = np.abs(step[left]).max(axis=1, initial=0.0)
@@ -166,7 +166,7 @@ def solve_many(
         )
         side[open_[~moved]], active[open_[~moved]] = 0, False
         best = np.min(cost[converged], initial=np.inf)
-        far = (cost[open_] - np.maximum(predicted, 0.0) > hopeless * best) & (_largest(eq[open_], ineq[open_]) < NEAR)
+        far = (cost[open_] - np.maximum(predicted, 0.0) > cost_ratio * best) & (_largest(eq[open_], ineq[open_]) < NEAR)
         open_ = open_[~done & ~far & (damping[open_] <= LARGEST_DAMPING)]
     return ManyResults(x, cost, _largest(eq, ineq), taken, converged)
 

@@ -48,7 +48,7 @@ def alone(problem, start):
 def test_every_start_ends_where_it_would_alone(limit):
     problem = Spring(limit)
     starts = np.random.default_rng(0).uniform(-1.5, 1.5, (40, 3))
-    found = solve_many(problem, starts, violation=1e-7, decrease=1e-10, hopeless=np.inf)
+    found = solve_many(problem, starts, violation=1e-7, decrease=1e-10, cost_ratio=np.inf)
     costs = [alone(problem, start).cost for start in starts]
     assert found.converged.mean() > 0.9
     best = found.converged & (found.cost < min(costs) + 1e-5)
