@@ -38,7 +38,7 @@ GIVEN: dict[str, tuple[str, ...]] = {
 """What each command that writes is given beside its outputs; every file of it is an input."""
 READ = {
     "reba": {
-        "--rules", "--profile", "--topic", "--body", "--neutral", "--activity", "--error", "--scheduler", "--window",
+        "--rules", "--profile", "--topic", "--body", "--neutral", "--activity", "--error", "--scheduler", "--tasks", "--window",
         "--hold", "--settle",
     },
     "dreba": {
