@@ -38,12 +38,12 @@ GIVEN: dict[str, tuple[str, ...]] = {
 """What each command that writes is given beside its outputs; every file of it is an input."""
 READ = {
     "reba": {
-        "--rules", "--profile", "--topic", "--body", "--neutral", "--activity", "--error", "--scheduler", "--tasks", "--window",
+        "--rules", "--profile", "--topic", "--body", "--neutral", "--activity", "--error", "--scheduler", "--window",
         "--hold", "--settle",
     },
     "dreba": {
         "--kind", "--option", "--poses", "--hold", "--joints", "--domain", "--factors", "--classes", "--name", "--to",
-        "--scheduler",
+        "--scheduler", "--tasks",
     },
     "lgp": {
         "--cost", "--sequence", "--height", "--scheduler", "--manifest", "--pattern", "--conditions", "--rules",
