@@ -42,7 +42,7 @@ def scene_of(agents: Sequence[str], goal: Sequence[str], in_hand: str = "", **mo
         more: other values of the scene.
     """
     hands = [hand for agent in agents for hand in HANDS[agent]]
-    box = {"size": [0.2, 0.04, 0.04], "mass": 0.3, "on": "table.center", "at": [0.0, -0.06, 0.0]}
+    box = {"size": [0.2, 0.04, 0.04], "mass": 0.3, "on": "table.center", "at": [0.0, -0.06, 0.0], "slide": 0.07}
     first = [f"grasped({in_hand}, box)"] if in_hand else ["on_table(box)", "placed(box, table.center)"]
     first += ["on_table(lid)", "placed(lid, table.center)", "fit(box, lid)"]
     values: dict[str, Any] = {

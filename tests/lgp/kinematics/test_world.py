@@ -32,7 +32,7 @@ def test_hand_jacobian_by_differences() -> None:
 def test_soles_of_the_planted_human_stay_where_it_stands() -> None:
     world = human_world("planted")
     positions = np.array([position for _, position in world.planted.values()])
-    np.testing.assert_allclose(positions.mean(axis=0), [0.3, -0.2, 0.0], atol=1e-12)
+    np.testing.assert_allclose(positions.mean(axis=0), [0.1, -0.3, 0.0], atol=1e-12)
     rotation = next(iter(world.planted.values()))[0]
     np.testing.assert_allclose(rotation[:2, 0], [np.cos(np.radians(40)), np.sin(np.radians(40))])
 

@@ -72,7 +72,7 @@ def test_the_distance_of_a_rectangle_is_a_lower_bound(centre: list[float], half:
 
 
 def far_away(distance: float) -> lgp.Plan:
-    table = {**HUMAN_ONLY["tables"]["near"], "position": [0.3 + distance, 0.1]}  # type: ignore[index]
+    table = {**HUMAN_ONLY["tables"]["near"], "position": [0.1 + distance, 0.0]}  # type: ignore[index]
     initial = ["on_table(box)", "free(human.right_hand)"]
     return lgp.plan(read_scene({**HUMAN_ONLY, "initial": initial, "tables": {"near": table}}), cost=None, slices=4)
 
