@@ -175,7 +175,7 @@ class Grip:
     slide: float = 0.0
 
 
-GRIP_DEPTH = 0.02
+GRIP_DEPTH = 0.01
 """[m] Grips by default are this far below the top (a choice): deeper, palm and wrist would be inside the object."""
 
 

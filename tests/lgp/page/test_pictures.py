@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def plan() -> lgp.Plan:
-    return lgp.plan(read_scene(HUMAN_ONLY, "box"), cost=None, slices=4)
+    return lgp.plan(read_scene(HUMAN_ONLY, "box"), cost=None, slices=4, collisions=False)
 
 
 @pytest.fixture(scope="module")

@@ -39,7 +39,7 @@ ACTIONS = [
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from lgp.page.page import write_page
 
-    plan = lgp.plan(read_scene(SCENE, "box"), cost=None, sequence=ACTIONS, slices=3)
+    plan = lgp.plan(read_scene(SCENE, "box"), cost=None, sequence=ACTIONS, slices=3, collisions=False)
     assert plan.feasible, plan.reason
     return write_page(plan, tmp_path_factory.mktemp("page"))
 
