@@ -184,7 +184,7 @@ def test_meshes_of_any_shape_are_in_the_way(tmp_path: Path, shape: str) -> None:
     faces = [f"f 1 {number} {number + 1}" for number in range(2, len(points))]
     (tmp_path / "part.obj").write_text("\n".join([*corners, *faces]))
     part = {"mesh": str(tmp_path / "part.obj"), "position": [0.4, -0.6, 0.8]}
-    plan = lgp.plan(scene_of(tmp_path, obstacles={"part": part}), cost=None)
+    plan = lgp.plan(scene_of(tmp_path, obstacles={"part": part}), cost=None, start=np.array(START))
     assert plan.feasible
     assert plan.audit["samples"] > 0
 
