@@ -363,7 +363,7 @@ def _costs(planner: Planner, number: int, scene: Scene, phases: list[ActionMotio
     actions = planner.actions[number:]
     problem = bounds.problem("path", bounds.phases(actions))
     greedy = problem.costs(problem.join(path, variables)).total
-    first = replace(solutions[-1], keyframes=keys, variables=variables, path=None)
+    first = replace(solutions[-1], keyframes=keys, variables=variables, path=None, minima=())
     result = bounds.solve("path", actions, BoundResult(True, greedy, payload=first))
     return greedy, result.cost if result.feasible else None
 

@@ -176,7 +176,7 @@ class ManyStarts:
                 for part, block in zip(ergonomics.parts, parts, strict=True):
                     hessian[:, own[part][:, None], own[part]] += problem.rates[at] * block[pick]
         eq, ineq = (
-            rows.dense(blocks, self.n)
+            rows.dense(blocks, len(u), self.n)
             for rows, blocks in zip(self._rows, (values.eq_blocks, values.in_blocks), strict=True)
         )
         equality = values.equality[:, self._rows[0].kept]
@@ -211,7 +211,7 @@ class ManyStarts:
         def residuals(x: Array, which: Indices) -> tuple[Array, Array]:
             values = self.problem.constraints.evaluate_many(*self._split(x))
             equal, limits = (
-                rows.dense(blocks, self.n)
+                rows.dense(blocks, len(x), self.n)
                 for rows, blocks in zip(self._rows, (values.eq_blocks, values.in_blocks), strict=True)
             )
             excess = values.inequality[:, self._rows[1].kept]
@@ -267,9 +267,8 @@ class _Rows:
         self._entries = np.flatnonzero(self.kept[rows])
         self._row, self._column = number[rows[self._entries]], indices[self._entries]
 
-    def dense(self, blocks: list[Array], width: int) -> Array:
-        """Return the rows (B, m, n) of Jacobian blocks, (B, ...) each."""
-        count = len(blocks[0]) if blocks else 0
+    def dense(self, blocks: list[Array], count: int, width: int) -> Array:
+        """Return the rows (B, m, n) of Jacobian blocks, (B, ...) each, for `count` B and `width` n."""
         out = np.zeros((count, int(self.kept.sum()), width))
         if blocks:
             data = np.concatenate([block.reshape(count, -1) for block in blocks], axis=1)

@@ -162,8 +162,8 @@ def test_moving_a_motion_is_compared_with_a_new_plan(tmp_path: Path) -> None:
     assert comparison["action"].startswith("grasp(1,")
     assert comparison["greedy"] > 0.0
     assert comparison["extra"] == pytest.approx(comparison["greedy"] - comparison["anew"])
-    # The retargeted motions are one of the solutions that a new plan may have.
-    assert comparison["extra"] > -1e-3 * comparison["anew"]
+    # A hand draws back within an action only, so retargeted motions may cost less than a plan of all of them.
+    assert comparison["share"] > -0.5
 
 
 def test_exported_trajectories_are_the_planned_motion(tmp_path: Path) -> None:
