@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -120,6 +120,7 @@ class BodyFollower:
         decoder.go_on(self.decoder)
         decoder.origins = []
         self.decoder = decoder
+        self._waiting = [with_gaps(block, self._mapper.wanted) for block in self._waiting]
         reasons = {name: why for name, why in self._corrections.reasons.items() if name not in gained}
         hidden = tuple(at for at in self._corrections.hidden if COLUMNS[at] not in gained)
         self._corrections = replace(self._corrections, hidden=hidden, reasons=reasons)
@@ -281,3 +282,13 @@ class PelvisFollower:
         """Remove samples that no frame from time `before` [s] on needs."""
         first = max(int(np.searchsorted(self.pose.time, before - MARGIN)) - 1, 0)
         self.pose = replace(self.pose, time=self.pose.time[first:], quaternions=self.pose.quaternions[first:])
+
+
+def with_gaps(block: Block, names: Sequence[str]) -> Block:
+    """Return a block with gaps for the names that it lacks: its samples are from before they appeared."""
+    absent = tuple(name for name in names if name not in block.names)
+    if not absent:
+        return block
+    gaps = np.full((len(block.time), len(absent), *block.values.shape[2:]), np.nan)
+    parents = (*block.parents, *("",) * len(absent)) if block.parents else ()
+    return Block(block.time, (*block.names, *absent), np.concatenate([block.values, gaps], axis=1), parents)

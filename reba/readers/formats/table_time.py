@@ -161,9 +161,9 @@ def _as_numbers(
         else:
             dates = pd.to_datetime(series.astype(str), errors="coerce", utc=True, format="ISO8601")
             bad = (dates.isna() & series.notna()).to_numpy()
-            # Where most cells are numbers, the others are wrong.
+            # Where nearly all cells are numbers, the others are wrong.
             words = (numbers.isna() & series.notna()).to_numpy()
-            bad = words if 2 * int(words.sum()) < len(words) else bad
+            bad = words if 10 * int(words.sum()) < len(words) else bad
             if bad.any():
                 at = int(np.argmax(bad))
                 what = f"{where(at)}: {clip(str(series.iloc[at]))} in column {clip(column)} is not a time"

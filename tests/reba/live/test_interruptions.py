@@ -13,8 +13,10 @@ import pytest
 from mcap.writer import Writer
 
 import reba
+from reba.live.joint_frames import with_gaps
 from reba.live.json_lines import LineStore
 from reba.live.sources import open_growing
+from reba.readers.recording.stream import Block
 from tests.support.encode_motion import write_xsens_tf
 from tests.support.live_signals import (
     NAMES,
@@ -258,6 +260,14 @@ def test_joints_that_appear_late_are_used(tmp_path: Path, monkeypatch: pytest.Mo
     assert appeared["at"] < 30.0
     assert_same_from(28.0, live, tmp_path / "whole.mcap", messages)
     assert "wrist_flexion_left" not in live.follower.converter.unmeasured
+
+
+def test_samples_from_before_a_joint_appeared_have_gaps_for_it() -> None:
+    block = Block(np.array([0.0, 0.1]), ("elbow",), np.array([[0.4], [0.5]]))
+    longer = with_gaps(block, ("shoulder", "elbow", "wrist"))
+    assert longer.names == ("elbow", "shoulder", "wrist")
+    np.testing.assert_array_equal(longer.values, [[0.4, np.nan, np.nan], [0.5, np.nan, np.nan]])
+    assert with_gaps(block, ("elbow",)) is block
 
 
 def test_a_pelvis_that_appears_late_is_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
