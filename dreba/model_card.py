@@ -208,7 +208,7 @@ def as_text(card: Mapping[str, Any]) -> str:
         "",
         *_usefulness(card["usefulness"], card["name"]),
     ]
-    return printable("\n".join(lines), keep="\n") + "\n"
+    return "".join(f"{printable(line)}\n" for line in lines)
 
 
 def _errors(rmse: Mapping[str, Any]) -> list[str]:

@@ -146,7 +146,7 @@ static void ${name}_curvature(const double *angles, double *diagonal)
     }
 }
 """
-# The difference is 0 for numbers and not a number for others, which every function of angles passes on to its value, and
+# The difference is 0 for numbers and not a number for others, which every function of angles passes on to its value;
 # so is the product of the factors. Minima and maxima are single instructions.
 VALID: Final = """
 static int ${name}_valid(double value, double load, const double *coupling, double activity)

@@ -29,7 +29,7 @@ from dreba.errors import SampleError
 from dreba.sampling.classes import WEIGHTS, Weights, true_scores
 from dreba.sampling.distribution import SamplingPlan
 from dreba.sampling.poses import Poses
-from reba.checks import YES_NO, accepts, shown
+from reba.checks import YES_NO, shown
 from reba.posture.columns import ANGLES, INDEX, SIDES
 from reba.posture.factors import Factors
 from reba.posture.named_angles import warn_if_radians
@@ -51,7 +51,6 @@ _ARM: Final = (
 )  # fmt: skip
 
 
-@accepts(SampleError, stratified=YES_NO, adjustments=YES_NO)
 def sample(
     n: int,
     classes: Iterable[int] = range(1, 11),
@@ -98,6 +97,9 @@ def sample(
         )
     if not isinstance(weights, str) or weights not in WEIGHTS:
         raise SampleError(f"weights are {shown(weights)}; expected one of {', '.join(WEIGHTS)}")
+    for name, value in (("stratified", stratified), ("adjustments", adjustments)):
+        if not YES_NO.fits(value):
+            raise SampleError(f"{name} is {shown(value)}; expected {YES_NO.expected}")
     fixed, drawn = _factors(factors)
     space = _held(domain_of(domain), adjustments, arms)
     generator, seed = _generator(rng)
