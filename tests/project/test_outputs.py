@@ -44,7 +44,7 @@ READ = {
     },
     "dreba": {
         "--kind", "--option", "--poses", "--hold", "--joints", "--domain", "--factors", "--classes", "--name", "--to",
-        "--scheduler", "--usefulness", "--map",
+        "--scheduler", "--usefulness", "--map", "--tasks",
     },
     "lgp": {
         "--cost", "--sequence", "--height", "--scheduler", "--manifest", "--pattern", "--conditions", "--rules",

@@ -52,7 +52,7 @@ def test_every_method_has_the_same_budget_and_what_it_adds_is_in_its_name() -> N
 def test_stages_and_polish_lower_the_true_score() -> None:
     soft = dreba.load("soft")
     given = [stored.task for stored in stored_tasks("bench")[:6]]
-    initial = starts("neutral", 6, 5).reshape(6, 1, 22)
+    initial = starts("random", 6, 5).reshape(6, 1, 22)
     sharp, staged = (reach.run(way, given, initial) for way in (reach.one_stage(soft, "", 1.0), reach.graduated(soft)))
     polished = reach.run(reach.Method("", reach.graduated(soft).objectives, polished=True), given, initial)
     assert polished.scores.mean() <= staged.scores.mean() < sharp.scores.mean()
