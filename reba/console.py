@@ -37,7 +37,8 @@ def show_results(console: Console, results: Sequence[RecordingResult]) -> None:
         # The figures need 80 columns: a narrow terminal gets a numbered list of names above the table.
         for number, summary in enumerate(scored, 1):
             label = "" if len(scored) == 1 else f"{number}: " if console.width < WIDE else f"{summary['input']}: "
-            console.print(Text(f"{label}{summary['verdict']['text']}", "bold"))
+            if "verdict" in summary:  # earlier versions wrote datasets without it
+                console.print(Text(f"{label}{summary['verdict']['text']}", "bold"))
         if len(scored) == 1:
             console.print(_result_table(f"REBA of {scored[0]['input']}", scored, []))
         elif console.width < WIDE:
