@@ -151,7 +151,7 @@ def load_robot(path: Path) -> object:
     from lgp.scene.model import Robot
 
     robot = Robot("r", (0.0, 0.0, 0.0), 0.0, (), (), {}, str(path))
-    return robot_model(robot).njoints, len(robot_meshes(robot))
+    return robot_model(robot).model.njoints, len(robot_meshes(robot))
 
 
 def load_mesh(path: Path) -> object:

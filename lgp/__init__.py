@@ -14,10 +14,13 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from lgp.agent_trajectory import AgentTrajectory
     from lgp.audit.audit import audit_plan
     from lgp.audit.faults import Audit
     from lgp.errors import LgpError, LogicError, SceneError, WorldError
+    from lgp.execution.replan_now import replan
     from lgp.execution.run_plan import run_plan
+    from lgp.execution.trajectory_export import write_trajectories
     from lgp.experiments.screwdriver_experiment import experiment_screwdriver
     from lgp.experiments.toolbox import experiment_toolbox
     from lgp.kinematics.world import World
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
     from lgp.study.study import run_study
 
 __all__ = [
+    "AgentTrajectory",
     "Audit",
     "Ergonomics",
     "LgpError",
@@ -50,13 +54,16 @@ __all__ = [
     "experiment_toolbox",
     "load_scene",
     "plan",
+    "replan",
     "run_plan",
     "run_study",
     "shipped_scenes",
     "write_page",
+    "write_trajectories",
 ]
 # Scenes are read without the numerical packages that planning needs; the commands handle interrupts before any import.
 _LAZY = {
+    "AgentTrajectory": "lgp.agent_trajectory",
     "Audit": "lgp.audit.faults",
     "Ergonomics": "lgp.path.ergonomics",
     "LgpError": "lgp.errors",
@@ -75,7 +82,9 @@ _LAZY = {
     "plan": "lgp.planner",
     "experiment_screwdriver": "lgp.experiments.screwdriver_experiment",
     "experiment_toolbox": "lgp.experiments.toolbox",
+    "replan": "lgp.execution.replan_now",
     "run_plan": "lgp.execution.run_plan",
+    "write_trajectories": "lgp.execution.trajectory_export",
     "run_study": "lgp.study.study",
     "write_page": "lgp.page.page",
 }

@@ -10,12 +10,14 @@ from typing import Any, Final
 
 import numpy as np
 
+from lgp.agent_trajectory import AgentTrajectory, configurations_at, moments_of
 from lgp.errors import LgpError
 from lgp.files import PLAN_FILE, PLAN_FILES
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
-from reba.checks import PATH, accepts
+from reba.checks import PATH, POSITIVE, TEXT, accepts
+from reba.errors import did_you_mean
 from reba.files import as_json, plain_data, write_folder, write_text
 from reba.method.rules import Rules
 from reba.method.scoring import ScoreArrays, score_angles
@@ -113,6 +115,38 @@ class Plan:
             "search": plain_data(self.search),
             "solver": self.solver,
         }
+
+    @accepts(LgpError, agent=TEXT, step=POSITIVE.or_none())
+    def trajectory(self, agent: str, *, step: float | None = None) -> AgentTrajectory:
+        """Return the motion of one agent over time, between slices as the plan interpolates.
+
+        Args:
+            agent: `human` or the name of a robot.
+            step: time between moments [s]; by default the moments are the start and the slices.
+
+        Raises:
+            LgpError: there is no such agent, or no motion.
+
+        Example:
+            >>> import lgp
+            >>> scene = lgp.load_scene("screwdriver", {"goal": ["grasped(baxter.right, screwdriver)"]})
+            >>> motion = lgp.plan(scene, cost=None, collisions=False).trajectory("baxter", step=0.1)
+            >>> motion.position.shape, motion.joints[0]
+            ((21, 14), 'left_s0')
+        """
+        names = [one.name for one in self.scene.agents]
+        if agent not in names:
+            hint = did_you_mean(agent, names) or f"; known are {', '.join(names)}"
+            raise LgpError(f"{self.scene.name}: no agent {agent!r}{hint}")
+        if not self.feasible:
+            raise LgpError(
+                f"{self.scene.name}: the plan is infeasible ({self.reason}), so there is no motion; plan again"
+            )
+        own = [column for column, name in enumerate(self.joints) if name.startswith(f"{agent}.")]
+        knots, clock = np.concatenate([self.start[None], self.path])[:, own], np.append(0.0, self.time)
+        moments = moments_of(clock, step)
+        joints = tuple(self.joints[column].removeprefix(f"{agent}.") for column in own)
+        return AgentTrajectory(agent, joints, moments, *configurations_at(knots, clock, moments))
 
     @accepts(LgpError, folder=PATH)
     def save(self, folder: str | Path) -> None:

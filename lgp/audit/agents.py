@@ -16,6 +16,7 @@ from lgp.errors import WorldError
 from lgp.kinematics import human
 from lgp.kinematics.leg_ik import rest_posture
 from lgp.kinematics.robot import urdf_of
+from lgp.scene.joint_units import unit_of
 from lgp.scene.model import Agent, Human, Robot
 from reba.arrays import Array
 
@@ -117,7 +118,7 @@ def _towards(direction: Array) -> Array:
 def _stated(agent: Agent, slides: set[str]) -> dict[str, float]:
     """Return the joints that the scene states, `agent.joint` -> [rad, m]."""
     full = {f"{agent.name}.{name}": value for name, value in agent.joints.items()}
-    return {name: value if name in slides else float(np.radians(value)) for name, value in full.items()}
+    return {name: unit_of(name in slides).to_si(value) for name, value in full.items()}
 
 
 def _grip(frame: Frame, reach: float) -> Frame:
@@ -130,8 +131,8 @@ def robot_model(robot: Robot) -> AgentModel:
     Raises:
         WorldError: the URDF or a mesh is damaged, or a frame of a hand is not there.
     """
-    path = urdf_of(robot.model)
-    file = robot_file(path)
+    path = urdf_of(robot.model, robot.packages)
+    file = robot_file(path, robot.base, robot.packages)
     tree = tuple(
         TreeJoint(f"{robot.name}.{joint.name}", joint.at, joint.axis, joint.slides, joint.lower, joint.upper,
                   joint.speed, _full(robot.name, joint.follows))

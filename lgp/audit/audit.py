@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 
@@ -11,16 +12,18 @@ from lgp.audit.agents import AgentModel
 from lgp.audit.contacts import allowed_depths
 from lgp.audit.faults import HANDS, TOUCHING, Audit, Depth, Extreme, Fault
 from lgp.audit.jaws import carriers, jaw_values, too_wide
-from lgp.audit.joint_tree import BASE
+from lgp.audit.joint_tree import BASE, about
 from lgp.audit.joints import beyond_limits, fastest, feet_leave
 from lgp.audit.neighbours import neighbours
 from lgp.audit.penetration import deepest
 from lgp.audit.replay import Replay, replay
 from lgp.audit.samples import Samples
-from lgp.audit.shapes import OBJECT, PERSON, ROBOT, TABLE, Body, box
+from lgp.audit.shapes import OBJECT, OBSTACLE, PERSON, ROBOT, TABLE, Body, Shape, box, cylinder, mesh_of
 from lgp.errors import LgpError
+from lgp.kinematics.mesh_file import read_mesh
 from lgp.plan_record import Plan
-from lgp.scene.model import Scene
+from lgp.scene.model import Obstacle, Scene
+from lgp.scene.surroundings import fixed_bodies
 from reba.arrays import Array, Indices
 from reba.checks import Allowed, accepts
 
@@ -73,7 +76,7 @@ def _contacts(run: Replay) -> Iterator[Depth]:
     yield from of_pair.values()
 
 
-ORDER = (PERSON, ROBOT, OBJECT, TABLE)
+ORDER = (PERSON, ROBOT, OBJECT, TABLE, OBSTACLE)
 """Kinds of bodies in the names of the classes of pairs."""
 
 
@@ -99,7 +102,7 @@ def bodies_of(run: Replay) -> tuple[list[Body], Array, Array, Indices]:
         bodies += own
         rotations.append(rotation)
         positions.append(position)
-    for body, rotation, position in (*_tables(scene), *_objects(run)):
+    for body, rotation, position in (*_tables(scene), *_obstacles(scene), *_objects(run)):
         bodies.append(body)
         rotations.append(np.broadcast_to(rotation, (1, samples.count, 3, 3)))
         positions.append(np.broadcast_to(position, (1, samples.count, 3)))
@@ -112,8 +115,8 @@ def bodies_of(run: Replay) -> tuple[list[Body], Array, Array, Indices]:
 
 
 def _stands(body: Body) -> bool:
-    """Return whether a body never moves: a table, or what a robot stands on."""
-    return body.kind == TABLE or (body.kind == ROBOT and body.joint == BASE)
+    """Return whether a body never moves: a table, an obstacle, or what a robot stands on."""
+    return body.kind in (TABLE, OBSTACLE) or (body.kind == ROBOT and body.joint == BASE)
 
 
 def _tables(scene: Scene) -> Iterator[tuple[Body, Array, Array]]:
@@ -122,6 +125,24 @@ def _tables(scene: Scene) -> Iterator[tuple[Body, Array, Array]]:
         turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
         middle = np.array([*table.position, table.height - table.thickness / 2.0])
         yield Body(name, TABLE, name, BASE, box((*table.size, table.thickness))), turn, middle
+
+
+def _obstacles(scene: Scene) -> Iterator[tuple[Body, Array, Array]]:
+    for name, item in fixed_bodies(scene).items():
+        vector = np.radians(item.rotation)
+        angle = float(np.linalg.norm(vector))
+        turn = about(vector / angle, np.array([angle]))[0] if angle > 0.0 else np.eye(3)
+        shape, middle = _obstacle_shape(item)
+        yield Body(name, OBSTACLE, name, BASE, shape), turn, np.array(item.position) + turn @ middle
+
+
+def _obstacle_shape(item: Obstacle) -> tuple[Shape, Array]:
+    """Return the shape of an obstacle and where its middle is (3,) [m]."""
+    if item.shape == "box":
+        return box(item.size), np.zeros(3)
+    if item.shape == "cylinder":
+        return cylinder(item.size[0] / 2.0, item.size[2]), np.zeros(3)
+    return mesh_of(read_mesh(Path(item.file)), np.array(item.size))
 
 
 def _objects(run: Replay) -> Iterator[tuple[Body, Array, Array]]:

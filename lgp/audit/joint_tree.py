@@ -67,10 +67,16 @@ def values_of(joints: Sequence[TreeJoint], moved: Mapping[str, Array], fixed: Ma
             result[joint.name] = moved[joint.name]
         elif joint.follows is None or joint.name in fixed:
             result[joint.name] = np.array([fixed.get(joint.name, 0.0)])
-    for joint in joints:
-        if joint.name not in result and joint.follows is not None:
-            name, factor, offset = joint.follows
-            result[joint.name] = factor * result.get(name, np.zeros(1)) + offset
+    follows = {joint.name: joint.follows for joint in joints if joint.follows is not None}
+
+    def value(name: str) -> Array:
+        if name not in result:
+            leader, factor, offset = follows[name]
+            result[name] = factor * (value(leader) if leader in follows or leader in result else np.zeros(1)) + offset
+        return result[name]
+
+    for name in follows:
+        value(name)
     return result
 
 

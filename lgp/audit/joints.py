@@ -12,6 +12,7 @@ from lgp.audit.faults import TOUCHING, Extreme, Fault
 from lgp.audit.joint_tree import attached, place, values_of
 from lgp.audit.samples import Samples
 from lgp.kinematics.leg_ik import solve_legs
+from lgp.scene.joint_units import unit_of
 from lgp.scene.model import Human
 
 SLACK: Final = 1e-4
@@ -34,8 +35,9 @@ def fastest(samples: Samples) -> tuple[Extreme, list[Fault]]:
             if worst.value is None or share > worst.value:
                 worst = Extreme(share, (joint.name,), time)
             if share > 1.0 + SPEED_SLACK:
-                unit, scale = ("m/s", 1.0) if joint.slides else ("deg/s", 180.0 / np.pi)
-                what = f"{joint.name} moves at {speed[at] * scale:.3g} of {joint.speed * scale:.3g} {unit}"
+                unit = unit_of(joint.slides)
+                moves, limit = unit.from_si(float(speed[at])), unit.from_si(joint.speed)
+                what = f"{joint.name} moves at {moves:.3g} of {limit:.3g} {unit.written}/s"
                 faults.append(Fault("speed", what, share, time))
     return worst, faults
 
@@ -47,7 +49,7 @@ def beyond_limits(samples: Samples) -> Iterator[Fault]:
             if joint.name not in samples.moved:
                 continue
             value = samples.moved[joint.name]
-            unit, scale = ("m", 1.0) if joint.slides else ("deg", 180.0 / np.pi)
+            unit, scale = unit_of(joint.slides).written, unit_of(joint.slides).from_si(1.0)
             over = np.maximum(joint.lower - value, value - joint.upper)
             at = int(over.argmax())
             if over[at] > SLACK:

@@ -12,10 +12,10 @@ from typing import Any, Final
 import numpy as np
 
 from lgp.audit.joint_tree import BASE, Frame, TreeJoint, about, chain_of
-from lgp.audit.shapes import Shape, ball, box, capsule, cylinder, mesh
-from lgp.errors import WorldError
-from lgp.kinematics.mesh_file import mesh_path, read_mesh
+from lgp.audit.shapes import Shape, ball, box, capsule, cylinder, mesh_of
+from lgp.kinematics.mesh_file import MissingMeshError, mesh_path, read_mesh
 from lgp.kinematics.urdf import read_urdf
+from lgp.scene.model import PlanarBase
 from reba.arrays import Array
 
 
@@ -37,9 +37,9 @@ MOVES: Final = ("revolute", "continuous", "prismatic")
 
 
 @cache
-def robot_file(path: Path) -> RobotFile:
-    """Return a URDF file (read once)."""
-    root, _ = read_urdf(path)
+def robot_file(path: Path, base: PlanarBase | None = None, packages: tuple[str, ...] = ()) -> RobotFile:
+    """Return a URDF file, on a mobile base if it has one (read once); `packages` as for `mesh_path`."""
+    root, _ = read_urdf(path, base)
     by_parent: dict[str, list[ET.Element]] = {}
     for element in root.findall("joint"):
         by_parent.setdefault(_link(element, "parent"), []).append(element)
@@ -56,15 +56,22 @@ def robot_file(path: Path) -> RobotFile:
             frames[child] = at
             frames.setdefault(element.get("name", ""), at)
             waiting.append(child)
-    parts, notes = [], []
+    known = {element.get("name") for element in root.findall("joint")}
+    parts, notes = (
+        [],
+        [
+            f"joint {joint.name!r} follows {joint.follows[0]!r}, which is not there, and stays where it is"
+            for joint in joints
+            if joint.follows is not None and joint.follows[0] not in known
+        ],
+    )
     for link in root.findall("link"):
         for element in link.findall("collision"):
             try:
-                shape, middle = _shape(element, path)
-            except WorldError as error:
-                if "does not exist" not in str(error):
-                    raise
-                notes.append(f"link {link.get('name')!r} has no body, because its mesh is not there")
+                shape, middle = _shape(element, path, packages)
+            except MissingMeshError:
+                named = [str(shape.get("filename"))[:120] for shape in element.findall("geometry/mesh")]
+                notes.append(f"link {link.get('name')!r} has no body, because its mesh {named[0]!r} is not there")
                 continue
             rotation, position = _origin(element)
             frame = frames[link.get("name", "")].then(rotation, position)
@@ -110,14 +117,12 @@ def _joint(element: ET.Element, at: Frame) -> TreeJoint:
     )
 
 
-def _shape(element: ET.Element, path: Path) -> tuple[Shape, Array]:
+def _shape(element: ET.Element, path: Path, packages: tuple[str, ...]) -> tuple[Shape, Array]:
     """Return the shape of a <collision> and where its middle is (3,) [m]."""
     shape: Any = element.find("geometry/*")
     if shape.tag == "mesh":
-        parts = read_mesh(mesh_path(str(shape.get("filename")), path))
-        counts = np.cumsum([0, *(len(vertices) for vertices, *_ in parts)])
-        faces = np.concatenate([own + first for (_, own, _), first in zip(parts, counts, strict=False)])
-        return mesh(np.concatenate([vertices for vertices, *_ in parts]) * _numbers(shape, "scale", "1 1 1"), faces)
+        parts = read_mesh(mesh_path(str(shape.get("filename")), path, packages))
+        return mesh_of(parts, _numbers(shape, "scale", "1 1 1"))
     if shape.tag == "box":
         return box(_numbers(shape, "size", "")), np.zeros(3)
     radius = float(shape.get("radius", "0"))

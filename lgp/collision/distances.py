@@ -14,6 +14,7 @@ from itertools import combinations
 import coal
 import numpy as np
 
+from lgp.collision.obstacle_shapes import obstacle_shapes
 from lgp.collision.shapes import CollisionShape, collision_shapes
 from lgp.kinematics.features import cross
 from lgp.kinematics.modes import ModeSequence
@@ -61,7 +62,7 @@ class Collisions:
 
     def __init__(self, world: World, modes: ModeSequence | None = None) -> None:
         self.world, self.modes = world, modes or ModeSequence(world, ())
-        self.shapes = collision_shapes(world)
+        self.shapes = (*collision_shapes(world), *obstacle_shapes(world.scene))
         self.pairs = tuple(
             (first, second)
             for first, second in combinations(range(len(self.shapes)), 2)

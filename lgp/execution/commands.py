@@ -115,11 +115,11 @@ def _run(options: dict[str, Any]) -> Any:
 
 def _export(folder: str, file: str, strict: bool, as_json: bool) -> None:
     from lgp.execution.retarget import load_plan
-    from lgp.execution.trajectory_export import export
+    from lgp.execution.trajectory_export import write_trajectories
 
     logs = (path for path in Path(folder).glob("run*.mcap") if re.fullmatch(r"run(-\d+)?", path.stem))
     check_outputs(FileOutput(file), inputs=[*logs, *(Path(folder) / name for name in PLAN_FILES)])
-    exported = export(load_plan(folder), Path(file), slow_down=not strict)
+    exported = write_trajectories(load_plan(folder), file, slow_down=not strict)
     for text in exported["limits"]:
         echo(f"slowed down: {text}", err=True)
     if as_json:

@@ -118,7 +118,9 @@ class Planner:
         off[self._human_columns()] = 0.0
         deviations = []
         if off.max() > view.tolerances.joints:
-            deviations.append(f"{self.motion.world.joints[int(off.argmax())]} is {off.max():.2f} rad off")
+            world = self.motion.world
+            joint = world.joints[int(off.argmax())]
+            deviations.append(f"{joint} is {off.max():.2f} {world.units[joint].si} off")
         for name in self._object_names(number):
             distance, turn = self._deviation(name, number, view)
             if distance > view.tolerances.moved or turn > view.tolerances.turned:

@@ -57,7 +57,7 @@ class Tolerances:
         still: largest distance from its mean position over the window of an object at rest [m].
         level: largest gap between the underside of an object and the table it lies on [m].
         moved, turned: largest deviation of an object from its planned pose [m, rad].
-        joints: largest deviation of a robot joint from the initial configuration of a motion [rad].
+        joints: largest deviation of a robot joint from the initial configuration of a motion [rad, m].
         window: length of the observed past [s].
         fresh: largest age of a tracked pose that counts as an observation of movement [s].
         stale: age of its last tracked pose after which an object is lost [s].

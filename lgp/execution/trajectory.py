@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lgp.kinematics.world import World
+from lgp.scene.joint_units import TURN, JointUnit
 from reba.arrays import Array, Indices
 
 RAMP = 0.3
@@ -119,6 +120,7 @@ class LimitViolation:
         kind: "position" or "velocity".
         time: of the largest excess, since the start of the motion [s].
         value, limit: [rad, m] or per second.
+        unit: of the joint.
     """
 
     joint: str
@@ -126,9 +128,10 @@ class LimitViolation:
     time: float
     value: float
     limit: float
+    unit: JointUnit = TURN
 
     def __str__(self) -> str:
-        unit = "rad" if self.kind == "position" else "rad/s"
+        unit = self.unit.si if self.kind == "position" else f"{self.unit.si}/s"
         return f"{self.joint}: {self.kind} {self.value:.3f} {unit} at {self.time:.2f} s, limit {self.limit:.3f}"
 
 
@@ -141,24 +144,24 @@ def violations(world: World, trajectory: JointTrajectory, columns: Indices) -> l
     """Return the largest violation of each joint in `columns` of q and of each kind."""
     # At the same places of the path however it is slowed down.
     times = np.linspace(0.0, trajectory.duration, max(round(trajectory.duration / trajectory.scale / STEP), 1) + 1)
-    speed_limit = np.asarray(world.model.velocityLimit, dtype=float)
+    speed_limit = world.speed_limit
     q = np.array([trajectory.at(t) for t in times])
     speed = np.array([trajectory.velocity(t) for t in times])
     violated = []
     for column in columns:
         name = world.joints[column]
+        unit = world.units[name]
         low, high = world.lower[column], world.upper[column]
         beyond = np.maximum(low - q[:, column], q[:, column] - high)
         worst = int(beyond.argmax())
         if beyond[worst] > MARGIN:
             value = float(q[worst, column])
-            violated.append(
-                LimitViolation(name, "position", float(times[worst]), value, float(low if value < low else high))
-            )
+            limit = float(low if value < low else high)
+            violated.append(LimitViolation(name, "position", float(times[worst]), value, limit, unit))
         worst = int(np.abs(speed[:, column]).argmax())
         value, limit = float(speed[worst, column]), float(speed_limit[column])
-        if limit > 0.0 and abs(value) > limit:
-            violated.append(LimitViolation(name, "velocity", float(times[worst]), value, limit))
+        if abs(value) > limit:
+            violated.append(LimitViolation(name, "velocity", float(times[worst]), value, limit, unit))
     return violated
 
 

@@ -10,6 +10,7 @@ from lgp.execution.log import Recorder, RunLog
 from lgp.execution.retarget import Planner
 from lgp.execution.trajectory import time_scaled, violations
 from lgp.plan_record import Plan
+from reba.checks import PATH, YES_NO, accepts, instance
 from reba.files import write_atomic
 from reba.outputs import FileOutput, check_outputs
 
@@ -17,10 +18,13 @@ PAUSE = 1.0
 """[s] Time between the stamps of two actions; in a run the predicates decide."""
 
 
-def export(plan: Plan, file: Path, *, slow_down: bool = False) -> dict[str, Any]:
-    """Write the motion of each robot in each action as one JointTrajectory, from rest to rest.
+@accepts(LgpError, plan=instance("what lgp.plan returns", Plan), path=PATH, slow_down=YES_NO)
+def write_trajectories(plan: Plan, path: str | Path, *, slow_down: bool = False) -> dict[str, Any]:
+    """Write the motion of each robot in each action as one JointTrajectory, from rest to rest, as `lgp run --export`.
 
     Args:
+        plan: feasible.
+        path: MCAP file of trajectory_msgs/JointTrajectory on `/ROBOT/trajectory`, for a robot's own controller.
         slow_down: scale the duration of motions above a velocity limit; otherwise they are refused.
 
     Returns:
@@ -29,6 +33,7 @@ def export(plan: Plan, file: Path, *, slow_down: bool = False) -> dict[str, Any]
     Raises:
         LgpError: there is no robot, a motion exceeds a limit, or the file cannot be written.
     """
+    file = Path(path)
     check_outputs(FileOutput(file), error=LgpError)
     planner = Planner(plan, None)
     world = planner.motion.world

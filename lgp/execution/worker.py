@@ -176,10 +176,11 @@ class Worker:
         """Put objects that have lain on the floor for a while back onto the table of the initial scene."""
         simulation = self.simulation
         for name, scene_object in simulation.world.scene.objects.items():
-            if simulation.objects[name].hand or simulation.view.table_under(name):
+            if simulation.objects[name].hand or simulation.view.table_under(name) or not simulation.world.scene.tables:
                 self._floor_since.pop(name, None)
             elif time - self._floor_since.setdefault(name, time) > self.behaviour.help and not self.stuck:
-                simulation.lay(name, scene_object.on, *scene_object.at[:2])
+                table = scene_object.on or next(iter(simulation.world.scene.tables))
+                simulation.lay(name, table, *scene_object.at[:2])
 
     def _action(self) -> Action | None:
         return None if self._planner is None else self._planner.actions[self._number]

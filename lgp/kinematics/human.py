@@ -26,8 +26,6 @@ HAND = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 AXES = {"hand": HAND, "world": ISB.T}
 LEGS = ("hip_Z", "hip_X", "hip_Y", "knee_Z", "ankle_Z", "ankle_X")
 """Joints of a leg, from the hip down."""
-PRISMATIC = ("pelvis_x", "pelvis_y", "pelvis_z")
-"""Joints in metres; all others are in radians."""
 
 
 @dataclass(frozen=True)

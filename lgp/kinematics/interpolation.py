@@ -40,6 +40,22 @@ def interpolate(knots: Array, before: Indices, share: Array) -> Array:
     )
 
 
+def interpolation_speed(knots: Array, before: Indices, share: Array) -> Array:
+    """Return the derivative (m, n) of the points by `share`: divided by the time between knots it is a velocity.
+
+    >>> interpolation_speed(np.array([[0.0], [1.0], [1.0]]), np.array([0, 0]), np.array([0.0, 0.5])).ravel().tolist()
+    [0.0, 1.5]
+    """
+    start, end, left, right = _around(knots, before)
+    u = share[:, None]
+    slope_start, slope_end = _slope(left, end - start), _slope(end - start, right)
+    return np.asarray(
+        6.0 * u * (1.0 - u) * (end - start)
+        + (1.0 - u) * (1.0 - 3.0 * u) * slope_start
+        - u * (2.0 - 3.0 * u) * slope_end
+    )
+
+
 def interpolation_weights(knots: Array, before: Indices, share: Array) -> Array:
     """Return the derivative (m, 4, n) of each point by the knots `AROUND` it; 0 for those that do not exist."""
     start, end, left, right = _around(knots, before)

@@ -1,16 +1,19 @@
 """Mesh files of robots: real inside the package of the robot only, checked, and read within bounds.
 
 A URDF may come from anywhere, and what it names must not reach other files. A mesh is below the folder of the package
-that it names (`package://NAME/...`: the nearest folder NAME around the URDF that has a package.xml, or NAME beside the
-URDF), any other below the package of the URDF, or below the folder of the URDF if no folder around has a package.xml.
-Links and `..` are followed only inside these folders. Textures and other files that a mesh names are never opened.
+that it names (`package://NAME/...`: the nearest folder NAME around the URDF that has a package.xml, NAME beside the
+URDF, or the package on a search path), any other below the package of the URDF, or below the folder of the URDF if no
+folder around has a package.xml. Links and `..` are followed only inside these folders; links in packages on a search
+path, which the user has chosen, lead anywhere. Textures and other files that a mesh names are never opened.
 """
 
 from __future__ import annotations
 
 import io
+import os
 import warnings
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lgp.errors import WorldError
+from lgp.kinematics.ros_packages import PACKAGE, find_package, searched_folders_message, split_package
 from lgp.kinematics.xml_file import LARGEST, parse_xml
 from reba.arrays import Array
 from reba.open_file import read_regular
@@ -31,24 +35,37 @@ MOST_NODES: Final = 10_000
 MOST_COLOURS: Final = 250
 """Most colours of a mesh file: the page stores them as one byte, with those of the robot."""
 ENDINGS: Final = (".stl", ".dae", ".obj")
-PACKAGE: Final = "package://"
 
 Body = tuple[Array, NDArray[np.int64], NDArray[np.uint8] | None]
 """Vertices (n, 3), faces (m, 3), and sRGB (3,), None without a colour."""
 
 
-def mesh_path(name: str, urdf: Path) -> Path:
+class MissingMeshError(WorldError):
+    """A mesh that a URDF names is not there."""
+
+
+def mesh_path(name: str, urdf: Path, packages: Iterable[str] = ()) -> Path:
     """Return the path of a mesh that a URDF names.
 
+    Args:
+        packages: folders in which other packages are looked for, before those of the environment.
+
     Raises:
-        WorldError: it is outside of the folders of the robot, or does not exist.
+        WorldError: it is outside of the folders of the robot.
+        MissingMeshError: it, or its package, does not exist.
     """
     around = urdf.resolve().parents
     own = next((folder for folder in around if (folder / "package.xml").is_file()), around[0])
+    owner, inside = split_package(name)
     if name.startswith(PACKAGE):
-        owner, _, inside = name.removeprefix(PACKAGE).partition("/")
-        packages = (folder for folder in around if folder.name == owner and (folder / "package.xml").is_file())
-        allowed = next(packages, around[0] / owner if owner not in ("", ".", "..") else around[0])
+        near = (folder for folder in around if folder.name == owner and (folder / "package.xml").is_file())
+        allowed = next(near, None)
+        if allowed is None and not (owner and (around[0] / owner).is_dir()):
+            package = find_package(owner, packages)
+            if package is not None:
+                return _inside(package, inside, name, urdf)
+        if allowed is None:
+            allowed = around[0] / owner if owner not in ("", ".", "..") else around[0]
         path = allowed / inside
     else:
         allowed, path = own, around[0] / name.removeprefix("file://")
@@ -63,8 +80,21 @@ def mesh_path(name: str, urdf: Path) -> Path:
             raise
         raise WorldError(f"{urdf}: mesh {name[:120]!r} cannot be real ({error}); correct its path") from error
     if not real.exists():
-        raise WorldError(f"{urdf}: mesh {name[:120]!r} does not exist; install the whole package of the robot")
+        what = f"{urdf}: mesh {name[:120]!r} does not exist"
+        if owner and not allowed.is_dir():
+            raise MissingMeshError(f"{what}: {searched_folders_message(owner, packages)}")
+        raise MissingMeshError(f"{what}; install the whole package of the robot")
     return real
+
+
+def _inside(package: Path, inside: str, name: str, urdf: Path) -> Path:
+    """Return a file of a package that the user has put on a search path; links in it are followed, `..` is not."""
+    path = Path(os.path.normpath(package / inside))
+    if "\0" in inside or not path.is_relative_to(os.path.normpath(package)):
+        raise WorldError(f"{urdf}: mesh {name[:120]!r} is outside of {package}; keep the meshes of a package in it")
+    if not path.exists():
+        raise MissingMeshError(f"{urdf}: mesh {name[:120]!r} does not exist in {package}; install the whole package")
+    return path
 
 
 def read_mesh(file: Path) -> list[Body]:

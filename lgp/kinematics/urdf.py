@@ -11,7 +11,9 @@ from typing import Final
 import numpy as np
 
 from lgp.errors import WorldError
+from lgp.kinematics.planar_joints import add_planar_base, split_planar_joints
 from lgp.kinematics.xml_file import LARGEST, numbers, parse_xml
+from lgp.scene.model import PlanarBase
 from reba.open_file import read_regular
 
 URDF_BYTES: Final = 1 << 24
@@ -26,8 +28,14 @@ _AXIS_ERROR: Final = 0.01
 """Departure of the length of an axis from 1 that rounded digits explain."""
 
 
-def read_urdf(path: Path) -> tuple[ET.Element, str]:
-    """Return the root element of a URDF file, all of whose links and joints are checked, and its text.
+def read_urdf(path: Path, base: PlanarBase | None = None) -> tuple[ET.Element, str]:
+    """Return the root element of a URDF file, all of whose links and joints are checked, and a text for Pinocchio.
+
+    In the text every joint has one coordinate of its own: endless ones have limits, and none follows another.
+    Planar joints, which have three coordinates, are split into three joints, see `lgp.kinematics.planar_joints`.
+
+    Args:
+        base: of a robot that moves over the floor.
 
     Raises:
         WorldError: it cannot be read, or an element is damaged; with the element.
@@ -46,7 +54,24 @@ def read_urdf(path: Path) -> tuple[ET.Element, str]:
     for element in root.findall("link"):
         _link(element, f"{path}: link {element.get('name')!r}", path)
     _tree(root, set(names), path)
-    return root, ET.tostring(root, encoding="unicode")
+    if base is not None:
+        add_planar_base(root, base, path)
+    split_planar_joints(root)
+    return root, _plain(root)
+
+
+def _plain(root: ET.Element) -> str:
+    """Return a URDF as text in which no joint is endless and none follows another."""
+    plain = ET.fromstring(ET.tostring(root))
+    for joint in plain.findall("joint"):
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            limit = ET.SubElement(joint, "limit", effort="0", velocity="0") if limit is None else limit
+            limit.attrib |= {"lower": "-1", "upper": "1"}  # the model sets its own
+    return ET.tostring(plain, encoding="unicode")
 
 
 def _name(element: ET.Element, path: Path) -> str:
@@ -135,7 +160,8 @@ def _tree(root: ET.Element, links: set[str], path: Path) -> None:
     """Check the joints: numbers, names, and that they connect all links to one tree."""
     parents: dict[str, str] = {}
     joints = root.findall("joint")
-    _once([_name(joint, path) for joint in joints], "joint", path)
+    names = [_name(joint, path) for joint in joints]
+    _once(names, "joint", path)
     for joint in joints:
         where = f"{path}: joint {joint.get('name')!r}"
         ends = [_child(joint, tag, where).get("link", "") for tag in ("parent", "child")]
@@ -146,6 +172,7 @@ def _tree(root: ET.Element, links: set[str], path: Path) -> None:
             raise WorldError(f"{where}: link {ends[1]!r} is the child of two joints, expected one")
         parents[ends[1]] = ends[0]
         _joint(joint, where)
+    _mimics(joints, path)
     first = [name for name in links if name not in parents]
     if len(first) != 1:
         raise WorldError(f"{path}: {len(first)} links have no parent, expected one; its joints make no tree")
@@ -158,6 +185,20 @@ def _tree(root: ET.Element, links: set[str], path: Path) -> None:
         if len(chain) > len(links):
             raise WorldError(f"{path}: link {name!r} is connected to itself by its joints, which make no tree")
         reached.update(chain)
+
+
+def _mimics(joints: list[ET.Element], path: Path) -> None:
+    """Refuse joints that follow each other in a circle."""
+    follows = {str(joint.get("name")): mimic.get("joint", "") for joint in joints
+               if (mimic := joint.find("mimic")) is not None}  # fmt: skip
+    for name, leader in follows.items():
+        where = f"{path}: joint {name!r} follows {leader[:40]!r}"
+        seen = {name}
+        while leader in follows and leader not in seen:
+            seen.add(leader)
+            leader = follows[leader]
+        if leader in seen:
+            raise WorldError(f"{where}, which follows it in turn; let one of them move on its own")
 
 
 def _joint(joint: ET.Element, where: str) -> None:

@@ -1,7 +1,8 @@
 """Forward kinematics of all agents of a scene in one Pinocchio model, for batches of configurations.
 
-A configuration q (nq,) holds one coordinate per moving joint [rad, m]; objects and tables are no joints. Batches are
-(n, nq). Jacobians have linear velocity in rows 0-2 and angular velocity in rows 3-5, in world axes.
+A configuration q (nq,) holds one coordinate per moving joint [rad, m]; joints that follow another one have none of
+their own, objects and tables are no joints. Batches are (n, nq). Jacobians have linear velocity in rows 0-2 and
+angular velocity in rows 3-5, in world axes.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from lgp.errors import WorldError
 from lgp.kinematics import human
 from lgp.kinematics.features import cross, rotation_about_z
 from lgp.kinematics.leg_ik import rest_posture
-from lgp.kinematics.robot import locked_model, robot_model, slides
+from lgp.kinematics.robot import Coupling, JointedModel, locked_model, robot_model
+from lgp.scene.joint_units import JointUnit, unit_of
 from lgp.scene.model import Agent, Human, Robot, Scene
 from reba.arrays import Array, Indices
 from reba.errors import did_you_mean
@@ -46,12 +48,12 @@ class Kinematics:
 
     Attributes:
         index: frame -> its row in `rotation` (n, F, 3, 3) and `position` (n, F, 3) [m].
-        spatial: (n, 6, nq) spatial velocity of each joint at the origin of the world.
+        model_spatial: (n, 6, joints of the model) spatial velocity of each joint at the origin of the world.
     """
 
     def __init__(self, world: World, names: Sequence[str], rotation: Array, position: Array, spatial: Array) -> None:
         self.world, self.index = world, {name: number for number, name in enumerate(names)}
-        self.rotation, self.position, self.spatial = rotation, position, spatial
+        self.rotation, self.position, self.model_spatial = rotation, position, spatial
         self._placements: dict[str, FramePlacement] = {}
 
     def __len__(self) -> int:
@@ -59,7 +61,13 @@ class Kinematics:
 
     def rows(self, which: slice | Indices) -> Kinematics:
         """Return the placements of some of the slices."""
-        return Kinematics(self.world, list(self.index), self.rotation[which], self.position[which], self.spatial[which])
+        parts = (self.rotation[which], self.position[which], self.model_spatial[which])
+        return Kinematics(self.world, list(self.index), *parts)
+
+    @property
+    def spatial(self) -> Array:
+        """Spatial velocities (n, 6, nq) by the configuration: of frames that all joints of a coupling move, or none."""
+        return self.world.by_configuration(self.model_spatial)
 
     def placement(self, name: str) -> FramePlacement:
         """Return the placement of a frame with its Jacobian (n, 6, nq)."""
@@ -72,9 +80,9 @@ class Kinematics:
 
     def point_jacobian(self, name: str, points: Array) -> Array:
         """Return the Jacobian (n, 6, nq) of points (n, 3) fixed to a frame, given in world axes."""
-        jacobian = self.spatial * self.world.support(name)
+        jacobian = self.model_spatial * self.world.model_support(name)
         jacobian[:, :3] += cross(jacobian[:, 3:], points)
-        return jacobian
+        return self.world.by_configuration(jacobian)
 
 
 class World:
@@ -87,6 +95,7 @@ class World:
         scene: the scene; tables and objects change with `with_scene`.
         joints: `agent.joint` of each column of q.
         column: joint -> column.
+        units: joint -> its unit, locked joints included.
         lower, upper: joint limits [rad, m], (nq,).
         initial_configuration: (nq,) [rad, m].
         initial_values: initial value of every joint [rad, m], locked joints included.
@@ -107,13 +116,18 @@ class World:
         self.scene = scene
         self.model = pin.Model()
         values: dict[str, float] = dict.fromkeys((f"human.{name}" for name in human.joint_names()), 0.0)
+        couplings: dict[str, Coupling] = {}
+        self.units: dict[str, JointUnit] = {}
         for agent in scene.agents:
-            model, frame, placement = _agent_model(agent)
-            self.model = pin.appendModel(self.model, model, frame, placement)
-            values |= _initial_values(agent, model)
-        self.joints = tuple(self.model.names)[1:]
-        self.column = {name: self.model.joints[number + 1].idx_q for number, name in enumerate(self.joints)}
-        self.lower, self.upper = self.model.lowerPositionLimit.copy(), self.model.upperPositionLimit.copy()
+            built, placement = _agent_model(agent)
+            self.model = pin.appendModel(self.model, built.model, 0, placement)
+            self.units |= {f"{agent.name}.{name}": unit for name, unit in built.units.items()}
+            couplings |= built.couplings
+            values |= _initial_values(agent, built.units)
+        self.joints = tuple(name for name in list(self.model.names)[1:] if name not in couplings)
+        self.column = {name: number for number, name in enumerate(self.joints)}
+        self._spread, self._offset = self._coupled(couplings)
+        self.lower, self.upper = self._limits()
         self.initial_values = values
         self.initial_configuration = self._initial_configuration()
         self._data = self.model.createData()
@@ -123,8 +137,18 @@ class World:
 
     @property
     def nq(self) -> int:
-        """Number of joints."""
-        return int(self.model.nq)
+        """Number of joints with a coordinate of their own."""
+        return len(self.joints)
+
+    @property
+    def speed_limit(self) -> Array:
+        """Largest speeds (nq,) [rad/s, m/s], also of the joints that follow; infinite where the model has none."""
+        limit = np.asarray(self.model.velocityLimit, dtype=float)
+        limit = np.where(limit > 0.0, limit, np.inf)
+        if self._spread is None:
+            return limit
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.min(limit[:, None] / np.abs(self._spread), axis=0))
 
     def with_scene(self, scene: Scene) -> World:
         """Return this world with other tables and objects, sharing the kinematic model.
@@ -172,14 +196,27 @@ class World:
             raise WorldError(f"no frame {name!r} in the scene{did_you_mean(name, known)}")
         return int(self.model.getFrameId(name))
 
-    def support(self, name: str) -> Array:
-        """Return (nq,) 1 for each joint that moves a frame, else 0."""
+    def model_support(self, name: str) -> Array:
+        """Return 1 for each joint of the Pinocchio model that moves a frame, else 0; in the order of the model."""
         if name not in self._support:
-            mask = np.zeros(self.nq)
+            mask = np.zeros(self.model.nq)
             for joint in list(self.model.supports[self.model.frames[self.frame_id(name)].parentJoint])[1:]:
                 mask[self.model.joints[joint].idx_q] = 1.0
             self._support[name] = mask
         return self._support[name]
+
+    def support(self, name: str) -> Array:
+        """Return (nq,) 1 for each joint that moves a frame, itself or by one that follows it, else 0."""
+        mask = self.model_support(name)
+        return mask if self._spread is None else np.asarray(mask @ (self._spread != 0.0) > 0.0, dtype=float)
+
+    def model_configuration(self, q: Array) -> Array:
+        """Return configurations (..., nq) with a value for every joint of the Pinocchio model, followers included."""
+        return q if self._spread is None else np.asarray(q @ self._spread.T + self._offset)
+
+    def by_configuration(self, jacobian: Array) -> Array:
+        """Return a Jacobian (..., joints of the model) by the configuration, (..., nq)."""
+        return jacobian if self._spread is None else np.asarray(jacobian @ self._spread)
 
     def at(self, q: Array, names: Iterable[str]) -> Kinematics:
         """Return the placements of frames for (n, nq) configurations.
@@ -193,15 +230,37 @@ class World:
         frames = list(dict.fromkeys(names))
         numbers = [self.frame_id(name) for name in frames]
         rotation, position = np.empty((len(q), len(frames), 3, 3)), np.empty((len(q), len(frames), 3))
-        spatial = np.empty((len(q), 6, self.nq))
+        spatial = np.empty((len(q), 6, self.model.nq))
         model, data = self.model, self._data
         jacobians, placement = pin.computeJointJacobians, pin.updateFramePlacement
-        for row, configuration in enumerate(q):
+        for row, configuration in enumerate(self.model_configuration(q)):
             spatial[row] = jacobians(model, data, configuration)
             for at, number in enumerate(numbers):
                 placed = placement(model, data, number)
                 rotation[row, at], position[row, at] = placed.rotation, placed.translation
         return Kinematics(self, frames, rotation, position, spatial)
+
+    def _coupled(self, couplings: Mapping[str, Coupling]) -> tuple[Array | None, Array]:
+        """Return the matrix (joints of the model, nq) and offset that give joints which follow; None without any."""
+        spread, offset = np.zeros((self.model.nq, self.nq)), np.zeros(self.model.nq)
+        for number, name in enumerate(self.model.names):
+            if number and name in couplings:
+                row, one = self.model.joints[number].idx_q, couplings[name]
+                spread[row, self.column[one.leader]], offset[row] = one.factor, one.offset
+            elif number:
+                spread[self.model.joints[number].idx_q, self.column[name]] = 1.0
+        return (spread if couplings else None), offset
+
+    def _limits(self) -> tuple[Array, Array]:
+        """Return the joint limits (nq,) within which the joints that follow keep theirs too."""
+        low, high = self.model.lowerPositionLimit.copy(), self.model.upperPositionLimit.copy()
+        if self._spread is None:
+            return low, high
+        lower, upper = np.full(self.nq, -np.inf), np.full(self.nq, np.inf)
+        for row, column in zip(*np.nonzero(self._spread), strict=True):
+            ends = (np.array([low[row], high[row]]) - self._offset[row]) / self._spread[row, column]
+            lower[column], upper[column] = max(lower[column], ends.min()), min(upper[column], ends.max())
+        return lower, upper
 
     def _initial_configuration(self) -> Array:
         """Return (nq,) [rad, m]; a joint without an initial value is as near to 0 as its limits allow."""
@@ -221,10 +280,10 @@ class World:
         for name, column in self.column.items():
             value, low, high = q[column], self.lower[column], self.upper[column]
             if not low - ROUNDING <= value <= high + ROUNDING:
-                prismatic = slides(self.model.joints[self.model.getJointId(name)])
-                scale, unit = (1.0, "m") if prismatic else (180.0 / np.pi, "deg")
+                unit = self.units[name]
+                value, low, high = map(unit.from_si, (value, low, high))
                 raise WorldError(
-                    f"{name} starts at {value * scale:g} {unit}, expected {low * scale:g} to {high * scale:g} {unit}; "
+                    f"{name} starts at {value:g} {unit.written}, expected {low:g} to {high:g} {unit.written}; "
                     f"change its value in {where}"
                 )
 
@@ -252,34 +311,38 @@ def _without_tilt_limits(agent: AnyAgent) -> AnyAgent:
     return replace(agent, hands=tuple(replace(hand, tilt=180.0) for hand in agent.hands))
 
 
-def _agent_model(agent: Agent) -> tuple[pin.Model, int, pin.SE3]:
-    """Return an agent's model with names `agent.name`, its parent frame (0, the world) and its placement."""
+def _agent_model(agent: Agent) -> tuple[JointedModel, pin.SE3]:
+    """Return an agent's model with joints and frames named `agent.name`, and its placement in the world."""
     if isinstance(agent, Human):
-        model = human.human_model(agent.stature, agent.sex)
-        rest = {name: _degrees(name, value) for name, value in rest_posture(agent.stature, agent.sex).items()}
+        units = {joint.name: unit_of(joint.prismatic) for joint in human.joints(agent.stature, agent.sex)}
+        full = JointedModel(human.human_model(agent.stature, agent.sex), units)
+        rest = {name: units[name].from_si(value) for name, value in rest_posture(agent.stature, agent.sex).items()}
         standing = replace(agent, joints=rest | dict(agent.joints))
         legs = tuple(f"{side}_{joint}" for side in SIDES for joint in human.LEGS)
-        model = locked_model(model, standing, agent.locked + (() if agent.legs == "planted" else legs))
+        built = locked_model(full, standing, agent.locked + (() if agent.legs == "planted" else legs))
     elif isinstance(agent, Robot):
-        model = robot_model(agent)
+        built = robot_model(agent)
     else:
         raise WorldError(f"{agent.name} is a {type(agent).__name__}, expected a Human or a Robot")
+    model = built.model
     for number in range(1, model.njoints):
         model.names[number] = f"{agent.name}.{model.names[number]}"
+    links = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY}
     for number in range(1, model.nframes):
-        model.frames[number].name = f"{agent.name}.{model.frames[number].name}"
-    return model, 0, pin.SE3(rotation_about_z(np.radians(agent.yaw)), np.array(agent.position))
+        frame = model.frames[number]
+        # A joint and a link may have one name: it is that of the link, as in `frame` of a hand.
+        twice = frame.type != pin.FrameType.BODY and frame.name in links
+        frame.name = f"{agent.name}.{frame.name}{' (joint)' if twice else ''}"
+    couplings = {
+        f"{agent.name}.{name}": replace(one, leader=f"{agent.name}.{one.leader}")
+        for name, one in built.couplings.items()
+    }
+    placement = pin.SE3(rotation_about_z(np.radians(agent.yaw)), np.array(agent.position))
+    return JointedModel(model, built.units, couplings), placement
 
 
-def _degrees(name: str, value: float) -> float:
-    return value if name in human.PRISMATIC else float(np.degrees(value))
-
-
-def _initial_values(agent: Agent, model: pin.Model) -> dict[str, float]:
+def _initial_values(agent: Agent, units: Mapping[str, JointUnit]) -> dict[str, float]:
     """Return `agent.joint` -> initial value [rad, m]; a scene states [deg, m]."""
     values = rest_posture(agent.stature, agent.sex) if isinstance(agent, Human) else {}
-    for name, value in agent.joints.items():
-        full = f"{agent.name}.{name}"
-        prismatic = model.existJointName(full) and slides(model.joints[model.getJointId(full)])
-        values[name] = value if prismatic else float(np.radians(value))
+    values |= {name: units[name].to_si(value) for name, value in agent.joints.items()}
     return {f"{agent.name}.{name}": value for name, value in values.items()}

@@ -17,7 +17,7 @@ from lgp.kinematics.mesh_file import mesh_path, read_mesh
 from lgp.kinematics.robot import urdf_of
 from lgp.kinematics.urdf import read_urdf
 from lgp.page.mesh import Mesh, colour, joined
-from lgp.scene.model import Robot, SceneObject, Table
+from lgp.scene.model import Obstacle, Robot, SceneObject, Table
 from reba.arrays import Array
 
 FACES = 2500
@@ -48,8 +48,8 @@ def robot_meshes(robot: Robot) -> list[LinkMesh]:
     Raises:
         WorldError: its URDF or a mesh cannot be read.
     """
-    urdf = urdf_of(robot.model)
-    root, _ = read_urdf(urdf)
+    urdf = urdf_of(robot.model, robot.packages)
+    root, _ = read_urdf(urdf, robot.base)
     paints = {entry.get("name"): _rgba(entry) for entry in root.findall("material")}
     visuals = []
     for link in root.findall("link"):
@@ -59,20 +59,22 @@ def robot_meshes(robot: Robot) -> list[LinkMesh]:
             if paint is not None and paint[3] < 1.0:
                 continue
             rgb = PALE if paint is None else np.array(np.clip(paint[:3], 0, 1) * 255, np.uint8)
-            shape, mesh = _shape(visual, urdf, rgb)
+            shape, mesh = _shape(visual, urdf, rgb, robot.packages)
             if mesh is not None and np.ptp(mesh.vertices, axis=0).max() > SMALLEST:
                 visuals.append(LinkMesh(str(link.get("name")), f"{shape} {rgb.tolist()}", _origin(visual), mesh))
     return visuals
 
 
-def _shape(visual: ET.Element, urdf: Path, rgb: NDArray[np.uint8]) -> tuple[str, Mesh | None]:
+def _shape(
+    visual: ET.Element, urdf: Path, rgb: NDArray[np.uint8], packages: tuple[str, ...]
+) -> tuple[str, Mesh | None]:
     import trimesh
 
     shape = visual.find("geometry/*")
     if shape is None:
         return "", None
     if shape.tag == "mesh":
-        file = mesh_path(str(shape.get("filename")), urdf)
+        file = mesh_path(str(shape.get("filename")), urdf, packages)
         scale = tuple(_numbers(shape.get("scale", "1 1 1")))
         return f"{file} {scale}", _load(file, scale, tuple(rgb.tolist()))
     size = {key: _numbers(value) for key, value in shape.attrib.items()}
@@ -186,6 +188,19 @@ def table_mesh(table: Table) -> Mesh:
             at = (x * (length / 2 - leg), y * (width / 2 - leg), bottom / 2.0)
             bodies.append(_box((leg, leg, bottom), at, look["legs"]))
     return joined(bodies)
+
+
+def obstacle_mesh(body: Obstacle) -> Mesh:
+    """Return an obstacle, in the colour of obstacles; a mesh keeps its own."""
+    import trimesh
+
+    tint = shapes()["table"]["obstacle"]
+    if body.shape == "box":
+        return _box(body.size, (0.0, 0.0, 0.0), tint)
+    if body.shape == "cylinder":
+        bar = trimesh.creation.cylinder(body.size[0] / 2.0, body.size[2])
+        return reduced([(bar.vertices, bar.faces, colour(tint))])
+    return _load(Path(body.file), body.size, tuple(colour(tint).tolist()))
 
 
 def object_mesh(scene_object: SceneObject, number: int) -> Mesh:

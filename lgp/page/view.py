@@ -8,14 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lgp.kinematics import human
+from lgp.kinematics.features import exponential
 from lgp.kinematics.interpolation import interpolate
 from lgp.motion import Motion
 from lgp.page.camera import Shot, shots_of
 from lgp.page.mesh import Mesh, surface_points
-from lgp.page.objects import object_mesh, robot_meshes, table_mesh
+from lgp.page.objects import object_mesh, obstacle_mesh, robot_meshes, table_mesh
 from lgp.page.person import Skin, figure
 from lgp.plan_record import Plan
 from lgp.scene.model import Human
+from lgp.scene.surroundings import fixed_bodies
 from reba.arrays import Array, Indices
 
 RATE = 20.0
@@ -123,6 +125,10 @@ class _Stage:
         for name, table in self.scene.tables.items():
             place = _standing((*table.position, 0.0), table.yaw)
             self.bodies.append(MeshInstance(self.mesh(name, table_mesh(table)), None, place))
+        for name, body in fixed_bodies(self.scene).items():
+            place = np.eye(4)
+            place[:3, :3], place[:3, 3] = exponential(np.radians(np.array(body.rotation))), body.position
+            self.bodies.append(MeshInstance(self.mesh(name, obstacle_mesh(body)), None, place))
 
     def objects(self) -> None:
         for number, (name, scene_object) in enumerate(self.scene.objects.items()):

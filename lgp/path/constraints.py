@@ -79,7 +79,7 @@ class Constraints:
 
     def _set_rows(self, knots: int) -> None:
         """Set the columns and the meaning of every row."""
-        nq = self.world.nq
+        world, nq = self.world, self.world.nq
         eq: Blocks = [*self._switches.eq]
         ineq: Blocks = [*self._switches.ineq]
         self.eq_rows = [*self._switches.eq_rows]
@@ -87,7 +87,9 @@ class Constraints:
         for first, second in self._rests:
             eq += [(1, np.array(pair)) for pair in zip(first, second, strict=True)]
             self.eq_rows += [
-                ConstraintInfo("rest", "rad", int(joint) // nq, self.world.joints[int(joint) % nq]) for joint in first
+                ConstraintInfo("rest", world.units[name].si, int(joint) // nq, name)
+                for joint in first
+                for name in [world.joints[int(joint) % nq]]
             ]
         for sole in self._soles:
             columns = np.flatnonzero(self.world.support(sole))

@@ -14,11 +14,11 @@ import pinocchio as pin
 
 from lgp.kinematics.attachments import placed, resting
 from lgp.kinematics.ik import least_squares
-from lgp.kinematics.robot import slides
 from lgp.kinematics.world import World
 from lgp.path.collision_constraints import MARGIN
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+from lgp.scene.joint_units import SLIDE
 from lgp.scene.model import Hand, SceneObject, Table
 from reba.arrays import Array, Indices
 
@@ -205,21 +205,23 @@ def reach_bound(world: World, hand: Hand) -> ReachBound:
     model = world.model
     data = model.createData()
     frame = world.frame_id(hand.full)
-    pin.framesForwardKinematics(model, data, world.initial_configuration)
+    q = world.model_configuration(world.initial_configuration)
+    pin.framesForwardKinematics(model, data, q)
     chain = list(model.supports[model.frames[frame].parentJoint])[1:]
     at = [data.oMi[joint].translation.copy() for joint in chain] + [data.oMf[frame].translation.copy()]
-    axes = pin.computeJointJacobians(model, data, world.initial_configuration)
-    columns = np.array([model.joints[joint].idx_q for joint in chain], dtype=np.intp)
-    sliding = 0
-    while sliding < len(chain) and slides(model.joints[chain[sliding]]):
-        sliding += 1
+    axes = pin.computeJointJacobians(model, data, q)[:, [model.joints[joint].idx_v for joint in chain]]
+    names = [str(model.names[joint]) for joint in chain]
+    sliding = next((number for number, name in enumerate(names) if not _slides(world, name)), len(chain))
+    if not set(names) <= set(world.joints):
+        # Of joints that follow another one no bound is computed.
+        return ReachBound(at[0], np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.inf)
+    columns = np.array([world.column[name] for name in names], dtype=np.intp)
     own = columns[:sliding]
-    moves = axes[:3, own].T
+    moves = axes[:3, :sliding].T
     root = at[sliding] - world.initial_configuration[own] @ moves
     low, high = (limit - world.initial_configuration for limit in (world.lower, world.upper))
-    turns = axes[3:, columns[sliding:]].T
-    free = np.array([slides(model.joints[joint]) for joint in chain[sliding:]], dtype=bool)
-    if free.any():
+    turns = axes[3:, sliding:].T
+    if any(_slides(world, name) for name in names[sliding:]):
         # A slide behind a revolute joint lengthens the arm: no bound is computed.
         return ReachBound(root, moves, world.lower[own], world.upper[own], np.inf)
     points = np.array(at[sliding:])
@@ -228,6 +230,10 @@ def reach_bound(world: World, hand: Hand) -> ReachBound:
     points[0] += shift
     length = _length(points, turns, low[columns[sliding:]], high[columns[sliding:]])
     return ReachBound(root + shift, moves, world.lower[own], world.upper[own], length)
+
+
+def _slides(world: World, joint: str) -> bool:
+    return world.units[joint] is SLIDE
 
 
 def _length(points: Array, axes: Array, low: Array, high: Array) -> float:

@@ -18,6 +18,7 @@ from lgp.path.cache import WarmStartCache
 from lgp.path.costs import Costs, Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.feasibility import CLOSE, ReachCheck, explain_infeasibility, project_to_feasible
+from lgp.path.impossible_actions import impossible
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.search.tree_search import Skeleton
@@ -95,7 +96,7 @@ class KeyframeSolver:
 
     def solve_pose(self, phases: Phases, earlier: Solution | None) -> Answer:
         """Return the keyframes of `earlier` and the pose at the last switch of a prefix, with its cost as a bound."""
-        refusal = self._reach.refusal(phases)
+        refusal = impossible(phases) or self._reach.refusal(phases)
         if refusal:
             return None, refusal
         before = np.zeros((0, self.world.nq)) if earlier is None else earlier.keyframes

@@ -34,6 +34,11 @@ def check_first_facts(scene: Scene) -> None:
     for name, item in scene.objects.items():
         where = f"{scene.name}: objects.{name}"
         if item.hand:
+            payload = scene.hands[item.hand].payload
+            if item.mass > payload:
+                raise SceneError(
+                    f"{where} of {item.mass:g} kg is in {item.hand}, whose payload is {payload:g} kg; correct one"
+                )
             if (item.hand, name) not in grasped:
                 raise SceneError(
                     f"{where} is in {item.hand}, but `initial` has no grasped({item.hand}, {name}); add the fact"
@@ -41,7 +46,13 @@ def check_first_facts(scene: Scene) -> None:
             for fact in facts:
                 if fact.arguments in {(name,), (item.hand,)} and fact.predicate in ("on_table", "free"):
                     raise SceneError(f"{where} is in {item.hand}, but `initial` says {fact}; remove the fact")
-        elif name in placed and item.on not in placed[name]:
+            continue
+        clearance, height = scene.tables[item.on].clearance, item.size["xyz".index(item.up)]
+        if height >= clearance:
+            raise SceneError(
+                f"{where} is {height:g} m high on {item.on}, above which are {clearance:.3g} m; correct one of them"
+            )
+        if name in placed and item.on not in placed[name]:
             raise SceneError(
                 f"{where} is on {item.on}, but `initial` says placed({name}, {placed[name][0]}); correct one of them"
             )

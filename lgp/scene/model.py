@@ -5,6 +5,7 @@ Lengths are in metres, angles in degrees as in scene files; world axes are x, y 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,7 @@ class Hand:
         tilt: largest angle [deg] between its z and straight down when it works at a table; 180 allows any.
         freedom: rotation of an object relative to the hand: "free", about the "axis" z only, about the axis y of a
             "jaw", or "fixed".
+        payload: largest mass that it carries [kg]; infinite where the scene states none.
     """
 
     agent: str
@@ -37,6 +39,7 @@ class Hand:
     kind: str
     tilt: float
     freedom: str
+    payload: float = math.inf
 
     @property
     def full(self) -> str:
@@ -75,17 +78,42 @@ class Human(Agent):
 
 
 @dataclass(frozen=True)
+class PlanarBase:
+    """How far a mobile robot moves over the floor from its position and yaw, along and about its own axes.
+
+    Attributes:
+        x, y: lowest and highest displacement [m].
+        yaw: lowest and highest turn [deg].
+        speed, turn: largest speeds [m/s, deg/s].
+    """
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    yaw: tuple[float, float]
+    speed: float
+    turn: float
+
+
+@dataclass(frozen=True)
 class Robot(Agent):
-    """A robot: `model` is a name in robots.toml or the path of a URDF file; `position` includes the base height."""
+    """A robot: `model` is a name in robots.toml or the path of a URDF file; `position` includes the base height.
+
+    Attributes:
+        base: of a mobile robot; its joints are `base_x`, `base_y` [m] and `base_yaw`.
+        packages: folders in which ROS packages are looked for, those that `package://NAME/...` names.
+    """
 
     model: str
+    base: PlanarBase | None = None
+    packages: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Table:
     """A table: centre of its top (x, y) [m], yaw [deg], size, height and thickness of the top [m].
 
-    An experiment draws the height from the range `heights`, which is (height, height) for a fixed one.
+    An experiment draws the height from the range `heights`, which is (height, height) for a fixed one. Above the top
+    `clearance` [m] are free; what bounds them is another table, or a board of its own where it is `covered`.
     """
 
     name: str
@@ -95,11 +123,38 @@ class Table:
     height: float
     heights: tuple[float, float]
     thickness: float
+    clearance: float = math.inf
+    covered: bool = False
 
     @property
     def full(self) -> str:
         """The name in plans: `table.left`."""
         return f"table.{self.name}"
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A body that is in the way: it never moves, nothing is placed on it, and no action names it.
+
+    Attributes:
+        shape: "box", "cylinder" (its axis is z) or "mesh".
+        position: of the middle of a box or cylinder, of the origin of a mesh [m].
+        rotation: rotation vector [deg].
+        size: sides of a box, two diameters and the length of a cylinder [m]; the scale of a mesh.
+        file: path of a mesh.
+    """
+
+    name: str
+    shape: str
+    position: tuple[float, float, float]
+    rotation: tuple[float, float, float]
+    size: tuple[float, float, float]
+    file: str = ""
+
+    @property
+    def full(self) -> str:
+        """The name in messages: `obstacle.pillar`."""
+        return f"obstacle.{self.name}"
 
 
 @dataclass(frozen=True)
@@ -189,6 +244,7 @@ class Scene:
         depth: longest sequence of actions of a search.
         choices: parameters that the source leaves open, with reasons.
         values: the TOML values with current heights; `read_scene(values)` returns an equal scene.
+        obstacles: by full name; `lgp.scene.surroundings.fixed_bodies` adds the boards above covered tables.
     """
 
     name: str
@@ -206,6 +262,7 @@ class Scene:
     depth: int = 4
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
 
     @property
     def agents(self) -> tuple[Agent, ...]:
@@ -245,7 +302,7 @@ class Scene:
                 raise SceneError(f"{self.name}: height of {full} is {height:g} m, expected 0 to 3 m")
             tables[full] = replace(tables[full], height=float(height))
         written = dict(self.values.get("tables", {}))
-        written |= {table.name: {**written.get(table.name, {}), "height": table.height} for table in tables.values()}
+        written |= {name: {**entry, "height": tables[f"table.{name}"].height} for name, entry in written.items()}
         return replace(self, tables=tables, values={**self.values, "tables": written})
 
     def draw_heights(self, rng: np.random.Generator) -> Scene:

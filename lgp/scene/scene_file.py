@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import os
 import tomllib
 from collections.abc import Mapping
@@ -13,7 +14,9 @@ from typing import Any
 from lgp.errors import SceneError
 from lgp.logic.pddl import shipped_domains
 from lgp.scene.body_measures import STATURE, table
+from lgp.scene.mobile_base import read_base
 from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
+from lgp.scene.surroundings import FARTHEST, read_obstacle, read_shelf
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
 from reba.open_file import read_settings
@@ -21,8 +24,6 @@ from reba.toml_table import TomlTable
 
 SHIPPED = Path(__file__).parents[1] / "scenes"
 ROBOTS = Path(__file__).parent / "data" / "robots.toml"
-FARTHEST = 1000.0
-"""[m] Largest coordinate of a position."""
 SHORTEST_PHASE = 0.2
 """[s] Shortest phase (a choice): no action of a person is done in less."""
 FREEDOMS = ("free", "axis", "jaw", "fixed")
@@ -86,6 +87,14 @@ def _with_absolute_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]
     for robot in robots.values() if isinstance(robots, dict) else ():
         if isinstance(robot, dict) and str(robot.get("model")).endswith(".urdf"):
             robot["model"] = absolute(robot["model"])
+        if isinstance(robot, dict) and isinstance(robot.get("packages"), list):
+            robot["packages"] = [
+                str((folder / part).absolute()) if isinstance(part, str) else part for part in robot["packages"]
+            ]
+    obstacles = values.get("obstacles")
+    for obstacle in obstacles.values() if isinstance(obstacles, dict) else ():
+        if isinstance(obstacle, dict) and "mesh" in obstacle:
+            obstacle["mesh"] = absolute(obstacle["mesh"])
     return values
 
 
@@ -94,6 +103,11 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
     chosen = _changed(values, changes or {}, name)
     entries = TomlTable(name, chosen, SceneError)
     tables = {f"table.{key}": _table(key, entry) for key, entry in entries.tables("tables").items()}
+    obstacles = {f"obstacle.{key}": read_obstacle(key, entry) for key, entry in entries.tables("obstacles").items()}
+    for key, entry in entries.tables("shelves").items():
+        boards, walls = read_shelf(key, entry)
+        tables |= boards
+        obstacles |= walls
     objects = {key: _object(key, entry, tables) for key, entry in entries.tables("objects").items()}
     scene = Scene(
         name=name,
@@ -107,6 +121,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         robots={key: _robot(key, entry) for key, entry in entries.tables("robots").items()},
         tables=tables,
         objects=objects,
+        obstacles=obstacles,
         assemblies=tuple(
             _assembly(number, entry, name, objects) for number, entry in enumerate(_list(entries, "joints"))
         ),
@@ -159,11 +174,12 @@ def _human(entries: TomlTable) -> Human:
             raise SceneError(f"{entries.where}: no hand {hand!r}, expected {' or '.join(hands)}")
     tilt = entries.number("tilt", 180.0, 0.0, 180.0)
     freedom = entries.text("freedom", "free", FREEDOMS)
+    payload = _payload(entries)
     human = Human(
         name="human",
         position=(x, y, 0.0),
         yaw=entries.number("yaw", 0.0),
-        hands=tuple(Hand("human", hand, hand, 0.0, "human_hand", tilt, freedom) for hand in chosen),
+        hands=tuple(Hand("human", hand, hand, 0.0, "human_hand", tilt, freedom, payload) for hand in chosen),
         locked=entries.texts("locked", ()),
         joints=entries.numbers("joints"),
         stature=entries.number("stature", 1.75, *STATURE),
@@ -175,7 +191,7 @@ def _human(entries: TomlTable) -> Human:
 
 
 def _robot(name: str, entries: TomlTable) -> Robot:
-    if name in ("human", "table"):
+    if name in ("human", "table", "obstacle"):
         raise SceneError(f"{entries.where}: robot name {name!r} is reserved; give it another name")
     model = entries.text("model")
     known = known_robots().get(model, {})
@@ -188,6 +204,7 @@ def _robot(name: str, entries: TomlTable) -> Robot:
     if not hands:
         defaults = known.get("hands", {})
         hands = {hand: TomlTable(f"{entries.where}.hands.{hand}", {}, SceneError) for hand in defaults}
+    base = entries.table("base")
     robot = Robot(
         name=name,
         position=placement,
@@ -196,6 +213,8 @@ def _robot(name: str, entries: TomlTable) -> Robot:
         locked=entries.texts("locked", tuple(known.get("locked", ()))),
         joints=dict(known.get("joints", {})) | entries.numbers("joints"),
         model=model,
+        base=read_base(base) if entries.has("base") else None,
+        packages=entries.texts("packages", ()),
     )
     entries.done()
     return robot
@@ -210,9 +229,14 @@ def _hand(agent: str, name: str, entries: TomlTable, known: Mapping[str, Any]) -
         kind=entries.text("kind", "robot_hand"),
         tilt=entries.number("tilt", 90.0, 0.0, 180.0),
         freedom=entries.text("freedom", "free", FREEDOMS),
+        payload=_payload(entries, float(known.get("payload", math.inf))),
     )
     entries.done()
     return hand
+
+
+def _payload(entries: TomlTable, default: float = math.inf) -> float:
+    return entries.number("payload", low=0.0) if entries.has("payload") else default
 
 
 def _table(name: str, entries: TomlTable) -> Table:
@@ -230,6 +254,8 @@ def _table(name: str, entries: TomlTable) -> Table:
         height=(low + high) / 2.0,
         heights=(low, high),
         thickness=entries.number("thickness", 0.03, low=0.001, high=3.0),
+        clearance=entries.number("clearance", low=0.01, high=3.0) if entries.has("clearance") else math.inf,
+        covered=entries.has("clearance"),
     )
     entries.done()
     return table
@@ -240,7 +266,7 @@ def _object(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> Scene
         name=name,
         size=entries.vector("size", 3, low=0.001, high=100.0),
         mass=entries.number("mass", low=0.0, high=1000.0),
-        on=entries.text("on", choices=tables),
+        on=entries.text("on", "" if entries.has("hand") else None, [*tables, *([""] if entries.has("hand") else [])]),
         at=entries.vector("at", 3, (0.0, 0.0, 0.0)),
         slide=entries.number("slide", 0.0, low=0.0, high=100.0),
         hand=entries.text("hand", ""),
@@ -249,8 +275,8 @@ def _object(name: str, entries: TomlTable, tables: Mapping[str, Table]) -> Scene
         grips={kind: _grip(entry) for kind, entry in entries.tables("grips").items()},
     )
     entries.done()
-    table = tables[scene_object.on]
-    if any(abs(at) > size / 2 for at, size in zip(scene_object.at[:2], table.size, strict=True)):
+    table = tables.get(scene_object.on)
+    if table is not None and any(abs(at) > size / 2 for at, size in zip(scene_object.at[:2], table.size, strict=True)):
         raise SceneError(
             f"{entries.where}: at {scene_object.at[:2]} is off {scene_object.on}, whose top is {table.size}"
         )
@@ -301,6 +327,11 @@ def _check_names(scene: Scene) -> None:
     for text in (*scene.initial, *scene.goal):
         _, _, inside = text.partition("(")
         for word in (part.strip() for part in inside.rstrip(") ").split(",")):
+            if f"obstacle.{word.removeprefix('obstacle.')}" in scene.obstacles:
+                raise SceneError(
+                    f"{scene.name}: {text!r} names the obstacle {word!r}, expected hands, objects and tables; "
+                    "make it one of [tables] if things stand on it"
+                )
             if word and word not in known:
                 hint = did_you_mean(word, known) or f"; known are {', '.join(known)}"
                 raise SceneError(f"{scene.name}: {text!r} contains unknown {word!r}{hint}")

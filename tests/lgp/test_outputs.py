@@ -62,7 +62,7 @@ FUNCTIONS: dict[str, Callable[[lgp.Plan, Path], Any]] = {
     "experiment_screwdriver": lambda _, path: lgp.experiment_screwdriver(path, runs=1),
     "experiment_toolbox": lambda _, path: lgp.experiment_toolbox(path),
     "simulate": lambda plan, path: simulate({"a": plan}, path, participants=1),
-    "export": lambda plan, path: trajectory_export.export(plan, path),
+    "export": lambda plan, path: trajectory_export.write_trajectories(plan, path),
 }
 
 

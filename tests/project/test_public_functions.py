@@ -98,13 +98,15 @@ GOOD: dict[str, dict[str, Any]] = {
     "lgp.experiment_toolbox": {"folder": "toolbox", "cost": "nowhere.json"},
     "lgp.load_scene": {"which": "screwdriver"},
     "lgp.plan": {"scene": "screwdriver", "cost": None, "slices": -1},
+    "lgp.replan": {"plan": None, "now": 0.0, "poses": None, "joints": None, "cost": None},
     "lgp.run_plan": {"folder": "run", "seed": 0, "speed": 0.0},
     "lgp.run_study": {"logs": None},
     "lgp.shipped_scenes": {},
     "lgp.write_page": {"plan": None, "folder": "page"},
+    "lgp.write_trajectories": {"plan": None, "path": "robots.mcap"},
 }
 """Arguments of each function; those whose run takes long have one wrong value here already."""
-MANY = {"reba.read", "reba.score_array", "reba.score_parts", "dreba.fit_to"}
+MANY = {"lgp.replan", "reba.read", "reba.score_array", "reba.score_parts", "dreba.fit_to"}
 """Functions with more positional arguments, as the contract has them."""
 PATH_METHODS = {
     "Poses.load": dreba.Poses.load,

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import struct
+from pathlib import Path
+from typing import Any
+
+from lgp.kinematics.world import World
+from lgp.scene.scene_file import read_scene
 
 URDF = """<?xml version="1.0"?>
 <robot name="r">
@@ -92,3 +97,36 @@ DAE_NODES = dae(
     '<node id="a"><instance_geometry url="#g"/></node><node id="b"><instance_node url="#a"/></node>',
     '<node id="n"><translate>1 0 0</translate><instance_node url="#b"/></node>',
 )
+
+LIFT_ARM = """<robot name="lift_arm">
+  <link name="base"/><link name="l0"/><link name="l1"/><link name="l2"/><link name="l3"/><link name="l4"/>
+  <link name="l5"/><link name="tcp"/><link name="fl"/><link name="fr"/>
+  <joint name="lift" type="prismatic"><parent link="base"/><child link="l0"/><origin xyz="0 0 0.5"/>
+    <axis xyz="0 0 1"/><limit lower="0" upper="0.4" effort="1" velocity="0.2"/></joint>
+  <joint name="pan" type="continuous"><parent link="l0"/><child link="l1"/><axis xyz="0 0 1"/></joint>
+  <joint name="shoulder" type="revolute"><parent link="l1"/><child link="l2"/><axis xyz="0 1 0"/>
+    <limit lower="-2.5" upper="2.5" effort="1" velocity="1.5"/></joint>
+  <joint name="elbow" type="revolute"><parent link="l2"/><child link="l3"/><origin xyz="0.45 0 0"/>
+    <axis xyz="0 1 0"/><limit lower="-2.5" upper="2.5" effort="1" velocity="1.5"/></joint>
+  <joint name="level" type="revolute"><parent link="l3"/><child link="l4"/><origin xyz="0.40 0 0"/>
+    <axis xyz="0 1 0"/><limit lower="-2.5" upper="2.5" effort="1" velocity="1.5"/></joint>
+  <joint name="wrist" type="continuous"><parent link="l4"/><child link="l5"/><origin xyz="0.05 0 0"/>
+    <axis xyz="1 0 0"/><limit effort="1" velocity="3"/></joint>
+  <joint name="tcp_joint" type="fixed"><parent link="l5"/><child link="tcp"/>
+    <origin xyz="0.12 0 0" rpy="0 1.5707963267948966 0"/></joint>
+  <joint name="f1" type="prismatic"><parent link="l5"/><child link="fl"/><origin xyz="0.08 0.02 0"/>
+    <axis xyz="0 1 0"/><limit lower="0" upper="0.04" effort="1" velocity="1"/></joint>
+  <joint name="f2" type="prismatic"><parent link="l5"/><child link="fr"/><origin xyz="0.08 -0.02 0"/>
+    <axis xyz="0 -1 0"/><limit lower="0.002" upper="0.034" effort="1" velocity="0.4"/>
+    <mimic joint="f1" multiplier="0.8" offset="0.002"/></joint>
+</robot>
+"""
+"""An arm on a lift that slides, with a turret and a wrist that turn without end and a finger that follows the other."""
+
+
+def arm_world(folder: Path, urdf: str = LIFT_ARM, **robot: Any) -> World:
+    """Return a world with a robot from a URDF, its hand at the link `tcp`."""
+    file = folder / "arm.urdf"
+    file.write_text(urdf)
+    values = {"model": str(file), "position": [0.4, -0.3, 0.2], "yaw": 30, "hands": {"tcp": {"frame": "tcp"}}}
+    return World(read_scene({"domain": "screwdriver", "initial": [], "goal": [], "robots": {"arm": values | robot}}))

@@ -312,7 +312,7 @@ def test_a_link_whose_mesh_is_not_there_is_named(tmp_path: Path) -> None:
     file.write_text(file.read_text().replace('<sphere radius="0.05"/>', '<mesh filename="tool.stl"/>'))
     robot_file.cache_clear()
     audit = audit_plan(plan)
-    assert audit.unaudited == ("gantry: link 'tool' has no body, because its mesh is not there",)
+    assert audit.unaudited == ("gantry: link 'tool' has no body, because its mesh 'tool.stl' is not there",)
 
 
 @needs_robots
@@ -371,3 +371,15 @@ def test_every_pair_that_can_meet_is_looked_at(tmp_path: Path) -> None:
     assert ("human.left_palm", "human.right_upper_arm") in own
     assert ("human.head", "human.trunk") not in own
     assert frozenset(("gantry.f1", "gantry.f2")) not in looked
+
+
+def test_a_mesh_with_a_corner_of_many_neighbours_has_a_hull() -> None:
+    around = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
+    rim = np.stack([0.1 * np.cos(around), 0.1 * np.sin(around), np.zeros(400)], axis=1)
+    cone = np.concatenate([rim, [[0.0, 0.0, 0.2], [0.0, 0.0, 0.0]]])
+    after = (np.arange(400) + 1) % 400
+    faces = [(one, other, 400) for one, other in enumerate(after)] + [(o, n, 401) for n, o in enumerate(after)]
+    shape, middle = mesh(cone, np.array(faces))
+    below = np.array([0.0, 0.0, -0.03])
+    depth = penetration(shape, np.eye(3), middle, ball(0.05), np.eye(3), below)
+    assert depth == pytest.approx(0.02, abs=1e-3)

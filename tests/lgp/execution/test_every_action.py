@@ -15,7 +15,7 @@ from lgp.execution.executive import Settings
 from lgp.execution.log_reader import messages
 from lgp.execution.session import ExecutionRun, RunOptions
 from lgp.execution.tracked_scene import atoms_now
-from lgp.execution.trajectory_export import export
+from lgp.execution.trajectory_export import write_trajectories
 from lgp.kinematics.modes import ACTIONS
 from lgp.logic.task import Atom
 from lgp.motion import Motion
@@ -131,7 +131,7 @@ def test_an_object_that_is_handed_around_comes_back(tmp_path: Path) -> None:
 def test_exported_trajectories_are_those_of_every_robot(tmp_path: Path) -> None:
     scene = scene_of(["baxter", "panda"], ["grasped(panda.hand, box)"], in_hand="baxter.left")
     plan = planned(scene, "handover(baxter.left, box, panda.hand)")
-    export(plan, tmp_path / "robots.mcap", slow_down=True)
+    write_trajectories(plan, tmp_path / "robots.mcap", slow_down=True)
     topics = [message.topic for message in messages(tmp_path / "robots.mcap")]
     assert topics == ["/baxter/trajectory", "/panda/trajectory"]
 

@@ -18,7 +18,7 @@ from lgp.execution.log_reader import messages
 from lgp.execution.ros_messages import DEFINITIONS
 from lgp.execution.server import Address, run_live
 from lgp.execution.session import TICK, ExecutionRun, RunOptions, retarget_cost
-from lgp.execution.trajectory_export import export
+from lgp.execution.trajectory_export import write_trajectories
 from lgp.execution.worker import EXACT, WorkerBehaviour
 from lgp.kinematics.posture import PostureMap
 from lgp.motion import Motion
@@ -167,7 +167,7 @@ def test_moving_a_motion_is_compared_with_a_new_plan(tmp_path: Path) -> None:
 
 
 def test_exported_trajectories_are_the_planned_motion(tmp_path: Path) -> None:
-    found = export(small_plan(), tmp_path / "robot.mcap")
+    found = write_trajectories(small_plan(), tmp_path / "robot.mcap")
     assert [row["factor"] for row in found["actions"]] == [1.0] * 3
     assert found["limits"] == []
     rosbags = pytest.importorskip("rosbags.highlevel")

@@ -10,8 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from lgp.audit.agents import robot_model
 from lgp.errors import WorldError
-from lgp.kinematics.mesh_file import mesh_path, read_mesh
+from lgp.kinematics.mesh_file import MissingMeshError, mesh_path, read_mesh
+from lgp.page.objects import robot_meshes
+from lgp.scene.model import Robot
 from tests.support.page_packages import needs_page
 from tests.support.robot_files import DAE, DAE_NODES, STL, STL_TEXT, dae, with_mesh
 from tests.support.says import says
@@ -142,3 +145,61 @@ def test_a_pipe_and_a_missing_file_are_refused(tmp_path: Path) -> None:
         with pytest.raises(WorldError) as error:
             read_mesh(tmp_path / name)
         says(error, tmp_path / name, "cannot be read")
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> Path:
+    """Return a workspace with a package in src/REPOSITORY, one that is installed, and links to its files."""
+    for folder in (tmp_path / "ws" / "src" / "ours" / "arm", tmp_path / "ws" / "share" / "gripper"):
+        (folder / "meshes").mkdir(parents=True)
+        (folder / "package.xml").write_text("<package/>")
+        (folder / "meshes" / "a.stl").write_bytes(STL)
+    (tmp_path / "ws" / "secret.stl").write_bytes(STL)
+    (tmp_path / "ws" / "share" / "gripper" / "meshes" / "link.stl").symlink_to(tmp_path / "ws" / "secret.stl")
+    (tmp_path / "cell").mkdir()
+    return tmp_path
+
+
+@pytest.mark.parametrize("variable", ["", "ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"])
+def test_packages_are_looked_for_in_the_scene_and_the_environment(
+    elsewhere: Path, variable: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    urdf, ws = elsewhere / "cell" / "arm.urdf", elsewhere / "ws"
+    for name in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
+        monkeypatch.delenv(name, raising=False)
+    folders = [str(ws / "src"), str(ws)]
+    if variable:
+        monkeypatch.setenv(variable, os.pathsep.join(folders))
+    packages = () if variable else folders
+    assert mesh_path("package://arm/meshes/a.stl", urdf, packages) == ws / "src" / "ours" / "arm" / "meshes" / "a.stl"
+    for name in ("a.stl", "link.stl"):  # an installation may be links to the sources
+        assert mesh_path(f"package://gripper/meshes/{name}", urdf, packages).name == name
+    for name in ("package://gripper/../../secret.stl", "package://gripper/meshes/../../../secret.stl"):
+        with pytest.raises(WorldError) as error:
+            mesh_path(name, urdf, packages)
+        says(error, urdf, "outside")
+    with pytest.raises(MissingMeshError) as missing:
+        mesh_path("package://gripper/meshes/b.stl", urdf, packages)
+    says(missing, "package://gripper/meshes/b.stl", "does not exist", "install the whole package")
+
+
+def test_a_package_that_is_nowhere_says_where_it_was_looked_for(
+    elsewhere: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(elsewhere / "ws"))
+    with pytest.raises(MissingMeshError) as error:
+        mesh_path("package://grippr/meshes/a.stl", elsewhere / "cell" / "arm.urdf", [str(elsewhere / "cell")])
+    says(error, "package 'grippr'", elsewhere / "ws", elsewhere / "cell", "`packages`", "ROS_PACKAGE_PATH")
+
+
+@needs_page
+def test_page_and_audit_read_the_meshes_of_other_packages(elsewhere: Path) -> None:
+    urdf = elsewhere / "cell" / "arm.urdf"
+    shape = '<geometry><mesh filename="package://gripper/meshes/a.stl"/></geometry>'
+    urdf.write_text(
+        f'<robot name="m"><link name="base"><visual>{shape}</visual><collision>{shape}</collision></link></robot>'
+    )
+    packages = (str(elsewhere / "ws"),)
+    robot = Robot("r", (0.0, 0.0, 0.0), 0.0, (), (), {}, str(urdf), packages=packages)
+    assert [part.link for part in robot_meshes(robot)] == ["base"]
+    assert [body.name for body, _ in robot_model(robot).parts] == ["r.base"]

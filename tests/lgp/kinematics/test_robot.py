@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import metadata
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +14,7 @@ from lgp.scene.model import Robot
 from lgp.scene.scene_file import load_scene
 from reba.extras import MissingPackageError
 from tests.support.lgp_worlds import needs_robots
+from tests.support.robot_files import LIFT_ARM
 from tests.support.says import says
 
 
@@ -40,3 +42,21 @@ def test_wrong_locked_joints_are_refused() -> None:
     with pytest.raises(WorldError) as error:
         robot.robot_model(Robot("b", (0, 0, 0), 0, (), (), {"left_s9": 1.0}, "baxter"))
     says(error, "no joint 'left_s9'", "did you mean 'left_s")
+
+
+def test_a_robot_of_a_package_is_looked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "ws" / "lift_arm"
+    (package / "urdf").mkdir(parents=True)
+    (package / "package.xml").write_text("<package/>")
+    (package / "urdf" / "arm.urdf").write_text(LIFT_ARM)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", "")
+    scene = tmp_path / "cell" / "scene.toml"
+    scene.parent.mkdir()
+    scene.write_text(
+        'domain = "screwdriver"\ninitial = []\ngoal = []\n[robots.arm]\nmodel = "package://lift_arm/urdf/arm.urdf"\n'
+        'packages = ["../ws"]\nposition = [0, 0, 0]\nhands.tcp = { frame = "tcp" }\n'
+    )
+    assert len(World(load_scene(scene)).joints) == 7
+    with pytest.raises(WorldError) as error:
+        robot.urdf_of("package://lift_arm/urdf/arm.urdf")
+    says(error, "package 'lift_arm'", "no folder", "ROS_PACKAGE_PATH")

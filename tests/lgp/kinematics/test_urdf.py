@@ -22,7 +22,7 @@ def _robot(path: Path) -> Robot:
 def test_a_valid_file_gives_the_model(tmp_path: Path) -> None:
     path = tmp_path / "r.urdf"
     path.write_text(URDF)
-    assert list(robot_model(_robot(path)).names) == ["universe", "lift", "turn"]
+    assert list(robot_model(_robot(path)).model.names) == ["universe", "lift", "turn"]
 
 
 LAUGHS = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]>'

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,8 +15,10 @@ from lgp.kinematics.world import World
 from lgp.path.feasibility import ReachBound, Rectangle, reach_bound
 from lgp.scene.scene_file import read_scene
 from tests.support.lgp_worlds import HUMAN_ONLY, human_world, needs_robots, screwdriver_world
+from tests.support.robot_files import arm_world
 from tests.support.says import says
 
+BASE = {"x": [-1.0, 1.0], "y": [-0.5, 0.5]}
 LEVEL = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
@@ -31,6 +36,18 @@ def test_no_posture_is_beyond_the_reach_bound(hand: str) -> None:
     bound, beyond = reached(screwdriver_world(), hand, 4000)
     assert beyond.max() <= 1e-9
     assert beyond.max() > -0.15 * bound.length
+
+
+@pytest.mark.parametrize(
+    ("robot", "slides"), [({}, 1), ({"locked": ["lift"]}, 0), ({"locked": ["lift"], "base": BASE}, 2)]
+)
+def test_no_posture_of_a_robot_on_slides_is_beyond_its_reach_bound(
+    tmp_path: Path, robot: dict[str, Any], slides: int
+) -> None:
+    bound, beyond = reached(arm_world(tmp_path, **robot), "arm.tcp", 4000)
+    assert len(bound.slides) == slides
+    assert beyond.max() <= 1e-9
+    assert beyond.max() > -0.3 * bound.length
 
 
 def test_a_turned_human_has_its_own_reach_bound() -> None:

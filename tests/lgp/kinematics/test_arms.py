@@ -1,0 +1,28 @@
+"""Every arm of example-robot-data, as docs/arms.md has it."""
+
+from __future__ import annotations
+
+import runpy
+
+import pytest
+
+from tests.support.lgp_worlds import needs_robots
+from tests.support.paths import ROOT
+
+ARMS = runpy.run_path(str(ROOT / "docs" / "arms.py"))
+pytestmark = [pytest.mark.slow, needs_robots]
+
+
+def row(name: str) -> list[str]:
+    """Return the cells of an arm in docs/arms.md."""
+    lines = ARMS["PAGE"].read_text(encoding="utf-8").splitlines()
+    return next([cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line.startswith(f"| {name} |"))
+
+
+@pytest.mark.parametrize("name", ARMS["arms"]())
+def test_an_arm_does_what_its_row_says(name: str) -> None:
+    outcome = ARMS["tried"](name, *ARMS["arms"]()[name])
+    *cells, plan, _ = row(name)
+    assert outcome.row.split(" | ")[1:6] == cells[1:], "run: python docs/arms.py"
+    assert outcome.plan.partition(":")[0] == plan.partition(":")[0], "run: python docs/arms.py"
+    assert not outcome.plan.startswith("none"), outcome.plan
