@@ -117,8 +117,8 @@ def screwdriver_report(folder: Path) -> Path:
     )
     spot = {"table": f"table.{MARKUP}", "x": 0.5, "y": 0.1, "reached": True, "miss": 0.0}
     spots = [{**spot, "hand": hand, "height": height} for hand in (MARKUP, f"human.{MARKUP}") for height in (0.6, 1.6)]
-    rows = [{"choice": MARKUP, "factor": 0.8, "condition": MARKUP, "left": 20.0, "center": 50.0, "right": 30.0, "n": 9,
-             "of": 10, "remark": MARKUP}]  # fmt: skip
+    rows = [{"choice": MARKUP, "setting": MARKUP, "condition": MARKUP, "left": 20.0, "center": 50.0,
+             "right": 30.0, "n": 9, "of": 10, "remark": MARKUP}]  # fmt: skip
     runs, paths = made("rest")
     runs = runs.assign(reason=runs["reason"].where(runs["feasible"], MARKUP))
     write_results(
