@@ -15,8 +15,8 @@ from lgp.errors import LgpError
 from lgp.scene.model import FreeParameter, Scene
 from lgp.scene.scene_file import load_scene
 from reba.errors import did_you_mean
+from reba.report.page import read
 
-FILE: Final = Path(__file__).with_name("variants.toml")
 VARIANT: Final = "paper"
 """The default: the experiments repeat the paper."""
 
@@ -48,7 +48,7 @@ def variants() -> dict[str, Variant]:
     ['ours', 'paper', 'paper-left', 'paper-rigid']
     """
     known: dict[str, Variant] = {}
-    for name, entry in tomllib.loads(FILE.read_text(encoding="utf-8")).items():
+    for name, entry in tomllib.loads(read("lgp.experiments", "variants.toml")).items():
         base = known.get(entry.get("like", ""))
         known[name] = Variant(
             name,

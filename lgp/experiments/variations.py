@@ -12,15 +12,14 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any, Final
 
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
+from reba.report.page import read
 
 FACTORS: Final = (0.8, 1.2)
 """Factors on a free choice of the scene."""
-FILE: Final = Path(__file__).with_name("sweeps.toml")
 WEIGHT_KEY: Final = "cost.weight"
 """Key of the weight of the ergonomic cost, of which a figure is drawn."""
 
@@ -79,7 +78,7 @@ def values_of_weight(scene: Scene) -> dict[str, float]:
 
 @cache
 def _sweeps() -> tuple[dict[str, Any], ...]:
-    return tuple(tomllib.loads(FILE.read_text(encoding="utf-8"))["sweeps"])
+    return tuple(tomllib.loads(read("lgp.experiments", "sweeps.toml"))["sweeps"])
 
 
 def _of_sweep(scene: Scene, sweep: Mapping[str, Any]) -> Iterator[SceneVariation]:

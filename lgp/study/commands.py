@@ -12,7 +12,6 @@ from lgp.errors import LgpError
 from lgp.files import STUDY_FILES
 from lgp.statistics.formatting import number, p_value
 from lgp.study.scoring import PARTS, TOTAL
-from reba.cli import options_of, scoring_options
 from reba.command_line import (
     SEED,
     Command,
@@ -26,6 +25,7 @@ from reba.command_line import (
     print_json,
 )
 from reba.outputs import FileOutput, FolderOutput
+from reba.scoring_options import options_of, scoring_options
 from reba.terminal import Console, Text, console
 
 

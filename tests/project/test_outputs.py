@@ -47,8 +47,8 @@ READ = {
         "--scheduler", "--usefulness", "--map", "--tasks",
     },
     "lgp": {
-        "--cost", "--sequence", "--height", "--scheduler", "--manifest", "--pattern", "--conditions", "--rules",
-        "--profile", "--topic", "--body", "--neutral", "--activity", "--fault", "--replay", "--host",
+        "--cost", "--scene", "--sequence", "--height", "--scheduler", "--manifest", "--pattern", "--conditions",
+        "--rules", "--profile", "--topic", "--body", "--neutral", "--activity", "--fault", "--replay", "--host",
     },
 }  # fmt: skip
 """Options with a text that is read and never written to: a new option stands here, or has an `OutputType`."""

@@ -153,4 +153,4 @@ def test_a_report_is_refused_before_it_is_rendered(folder: Path, monkeypatch: py
     monkeypatch.setattr("reba.report.render", lambda *_, **__: pytest.fail("the work began"))
     with pytest.raises(reba.RebaError) as error:
         reba.write_report(reba.score(reba.read("shift.csv")), name)
-    says(error, name or "empty name")
+    says(error, name or "path is ''")
