@@ -174,10 +174,10 @@ WRITERS: dict[str, tuple[Callable[[Path], Path], int]] = {
 """Writers of pages and drawings, and how often the name stands in the text at least."""
 PAGES = {
     "reba/report/page.py", "dreba/report.py", "lgp/page/page.py", "lgp/study/report.py", "lgp/experiments/report.py",
-    "lgp/experiments/toolbox_report.py", "reba/app/server.py", "reba/report/body_map.py",
+    "lgp/experiments/toolbox_report.py", "reba/app/server.py",
 }  # fmt: skip
-DRAWINGS = {"reba/report/plots.py", "reba/posture/skeleton.py", "lgp/svg.py", "lgp/search/tree_figure.py",
-            "lgp/experiments/figures.py"}  # fmt: skip
+DRAWINGS = {"reba/report/plots.py", "reba/report/body_map.py", "reba/posture/skeleton.py", "lgp/svg.py",
+            "lgp/search/tree_figure.py", "lgp/experiments/figures.py"}  # fmt: skip
 ADDED = """return [...document.querySelectorAll("*")].filter((element) => element.matches('img[src="x"], .hostile')
     || [...element.attributes].some((one) => /^on/i.test(one.name) || /^\\s*javascript:/i.test(one.value)))
     .map((element) => element.outerHTML.slice(0, 200))"""
