@@ -12,9 +12,10 @@ from typing import Any
 
 import click
 
-from lgp.defaults import COST
+from lgp.defaults import SCENE_COST
 from lgp.errors import LgpError
 from lgp.execution.commands import run_command
+from lgp.experiments.variants import VARIANT, variants
 from lgp.files import ASSETS, EXPERIMENT_FILES, PAGE_FILES, PICTURES, PLAN_FILE, PLAN_FILES
 from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
@@ -94,7 +95,7 @@ def plan(
 
     result = make_plan(
         loaded,
-        None if no_ergonomics else cost or COST,
+        None if no_ergonomics else cost or SCENE_COST,
         sequence=lines,
         depth=depth,
         seconds=float("inf") if seconds is None else seconds,
@@ -128,17 +129,27 @@ def plan(
 )
 @click.option("--seed", default=0, type=SEED, show_default=True, help="Seed of all draws.")
 @click.option("--initial", default="rest", type=click.Choice(["rest", "random"]), help="Initial posture of the human.")
-@click.option("--cost", default=COST, metavar="MODEL.json|NAME", show_default=True, help="dREBA model.")
+@click.option(
+    "--as", "variant", default=VARIANT, type=click.Choice(list(variants())), show_default=True,
+    help="What is taken for what the paper leaves open; the report lists it.",
+)  # fmt: skip
+@click.option("--scene", metavar="FILE.toml", help="Scene with the same tables or parts, the shipped one by default.")
+@click.option("--cost", metavar="MODEL.json|NAME", help="dREBA model, the variant's by default.")
+@click.option("--weight", type=Number(0, MOST), help="Weight of a score point for a second, the variant's by default.")
+@click.option("--phase-seconds", type=Number(0.2, 600), help="Duration of each phase [s], the variant's by default.")
 @click.option(
     "--sensitivity",
     default=0,
     type=click.IntRange(0, MOST),
     metavar="RUNS",
-    help="Also vary each free parameter of the scene by 20 %, with this number of runs each.",
+    help="Also vary the scene, the cost and the person, one parameter at a time, with this number of runs each.",
 )
 @click.option(
-    "--collisions", is_flag=True, help="Plan collision-free motions, as `lgp plan` does; takes several times as long."
+    "--collisions/--no-collisions",
+    default=None,
+    help="Whether motions are collision-free, which takes several times as long; the variant says so by default.",
 )
+@click.option("--plans", is_flag=True, help="Keep each plan in a folder of its own, for `lgp page` and `lgp run`.")
 @parallel_options
 @click.option(
     "-o", "--output", required=True, type=output_folder(*EXPERIMENT_FILES), metavar="DIR",
@@ -150,9 +161,14 @@ def experiment(
     runs: int,
     seed: int,
     initial: str,
-    cost: str,
+    variant: str,
+    scene: str | None,
+    cost: str | None,
+    weight: float | None,
+    phase_seconds: float | None,
     sensitivity: int,
-    collisions: bool,
+    collisions: bool | None,
+    plans: bool,
     jobs: int,
     scheduler: str | None,
     output: str,
@@ -162,10 +178,18 @@ def experiment(
 
     \b
     screwdriver   choice of one of three tables of random heights
-    toolbox       order of actions in one scene; uses --cost, -o and --json only
+    toolbox       order of actions in one scene; draws nothing, and takes no option that is about draws
     """
+    common: dict[str, Any] = {
+        "variant": variant,
+        "scene": scene,
+        "cost": cost,
+        "weight": weight,
+        "phase_seconds": phase_seconds,
+        "collisions": collisions,
+    }
     if name == "toolbox":
-        _toolbox(output, cost, as_json)
+        _toolbox(output, common, as_json)
         return
     from lgp.experiments.screwdriver_experiment import experiment_screwdriver
 
@@ -177,11 +201,11 @@ def experiment(
         runs=runs,
         seed=seed,
         initial=initial,
-        cost=cost,
+        **common,
         jobs=jobs,
         scheduler=scheduler,
-        collisions=collisions,
         sensitivity=sensitivity,
+        plans=plans,
         progress=progress,
         on_event=lambda event: echo(f"{name}: {event}", err=True),
         command=command_line("lgp"),
@@ -192,12 +216,12 @@ def experiment(
         echo(f"results are in {output}: report.html, summary.json, runs.parquet, paths.parquet")
 
 
-def _toolbox(output: str, cost: str, as_json: bool) -> None:
+def _toolbox(output: str, common: dict[str, Any], as_json: bool) -> None:
     from lgp.experiments.toolbox import experiment_toolbox
 
     summary = experiment_toolbox(
         output,
-        cost=cost,
+        **common,
         on_event=lambda event: echo(f"toolbox: {event}", err=True),
         command=command_line("lgp"),
     )

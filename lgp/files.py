@@ -17,11 +17,13 @@ SETTINGS: Final = "settings.json"
 """Settings of the runs in a folder of the screwdriver experiment."""
 JOURNAL: Final = "unfinished.jsonl"
 """Finished runs that are not in the tables yet, one JSON line per run."""
+PLANS: Final = "plans"
+"""Folder of the plans of an experiment, one folder each."""
 SUMMARY: Final = "summary.json"
 REPORT: Final = "report.html"
 EXPERIMENT_FILES: Final = (
     SETTINGS, JOURNAL, "runs.parquet", "paths.parquet", SUMMARY, "figure_*.svg", REPORT, "sensitivity/*",
-    "ergonomic/*", "non-ergonomic/*",
+    "ergonomic/*", "non-ergonomic/*", "plans/*",
 )  # fmt: skip
 """Both experiments."""
 STUDY_FILES: Final = (SUMMARY, "scores.parquet", REPORT)

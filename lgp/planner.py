@@ -20,7 +20,7 @@ import numpy as np
 import dreba
 from dreba.surrogates.base import Surrogate
 from lgp.audit.audit import audit_plan
-from lgp.defaults import COST
+from lgp.defaults import SCENE_COST
 from lgp.errors import LgpError, LogicError
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
@@ -62,7 +62,7 @@ SECONDS: Final = Allowed("seconds above 0", lambda value: is_number(value) and v
 )
 def plan(
     scene: Scene | str | Path,
-    cost: Surrogate | Ergonomics | str | Path | None = COST,
+    cost: Surrogate | Ergonomics | str | Path | None = SCENE_COST,
     *,
     sequence: Iterable[str] | None = None,
     depth: int | None = None,
@@ -77,15 +77,15 @@ def plan(
 
     Args:
         scene: a scene, the name of a shipped one, or the path of a TOML file.
-        cost: a dREBA surrogate, its file or the name of a shipped one; None plans without ergonomics. An `Ergonomics`
-            of a world with the same agents saves preparing it again.
+        cost: a dREBA surrogate, its file or the name of a shipped one, by default that of the scene; None plans without
+            ergonomics. An `Ergonomics` of a world with the same agents saves preparing it again.
         sequence: actions to plan for instead of searching, as a plan prints them: `grasp(1, baxter.right, box)`; the
             step number may be left out.
         depth: longest sequence of actions, the scene's by default.
         seconds: wall-clock limit of the search [s]; the best plan so far is returned.
         start: initial configuration (nq,) [rad, m] in the order of `Plan.joints`, the scene's by default.
         slices: per phase, the scene's by default.
-        weights: of the terms of the cost.
+        weights: of the terms of the cost, by default those of the scene.
         world: kinematics with the agents of this scene, to save building them.
         collisions: constrain the path to be collision-free; `residuals["penetration"]` is computed either way.
 
@@ -218,6 +218,7 @@ def _ergonomics(world: World, cost: Surrogate | Ergonomics | str | Path | None) 
         return None
     if isinstance(cost, Ergonomics):
         return cost
+    cost = world.scene.cost_model(cost)
     return Ergonomics(world, dreba.load(cost) if isinstance(cost, (str, Path)) else cost)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from lgp.defaults import COST
+from lgp.defaults import SCENE_COST
 from lgp.errors import LgpError
 from lgp.files import PLAN_FILES
 from reba.command_line import (
@@ -49,7 +49,9 @@ from reba.outputs import FileOutput, check_outputs
 )
 @click.option("--replay", metavar="FILE.mcap", help="Follow this recording instead of a simulation.")
 @click.option("--patience", default=15.0, type=Number(1, MOST), show_default=True, help="Time limit beyond plan [s].")
-@click.option("--cost", default=COST, metavar="MODEL.json|NAME", show_default=True, help="dREBA model of new motions.")
+@click.option(
+    "--cost", default=SCENE_COST, metavar="MODEL.json|NAME", help="dREBA model of new motions, the scene's by default."
+)
 @click.option("--no-compare", is_flag=True, help="Do not compare retargeted motions with new plans.")
 @click.option("--strict", is_flag=True, help="Fail if a motion is too fast for the robot; do not slow it down.")
 @click.option("--resume", is_flag=True, help="Continue the interrupted run.")

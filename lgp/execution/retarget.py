@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import dreba
-from lgp.defaults import COST
+from lgp.defaults import SCENE_COST
 from lgp.errors import LgpError, WorldError
 from lgp.execution.fixed_path import FixedPathBounds, holding_hands, planned_course
 from lgp.execution.replan import phase_variables, replan_remaining
@@ -70,15 +70,16 @@ class Planner:
     """The plan in force with its motion and task, and new motions and plans from the tracked world.
 
     Args:
-        cost: dREBA model of new motions; ignored if the plan was made without ergonomics.
+        cost: dREBA model of new motions, by default that of the scene; ignored if the plan was made without ergonomics.
 
     Attributes:
         collision_free: whether new motions have collision constraints.
         states: planned state before each action and after the last, as bits of the task.
     """
 
-    def __init__(self, plan: Plan, cost: str | Path | None = COST) -> None:
-        model = None if cost is None else dreba.load(cost)  # a wrong file is reported before a run starts
+    def __init__(self, plan: Plan, cost: str | Path | None = SCENE_COST) -> None:
+        given = plan.scene.cost_model(cost)
+        model = None if given is None else dreba.load(given)  # a wrong file is reported before a run starts
         self._cost = model if plan.costs.get("ergonomics", 0.0) > 0.0 else None
         self._ergonomics: Ergonomics | None = None
         # A plan with penetrations was made without collision constraints; new motions are then made without them too.

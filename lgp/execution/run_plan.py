@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lgp.defaults import COST
+from lgp.defaults import SCENE_COST
 from lgp.errors import LgpError
 from lgp.execution.events import Event
 from lgp.execution.session import ExecutionRun, RunOptions
@@ -21,7 +21,7 @@ def run_plan(
     *,
     seed: int = 0,
     speed: float = 0.0,
-    cost: str = COST,
+    cost: str = SCENE_COST,
     resume: bool = False,
     on_event: Callable[[Event], None] | None = None,
 ) -> dict[str, Any]:
@@ -31,7 +31,7 @@ def run_plan(
         folder: what `Plan.save` wrote.
         seed: of the simulated people, robots and tracker.
         speed: 1 runs in real time, 0 as fast as possible.
-        cost: surrogate of new motions, a shipped name or a file.
+        cost: surrogate of new motions, a shipped name or a file, by default that of the scene.
         resume: continue the interrupted run of this folder.
         on_event: called with each event of the run.
 

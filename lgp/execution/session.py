@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from lgp.defaults import COST
+from lgp.defaults import SCENE_COST
 from lgp.errors import LgpError
 from lgp.execution.events import Event, Hub
 from lgp.execution.executive import Executive, RetargetedAction, Settings
@@ -68,7 +68,7 @@ class RunOptions:
     scatter: float = 0.0
     faults: tuple[Fault, ...] = ()
     replay: Path | None = None
-    cost: str | None = COST
+    cost: str | None = SCENE_COST
     compare: bool = True
     resume: bool = False
 

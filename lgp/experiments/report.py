@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from lgp.experiments import published
 from lgp.experiments.figures import bars, example, profile, reach_map
+from lgp.experiments.findings import findings
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs
-from lgp.experiments.summary import findings, summarise, write_summary
+from lgp.experiments.summary import summarise, write_summary
+from lgp.experiments.variants import Variant
+from lgp.experiments.variations import values_of_weight
+from lgp.experiments.weight_figure import weight_figure
 from lgp.files import REPORT, SUMMARY
 from lgp.kinematics.reachability import Reachability
 from lgp.scene.model import Scene
@@ -32,6 +36,7 @@ def write_results(
     paths: pd.DataFrame,
     scene: Scene,
     *,
+    variant: Variant | None = None,
     settings: Mapping[str, Any] | None = None,
     command: str = "",
     reach: Reachability | None = None,
@@ -42,6 +47,7 @@ def write_results(
     Args:
         runs, paths: tables of `RunStore.finish`, of one initial posture or both.
         scene: the planned scene; its free choices are listed with their reasons.
+        variant: of the experiment; its assumptions are listed.
         settings: of the experiment, shown and kept in the summary.
         command: command line that reproduces the results, shown on the page.
         reach: reachability of the table tops by each hand.
@@ -53,7 +59,7 @@ def write_results(
     """
     summary = summarise(runs, paths, settings, sensitivity)
     plots = plots_of(summary, check_paths(paths))
-    html = render(summary, runs, paths, scene, plots, command=command, reach=reach)
+    html = render(summary, runs, paths, scene, plots, variant=variant, command=command, reach=reach)
 
     def write(part: Path) -> None:
         for name, svg in plots.items():
@@ -85,6 +91,7 @@ def render(
     scene: Scene,
     plots: Mapping[str, str],
     *,
+    variant: Variant | None = None,
     command: str = "",
     reach: Reachability | None = None,
 ) -> str:
@@ -105,6 +112,8 @@ def render(
         example=example(check_runs(runs), check_paths(paths)),
         Markup=Markup,
         scene=scene,
+        variant=variant,
+        weight=Markup(weight_figure(summary["sensitivity"] or [], values_of_weight(scene))),
         reach=None if reach is None else _reach_rows(reach.shares()),
         map=None if reach is None else Markup(reach_map(scene, reach.data)),
         sensitivity=summary["sensitivity"] or [],

@@ -7,26 +7,26 @@ and initial postures are paired.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache, partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from lgp.collision.random_start import random_start
-from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.experiments.cost_model import CostModel, cost_model
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES, empty
-from lgp.experiments.variations import BASELINE, SceneVariation
 from lgp.kinematics.world import World
 from lgp.logic.task import Task
 from lgp.path.bounds import PathBounds
-from lgp.path.costs import Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.plan_record import Plan
 from lgp.planner import parse_sequence, plan_within, task_of
 from lgp.scene.model import Scene
+from lgp.scene.scene_file import load_scene, read_scene
 from lgp.search.tree_search import Budget
 from reba.batch.parallel import run_parallel
 from reba.batch.worker_pool import WorkerDied
@@ -46,34 +46,35 @@ def plan_run(
     run: int,
     *,
     seed: int = 0,
+    scene: Scene | None = None,
     initial: str = "rest",
-    cost: str | CostModel = COST,
+    cost: CostModel | None = None,
     slices: int | None = None,
-    variation: SceneVariation | None = None,
     collisions: bool = False,
+    plans: str | Path | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Plan one run: a row per condition (columns `RUN_COLUMNS`), and the paths of the feasible ones (`PATH_COLUMNS`).
 
     Args:
+        scene: of which the heights are drawn, the shipped one by default.
         initial: "rest" starts from the posture of lowest REBA score, "random" from one drawn within the joint limits.
-        cost: dREBA model of the conditions with ergonomics: a file, a shipped name, or what was read of it.
+        cost: dREBA model of the conditions with ergonomics, that of the scene by default.
         slices: per phase, the scene's by default.
-        variation: of the scene and the ergonomic weight, none by default.
         collisions: whether paths are collision-free.
+        plans: folder in which each feasible plan is kept in one of its own, which `lgp page` and `lgp run` take.
     """
     import pandas as pd
 
-    applied = BASELINE if variation is None else variation
-    world, ergonomics = _world_and_cost(cost_model(cost), applied)
-    scene = world.scene.draw_heights(np.random.default_rng([seed, run]))
+    base = load_scene(SCENE) if scene is None else scene
+    model = cost_model(base.cost.model) if cost is None else cost
+    world, ergonomics = _world_and_cost(model, base.name, json.dumps(base.values, sort_keys=True))
+    scene = base.draw_heights(np.random.default_rng([seed, run]))
     world = world.with_scene(scene)
     start = (
         world.initial_configuration if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
     )
     rows, paths = [], []
-    weights = Weights(ergonomics=applied.weight)
     options: dict[str, Any] = {
-        "weights": weights,
         "initial_configuration": start,
         "slices": slices,
         "collisions": collisions,
@@ -83,6 +84,8 @@ def plan_run(
         rows.append(_row(scene, plan) | key | {"seed": seed})
         if plan.feasible:
             paths.append(_path(plan, key))
+            if plans is not None:
+                plan.save(Path(plans) / f"{initial}-{run}-{condition}")
     runs_table = pd.DataFrame(rows)[list(RUN_COLUMNS)].astype(RUN_COLUMNS)
     if not paths:
         return runs_table, empty(PATH_COLUMNS)
@@ -93,12 +96,13 @@ def plan_runs(
     runs: Iterable[int],
     *,
     seed: int = 0,
+    scene: Scene | None = None,
     initial: str = "rest",
-    cost: str | CostModel = COST,
+    cost: CostModel | None = None,
     jobs: int = 1,
-    variation: SceneVariation | None = None,
     scheduler: str | None = None,
     collisions: bool = False,
+    plans: str | Path | None = None,
 ) -> Iterator[tuple[pd.DataFrame, pd.DataFrame]]:
     """Plan runs in parallel with the arguments of `plan_run`, and yield the tables of each as it finishes.
 
@@ -110,8 +114,9 @@ def plan_runs(
         LgpError: the process of a run died each time.
         RebaError: the cluster cannot be used.
     """
-    model = cost_model(cost)
-    work = partial(plan_run, seed=seed, initial=initial, cost=model, variation=variation, collisions=collisions)
+    base = load_scene(SCENE) if scene is None else scene
+    model = cost_model(base.cost.model) if cost is None else cost
+    work = partial(plan_run, seed=seed, scene=base, initial=initial, cost=model, collisions=collisions, plans=plans)
     for run, tables in run_parallel(work, runs, jobs=jobs, scheduler=scheduler):
         if isinstance(tables, WorkerDied):
             raise LgpError(f"run {run}: {tables.reason}; finished runs are kept, repeat the command with fewer --jobs")
@@ -119,9 +124,9 @@ def plan_runs(
 
 
 @lru_cache(maxsize=1)
-def _world_and_cost(cost: CostModel, variation: SceneVariation) -> tuple[World, Ergonomics]:
-    """Kinematics and ergonomic cost of a variation; each process keeps those of the last one."""
-    world = World(variation.scene(SCENE))
+def _world_and_cost(cost: CostModel, name: str, values: str) -> tuple[World, Ergonomics]:
+    """Kinematics and ergonomic cost of a scene, given as JSON; each process keeps those of the last one."""
+    world = World(read_scene(json.loads(values), name))
     return world, Ergonomics(world, cost.model())
 
 

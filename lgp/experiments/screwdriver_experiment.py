@@ -7,34 +7,47 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.experiments.cost_model import cost_model
 from lgp.experiments.report import write_results
 from lgp.experiments.runs import STARTS, RunStore
 from lgp.experiments.screwdriver import DEPTH, SCENE, plan_runs
 from lgp.experiments.sensitivity import sensitivity_table
-from lgp.files import EXPERIMENT_FILES
+from lgp.experiments.variants import VARIANT, setting, settings_of
+from lgp.files import EXPERIMENT_FILES, PLANS
 from lgp.kinematics.reachability import reachability
 from lgp.kinematics.world import World
-from lgp.scene.scene_file import load_scene
 from lgp.statistics.paired_tests import require_statsmodels
-from reba.checks import PATH, YES_NO, accepts, shown
+from reba.checks import NOT_NEGATIVE, PATH, YES_NO, accepts, shown
 from reba.outputs import FolderOutput, check_outputs
 
 
-@accepts(LgpError, folder=PATH, cost=PATH, collisions=YES_NO)
+@accepts(
+    LgpError,
+    folder=PATH,
+    scene=PATH.or_none(),
+    cost=PATH.or_none(),
+    weight=NOT_NEGATIVE.or_none(),
+    phase_seconds=NOT_NEGATIVE.or_none(),
+    collisions=YES_NO.or_none(),
+    plans=YES_NO,
+)
 def experiment_screwdriver(
     folder: str | Path,
     *,
+    variant: str = VARIANT,
+    scene: str | Path | None = None,
     runs: int = 100,
     seed: int = 0,
     initial: str = "rest",
-    cost: str = COST,
+    cost: str | Path | None = None,
+    weight: float | None = None,
+    phase_seconds: float | None = None,
     jobs: int = 1,
     scheduler: str | None = None,
-    collisions: bool = False,
+    collisions: bool | None = None,
     sensitivity: int = 0,
+    plans: bool = False,
     progress: Callable[[int, int], None] | None = None,
     on_event: Callable[[str], None] | None = None,
     command: str = "",
@@ -46,14 +59,19 @@ def experiment_screwdriver(
 
     Args:
         folder: of the results. Finished runs in it are kept, so that an interrupted experiment continues.
+        variant: what is taken for what the paper leaves open, see `lgp.experiments.variants.variants`.
+        scene: the shipped scene by default, or the path of a TOML file with the same tables.
         runs: number of runs in total.
         seed: of all random draws.
         initial: initial posture of the human: "rest" or "random".
-        cost: dREBA model of the conditions with ergonomics: a file or a shipped name.
+        cost: dREBA model of the conditions with ergonomics, a file or a shipped name; the variant's by default.
+        weight: of a score point for a second, the variant's by default.
+        phase_seconds: duration of each phase [s], the variant's by default.
         jobs: processes on this computer.
         scheduler: address of a Dask scheduler, which then replaces `jobs`.
-        collisions: whether paths are collision-free; takes several times as long.
-        sensitivity: runs of each variation of a free choice of the scene, 0 for no variations.
+        collisions: whether paths are collision-free, as the variant says by default; takes several times as long.
+        sensitivity: runs of each variation of the scene, the cost and the person, 0 for no variations.
+        plans: keep each plan in a folder of its own in `plans`, with `jobs` only.
         progress: called after each run with the number of finished runs and `runs`.
         on_event: called with one line for each variation that is planned.
         command: command line that reproduces the results, shown in the report.
@@ -70,28 +88,27 @@ def experiment_screwdriver(
         raise LgpError(f"runs is {shown(runs)}; expected a whole number of 1 or more")
     if initial not in STARTS:
         raise LgpError(f"initial is {shown(initial)}; expected one of {', '.join(STARTS)}")
+    if plans and scheduler is not None:
+        raise LgpError("plans are kept by the processes of this computer; leave out the scheduler or the plans")
     require_statsmodels()
-    check_outputs(FolderOutput(folder, EXPERIMENT_FILES), inputs=[cost], error=LgpError)
-    model = cost_model(cost)
-    settings = {
-        "experiment": SCENE,
-        "scene": SCENE,
-        "seed": seed,
-        **model.settings(),
-        "depth": DEPTH,
-        "collisions": collisions,
-    }
+    chosen, base = setting(variant, SCENE if scene is None else scene, cost, weight, phase_seconds)
+    free = chosen.collisions if collisions is None else collisions
+    check_outputs(FolderOutput(folder, EXPERIMENT_FILES), inputs=[base.cost.model], error=LgpError)
+    model = cost_model(base.cost.model)
+    settings = {**settings_of(SCENE, chosen, base, free), **model.settings(), "seed": seed, "depth": DEPTH}
     store = RunStore(folder, settings)
-    plan = partial(plan_runs, seed=seed, cost=model, jobs=jobs, scheduler=scheduler, collisions=collisions)
-    tables = store.complete(runs, initial, partial(plan, initial=initial), progress)
-    varied = sensitivity_table(folder, sensitivity, settings, plan, on_event=on_event) if sensitivity else None
-    world = World(load_scene(SCENE))
+    kept = Path(folder) / PLANS if plans else None
+    plan = partial(plan_runs, seed=seed, jobs=jobs, scheduler=scheduler, collisions=free)
+    runs_of = partial(plan, scene=base, initial=initial, cost=model, plans=kept)
+    tables = store.complete(runs, initial, runs_of, progress)
+    varied = sensitivity_table(folder, base, sensitivity, settings, plan, on_event=on_event) if sensitivity else None
     return write_results(
         folder,
         *tables,
-        world.scene,
+        base,
+        variant=chosen,
         settings=settings,
         command=command,
-        reach=reachability(world),
+        reach=reachability(World(base)),
         sensitivity=varied,
     )

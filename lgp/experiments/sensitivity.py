@@ -16,12 +16,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from lgp.experiments.runs import CONDITIONS, TABLES, RunStore
-from lgp.experiments.screwdriver import GOAL_OBJECT, SCENE
-from lgp.experiments.variations import BASELINE, SceneVariation, variations
+from lgp.experiments.screwdriver import GOAL_OBJECT
+from lgp.experiments.variations import SceneVariation, variations
 from lgp.kinematics.reachability import CLOSE, reach, reachability
 from lgp.kinematics.world import World
 from lgp.scene.model import Scene, Table
-from lgp.scene.scene_file import load_scene
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,6 +35,7 @@ FULL_SHARE: Final = 0.995
 
 def sensitivity_table(
     folder: str | Path,
+    scene: Scene,
     runs: int,
     settings: Mapping[str, Any],
     plan: Callable[..., Iterable[tuple[pd.DataFrame, pd.DataFrame]]],
@@ -46,39 +46,41 @@ def sensitivity_table(
     """Plan the missing runs of every variation from the rest posture; one row per variation and condition.
 
     Args:
-        plan: plans the runs of these numbers with `variation=`, see `lgp.experiments.screwdriver.plan_runs`.
-        varied: variations, by default all of the scene.
+        scene: that is varied.
+        plan: plans the runs of these numbers with `scene=`, see `lgp.experiments.screwdriver.plan_runs`.
+        varied: variations, by default all.
         on_event: called with one line for each variation that lacks runs.
 
     Returns:
-        Columns `choice factor condition left center right n of remark`: shares of the tables [%] in the n feasible of
+        Columns `choice setting condition left center right n of remark`: shares of the tables [%] in the n feasible of
         all runs. They add up to less than 100 if the human takes the screwdriver from its initial table.
 
     Raises:
         LgpError: a folder holds runs of other settings.
     """
     rows = []
-    for variation in variations(load_scene(SCENE)) if varied is None else varied:
-        own = {**settings, "choice": variation.choice, "factor": variation.factor}
+    for variation in variations(scene) if varied is None else varied:
+        own = {**settings, "choice": variation.choice, "setting": variation.setting}
         store = RunStore(Path(folder) / FOLDER / variation.name, own)
         missing = set(range(runs)) - store.done("rest")
         if missing and on_event is not None:
-            on_event(f"{variation.choice} x {variation.factor:g}: {len(missing)} runs")
-        planned, _ = store.complete(runs, "rest", partial(plan, variation=variation))
-        rows += _rows(variation, planned[planned["run"] < runs])
+            on_event(f"{variation.choice} {variation.setting}: {len(missing)} runs")
+        changed = variation.scene(scene)
+        planned, _ = store.complete(runs, "rest", partial(plan, scene=changed))
+        rows += _rows(
+            variation, "" if changed is scene else "; ".join(remarks(World(changed))), planned[planned["run"] < runs]
+        )
     return _table(rows)
 
 
-def _rows(variation: SceneVariation, runs: pd.DataFrame) -> list[dict[str, Any]]:
+def _rows(variation: SceneVariation, remark: str, runs: pd.DataFrame) -> list[dict[str, Any]]:
     """One row per searched condition; the re-optimized one has the tables of the non-ergonomic one by definition."""
-    changed = variation.changes != BASELINE.changes
-    remark = "; ".join(remarks(World(variation.scene(SCENE)))) if changed else ""
     rows = []
     for condition in CONDITIONS[:2]:
         selected = runs[runs["condition"] == condition]
         tables = selected.loc[selected["feasible"], "table"]
         shares = {table: 100.0 * float((tables == table).mean()) if len(tables) else np.nan for table in TABLES}
-        key = {"choice": variation.choice, "factor": variation.factor, "condition": condition}
+        key = {"choice": variation.choice, "setting": variation.setting, "condition": condition}
         rows.append({**key, **shares, "n": len(tables), "of": len(selected), "remark": remark})
     return rows
 
@@ -86,7 +88,7 @@ def _rows(variation: SceneVariation, runs: pd.DataFrame) -> list[dict[str, Any]]
 def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
     import pandas as pd
 
-    return pd.DataFrame(rows, columns=["choice", "factor", "condition", *TABLES, "n", "of", "remark"])
+    return pd.DataFrame(rows, columns=["choice", "setting", "condition", *TABLES, "n", "of", "remark"])
 
 
 def remarks(world: World) -> list[str]:

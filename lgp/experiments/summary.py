@@ -1,24 +1,23 @@
 """Summary of the screwdriver experiment: tables and tests of the paper and of these runs side by side, as plain data.
 
-Every test has its n, statistic, exact p and effect size. Shares of tables refer to feasible runs. `findings` decides
-which claims of the paper these runs support.
+Every test has its n, p and effect size, every difference its interval. Shares of tables refer to feasible runs.
+`lgp.experiments.findings` decides which claims of the paper these runs support.
 """
 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
 from lgp.experiments import published
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs, pivot
-from lgp.statistics.paired_tests import anova, compare, compare_choices, mean_of, require_statsmodels
+from lgp.statistics.effect_sizes import friedman
+from lgp.statistics.paired_tests import ChoiceTest, anova, compare, compare_choices, mean_of, require_statsmodels
+from lgp.statistics.shares import exact_homogeneity, paired_difference
 from reba.files import plain_data, write_atomic, write_text
 from reba.provenance import with_provenance
 
@@ -83,7 +82,7 @@ def _start(runs: pd.DataFrame, paths: pd.DataFrame, start: str) -> dict[str, Any
         "audit": {name: _faults(selected[selected["condition"] == name]) for name in CONDITIONS},
         "drawn_height": {**asdict(mean_of(heights.ravel())), "published": _mean_sd(published.DRAWN_HEIGHT)},
         "table_choice": {condition: _choice(selected, start, condition) for condition in CONDITIONS},
-        "table_change": asdict(compare_choices(tables[NON_ERGONOMIC], tables[ERGONOMIC], TABLES)),
+        "table_change": _changes(compare_choices(tables[NON_ERGONOMIC], tables[ERGONOMIC], TABLES)),
         "chosen_height": _heights(scores["chosen_height"], start),
         "reba_grasp": _scores(scores["reba_grasp"]),
         "reba_mean": _scores(scores["reba_mean"]),
@@ -136,16 +135,18 @@ def _choice(runs: pd.DataFrame, start: str, condition: str) -> dict[str, Any]:
 
 
 def _against_published(counts: Mapping[str, int], reference: Mapping[str, int]) -> dict[str, Any]:
-    """Chi-square test of homogeneity of our counts and those of the paper (percent of 100 runs, so counts)."""
-    from scipy.stats import chi2_contingency
+    """Exact test of our counts against those of the paper (percent of 100 runs, so counts)."""
+    test = exact_homogeneity(*([source[table] for table in TABLES] for source in (counts, reference)))
+    return {"test": "Fisher-Freeman-Halton", "n": list(test.n), "p": test.p, "cramer_v": test.cramer_v}
 
-    both = np.array([[source[table] for table in TABLES] for source in (counts, reference)])
-    used = both[:, both.sum(axis=0) > 0]
-    result: Any = chi2_contingency(used, correction=False)
-    smallest = min(used.shape) - 1
-    cramer = math.sqrt(float(result.statistic) / (used.sum() * smallest)) if smallest else 0.0
-    return {"test": "chi-square of homogeneity", "n": both.sum(axis=1).tolist(), "statistic": float(result.statistic),
-            "df": int(result.dof), "p": float(result.pvalue), "cramer_v": cramer}  # fmt: skip
+
+def _changes(change: ChoiceTest) -> dict[str, Any]:
+    """The test of changed choices, and the change of each table's share with its interval."""
+    shares = {
+        table: asdict(paired_difference(int(row["left"]), int(row["came"]), change.n))
+        for table, row in change.by_choice.items()
+    }
+    return {**asdict(change), "shares": shares}
 
 
 def _heights(table: pd.DataFrame, start: str) -> dict[str, Any]:
@@ -162,6 +163,7 @@ def _scores(table: pd.DataFrame) -> dict[str, Any]:
         "order": order,
         "published_order": list(published.EXPECTED_ORDER),
         "anova": asdict(anova(table)),
+        "friedman": asdict(test) if (test := friedman(table.dropna().to_numpy(dtype=float))) else None,
         "pairs": [asdict(one) for one in compare(table, PAIRS)],
     }
 
@@ -190,97 +192,3 @@ def _between(runs: pd.DataFrame) -> dict[str, Any]:
 
 def _mean_sd(value: tuple[float, float] | None) -> dict[str, float] | None:
     return None if value is None else {"mean": value[0], "sd": value[1]}
-
-
-ALPHA: Final = 0.05
-"""Significance level of a corrected p value."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Claim of the paper, whether these runs support it (None: a test is undefined), and the evidence of tests."""
-
-    claim: str
-    shown: bool | None
-    evidence: str
-
-
-def findings(summary: Mapping[str, Any]) -> list[Finding]:
-    """Claims of the paper, each tested with the runs of a summary."""
-    tested = []
-    for start, results in summary["starts"].items():
-        tested += [
-            _order_finding(start, results["reba_grasp"]),
-            _choice_finding(start, results),
-            _height_finding(start, results["chosen_height"]),
-        ]
-    if summary["between_starts"] is not None:
-        tested.append(_random_start_finding(summary["between_starts"]["reba_grasp"]))
-    return tested
-
-
-def _order_finding(start: str, scores: Mapping[str, Any]) -> Finding:
-    """The three means have the order of the paper, every step significant."""
-    order = " < ".join(published.EXPECTED_ORDER)
-    steps = {frozenset((pair["first"], pair["second"])): pair for pair in scores["pairs"]}
-    evidence: list[str] = []
-    shown: list[bool | None] = []
-    for low, high in zip(published.EXPECTED_ORDER, published.EXPECTED_ORDER[1:], strict=False):
-        pair = steps[frozenset((low, high))]
-        if pair["p_holm"] is None or pair["difference"] is None:
-            shown.append(None)
-            evidence.append(f"{high} against {low}: no test (n = {pair['n']})")
-            continue
-        difference = pair["difference"] * (1 if pair["first"] == high else -1)
-        shown.append(difference > 0 and pair["p_holm"] < ALPHA)
-        evidence.append(f"{high} minus {low} {difference:+.2f} (p = {pair['p_holm']:.2g}, n = {pair['n']})")
-    return Finding(
-        f"{start} start: REBA at the grasp {order}", _all(shown), "; ".join(evidence) + ", t tests after Holm"
-    )
-
-
-def _choice_finding(start: str, results: Mapping[str, Any]) -> Finding:
-    """With the ergonomic cost fewer runs choose the left table, and more the one in the centre."""
-    change = results["table_change"]
-    percent = {name: part["percent"] for name, part in results["table_choice"].items()}
-    claim = f"{start} start: with the ergonomic cost the choice moves from the left table to the centre"
-    plain, ergonomic = percent[NON_ERGONOMIC], percent[ERGONOMIC]
-    if change["p"] is None or not change["n"]:
-        return Finding(claim, None, f"no test (n = {change['n']})")
-    moved = plain["left"] > ergonomic["left"] and plain["center"] < ergonomic["center"]
-    shares = ", ".join(
-        f"{table} {plain[table]:.0f} to {ergonomic[table]:.0f} %" for table in ("left", "center", "right")
-    )
-    test = f"Stuart-Maxwell {change['statistic']:.1f}, df {change['df']}, p = {change['p']:.2g}, n = {change['n']}"
-    return Finding(claim, moved and change["p"] < ALPHA, f"{shares} ({test})")
-
-
-def _height_finding(start: str, heights: Mapping[str, Any]) -> Finding:
-    """The chosen table is lower with the ergonomic cost."""
-    pair = heights["pairs"][0]
-    claim = f"{start} start: with the ergonomic cost the chosen table is lower"
-    if pair["p_holm"] is None:
-        return Finding(claim, None, f"no test (n = {pair['n']})")
-    evidence = f"non-ergonomic minus ergonomic {pair['difference']:+.2f} m (p = {pair['p_holm']:.2g}, n = {pair['n']})"
-    return Finding(claim, pair["difference"] > 0 and pair["p_holm"] < ALPHA, evidence)
-
-
-def _random_start_finding(pairs: Mapping[str, Any]) -> Finding:
-    """The random start raises the score of the non-ergonomic condition only."""
-    claim = "A random start raises the score at the grasp of the non-ergonomic condition only"
-    evidence: list[str] = []
-    shown: list[bool | None] = []
-    for condition, pair in pairs.items():
-        if pair["p_holm"] is None or pair["difference"] is None:
-            shown.append(None)
-            evidence.append(f"{condition} no test (n = {pair['n']})")
-            continue
-        raised = pair["difference"] > 0 and pair["p_holm"] < ALPHA
-        shown.append(raised == (condition == NON_ERGONOMIC))
-        interval = "" if pair["low"] is None else f", 95 % {pair['low']:+.2f} to {pair['high']:+.2f}"
-        evidence.append(f"{condition} {pair['difference']:+.2f} (p = {pair['p_holm']:.2g}{interval}, n = {pair['n']})")
-    return Finding(claim, _all(shown), "; ".join(evidence) + ", random minus rest")
-
-
-def _all(shown: list[bool | None]) -> bool | None:
-    return False if False in shown else None if None in shown else True

@@ -14,7 +14,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from lgp.defaults import COST
 from lgp.errors import LgpError
 from lgp.experiments import published
 from lgp.experiments.cost_model import cost_model
@@ -30,6 +29,7 @@ from lgp.experiments.toolbox_orders import (
     skeleton_of,
 )
 from lgp.experiments.toolbox_report import write_page
+from lgp.experiments.variants import VARIANT, setting, settings_of
 from lgp.files import EXPERIMENT_FILES, SETTINGS, SUMMARY
 from lgp.kinematics.world import World
 from lgp.logic.task import Task
@@ -39,9 +39,8 @@ from lgp.path.ergonomics import Ergonomics
 from lgp.plan_record import Plan
 from lgp.planner import plan_within, task_of
 from lgp.scene.model import Scene
-from lgp.scene.scene_file import load_scene
 from lgp.search.tree_search import Budget
-from reba.checks import PATH, YES_NO, accepts
+from reba.checks import NOT_NEGATIVE, PATH, YES_NO, accepts
 from reba.files import plain_data, write_atomic, write_folder
 from reba.outputs import FolderOutput, check_outputs
 from reba.provenance import with_provenance, write_parquet
@@ -78,15 +77,26 @@ class Condition:
     infeasible_orders: dict[str, str] = field(default_factory=dict)
 
 
-@accepts(LgpError, folder=PATH, cost=PATH, collisions=YES_NO)
+@accepts(
+    LgpError,
+    folder=PATH,
+    scene=PATH.or_none(),
+    cost=PATH.or_none(),
+    weight=NOT_NEGATIVE.or_none(),
+    phase_seconds=NOT_NEGATIVE.or_none(),
+    collisions=YES_NO.or_none(),
+)
 def experiment_toolbox(
     folder: str | Path,
     *,
-    scene: Scene | None = None,
-    cost: str = COST,
+    variant: str = VARIANT,
+    scene: str | Path | None = None,
+    cost: str | Path | None = None,
+    weight: float | None = None,
+    phase_seconds: float | None = None,
     ergonomic_weights: tuple[float, ...] = ERGONOMIC_WEIGHTS,
     slices: int | None = None,
-    collisions: bool = True,
+    collisions: bool | None = None,
     on_event: Callable[[str], None] | None = None,
     command: str = "",
 ) -> dict[str, Any]:
@@ -96,11 +106,15 @@ def experiment_toolbox(
 
     Args:
         folder: of the results.
-        scene: the shipped scene `toolbox` by default.
-        cost: dREBA model of the ergonomic condition: a file or a shipped name.
-        ergonomic_weights: further weights of the ergonomic cost for which both orders are planned.
+        variant: what is taken for what the paper leaves open, see `lgp.experiments.variants.variants`.
+        scene: the shipped scene by default, or the path of a TOML file with the same parts.
+        cost: dREBA model of the ergonomic condition, a file or a shipped name; the variant's by default.
+        weight: of a score point for a second, the variant's by default.
+        phase_seconds: duration of each phase [s], the variant's by default.
+        ergonomic_weights: factors on the weight of the ergonomic cost for which both orders are planned too.
         slices: per phase, the scene's by default.
-        collisions: whether the best plan of each order is collision-free; the search itself ignores collisions.
+        collisions: whether the best plan of each order is collision-free, as the variant says by default; the search
+            itself ignores collisions.
         on_event: called with one line for each step of the computation.
         command: command line that reproduces the results, shown in the report.
 
@@ -114,39 +128,40 @@ def experiment_toolbox(
     """
     if not isinstance(folder, str | Path):
         raise LgpError(f"folder is {folder!r}; expected the path of a folder for the results")
-    check_outputs(FolderOutput(folder, EXPERIMENT_FILES), inputs=[cost], error=LgpError)
+    chosen, base = setting(variant, SCENE if scene is None else scene, cost, weight, phase_seconds)
+    free = chosen.collisions if collisions is None else collisions
+    check_outputs(FolderOutput(folder, EXPERIMENT_FILES), inputs=[base.cost.model], error=LgpError)
     if (Path(folder) / SETTINGS).exists():
         raise LgpError(f"{folder}: holds the runs of another experiment; give another folder")
     report = on_event or (lambda message: None)
-    scene = load_scene(SCENE) if scene is None else scene
-    task, world = task_of(scene), World(scene)
-    model = cost_model(cost)
+    task, world = task_of(base), World(base)
+    model = cost_model(base.cost.model)
     ergonomics = Ergonomics(world, model.model())
     conditions: dict[str, Condition] = {}
     for name in CONDITIONS:
         bounds = PathBounds(world, ergonomics if name == "ergonomic" else None, slices=slices)
         report(f"{name}: searching")
-        conditions[name] = _plan_condition(bounds, task, scene.depth, collisions, report)
+        conditions[name] = _plan_condition(bounds, task, base.depth, free, report)
 
-    def weighted(weights: Weights) -> PathBounds:
-        return PathBounds(world, ergonomics, weights, slices=slices, collisions=collisions)
+    def weighted(factor: float) -> PathBounds:
+        weights = Weights(ergonomics=factor * base.ergonomic_weight(slices))
+        return PathBounds(world, ergonomics, weights, slices=slices, collisions=free)
 
     rows = _vary_weight(weighted, task, conditions["ergonomic"].orders, ergonomic_weights, report)
     settings = {
-        "scene": scene.name,
+        **settings_of(SCENE, chosen, base, free),
         **model.settings(),
-        "depth": scene.depth,
-        "slices": slices or scene.slices,
-        "collisions": collisions,
+        "depth": base.depth,
+        "slices": slices or base.slices,
     }
-    summary = summarise_toolbox(conditions, scene, settings, rows)
+    summary = summarise_toolbox(conditions, base, settings, rows)
     plans = {name: one.plan for name, one in conditions.items()}
 
     def write(part: Path) -> None:
         for name, plan in plans.items():
             plan.save(part / name)
-        write_tables(part, summary, conditions, scene)
-        write_page(part, summary, plans, scene, command)
+        write_tables(part, summary, conditions, base)
+        write_page(part, summary, plans, base, chosen, command)
 
     write_folder(folder, write, last=SUMMARY)
     return summary
@@ -193,23 +208,23 @@ def _plan_condition(
 
 
 def _vary_weight(
-    bounds_of: Callable[[Weights], PathBounds],
+    bounds_of: Callable[[float], PathBounds],
     task: Task,
     orders: dict[str, Plan],
     weights: tuple[float, ...],
     report: Callable[[str], None],
 ) -> list[dict[str, Any]]:
-    """Cost terms of both orders for weight 1 and further weights of the ergonomic cost, one row each."""
-    rows = [{"weight": 1.0, "order": order, **cost_terms(plan)} for order, plan in orders.items()]
-    for weight in weights:
-        bounds = bounds_of(Weights(ergonomics=weight))
+    """Cost terms of both orders for further factors on the weight of the ergonomic cost, one row each."""
+    rows = []
+    for weight in (1.0, *weights):
+        bounds = bounds_of(weight)
         for order, plan in orders.items():
             keyframes = plan.path[np.flatnonzero(np.diff(plan.phase, append=plan.phase[-1] + 1))]
             skeleton = skeleton_of(task, plan)
             bounds.set_initial_guess(skeleton, keyframes, np.array(list(plan.variables.values())))
             weighted = plan_within(bounds, task, skeleton)
             if weighted.feasible:
-                rows.append({"weight": weight, "order": order, **cost_terms(weighted, weight)})
+                rows.append({"weight": weight, "order": order, **cost_terms(weighted, bounds.weights.ergonomics)})
                 report(f"weight {weight:g}, {order}: cost {weighted.costs['total']:.4f}")
     return rows
 
@@ -234,7 +249,8 @@ def summarise_toolbox(
 
 def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[str, Any]:
     """Results of one condition as plain data: actions, orders, cost terms, true scores and search statistics."""
-    weight, plan = float(name == "ergonomic"), condition.plan
+    plan = condition.plan
+    weight = scene.ergonomic_weight(int(np.sum(plan.phase == 0))) if name == "ergonomic" else 0.0
     orders = {order: cost_terms(best, weight) for order, best in condition.orders.items()}
     first = plan.actions[0].rpartition(", ")[2].rstrip(")")
     mass = None

@@ -10,6 +10,7 @@ import numpy as np
 
 from lgp.experiments.figures import COLOURS
 from lgp.experiments.toolbox_orders import ORDERS
+from lgp.experiments.variants import Variant
 from lgp.files import REPORT
 from lgp.plan_record import Plan
 from lgp.scene.model import Scene
@@ -36,13 +37,19 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 412.0, 46.0, 252.0
 
 
 def write_page(
-    folder: str | Path, summary: Mapping[str, Any], plans: Mapping[str, Plan], scene: Scene, command: str = ""
+    folder: str | Path,
+    summary: Mapping[str, Any],
+    plans: Mapping[str, Plan],
+    scene: Scene,
+    chosen: Variant,
+    command: str = "",
 ) -> None:
     """Write `report.html` into a folder.
 
     Args:
         summary: returned by `lgp.experiments.toolbox.experiment_toolbox`.
         plans: condition -> its plan.
+        chosen: variant of the experiment; its assumptions are listed.
         scene: the planned scene; its free choices are listed with their reasons.
         command: command line that reproduces the results, shown on the page.
 
@@ -56,6 +63,7 @@ def write_page(
         names=NAMES,
         orders=ORDERS,
         scene=scene,
+        variant=chosen,
         chart=Markup(over_time(plans)),
         command=command,
     )

@@ -1,66 +1,101 @@
-"""Scene variations of the sensitivity analysis: each free parameter and the ergonomic weight, 20 % lower and higher.
+"""Scene variations of the sensitivity analysis, one parameter at a time.
 
-Every choice that the scene file lists with its keys is varied, one at a time; equal keys of several objects (the
-positions of the three tables) are varied together.
+Every choice that the scene file lists with its keys is varied by 20 %; equal keys of several objects (the positions of
+the three tables) are varied together. What may be off by more, the weight of the ergonomic cost first of all, is swept
+over the values of `sweeps.toml`.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 from lgp.scene.model import Scene
-from lgp.scene.scene_file import load_scene
+from lgp.scene.scene_file import read_scene
+from reba.report.page import read
 
 FACTORS: Final = (0.8, 1.2)
-"""Factors on a varied value."""
-WEIGHT: Final = "weight of the ergonomic cost"
-"""Label of the variation that changes no scene parameter."""
+"""Factors on a free choice of the scene."""
+WEIGHT_KEY: Final = "cost.weight"
+"""Key of the weight of the ergonomic cost, of which a figure is drawn."""
 
 
 @dataclass(frozen=True)
 class SceneVariation:
-    """One free choice of the scene, given by its label, or the weight of the ergonomic cost, multiplied by a factor.
+    """One parameter of the scene with another value.
 
     Attributes:
+        choice: label of the parameter.
+        setting: of it, as text: a factor or the value.
         changes: dotted key of the scene file -> value, as JSON text (so that a variation is hashable).
     """
 
     choice: str
-    factor: float
+    setting: str
     changes: str = "{}"
-    weight: float = 1.0
 
     @property
     def name(self) -> str:
         """Folder name of its runs."""
         words = "".join(letter if letter.isalnum() else " " for letter in self.choice).split()
-        return "_".join([*words, f"{self.factor:g}"])
+        return "_".join([*words, *self.setting.split()])
 
-    def scene(self, name: str) -> Scene:
-        """Shipped scene with the changes."""
-        return load_scene(name, json.loads(self.changes))
+    def scene(self, base: Scene) -> Scene:
+        """Return a scene with the changes."""
+        return read_scene(base.values, base.name, json.loads(self.changes)) if self.changes != "{}" else base
 
 
-BASELINE: Final = SceneVariation("as it is", 1.0)
+BASELINE: Final = SceneVariation("as it is", "")
 """The unchanged scene."""
 
 
 def variations(scene: Scene) -> tuple[SceneVariation, ...]:
-    """Baseline, then every free choice of the scene by every factor.
+    """Baseline, then every free choice of the scene by every factor, then the sweeps without the scene's own values.
 
+    >>> from lgp.scene.scene_file import load_scene
     >>> [one.name for one in variations(load_scene("screwdriver"))][:3]
-    ['as_it_is_1', 'tables_left_center_right_position_0.8', 'tables_left_center_right_position_1.2']
+    ['as_it_is', 'tables_left_center_right_position_x_0.8', 'tables_left_center_right_position_x_1.2']
     """
     varied = [BASELINE]
     for label, keys in _groups(scene).items():
         values = {key: _value(scene.values, key) for key in keys}
         for factor in FACTORS:
             changes = {key: _scaled(value, factor) for key, value in values.items()}
-            varied.append(SceneVariation(label, factor, json.dumps(changes)))
-    return (*varied, *(SceneVariation(WEIGHT, factor, weight=factor) for factor in FACTORS))
+            varied.append(SceneVariation(label, f"x {factor:g}", json.dumps(changes)))
+    return (*varied, *(one for sweep in _sweeps() for one in _of_sweep(scene, sweep)))
+
+
+def values_of_weight(scene: Scene) -> dict[str, float]:
+    """Return the settings of the sweep of the weight of the ergonomic cost, "" for the scene's own -> weight."""
+    sweep = next(one for one in _sweeps() if one["key"] == WEIGHT_KEY)
+    own = scene.cost.weight
+    return {"": own} | {f"x {factor:g}": own * factor for factor in sweep["factors"]}
+
+
+@cache
+def _sweeps() -> tuple[dict[str, Any], ...]:
+    return tuple(tomllib.loads(read("lgp.experiments", "sweeps.toml"))["sweeps"])
+
+
+def _of_sweep(scene: Scene, sweep: Mapping[str, Any]) -> Iterator[SceneVariation]:
+    now = _own_value(scene, sweep["key"])
+    for factor in sweep.get("factors", ()):
+        yield SceneVariation(sweep["label"], f"x {factor:g}", json.dumps({sweep["key"]: _scaled(now, factor)}))
+    for value in sweep.get("values", ()):
+        if value != now:
+            yield SceneVariation(sweep["label"], str(value), json.dumps({sweep["key"]: value}))
+
+
+def _own_value(scene: Scene, key: str) -> Any:
+    """Return the value of a key of a sweep, which the file may leave to its default."""
+    inner: Any = scene
+    for part in key.split("."):
+        inner = getattr(inner, part)
+    return inner
 
 
 def _groups(scene: Scene) -> dict[str, list[str]]:

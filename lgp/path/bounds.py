@@ -59,7 +59,7 @@ class PathBounds:
     ) -> None:
         self.world, self.ergonomics, self.options = world, ergonomics, options
         self.collisions = collisions
-        self.weights = Weights() if weights is None else weights
+        self.weights = Weights.of(world.scene, slices) if weights is None else weights
         self.initial_configuration = (
             world.initial_configuration
             if initial_configuration is None

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lgp.scene.model import Scene
 from reba.arrays import Array, Indices
 
 
@@ -81,6 +82,11 @@ class Weights:
 
     acceleration: float = 1.0
     ergonomics: float = 1.0
+
+    @classmethod
+    def of(cls, scene: Scene, slices: int | None = None) -> Weights:
+        """Return those that a scene states, with these slices per phase, its own by default."""
+        return cls(ergonomics=scene.ergonomic_weight(slices))
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from lgp.defaults import COST, SCENE_COST
 from lgp.errors import SceneError
 from reba.errors import did_you_mean
 
 if TYPE_CHECKING:
     import numpy as np
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -225,6 +228,15 @@ class FreeParameter:
 
 
 @dataclass(frozen=True)
+class SceneCost:
+    """The ergonomic cost: a surrogate by name or path, and the weight of a score point for a second or a slice."""
+
+    model: str = COST
+    weight: float = 1.0
+    per: str = "second"
+
+
+@dataclass(frozen=True)
 class Scene:
     """A scene.
 
@@ -242,6 +254,7 @@ class Scene:
         objects: by name.
         assemblies: objects that can be screwed together.
         depth: longest sequence of actions of a search.
+        cost: the ergonomic cost.
         choices: parameters that the source leaves open, with reasons.
         values: the TOML values with current heights; `read_scene(values)` returns an equal scene.
         obstacles: by full name; `lgp.scene.surroundings.fixed_bodies` adds the boards above covered tables.
@@ -260,6 +273,7 @@ class Scene:
     objects: Mapping[str, SceneObject]
     assemblies: tuple[Assembly, ...] = ()
     depth: int = 4
+    cost: SceneCost = SceneCost()
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
     obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
@@ -273,6 +287,15 @@ class Scene:
     def hands(self) -> dict[str, Hand]:
         """Every end-effector by full name, the human's first."""
         return {hand.full: hand for agent in self.agents for hand in agent.hands}
+
+    def ergonomic_weight(self, slices: int | None = None) -> float:
+        """Return the weight of a score point for a second, with these slices per phase, its own by default."""
+        per_phase = (slices or self.slices) / self.phase_seconds
+        return self.cost.weight * (per_phase if self.cost.per == "slice" else 1.0)
+
+    def cost_model(self, given: T) -> T | str:
+        """Return a given cost model, or where that is "scene" the one that the scene states."""
+        return self.cost.model if isinstance(given, str) and given == SCENE_COST else given
 
     @property
     def object_types(self) -> dict[str, str]:

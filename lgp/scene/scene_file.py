@@ -15,7 +15,18 @@ from lgp.errors import SceneError
 from lgp.logic.pddl import shipped_domains
 from lgp.scene.body_measures import STATURE, table
 from lgp.scene.mobile_base import read_base
-from lgp.scene.model import Assembly, FreeParameter, Grip, Hand, Human, Robot, Scene, SceneObject, Table
+from lgp.scene.model import (
+    Assembly,
+    FreeParameter,
+    Grip,
+    Hand,
+    Human,
+    Robot,
+    Scene,
+    SceneCost,
+    SceneObject,
+    Table,
+)
 from lgp.scene.surroundings import FARTHEST, read_obstacle, read_shelf
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
@@ -28,6 +39,7 @@ SHORTEST_PHASE = 0.2
 """[s] Shortest phase (a choice): no action of a person is done in less."""
 FREEDOMS = ("free", "axis", "jaw", "fixed")
 LEGS = ("planted", "solved", "locked")
+COST_PER = ("second", "slice")
 
 
 @cache
@@ -47,7 +59,7 @@ def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> S
 
     Args:
         which: name or path.
-        changes: dotted key of the file -> other value, such as `{"human.stature": 1.6}`.
+        changes: dotted key of a scene file -> its value, such as `{"human.stature": 1.6}`.
 
     Raises:
         SceneError: unknown name, unreadable file, unknown key, wrong value or unknown table, hand or joint.
@@ -83,6 +95,9 @@ def _with_absolute_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]
 
     if values.get("domain") not in shipped_domains():
         values["domain"] = absolute(values.get("domain"))
+    cost = values.get("cost")
+    if isinstance(cost, dict) and str(cost.get("model")).endswith(".json"):
+        cost["model"] = absolute(cost["model"])
     robots = values.get("robots")
     for robot in robots.values() if isinstance(robots, dict) else ():
         if isinstance(robot, dict) and str(robot.get("model")).endswith(".urdf"):
@@ -125,6 +140,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         assemblies=tuple(
             _assembly(number, entry, name, objects) for number, entry in enumerate(_list(entries, "joints"))
         ),
+        cost=_cost(entries.table("cost")) if entries.has("cost") else SceneCost(),
         depth=int(entries.number("depth", 4, low=1, high=40)),
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
         values=chosen,
@@ -135,7 +151,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
 
 
 def _changed(values: Mapping[str, Any], changes: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Return a copy with other values for dotted keys, which must be in the file."""
+    """Return a copy with other values for dotted keys; a key that no scene has is refused as one of the file is."""
     try:
         result = copy.deepcopy(dict(values))
     except RecursionError as error:
@@ -144,8 +160,8 @@ def _changed(values: Mapping[str, Any], changes: Mapping[str, Any], name: str) -
         *parents, last = dotted.split(".")
         inner: Any = result
         for key in parents:
-            inner = inner.get(key) if isinstance(inner, dict) else None
-        if not isinstance(inner, dict) or last not in inner:
+            inner = inner.setdefault(key, {}) if isinstance(inner, dict) else None
+        if not isinstance(inner, dict):
             raise SceneError(f"{name}: no key {dotted!r} to change; give a key of the scene file")
         inner[last] = value
     return result
@@ -163,6 +179,16 @@ def _choice(number: int, value: Any, name: str) -> FreeParameter:
     choice = FreeParameter(entries.texts("keys"), entries.text("reason"))
     entries.done()
     return choice
+
+
+def _cost(entries: TomlTable) -> SceneCost:
+    cost = SceneCost(
+        entries.text("model", SceneCost.model),
+        entries.number("weight", SceneCost.weight, 0.0, 1e6),
+        entries.text("per", SceneCost.per, COST_PER),
+    )
+    entries.done()
+    return cost
 
 
 def _human(entries: TomlTable) -> Human:

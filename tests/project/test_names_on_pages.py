@@ -20,6 +20,7 @@ from lgp.execution.events import Event, Hub
 from lgp.execution.server import PageServer
 from lgp.experiments.report import write_results
 from lgp.experiments.toolbox_report import write_page as write_toolbox
+from lgp.experiments.variants import variants
 from lgp.kinematics.reachability import Reachability
 from lgp.scene.model import FreeParameter
 from lgp.search.tree_figure import draw
@@ -117,8 +118,8 @@ def screwdriver_report(folder: Path) -> Path:
     )
     spot = {"table": f"table.{MARKUP}", "x": 0.5, "y": 0.1, "reached": True, "miss": 0.0}
     spots = [{**spot, "hand": hand, "height": height} for hand in (MARKUP, f"human.{MARKUP}") for height in (0.6, 1.6)]
-    rows = [{"choice": MARKUP, "factor": 0.8, "condition": MARKUP, "left": 20.0, "center": 50.0, "right": 30.0, "n": 9,
-             "of": 10, "remark": MARKUP}]  # fmt: skip
+    rows = [{"choice": MARKUP, "setting": MARKUP, "condition": MARKUP, "left": 20.0, "center": 50.0,
+             "right": 30.0, "n": 9, "of": 10, "remark": MARKUP}]  # fmt: skip
     runs, paths = made("rest")
     runs = runs.assign(reason=runs["reason"].where(runs["feasible"], MARKUP))
     write_results(
@@ -149,7 +150,7 @@ def toolbox_report(folder: Path) -> Path:
         "settings": {MARKUP: MARKUP, "collisions": False}, "weights": [{"weight": 1.0, "order": MARKUP, **cost}],
     }  # fmt: skip
     scene = dataclasses.replace(plan.scene, choices=(FreeParameter((MARKUP,), MARKUP),))
-    write_toolbox(folder, summary, {"non-ergonomic": plan, "ergonomic": plan}, scene, MARKUP)
+    write_toolbox(folder, summary, {"non-ergonomic": plan, "ergonomic": plan}, scene, variants()["ours"], MARKUP)
     return folder / "report.html"
 
 

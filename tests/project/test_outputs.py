@@ -47,7 +47,7 @@ READ = {
         "--scheduler", "--usefulness", "--map", "--tasks",
     },
     "lgp": {
-        "--cost", "--sequence", "--height", "--scheduler", "--manifest", "--pattern", "--conditions",
+        "--cost", "--scene", "--sequence", "--height", "--scheduler", "--manifest", "--pattern", "--conditions",
         "--rules", "--profile", "--topic", "--body", "--neutral", "--activity", "--fault", "--replay", "--host",
     },
 }  # fmt: skip

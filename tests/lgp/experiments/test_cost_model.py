@@ -12,6 +12,7 @@ from lgp.errors import LgpError
 from lgp.experiments.cost_model import cost_model
 from lgp.experiments.runs import RunStore
 from lgp.experiments.screwdriver_experiment import experiment_screwdriver
+from lgp.experiments.variants import setting, settings_of
 from tests.support.says import says
 
 
@@ -35,9 +36,10 @@ def test_a_model_stays_what_its_file_was(tmp_path: Path) -> None:
 def test_runs_of_another_model_under_the_same_name_are_not_continued(tmp_path: Path) -> None:
     pytest.importorskip("statsmodels")
     file, folder = saved(tmp_path / "own.json", "quadratic"), tmp_path / "results"
-    settings = {"experiment": "screwdriver", "scene": "screwdriver", "seed": 0, "depth": 4, "collisions": False}
-    RunStore(folder, {**settings, **cost_model(str(file)).settings()})
+    chosen, scene = setting("ours", "screwdriver", file, None, None)
+    settings = settings_of("screwdriver", chosen, scene, chosen.collisions)
+    RunStore(folder, {**settings, **cost_model(str(file)).settings(), "seed": 0, "depth": 4})
     saved(file, "convex")
     with pytest.raises(LgpError) as error:
-        experiment_screwdriver(folder, runs=1, cost=str(file))
+        experiment_screwdriver(folder, variant="ours", runs=1, cost=str(file))
     says(error, folder, "cost_hash", "another folder")

@@ -13,6 +13,7 @@ from lgp.errors import LgpError
 from lgp.experiments.runs import CONDITIONS, RunStore, check_paths, check_runs
 from lgp.experiments.screwdriver import plan_run
 from lgp.experiments.screwdriver_experiment import experiment_screwdriver
+from lgp.experiments.variants import setting, settings_of
 from tests.support.lgp_worlds import needs_robots
 from tests.support.says import says
 
@@ -47,12 +48,15 @@ def test_conditions_are_what_they_say(made: Tables) -> None:
 
 def test_an_experiment_reports_the_runs_of_its_folder(made: Tables, tmp_path: Path) -> None:
     pytest.importorskip("statsmodels")
-    experiment = {"experiment": "screwdriver", "scene": "screwdriver", "seed": 0, "cost": "convex", "depth": 4}
-    store = RunStore(tmp_path, experiment | {"collisions": False})
+    chosen, scene = setting("ours", "screwdriver", None, None, None)
+    settings = settings_of("screwdriver", chosen, scene, collisions=False)
+    store = RunStore(tmp_path, settings | {"cost": "convex", "seed": 0, "depth": 4})
     for run in range(3):
         store.append(*(table.assign(run=run) for table in made))
     progress: list[tuple[int, int]] = []
-    summary = experiment_screwdriver(tmp_path, runs=3, progress=lambda done, runs: progress.append((done, runs)))
+    summary = experiment_screwdriver(
+        tmp_path, variant="ours", collisions=False, runs=3, progress=lambda done, runs: progress.append((done, runs))
+    )
     assert progress == []
     assert set(summary["starts"]) == {"rest"}
     assert len(pd.read_parquet(tmp_path / "runs.parquet")) == 9
@@ -66,6 +70,9 @@ def test_an_experiment_reports_the_runs_of_its_folder(made: Tables, tmp_path: Pa
         ({"runs": 0}, ("runs", "0", "1 or more")),
         ({"runs": "x"}, ("runs", "'x'")),
         ({"initial": "lying"}, ("'lying'", "rest, random")),
+        ({"variant": "ous"}, ("'ous'", "ours")),
+        ({"variant": "ours", "phase_seconds": 0.1}, ("phase_seconds", "0.1", "0.2")),
+        ({"plans": True, "scheduler": "tcp://127.0.0.1:1"}, ("plans", "scheduler")),
     ],
 )
 def test_wrong_options_are_named(tmp_path: Path, options: dict[str, Any], facts: tuple[str, ...]) -> None:

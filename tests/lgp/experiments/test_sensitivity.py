@@ -12,7 +12,8 @@ import lgp
 from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, empty
 from lgp.experiments.screwdriver import plan_run
 from lgp.experiments.sensitivity import remarks, sensitivity_table
-from lgp.experiments.variations import BASELINE, WEIGHT, SceneVariation, variations
+from lgp.experiments.variations import BASELINE, SceneVariation, values_of_weight, variations
+from lgp.scene.model import Scene
 from tests.support.lgp_worlds import needs_robots
 from tests.support.says import says
 
@@ -28,20 +29,32 @@ def test_every_free_choice_is_varied_both_ways() -> None:
     for choice in scene.choices:
         for key in choice.keys:
             assert all(part in words for part in key.split("."))
-    assert sorted({one.factor for one in varied}) == [0.8, 1.0, 1.2]
     assert len({one.name for one in varied}) == len(varied)
-    assert [one.weight for one in varied if one.choice == WEIGHT] == [0.8, 1.2]
-    changed = next(one for one in varied if one.choice == "tables start: position" and one.factor == 1.2)
-    position = changed.scene("screwdriver").tables["table.start"].position
+    changed = next(one for one in varied if one.choice == "tables start: position" and one.setting == "x 1.2")
+    position = changed.scene(scene).tables["table.start"].position
     assert position == pytest.approx(1.2 * np.array(scene.tables["table.start"].position))
+
+
+def test_sweeps_leave_out_what_the_scene_has_already() -> None:
+    scene = lgp.load_scene("screwdriver", {"cost.weight": 4.0, "phase_seconds": 5.0})
+    varied = variations(scene)
+    settings: dict[str, list[str]] = {}
+    for one in varied:
+        settings.setdefault(one.choice, []).append(one.setting)
+    assert settings["phase [s]"] == ["1.0", "2.0", "3.0", "8.0"]
+    assert scene.cost.model not in settings["cost model"]
+    assert [one.scene(scene).human.legs for one in varied if one.choice == "legs"] == ["planted", "locked"]  # type: ignore[union-attr]
+    weights = {one.setting: one.scene(scene).cost.weight for one in varied if "weight" in one.choice}
+    assert values_of_weight(scene) == {"": 4.0, **weights}
+    assert max(weights.values()) / min(weights.values()) > 1000
 
 
 def test_a_start_table_in_reach_is_remarked_and_taken_from() -> None:
     from lgp.kinematics.world import World
 
-    near = SceneVariation("tables start: position", 0.2, '{"tables.start.position": [0.3, -0.5]}')
-    assert "the human reaches the screwdriver without help" in remarks(World(near.scene("screwdriver")))
-    runs, _ = plan_run(0, slices=3, variation=near, collisions=False)
+    near = lgp.load_scene("screwdriver", {"tables.start.position": [0.3, -0.5]})
+    assert "the human reaches the screwdriver without help" in remarks(World(near))
+    runs, _ = plan_run(0, slices=3, scene=near, collisions=False)
     assert set(runs["table"]) == {"start"}
     assert runs["actions"].str.startswith("grasp(1, human.right_hand").all()
     assert np.allclose(runs["chosen_height"], 0.9)
@@ -50,8 +63,8 @@ def test_a_start_table_in_reach_is_remarked_and_taken_from() -> None:
 def test_a_start_table_far_away_is_remarked() -> None:
     from lgp.kinematics.world import World
 
-    far = SceneVariation("tables start: position", 2.0, '{"tables.start.position": [2.9, 1.8]}')
-    assert "no robot hand reaches the screwdriver" in remarks(World(far.scene("screwdriver")))
+    far = lgp.load_scene("screwdriver", {"tables.start.position": [2.9, 1.8]})
+    assert "no robot hand reaches the screwdriver" in remarks(World(far))
 
 
 def made(run: int, table: str | None) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -65,23 +78,24 @@ def made(run: int, table: str | None) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def test_rows_are_shares_of_feasible_runs_and_made_once(tmp_path: Path) -> None:
-    planned: list[tuple[str, list[int]]] = []
+    planned: list[tuple[float, list[int]]] = []
     chosen = {0: "left", 1: "center", 2: None, 3: "start"}
 
-    def plan(runs: list[int], variation: SceneVariation) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
-        planned.append((variation.name, runs))
+    def plan(runs: list[int], scene: Scene) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
+        planned.append((scene.cost.weight, runs))
         return [made(run, chosen[run]) for run in runs]
 
-    varied = (BASELINE, SceneVariation(WEIGHT, 0.8, weight=0.8))
-    sensitivity_table(tmp_path, 2, SETTINGS, plan, varied=varied)
-    table = sensitivity_table(tmp_path, 4, SETTINGS, plan, varied=varied)
-    assert [runs for _, runs in planned] == [[0, 1], [0, 1], [2, 3], [2, 3]]
+    varied = (BASELINE, SceneVariation("weight", "x 0.8", '{"cost.weight": 0.8}'))
+    scene = lgp.load_scene("screwdriver")
+    sensitivity_table(tmp_path, scene, 2, SETTINGS, plan, varied=varied)
+    table = sensitivity_table(tmp_path, scene, 4, SETTINGS, plan, varied=varied)
+    assert planned == [(1.0, [0, 1]), (0.8, [0, 1]), (1.0, [2, 3]), (0.8, [2, 3])]
     assert list(table["condition"]) == [*CONDITIONS[:2], *CONDITIONS[:2]]
     first = table.iloc[0]
     assert (first["n"], first["of"]) == (3, 4)
     assert [first["left"], first["center"], first["right"]] == pytest.approx([100 / 3, 100 / 3, 0.0])
-    fewer = sensitivity_table(tmp_path, 1, SETTINGS, plan, varied=varied)
+    fewer = sensitivity_table(tmp_path, scene, 1, SETTINGS, plan, varied=varied)
     assert list(fewer["left"]) == [100.0] * 4
     with pytest.raises(lgp.LgpError) as error:
-        sensitivity_table(tmp_path, 1, SETTINGS | {"seed": 1}, plan, varied=varied)
+        sensitivity_table(tmp_path, scene, 1, SETTINGS | {"seed": 1}, plan, varied=varied)
     says(error, "seed", "another folder")
