@@ -208,7 +208,9 @@ def _call(group: click.Group, name: str) -> None:
         raise SystemExit(shell_complete(group, {}, name, variable, os.environ[variable]))
     try:
         # A name alone asks what there is: it is no wrong usage.
-        with group.make_context(name, sys.argv[1:] or ["--help"]) as context:
+        with group.make_context(
+            name, sys.argv[1:] or (["--help"] if isinstance(group, click.Group) else [])
+        ) as context:
             group.invoke(context)
     except click.exceptions.Exit:  # --help and --version have printed
         pass

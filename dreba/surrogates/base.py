@@ -54,7 +54,6 @@ class Surrogate(RegressorMixin, BaseEstimator):
             order of the data of the fit.
         feature_names_in_: (d,) the same, by scikit-learn's name; absent where columns never had a name.
         temperatures_: [deg] temperatures at which the model can be evaluated, () for kinds without.
-        factors_: those of load, coupling and activity that the model knows; others change nothing, with a warning.
         about_: `ModelInfo`, origin and error of the model.
     """
 

@@ -20,6 +20,7 @@ from lgp.execution.events import Event, Hub
 from lgp.execution.server import PageServer
 from lgp.experiments.report import write_results
 from lgp.experiments.toolbox_report import write_page as write_toolbox
+from lgp.experiments.variants import variants
 from lgp.kinematics.reachability import Reachability
 from lgp.scene.model import FreeParameter
 from lgp.search.tree_figure import draw
@@ -149,7 +150,7 @@ def toolbox_report(folder: Path) -> Path:
         "settings": {MARKUP: MARKUP, "collisions": False}, "weights": [{"weight": 1.0, "order": MARKUP, **cost}],
     }  # fmt: skip
     scene = dataclasses.replace(plan.scene, choices=(FreeParameter((MARKUP,), MARKUP),))
-    write_toolbox(folder, summary, {"non-ergonomic": plan, "ergonomic": plan}, scene, MARKUP)
+    write_toolbox(folder, summary, {"non-ergonomic": plan, "ergonomic": plan}, scene, variants()["ours"], MARKUP)
     return folder / "report.html"
 
 
@@ -173,10 +174,10 @@ WRITERS: dict[str, tuple[Callable[[Path], Path], int]] = {
 """Writers of pages and drawings, and how often the name stands in the text at least."""
 PAGES = {
     "reba/report/page.py", "dreba/report.py", "lgp/page/page.py", "lgp/study/report.py", "lgp/experiments/report.py",
-    "lgp/experiments/toolbox_report.py",
+    "lgp/experiments/toolbox_report.py", "reba/app/server.py",
 }  # fmt: skip
-DRAWINGS = {"reba/report/plots.py", "reba/posture/skeleton.py", "lgp/svg.py", "lgp/search/tree_figure.py",
-            "lgp/experiments/figures.py"}  # fmt: skip
+DRAWINGS = {"reba/report/plots.py", "reba/report/body_map.py", "reba/posture/skeleton.py", "lgp/svg.py",
+            "lgp/search/tree_figure.py", "lgp/experiments/figures.py"}  # fmt: skip
 ADDED = """return [...document.querySelectorAll("*")].filter((element) => element.matches('img[src="x"], .hostile')
     || [...element.attributes].some((one) => /^on/i.test(one.name) || /^\\s*javascript:/i.test(one.value)))
     .map((element) => element.outerHTML.slice(0, 200))"""

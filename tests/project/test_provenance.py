@@ -20,6 +20,7 @@ import reba
 from lgp.defaults import COST
 from lgp.experiments.runs import RunStore
 from lgp.experiments.screwdriver import DEPTH, SCENE
+from lgp.experiments.variants import setting, settings_of
 from reba.batch.manifest import MANIFEST
 from tests.support.execution_plans import small_plan
 from tests.support.lgp_worlds import HAS_ROBOTS
@@ -62,7 +63,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "dreba export": ("model.json --to c -o m.c --json", "model.json --to casadi -o m.casadi",
                      "model.json --to torch -o t.py", "model.json --to jax -o j.py"),
     "lgp plan": ("bench.toml --no-ergonomics -o bench --tree tree.svg --json",),
-    "lgp experiment": ("screwdriver --runs 12 -o experiment --json",),
+    "lgp experiment": ("screwdriver --as ours --runs 12 -o experiment --json",),
     "lgp page": ("plan -o page --json",),
     "lgp scenes": ("--json",),
     "lgp study": ("logs -o study --pattern {participant}_{condition} --report study.html --json",),
@@ -91,7 +92,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 def test_every_command_is_here() -> None:
     groups = {name: importlib.import_module(f"{name}.cli").cli.commands for name in ("reba", "dreba", "lgp")}
-    assert {f"{group} {name}" for group, commands in groups.items() for name in commands} == set(COMMANDS)
+    assert {f"{group} {name}" for group, commands in groups.items() for name in commands} == {*COMMANDS, "reba app"}
 
 
 def of_generator(text: str) -> str:
@@ -199,7 +200,8 @@ def test_every_output_states_its_version(
 
 def with_finished_runs(folder: Path) -> None:
     """Put the runs of an experiment into its folder, which then plans no further one."""
-    settings = {"experiment": SCENE, "scene": SCENE, "seed": 0, "cost": COST, "depth": DEPTH, "collisions": False}
+    chosen, scene = setting("ours", SCENE, None, None, None)
+    settings = settings_of(SCENE, chosen, scene, chosen.collisions) | {"cost": COST, "seed": 0, "depth": DEPTH}
     store = RunStore(folder, settings)
     runs, paths = made("rest")
     for number in range(12):
