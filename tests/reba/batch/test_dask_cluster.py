@@ -20,6 +20,7 @@ import pytest
 import reba
 from lgp.experiments import screwdriver
 from lgp.experiments.runs import check_paths, check_runs
+from lgp.experiments.variants import VARIANT, setting
 from reba.batch import dask_cluster
 from reba.batch.dataset import Dataset
 from reba.batch.dataset_run import score_into
@@ -151,7 +152,9 @@ def same_runs(here: list[pd.DataFrame], there: list[pd.DataFrame]) -> None:
 
 @pytest.fixture(scope="module")
 def local_runs() -> list[pd.DataFrame]:
-    return screwdriver_tables(screwdriver.plan_runs(range(RUNS), jobs=2))
+    """Plan the default variant, as the command does."""
+    _, scene = setting(VARIANT, screwdriver.SCENE, None, None, None)
+    return screwdriver_tables(screwdriver.plan_runs(range(RUNS), scene=scene, jobs=2))
 
 
 def screwdriver_tables(planned: Iterable[tuple[pd.DataFrame, pd.DataFrame]]) -> list[pd.DataFrame]:
@@ -175,7 +178,8 @@ def test_an_experiment_is_the_same_as_here(
 @needs_robots
 def test_an_experiment_is_the_same_with_a_worker_killed(address: str, local_runs: list[pd.DataFrame]) -> None:
     tables = []
-    for pair in screwdriver.plan_runs(range(RUNS), scheduler=address):
+    _, scene = setting(VARIANT, screwdriver.SCENE, None, None, None)
+    for pair in screwdriver.plan_runs(range(RUNS), scene=scene, scheduler=address):
         if not tables:
             kill_a_worker(address)  # two unfinished runs, so both workers are busy
         tables.append(pair)
