@@ -53,7 +53,8 @@ def test_actions_that_have_ended_are_done(plan: lgp.Plan) -> None:
 
 def test_an_object_that_was_moved_is_taken_where_it_is(plan: lgp.Plan) -> None:
     moved = lgp.replan(plan, 1.0, {"box": at(0.12, -0.1, yaw=0.4)})
-    assert moved.actions == plan.actions
+    # It may be put down on the way, which costs less here: phases are of one length.
+    assert (moved.actions[0], moved.actions[-1]) == (GRASP, PLACE.format(len(moved.actions)))
     motion = lgp.Motion(moved).object_poses("box")
     np.testing.assert_allclose(motion.position[0], [0.12, -0.1, HEIGHT + 0.04], atol=1e-9)
     np.testing.assert_allclose(motion.rotation[0, :2, 0], [np.cos(0.4), np.sin(0.4)], atol=1e-9)
