@@ -129,8 +129,33 @@ def require_withdrawals(
         required[during, number] = np.maximum(required[during, number], each.distance - radius[grip])
 
 
-def declared_withdrawals(modes: ModeSequence, seconds: float) -> Iterator[Withdrawal]:
-    """Yield which hand keeps away from which object until when, for a sequence of actions of `seconds` each.
+@dataclass(frozen=True)
+class Clock:
+    """When the actions of a sequence happen.
+
+    Attributes:
+        ends: of the start and of each phase [s], (K + 1,).
+        steps: time between the slices of each phase [s], (K,); hands and objects rest for one slice after a switch.
+
+    >>> Clock.even(2, 1.0, 0.25).rested(1)
+    1.25
+    """
+
+    ends: Array
+    steps: Array
+
+    @staticmethod
+    def even(count: int, seconds: float, step: float) -> Clock:
+        """Return the clock of phases of `seconds` each, with slices at distances of `step` [s]."""
+        return Clock(np.linspace(0.0, count * seconds, count + 1), np.full(count, step))
+
+    def rested(self, number: int) -> float:
+        """Return the time after a number of phases, and the slice at rest that follows [s]."""
+        return float(self.ends[number] + (self.steps[number] if number < len(self.steps) else 0.0))
+
+
+def declared_withdrawals(modes: ModeSequence, clock: Clock) -> Iterator[Withdrawal]:
+    """Yield which hand keeps away from which object until when, for a sequence of actions.
 
     A hand that has let go stays away until it acts on the object again, except while it is busy: within
     `DRAW_BACK_SECONDS` after letting go, and in the phases in which it acts on something else, which may be beside the
@@ -145,12 +170,12 @@ def declared_withdrawals(modes: ModeSequence, seconds: float) -> Iterator[Withdr
             continue
         following = modes.switches[later[0]]
         again = next((k for k in later if giver in modes.switches[k].hands), len(modes.switches))
-        until = math.inf if again == len(modes.switches) else again * seconds
-        begin = (number + 1) * seconds
-        for busy, free in _busy(modes, giver, range(number + 1, again), begin, seconds):
+        until = math.inf if again == len(modes.switches) else float(clock.ends[again])
+        begin = float(clock.ends[number + 1])
+        for busy, free in _busy(modes, giver, range(number + 1, again), clock):
             if giver not in following.hands:
                 yield Withdrawal(giver, switch.object_name, DRAWN_BACK, begin, min(busy, until))
-            if not switch.giver and busy < later[0] * seconds + DRAW_BACK_SECONDS:
+            if not switch.giver and busy < clock.ends[later[0]] + DRAW_BACK_SECONDS:
                 for hand in following.hands:
                     if hand != giver:
                         yield Withdrawal(hand, switch.object_name, NOT_YET, busy, free)
@@ -159,42 +184,40 @@ def declared_withdrawals(modes: ModeSequence, seconds: float) -> Iterator[Withdr
             yield Withdrawal(giver, switch.object_name, DRAWN_BACK, begin, until)
 
 
-def _busy(
-    modes: ModeSequence, hand: str, phases: Sequence[int], let_go: float, seconds: float
-) -> Iterator[tuple[float, float]]:
-    """Yield from when to when [s] a hand that lets go at some time is busy: drawing back, or acting in some phases."""
-    draws_back = min(DRAW_BACK_SECONDS, seconds / 2.0)
-    yield let_go, let_go + draws_back
+def _busy(modes: ModeSequence, hand: str, phases: range, clock: Clock) -> Iterator[tuple[float, float]]:
+    """Yield from when to when [s] a hand that lets go before some phases is busy: drawing back, or acting in them."""
+    yield float(clock.ends[phases.start]), _drawn_back(clock, phases.start)
     for phase in phases:
         if hand in modes.switches[phase].hands:
-            yield phase * seconds, (phase + 1) * seconds + draws_back
+            yield float(clock.ends[phase]), _drawn_back(clock, phase + 1)
+
+
+def _drawn_back(clock: Clock, number: int) -> float:
+    """Return when [s] a hand has drawn back that lets go after a number of phases."""
+    seconds = np.diff(clock.ends)[min(number, len(clock.steps) - 1)]
+    return float(clock.ends[number] + min(DRAW_BACK_SECONDS, seconds / 2.0))
 
 
 def _acted_on(switch: KinematicSwitch) -> tuple[str, ...]:
     return switch.object_name, switch.other
 
 
-def declared_contacts(modes: ModeSequence, phase_seconds: float, tau: float) -> tuple[Contact, ...]:
-    """Return the contacts of a sequence of actions, each of which ends a phase.
-
-    Args:
-        phase_seconds: duration of a phase [s].
-        tau: time between slices [s]; hands and objects rest for one slice after a switch.
-    """
+def declared_contacts(modes: ModeSequence, clock: Clock) -> tuple[Contact, ...]:
+    """Return the contacts of a sequence of actions, each of which ends a phase."""
     return (
-        *_attachments(modes, phase_seconds, tau),
-        *_holds(modes, phase_seconds, tau),
-        *_reaches(modes, phase_seconds, tau),
-        *_assemblies(modes, phase_seconds, tau),
+        *_attachments(modes, clock),
+        *_holds(modes, clock),
+        *_reaches(modes, clock),
+        *_assemblies(modes, clock),
     )
 
 
-def _attachments(modes: ModeSequence, seconds: float, tau: float) -> Iterator[Contact]:
+def _attachments(modes: ModeSequence, clock: Clock) -> Iterator[Contact]:
     """Yield the contacts of objects with the hands and tables that they are attached to."""
     for name in modes.world.scene.objects:
         for parent, first, last in _intervals(modes, name):
-            begin = -math.inf if first == 0 else first * seconds
-            end = math.inf if last == len(modes.switches) else (last + 1) * seconds + tau
+            begin = -math.inf if first == 0 else float(clock.ends[first])
+            end = math.inf if last == len(modes.switches) else clock.rested(last + 1)
             yield Contact(parent, name, begin, end, free=parent in modes.world.scene.hands)
 
 
@@ -208,33 +231,33 @@ def _intervals(modes: ModeSequence, name: str) -> Iterator[tuple[str, int, int]]
             first = phase + 1
 
 
-def _holds(modes: ModeSequence, seconds: float, tau: float) -> Iterator[Contact]:
+def _holds(modes: ModeSequence, clock: Clock) -> Iterator[Contact]:
     """Yield the contacts of hands that hold an object in place, or screw it."""
     for hand, number, last in modes.holding_intervals:
         name = modes.switches[number].object_name
-        yield Contact(hand, name, (number + 1) * seconds, (last + 1) * seconds + tau, free=True)
+        yield Contact(hand, name, float(clock.ends[number + 1]), clock.rested(last + 1), free=True)
         table = modes.attachment(name, number).parent
-        yield Contact(hand, table, (number + 1) * seconds, (last + 1) * seconds + tau, touches=False)
+        yield Contact(hand, table, float(clock.ends[number + 1]), clock.rested(last + 1), touches=False)
     for hand, name, last in modes.held_at_first:
-        yield Contact(hand, name, -math.inf, (last + 1) * seconds + tau, free=True)
-        yield Contact(hand, modes.attachment(name, 0).parent, -math.inf, (last + 1) * seconds + tau, touches=False)
+        yield Contact(hand, name, -math.inf, clock.rested(last + 1), free=True)
+        yield Contact(hand, modes.attachment(name, 0).parent, -math.inf, clock.rested(last + 1), touches=False)
     for number, switch in enumerate(modes.switches):
         if switch.action.screws:
             for name in (switch.object_name, switch.other):
-                yield Contact(switch.hand, name, (number + 1) * seconds, (number + 1) * seconds + tau, free=True)
+                yield Contact(switch.hand, name, float(clock.ends[number + 1]), clock.rested(number + 1), free=True)
 
 
-def _reaches(modes: ModeSequence, seconds: float, tau: float) -> Iterator[Contact]:
+def _reaches(modes: ModeSequence, clock: Clock) -> Iterator[Contact]:
     """Yield the tables that acting hands come near to: where they take an object from, and where they put it."""
     for number, switch in enumerate(modes.switches):
         for phase in (number, number + 1):
             parent = modes.attachment(switch.object_name, phase).parent
             if parent in modes.world.scene.tables:
                 for hand in switch.hands:
-                    yield Contact(hand, parent, (number + 1) * seconds, (number + 1) * seconds + tau, touches=False)
+                    yield Contact(hand, parent, float(clock.ends[number + 1]), clock.rested(number + 1), touches=False)
 
 
-def _assemblies(modes: ModeSequence, seconds: float, tau: float) -> Iterator[Contact]:
+def _assemblies(modes: ModeSequence, clock: Clock) -> Iterator[Contact]:
     """Yield the contacts of parts that stand as their assembly says: from when both are put down until one is taken."""
     scene = modes.world.scene
     screwed = {frozenset(atom.arguments) for atom in map(parse_atom, scene.initial) if atom.predicate == "screwed"}
@@ -252,6 +275,6 @@ def _assemblies(modes: ModeSequence, seconds: float, tau: float) -> Iterator[Con
             phase = max(number, 0)
             spans = [next(span for span in _intervals(modes, part) if span[1] <= phase <= span[2]) for part in parts]
             first, last = max(span[1] for span in spans), min(span[2] for span in spans)
-            begin = -math.inf if first == 0 else first * seconds
-            end = math.inf if last == len(modes.switches) else (last + 1) * seconds + tau
+            begin = -math.inf if first == 0 else float(clock.ends[first])
+            end = math.inf if last == len(modes.switches) else clock.rested(last + 1)
             yield Contact(assembly.parts[0], assembly.parts[1], begin, end)

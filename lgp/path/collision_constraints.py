@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lgp.collision.contacts import (
+    Clock,
     declared_contacts,
     declared_withdrawals,
     require_withdrawals,
@@ -63,12 +64,14 @@ class CollisionConstraints:
         self._columns: list[tuple[Indices, Indices]] = []
         self._gradient_entries: tuple[Indices, Indices, Indices] | None = None
         self._phase = np.repeat(np.arange(phases.count), phases.slices * POINTS_PER_SLICE)
-        contacts = declared_contacts(self.collisions.modes, phases.seconds, phases.tau)
-        times = (np.arange(len(self._phase)) + 1.0) * phases.tau / POINTS_PER_SLICE
+        durations = phases.phase_durations
+        clock = Clock(np.concatenate([[0.0], np.cumsum(durations)]), durations / phases.slices)
+        contacts = declared_contacts(self.collisions.modes, clock)
+        times = np.cumsum(np.repeat(phases.steps, POINTS_PER_SLICE) / POINTS_PER_SLICE)
         shapes, pairs = self.collisions.shapes, self.collisions.pairs
         self._limits = required_distances(shapes, pairs, contacts, times, margin)
         require_withdrawals(
-            self._limits, shapes, pairs, tuple(declared_withdrawals(self.collisions.modes, phases.seconds)), times
+            self._limits, shapes, pairs, tuple(declared_withdrawals(self.collisions.modes, clock)), times
         )
         at_first = required_distances(shapes, pairs, contacts, np.zeros(1), margin)
         near = self._near(
@@ -76,6 +79,9 @@ class CollisionConstraints:
         )
         first = self._limits[: phases.slices * POINTS_PER_SLICE]
         first[:, near.pairs] = np.minimum(first[:, near.pairs], near.value)
+
+    def __len__(self) -> int:
+        return len(self.points)
 
     def add_violated(self, q: Array, z: Array) -> int:
         """Add the constraints that a path (T, nq) violates, and near pairs with them; return how many are violated.

@@ -1,8 +1,8 @@
 """The constraints of a sequence at some knots: values, Jacobians, curvature, and what each row is about.
 
 Equalities: pose continuity of objects at switches, screws at their place in joined parts, limbs at rest at their
-switches, holding hands and planted soles at rest. Inequalities: tilt of hands that work on tables, leg reach, collision
-constraints. Joint limits and borders of table tops are bounds of the unknowns.
+switches, holding hands and planted soles at rest. Inequalities: tilt of hands that work on tables, leg reach, and what
+becomes active in a path: distances of bodies and speeds. Joint limits and borders of table tops are bounds.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lgp.kinematics.features import Feature
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.posture import PELVIS, PostureMap
 from lgp.kinematics.world import World
-from lgp.path.collision_constraints import CollisionConstraints
+from lgp.path.active_constraints import ActiveConstraints
 from lgp.path.hessian import RowBlocks
 from lgp.path.mode_constraints import Blocks, ConstraintInfo, ModeConstraints, SwitchValues
 from lgp.path.phases import Phases
@@ -42,7 +42,7 @@ class Constraints:
         modes: attachments of the sequence.
         knots: (P,) slices that are unknowns.
         enforced: numbers of the switches whose rows are enforced; their slices must be knots.
-        collision_constraints: where all slices are knots; they must not change afterwards.
+        active: of a path on all slices; they must not change afterwards.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Constraints:
         modes: ModeSequence,
         knots: Indices,
         enforced: tuple[int, ...],
-        collision_constraints: CollisionConstraints | None = None,
+        active: ActiveConstraints | None = None,
     ) -> None:
         self.world, self.phases, self.modes = world, phases, modes
         self.enforced = enforced
@@ -70,7 +70,7 @@ class Constraints:
         self._soles = tuple(world.planted)
         human = world.scene.human
         self._legs = LegReachConstraint(world) if human is not None and human.legs == "solved" else None
-        self._collisions = collision_constraints
+        self._active = active
         self._set_rows(len(knots))
 
     def limb(self, number: int) -> Indices:
@@ -101,9 +101,9 @@ class Constraints:
             self._first_leg = len(self.in_rows)
             ineq += [(1, at * nq + self._legs.columns) for at in range(knots)]
             self.in_rows += [ConstraintInfo("leg", "m", at, "straighter") for at in range(knots)]
-        if self._collisions is not None:
-            ineq += self._collisions.blocks(knots * nq)
-            self.in_rows += self._collisions.names()
+        if self._active is not None:
+            ineq += self._active.blocks(knots * nq)
+            self.in_rows += self._active.names()
         self.row_blocks = self._eq, self._in = RowBlocks(eq, self.size), RowBlocks(ineq, self.size)
 
     def evaluate(self, q: Array, z: Array) -> Values:
@@ -111,14 +111,14 @@ class Constraints:
         values = self.evaluate_many(q[None], z[None])
         equality, inequality = values.equality[0], values.inequality[0]
         eq_blocks, in_blocks = ([block[0] for block in blocks] for blocks in (values.eq_blocks, values.in_blocks))
-        if self._collisions is not None:
-            value, blocks = self._collisions.evaluate(q, z)
+        if self._active is not None:
+            value, blocks = self._active.evaluate(q, z)
             inequality = np.concatenate([inequality, value])
             in_blocks += blocks
         return Values(equality, inequality, eq_blocks, in_blocks, values.switches)
 
     def evaluate_many(self, q: Array, z: Array) -> Values:
-        """Return all rows but those of collisions at B configurations (B, P, nq) and variables (B, nz)."""
+        """Return all rows but the active ones at B configurations (B, P, nq) and variables (B, nz)."""
         count = len(q)
         flat, switches = q.reshape(count, -1), self._switches.evaluate(q, z)
         equality = [np.zeros((count, 0)), *switches.equality]
@@ -166,8 +166,8 @@ class Constraints:
         columns = self._switches.hessian_columns()
         if self._legs is not None:
             columns.append(np.arange(tail // nq)[:, None] * nq + self._legs.columns)
-        if self._collisions is not None:
-            columns += self._collisions.hessian_columns()
+        if self._active is not None:
+            columns += self._active.hessian_columns()
         return columns
 
     def switch_columns(self) -> list[Indices]:
@@ -193,13 +193,13 @@ class Constraints:
         return [columns for _, columns in self._switches.eq]
 
     def inequality_hessians(self, q: Array, z: Array, y: Array) -> list[Array]:
-        """Return the convex part of sum_i y_i d2 row_i (n, p, p) of leg reach, then of collisions."""
+        """Return the convex part of sum_i y_i d2 row_i (n, p, p) of leg reach, then of active rows."""
         hessians = []
         if self._legs is not None:
             multipliers = y[self._first_leg : self._first_leg + len(q)]
             hessians.append(multipliers[:, None, None] * self._legs.curvature(q))
-        if self._collisions is not None:
-            hessians += self._collisions.hessian(q, z, y[len(y) - len(self._collisions.points) :])
+        if self._active is not None:
+            hessians += self._active.hessian(q, z, y[len(y) - len(self._active) :])
         return hessians
 
     def equality_hessians(self, values: Values, z: Array, y: Array) -> list[Array]:

@@ -17,6 +17,7 @@ from lgp.kinematics.ik import least_squares
 from lgp.kinematics.world import World
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+from lgp.path.speed_constraints import too_fast
 from lgp.scene.joint_units import SLIDE
 from lgp.scene.model import Hand, SceneObject, Table
 from reba.arrays import Array, Indices
@@ -83,6 +84,11 @@ def explain_infeasibility(problem: PathProblem, x: Array) -> str:
         elif row.kind == "hands":
             text = f"{row.name} come {value:.3f} m nearer to each other than grip points may"
             messages.append((value, f"{_phase_of_switch(problem, row.number)}: {text}"))
+        elif row.kind == "speed":
+            at = int(problem.knots[row.number]) // problem.phases.slices
+            longest = too_fast(problem.world, problem.phases, problem.initial_configuration, problem.path(x))
+            text = longest or f"phase {at + 1}: {row.name} is too fast"
+            messages.append((value, text))
         elif row.kind == "collision":
             messages.append((value, f"{_phase_of_knot(problem, row.number)}: {_collision(row.name, value)}"))
         else:

@@ -25,7 +25,7 @@ class ConstraintInfo:
     """What one row is about: its kind, its unit, the number of a switch or knot, and the name of a hand or object.
 
     Kinds of switches: "pose_continuity", "screw", "joint", "tilt", "hands"; of knots: "rest", "sole", "leg",
-    "collision". A tilt is a difference of cosines, which has no unit.
+    "collision", "speed". A tilt is a difference of cosines, which has no unit.
     """
 
     kind: str

@@ -12,6 +12,7 @@ from lgp.collision.contacts import (
     DRAWN_BACK,
     NOT_YET,
     WINDOW,
+    Clock,
     Contact,
     declared_contacts,
     declared_withdrawals,
@@ -36,10 +37,11 @@ SECONDS, TAU, MARGIN = 2.0, 0.2, 0.01
 def required(world: World, switches: list[KinematicSwitch], first: str, second: str, times: list[float]) -> list[float]:
     """Return the distance that two bodies keep at some times."""
     modes = ModeSequence(world, switches)
+    clock = Clock.even(len(switches), SECONDS, TAU)
     collisions = Collisions(world, modes)
     at = np.array(times)
-    limits = required_distances(collisions.shapes, collisions.pairs, declared_contacts(modes, SECONDS, TAU), at, MARGIN)
-    require_withdrawals(limits, collisions.shapes, collisions.pairs, tuple(declared_withdrawals(modes, SECONDS)), at)
+    limits = required_distances(collisions.shapes, collisions.pairs, declared_contacts(modes, clock), at, MARGIN)
+    require_withdrawals(limits, collisions.shapes, collisions.pairs, tuple(declared_withdrawals(modes, clock)), at)
     names = [{collisions.shapes[side].name for side in pair} for pair in collisions.pairs]
     return limits[:, names.index({first, second})].tolist()
 
