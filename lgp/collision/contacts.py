@@ -8,8 +8,8 @@ Objects and hands touch only what their actions say, and only around their switc
     acting hand and the table              no contact: from 0 to the margin within WINDOW around the switch
     parts of one assembly                  as object and support, from when both stand as they are screwed
 
-Only the bodies of the hand are exempt, not the arm. Beyond bodies, hands keep away from each other: their grip points
-always, and after a hand has let go it draws back from the object before another one comes near.
+Only the bodies of the hand are exempt, not the arm. Beyond bodies, the grip points of hands keep away from each other
+always; how hands draw back from what they let go is in `lgp.collision.withdrawals`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lgp.collision.shapes import CollisionShape
-from lgp.kinematics.modes import KinematicSwitch, ModeSequence
+from lgp.kinematics.modes import ModeSequence
 from lgp.logic.task import parse_atom
 from reba.arrays import Array
 
@@ -88,45 +88,17 @@ def required_distances(
     return required
 
 
-@dataclass(frozen=True)
-class Withdrawal:
-    """A hand keeps its grip point away from an object for some time.
-
-    Attributes:
-        distance: [m].
-        begin, end: [s].
-    """
-
-    hand: str
-    object_name: str
-    distance: float
-    begin: float
-    end: float
-
-
-DRAWN_BACK = 0.06
-"""[m] How far a hand that has let go draws back (a choice: as far as grip points of two hands are apart)."""
-NOT_YET = 0.20
-"""[m] How far another hand stays away from an object until then (a choice: the length of a hand)."""
 DRAW_BACK_SECONDS = 0.6
 """[s] After a switch in which a hand draws back (a choice: 10 cm/s)."""
 
 
-def require_withdrawals(
-    required: Array,
-    shapes: Sequence[CollisionShape],
-    pairs: Sequence[tuple[int, int]],
-    withdrawals: Sequence[Withdrawal],
-    times: Array,
-) -> None:
-    """Raise the distances (n, pairs) of grip points and objects in place, at times (n,) [s]."""
-    column = {frozenset((shapes[one].name, shapes[other].name)): number for number, (one, other) in enumerate(pairs)}
-    radius = {shape.name: shape.radius for shape in shapes}
-    for each in withdrawals:
-        grip = f"grip point of {each.hand}"
-        number = column[frozenset((grip, each.object_name))]
-        during = (times > each.begin + SAME) & (times < each.end - SAME)
-        required[during, number] = np.maximum(required[during, number], each.distance - radius[grip])
+def draw_back_slices(seconds: float, slices: int) -> int:
+    """Return how many slices of a phase of some duration [s] a hand that let go draws back, at most half of them.
+
+    >>> draw_back_slices(2.0, 10), draw_back_slices(0.5, 10)
+    (3, 5)
+    """
+    return max(math.ceil(min(DRAW_BACK_SECONDS / seconds, 0.5) * slices - SAME), 1)
 
 
 @dataclass(frozen=True)
@@ -136,70 +108,25 @@ class Clock:
     Attributes:
         ends: of the start and of each phase [s], (K + 1,).
         steps: time between the slices of each phase [s], (K,); hands and objects rest for one slice after a switch.
+        draw_back: slices in which a hand that let go draws back.
 
-    >>> Clock.even(2, 1.0, 0.25).rested(1)
+    >>> Clock.of(np.ones(2), 1.0, 4).rested(1)
     1.25
     """
 
     ends: Array
     steps: Array
+    draw_back: int
 
     @staticmethod
-    def even(count: int, seconds: float, step: float) -> Clock:
-        """Return the clock of phases of `seconds` each, with slices at distances of `step` [s]."""
-        return Clock(np.linspace(0.0, count * seconds, count + 1), np.full(count, step))
+    def of(durations: Array, seconds: float, slices: int) -> Clock:
+        """Return the clock of phases with some durations [s], of `seconds` each where these are not unknowns."""
+        ends = np.concatenate([[0.0], np.cumsum(durations)])
+        return Clock(ends, durations / slices, draw_back_slices(seconds, slices))
 
     def rested(self, number: int) -> float:
         """Return the time after a number of phases, and the slice at rest that follows [s]."""
         return float(self.ends[number] + (self.steps[number] if number < len(self.steps) else 0.0))
-
-
-def declared_withdrawals(modes: ModeSequence, clock: Clock) -> Iterator[Withdrawal]:
-    """Yield which hand keeps away from which object until when, for a sequence of actions.
-
-    A hand that has let go stays away until it acts on the object again, except while it is busy: within
-    `DRAW_BACK_SECONDS` after letting go, and in the phases in which it acts on something else, which may be beside the
-    object. While it is busy no other hand that takes the object next comes near.
-    """
-    for number, switch in enumerate(modes.switches):
-        giver = switch.giver or (switch.hand if switch.action.attaches_to == "table" else "")
-        later = [
-            k for k in range(number + 1, len(modes.switches)) if switch.object_name in _acted_on(modes.switches[k])
-        ]
-        if not giver or not later:
-            continue
-        following = modes.switches[later[0]]
-        again = next((k for k in later if giver in modes.switches[k].hands), len(modes.switches))
-        until = math.inf if again == len(modes.switches) else float(clock.ends[again])
-        begin = float(clock.ends[number + 1])
-        for busy, free in _busy(modes, giver, range(number + 1, again), clock):
-            if giver not in following.hands:
-                yield Withdrawal(giver, switch.object_name, DRAWN_BACK, begin, min(busy, until))
-            if not switch.giver and busy < clock.ends[later[0]] + DRAW_BACK_SECONDS:
-                for hand in following.hands:
-                    if hand != giver:
-                        yield Withdrawal(hand, switch.object_name, NOT_YET, busy, free)
-            begin = free
-        if giver not in following.hands:
-            yield Withdrawal(giver, switch.object_name, DRAWN_BACK, begin, until)
-
-
-def _busy(modes: ModeSequence, hand: str, phases: range, clock: Clock) -> Iterator[tuple[float, float]]:
-    """Yield from when to when [s] a hand that lets go before some phases is busy: drawing back, or acting in them."""
-    yield float(clock.ends[phases.start]), _drawn_back(clock, phases.start)
-    for phase in phases:
-        if hand in modes.switches[phase].hands:
-            yield float(clock.ends[phase]), _drawn_back(clock, phase + 1)
-
-
-def _drawn_back(clock: Clock, number: int) -> float:
-    """Return when [s] a hand has drawn back that lets go after a number of phases."""
-    seconds = np.diff(clock.ends)[min(number, len(clock.steps) - 1)]
-    return float(clock.ends[number] + min(DRAW_BACK_SECONDS, seconds / 2.0))
-
-
-def _acted_on(switch: KinematicSwitch) -> tuple[str, ...]:
-    return switch.object_name, switch.other
 
 
 def declared_contacts(modes: ModeSequence, clock: Clock) -> tuple[Contact, ...]:

@@ -40,7 +40,7 @@ def start_penetrations(world: World, configuration: Array) -> tuple[StartPenetra
         ()
     """
     collisions = Collisions(world)
-    contacts = declared_contacts(collisions.modes, Clock.even(0, 1.0, 0.0))
+    contacts = declared_contacts(collisions.modes, Clock.of(np.zeros(0), 1.0, 1))
     required = required_distances(collisions.shapes, collisions.pairs, contacts, np.zeros(1), 0.0)
     kinematics, z = world.at(configuration[None], collisions.frames), np.zeros(0)
     slices, pairs = collisions.near_pairs(kinematics, [0], z, 0.0, required)

@@ -14,11 +14,10 @@ import numpy as np
 from lgp.collision.contacts import (
     Clock,
     declared_contacts,
-    declared_withdrawals,
-    require_withdrawals,
     required_distances,
 )
 from lgp.collision.distances import Collisions
+from lgp.collision.withdrawals import declared_withdrawals, require_withdrawals
 from lgp.kinematics.interpolation import AROUND, interpolate, interpolation_weights
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
@@ -64,8 +63,7 @@ class CollisionConstraints:
         self._columns: list[tuple[Indices, Indices]] = []
         self._gradient_entries: tuple[Indices, Indices, Indices] | None = None
         self._phase = np.repeat(np.arange(phases.count), phases.slices * POINTS_PER_SLICE)
-        durations = phases.phase_durations
-        clock = Clock(np.concatenate([[0.0], np.cumsum(durations)]), durations / phases.slices)
+        clock = Clock.of(phases.phase_durations, phases.seconds, phases.slices)
         contacts = declared_contacts(self.collisions.modes, clock)
         times = np.cumsum(np.repeat(phases.steps, POINTS_PER_SLICE) / POINTS_PER_SLICE)
         shapes, pairs = self.collisions.shapes, self.collisions.pairs

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from lgp.collision.contacts import draw_back_slices
 from lgp.kinematics import features
 from lgp.kinematics.features import Feature
 from lgp.kinematics.modes import ModeSequence
@@ -228,19 +229,32 @@ def equal_joint_constraints(
         keyframe = int(phases.keyframes[number])
         if keyframe + 1 < horizon:
             joints.setdefault((keyframe, keyframe + 1), set()).update(limb.tolist())
+    for number in limbs:
+        if modes.switches[number].giver and number + 1 < phases.count:
+            # Who took an object stays where it is until the one who gave it has drawn back.
+            taker = np.flatnonzero(world.support(modes.switches[number].hand)).tolist()
+            first = int(phases.keyframes[number])
+            last = first + draw_back_slices(phases.seconds, phases.slices)
+            _stand(joints, taker, range(first, min(last + 1, horizon)), unknown)
     for hand, number, end in modes.holding_intervals:
         if number not in limbs:
             continue
         standing = np.flatnonzero(world.support(hand)).tolist()
         first = int(phases.keyframes[number])
-        for second in range(first + 1, min(int(phases.keyframes[end]) + 1, horizon)):
-            joints.setdefault((first, second), set()).update(standing)
-            first = second if second in unknown else first
+        _stand(joints, standing, range(first, min(int(phases.keyframes[end]) + 1, horizon)), unknown)
     between: dict[Pair, Indices] = {}
     eliminated: dict[Pair, Indices] = {}
     for pair in sorted(joints):
         (between if pair[1] in unknown else eliminated)[pair] = np.array(sorted(joints[pair]), dtype=np.intp)
     return between, eliminated
+
+
+def _stand(joints: dict[Pair, set[int]], standing: list[int], slices: range, unknown: set[int]) -> None:
+    """Let some joints be equal in slices, each in the next one or where that is eliminated the one after it."""
+    first = slices.start
+    for second in slices[1:]:
+        joints.setdefault((first, second), set()).update(standing)
+        first = second if second in unknown else first
 
 
 BLEND = 1e-4

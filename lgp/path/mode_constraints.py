@@ -1,4 +1,4 @@
-"""Constraints of kinematic switches: pose continuity, tilt of hands, footing of objects, alignment of parts and screws."""
+"""Constraints of kinematic switches: poses of objects, their footing, tilt of hands, alignment of parts and screws."""
 
 from __future__ import annotations
 
