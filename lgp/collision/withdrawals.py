@@ -1,7 +1,7 @@
-"""How hands draw back from what they let go: before another one comes near, and before the one that took it moves off.
+"""How hands draw back from what they let go: before another one comes near, and before the taker moves off with it.
 
-    the hand that let go     grip point `DRAWN_BACK` away once it had `DRAW_BACK_SECONDS`, and from then on while it acts
-                             on nothing else, which may be beside the object, until it acts on it again
+    the hand that let go     grip point `DRAWN_BACK` away once it had `DRAW_BACK_SECONDS`, and from then on while it
+                             acts on nothing else, which may be beside the object, until it acts on it again
     hands of other agents    grip point `NOT_YET` away until then, unless they hold something still; the one that takes
                              the object next, also while the first one acts on something else
     the hand that took it    at rest until then, with all joints that move it (`Clock.draw_back`)
