@@ -23,7 +23,7 @@ import numpy as np
 from lgp.collision.shapes import CollisionShape
 from lgp.kinematics.modes import ModeSequence
 from lgp.logic.task import parse_atom
-from reba.arrays import Array
+from reba.arrays import Array, Flags
 
 WINDOW = 0.3
 """[s] Time before and after a contact in which the margin fades (a choice: shorter ones make plans dearer)."""
@@ -69,10 +69,16 @@ def required_distances(
     contacts: Sequence[Contact],
     times: Array,
     margin: float,
+    close: Flags | None = None,
 ) -> Array:
-    """Return the distance (n, pairs) [m] that each pair keeps at times (n,) [s]; -inf where contact is free."""
+    """Return the distance (n, pairs) [m] that each pair keeps at times (n,) [s]; -inf where contact is free.
+
+    Pairs that are `close` keep no margin.
+    """
     kinds = [{shapes[one].kind, shapes[other].kind} for one, other in pairs]
     of_pair = [0.0 if kind == {"grip"} else -math.inf if "grip" in kind else margin for kind in kinds]
+    if close is not None:
+        of_pair = np.where(close, np.minimum(of_pair, 0.0), of_pair).tolist()
     required = np.tile(of_pair, (len(times), 1))
     agents = {hand.partition(".")[0] for shape in shapes for hand in shape.hands}
     names = [shape.hands if shape.owner in agents else shape.hands | {shape.name} for shape in shapes]

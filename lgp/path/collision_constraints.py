@@ -67,11 +67,11 @@ class CollisionConstraints:
         contacts = declared_contacts(self.collisions.modes, clock)
         times = np.cumsum(np.repeat(phases.steps, POINTS_PER_SLICE) / POINTS_PER_SLICE)
         shapes, pairs = self.collisions.shapes, self.collisions.pairs
-        self._limits = required_distances(shapes, pairs, contacts, times, margin)
+        self._limits = required_distances(shapes, pairs, contacts, times, margin, self.collisions.close)
         require_withdrawals(
             self._limits, shapes, pairs, tuple(declared_withdrawals(self.collisions.modes, clock)), times
         )
-        at_first = required_distances(shapes, pairs, contacts, np.zeros(1), margin)
+        at_first = required_distances(shapes, pairs, contacts, np.zeros(1), margin, self.collisions.close)
         near = self._near(
             initial_configuration[None], np.zeros(1, np.intp), np.zeros(self.collisions.modes.size), 0.0, at_first
         )
