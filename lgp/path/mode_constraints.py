@@ -85,7 +85,7 @@ class ModeConstraints:
             self.ineq.append((1, self._columns(number)))
             self.in_rows.append(ConstraintInfo("hands", "m", number, " and ".join(phases.switches[number].hands)))
         for number in self._put_down:
-            own = (modes.contact(number) or ())[0].variables
+            own = modes.attachment(phases.switches[number].object_name, number + 1).variables
             self.ineq.append((1, tail + np.arange(own.start, own.stop)))
             self.in_rows.append(ConstraintInfo("footing", "m", number, phases.switches[number].object_name))
         self._places = np.array(list(at.values()), np.intp)
@@ -176,7 +176,7 @@ class ModeConstraints:
         the derivatives (B, 3) by its place."""
         switch, scene = self.phases.switches[number], self.world.scene
         half = footprint(scene.objects[switch.object_name])
-        own = (self.modes.contact(number) or ())[0].variables
+        own = self.modes.attachment(switch.object_name, number + 1).variables
         area, slope = shared_area(np.array(scene.tables[switch.table].size) / 2.0, half, z[:, own])
         side = 2.0 * float(np.sqrt(half.prod()))
         return (LEAST_SHARE + SPARE_SHARE) * side - area / side, -slope / side
