@@ -32,7 +32,7 @@ from lgp.kinematics.world import World
 from lgp.logic.task import Action
 from lgp.path.bounds import PathBounds
 from lgp.path.collision_constraints import CollisionConstraints
-from lgp.path.collision_path import solve_collision_free
+from lgp.path.collision_path import solve_constrained
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.keyframes import Solution
 from lgp.path.paths import OPTIONS
@@ -138,9 +138,7 @@ def warm_row(case: str, bounds: PathBounds, actions: tuple[Action, ...], repeat:
 def collision_free(bounds: PathBounds, phases: Any, free: Result) -> tuple[PathProblem, Result]:
     """Return the problem and result with collision constraints, from the free path."""
     rows = CollisionConstraints(bounds.world, phases, bounds.initial_configuration)
-    return solve_collision_free(
-        lambda given: bounds.problem("path", phases, collision_constraints=given), rows, free, bounds.options
-    )
+    return solve_constrained(lambda given: bounds.problem("path", phases, active=given), rows, free, bounds.options)
 
 
 def describe(case: str, problem: PathProblem, result: Result) -> dict[str, Any]:

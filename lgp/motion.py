@@ -62,7 +62,7 @@ class Motion:
             raise LgpError(f"{plan.scene.name}: the joints of the plan differ from those of its scene; plan again")
         actions = parse_sequence(task_of(plan.scene), plan.actions)
         slices = len(plan.path) // len(actions) if actions else None
-        own = plan.durations if plan.scene.durations == "free" else ()
+        own = plan.durations if plan.scene.durations != "fixed" else ()
         self.phases = Phases.of(plan.scene, actions, slices, own)
         self.modes = ModeSequence(self.world, self.phases.switches)
         if self.modes.names != tuple(plan.variables):

@@ -19,6 +19,7 @@ from lgp.audit.penetration import deepest
 from lgp.audit.replay import Replay, replay
 from lgp.audit.samples import Samples
 from lgp.audit.shapes import OBJECT, OBSTACLE, PERSON, ROBOT, TABLE, Body, Shape, box, cylinder, mesh_of
+from lgp.audit.withdrawals import in_the_way
 from lgp.errors import LgpError
 from lgp.kinematics.mesh_file import read_mesh
 from lgp.plan_record import Plan
@@ -58,7 +59,7 @@ def audit_plan(plan: Plan) -> Audit:
         for one in deepest_first
         if one.depth > TOUCHING
     ]
-    faults += [*run.faults, *near, *fast, *beyond_limits(samples), *feet_leave(samples)]
+    faults += [*run.faults, *near, *in_the_way(run), *fast, *beyond_limits(samples), *feet_leave(samples)]
     notes = [note for model in samples.models for note in (*model.notes, *too_wide(run, model))]
     return Audit(samples.count, tuple(deepest_first), hands, speed, tuple(faults), (*notes, *run.unaudited))
 

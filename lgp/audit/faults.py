@@ -18,7 +18,8 @@ class Fault:
     """One fault: what, how much and when.
 
     Attributes:
-        kind: contact, attachment, resting, goal, hands, speed, limit, feet, start, or unknown for what has no audit.
+        kind: contact, attachment, resting, goal, hands, withdrawal, speed, limit, feet, start, or unknown for what has
+            no audit.
         what: in words, with the amount.
         amount: [m], [deg], or a share; 0 where there is none.
         time: [s].

@@ -1,10 +1,11 @@
 """Bodies of one agent that are never checked against each other, because they are joined.
 
-Bodies with no third one between them in the tree of joints are joined: they meet at their joint. So are bodies of one
-limb of the person, as the table of the human body says, and the jaws of one hand, which close as far as the audit takes
-them. And so are bodies of a robot that are in each other in `DRAWN` of all positions of the joints between them: what
-its URDF draws there is no measure of distance (collision checkers leave such pairs out for the same reason, the MoveIt
-setup assistant those that always meet).
+Bodies with no third one between them in the tree of joints are joined: they meet at their joint. Of a person they are
+only where they do as it stands, which an upper arm and the trunk do not. Bodies of one limb of the person are joined
+as well, as the table of the human body says, and the jaws of one hand, which close as far as the audit takes them. And
+so are bodies of a robot that are in each other in `DRAWN` of all positions of the joints between them: what its URDF
+draws there is no measure of distance (collision checkers leave such pairs out for the same reason, the MoveIt setup
+assistant those that always meet).
 """
 
 from __future__ import annotations
@@ -42,9 +43,18 @@ def neighbours(model: AgentModel, bodies: Sequence[Body], jaws: set[str]) -> set
         between = set(_between(chains[one], chains[other])) & carrying
         same_limb = bodies[one].limb == bodies[other].limb != ""
         same_jaws = jaw[one] and jaw[other] and bool(bodies[one].hands & bodies[other].hands)
-        if same_limb or same_jaws or not between - {bodies[one].joint, bodies[other].joint}:
+        next_to = not between - {bodies[one].joint, bodies[other].joint}
+        if same_limb or same_jaws or (next_to and (model.file is not None or _meet_standing(model, one, other))):
             joined.add((one, other))
     return joined
+
+
+def _meet_standing(model: AgentModel, one: int, other: int) -> bool:
+    """Return whether two bodies of a person are in each other where all joints are at 0."""
+    frames = place(model.joints, np.eye(3), np.zeros(3), {joint.name: np.zeros(1) for joint in model.joints}, 1)
+    (first, second), poses = zip(*(model.parts[number] for number in (one, other)), strict=True)
+    rotation, position = attached(*frames, list(poses))
+    return penetration(first.shape, rotation[0, 0], position[0, 0], second.shape, rotation[1, 0], position[1, 0]) > 0.0
 
 
 def _between(chain: list[int], other: list[int]) -> Iterator[int]:

@@ -7,13 +7,14 @@ points along the normal, exact where these points are unique.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import coal
 import numpy as np
 
+from lgp.collision.joined_links import NEAR, joined_links
 from lgp.collision.obstacle_shapes import obstacle_shapes
 from lgp.collision.scene_shapes import collision_shapes
 from lgp.collision.shapes import CollisionShape, along
@@ -47,6 +48,7 @@ class Collisions:
 
     Attributes:
         pairs: (first, second) numbers of shapes.
+        close: whether a pair is of links that keep no margin.
         frames: frames whose placements are needed.
 
     Example:
@@ -62,24 +64,40 @@ class Collisions:
     def __init__(self, world: World, modes: ModeSequence | None = None) -> None:
         self.world, self.modes = world, modes or ModeSequence(world, ())
         self.shapes = (*collision_shapes(world), *obstacle_shapes(world.scene))
-        self.pairs = tuple(
-            (first, second)
-            for first, second in combinations(range(len(self.shapes)), 2)
-            if _may_meet(self.shapes[first], self.shapes[second])
-        )
         moving = [shape.frame for shape in self.shapes if shape.frame]
         self.frames = tuple(dict.fromkeys([*moving, *self.modes.frames]))
-        self._sides = np.array(self.pairs, dtype=np.intp).reshape(-1, 2)
         self._radii = np.array([shape.radius for shape in self.shapes])
         self._halves = np.array([shape.half for shape in self.shapes])
         self._rims = np.array([shape.rim for shape in self.shapes])
-        kinds = np.array([shape.kind == "point" for shape in self.shapes])[self._sides]
-        self._point_to_box = np.where(kinds.any(axis=1), kinds.argmax(axis=1), -1)
         person = world.scene.human
         self._legs = None if person is None else LegSegments(person)
         self._fingers: dict[tuple[int, int], tuple[Array, Array]] = {}
         self._request = coal.DistanceRequest()
         self._request.enable_signed_distance = True
+        own = joined_links(world, self.shapes, self._nearer)
+        names = [shape.name for shape in self.shapes]
+        self._set_pairs(
+            (first, second)
+            for first, second in combinations(range(len(self.shapes)), 2)
+            if _may_meet(self.shapes[first], self.shapes[second])
+            and frozenset((names[first], names[second])) not in own.joined
+        )
+        self.close = np.array([frozenset((names[one], names[other])) in own.close for one, other in self.pairs], bool)
+
+    def _set_pairs(self, pairs: Iterable[tuple[int, int]]) -> None:
+        self.pairs = tuple(pairs)
+        self._sides = np.array(self.pairs, dtype=np.intp).reshape(-1, 2)
+        kinds = np.array([shape.kind == "point" for shape in self.shapes])[self._sides]
+        self._point_to_box = np.where(kinds.any(axis=1), kinds.argmax(axis=1), -1)
+
+    def _nearer(self, pairs: Sequence[tuple[int, int]], q: Array) -> tuple[Indices, Indices]:
+        """Return in how many configurations (n, nq) pairs of links are in each other, and nearer than `NEAR`."""
+        self._set_pairs(pairs)
+        kinematics, phases, z = self.world.at(q, self.frames), np.zeros(len(q), np.intp), np.zeros(self.modes.size)
+        slices, rows = self.near_pairs(kinematics, phases, z, NEAR)
+        distance = self.values(kinematics, phases, z, slices, rows)
+        meet, near = (np.bincount(rows[distance < least], minlength=len(pairs)) for least in (0.0, NEAR))
+        return meet.astype(np.intp), near.astype(np.intp)
 
     def name(self, pair: int) -> str:
         """Return the name of a pair for messages: `table.left and baxter.left_w2`."""
@@ -331,7 +349,7 @@ def _from_box(rotation: Array, offset: Array, half: Array) -> tuple[Array, Array
 
 
 def _may_meet(first: CollisionShape, second: CollisionShape) -> bool:
-    """Return whether two shapes can touch and are not neighbours in one limb."""
+    """Return whether two shapes can touch and are not of one limb of a person."""
     kinds = {first.kind, second.kind}
     if "grip" in kinds:
         return kinds in ({"grip"}, {"grip", "object"})
@@ -340,6 +358,6 @@ def _may_meet(first: CollisionShape, second: CollisionShape) -> bool:
     if "link" not in kinds:
         # Of two shapes that are not links, only objects move.
         return "object" in kinds
-    if first.owner != second.owner:
+    if first.owner != second.owner or not first.branch:
         return True
     return first.branch != second.branch and (first.reaches or second.reaches)

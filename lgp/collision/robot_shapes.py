@@ -29,8 +29,6 @@ from lgp.kinematics.world import World
 from lgp.scene.model import Robot
 from reba.arrays import Array
 
-SHOULDER = 2
-"""Number of first joints of an arm whose links stay inside or beside the base: no collision check against it."""
 SHORTEST = 0.03
 """[m] Shorter links of a robot without <collision> get no capsule: those of their neighbours cover them."""
 FINGERS = 0.10
@@ -111,8 +109,8 @@ def _shape(world: World, robot: Robot, name: str, joint: int, at: pin.SE3, part:
         owner=robot.name,
         kind="link" if chain else "base",
         frame=str(model.names[joint]) if chain else "",
-        branch=str(model.names[chain[0]]) if chain else name,
-        reaches=len(chain) > SHOULDER,
+        branch="",
+        reaches=True,
         rotation=at.rotation.copy(),
         position=at.translation.copy(),
         radius=float(np.linalg.norm(part.half)) + part.rim,
@@ -257,8 +255,8 @@ def _link_capsules(world: World, robot: Robot) -> list[CollisionShape]:
         hands = {hand.full for hand in robot.hands if model.frames[world.frame_id(hand.full)].parentJoint in chain}
         shapes += [
             replace(
-                capsule(name, robot.name, "link", name, str(model.names[chain[0]]), (np.zeros(3), end), RADIUS),
-                reaches=len(chain) > SHOULDER,
+                capsule(name, robot.name, "link", name, "", (np.zeros(3), end), RADIUS),
+                reaches=True,
                 hands=frozenset(hands),
             )
             for end in ends

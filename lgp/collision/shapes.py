@@ -38,7 +38,7 @@ class CollisionShape:
         kind: "link", "base", "table", "object", "point" of a link or an object: a corner or an end, or "grip": a ball
             around the grip point of a hand, as large as half the distance that two grip points keep.
         frame: frame it is fixed to, "" for the world.
-        branch: limb; shapes of one limb are never checked against each other.
+        branch: limb of a person; shapes of one limb are never checked against each other. "" for other shapes.
         reaches: whether it can touch other limbs of its agent.
         rotation, position: (3, 3) and centre (3,) [m] in the frame.
         radius: of the bounding sphere [m].

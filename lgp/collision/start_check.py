@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lgp.collision.contacts import declared_contacts, required_distances
+from lgp.collision.contacts import Clock, declared_contacts, required_distances
 from lgp.collision.distances import Collisions
 from lgp.errors import WorldError
 from lgp.kinematics.world import World
@@ -40,7 +40,7 @@ def start_penetrations(world: World, configuration: Array) -> tuple[StartPenetra
         ()
     """
     collisions = Collisions(world)
-    contacts = declared_contacts(collisions.modes, 1.0, 0.0)
+    contacts = declared_contacts(collisions.modes, Clock.of(np.zeros(0), 1.0, 1))
     required = required_distances(collisions.shapes, collisions.pairs, contacts, np.zeros(1), 0.0)
     kinematics, z = world.at(configuration[None], collisions.frames), np.zeros(0)
     slices, pairs = collisions.near_pairs(kinematics, [0], z, 0.0, required)

@@ -15,7 +15,7 @@ import numpy as np
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.path.bounds import PathBounds
-from lgp.path.collision_path import collision_options, solve_collision_free
+from lgp.path.collision_path import collision_options, solve_constrained
 from lgp.path.keyframes import Answer, KeyframeSolver, Solution
 from lgp.path.paths import PathSolver
 from lgp.path.phases import Phases
@@ -61,6 +61,7 @@ class FixedPathSolver(PathSolver):
     ) -> None:
         super().__init__(keyframes, options, free_path, collisions=collisions, multi_start=False)
         self.planned_motions = dict(planned_motions)
+        self.limits_speeds = False  # a motion that is too fast is slowed down when it runs
         self.options = replace(
             self.options, decrease=max(self.options.decrease, DECREASE), kkt=max(self.options.kkt, DECREASE)
         )
@@ -88,7 +89,7 @@ class FixedPathSolver(PathSolver):
         options = replace(collision_options(self.options), longest_step=FIRST_STEP, iterations=1)
         result = Solver(options).solve(problem, problem.join(guess, variables))
         limited = replace(self.options, iterations=min(ITERATIONS, self.options.iterations))
-        return self.accept(*solve_collision_free(problem_of, constraints, result, limited))
+        return self.accept(*solve_constrained(problem_of, constraints, result, limited))
 
 
 class FixedPathBounds(PathBounds):

@@ -18,7 +18,7 @@ import numpy as np
 
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
-from lgp.path.collision_constraints import CollisionConstraints
+from lgp.path.active_constraints import ActiveConstraints
 from lgp.path.costs import Weights
 from lgp.path.durations import LEAST_SECONDS, DurationSolver
 from lgp.path.ergonomics import Ergonomics
@@ -63,7 +63,9 @@ class PathBounds:
         prefixes: bool = True,
     ) -> None:
         self.world, self.ergonomics, self.options = world, ergonomics, options
-        self.collisions, self.prefix_level = collisions, PREFIX if prefixes else ""
+        # A prefix whose phases are as long as they are at first bounds nothing where they may be longer.
+        self.collisions = collisions
+        self.prefix_level = PREFIX if prefixes and world.scene.durations != "stretched" else ""
         self.weights = Weights.of(world.scene, slices) if weights is None else weights
         self.initial_configuration = (
             world.initial_configuration
@@ -92,9 +94,10 @@ class PathBounds:
     def is_lower_bound(self, level: str) -> bool:
         """Return True: dropping slices, switches and the stop at the end only ever lowers the cost.
 
-        Not so of a pose whose phases have other durations than those of its path.
+        Not so of a problem whose phases have other durations than those of its path.
         """
-        return level in self.levels and not (self.free_durations and level == "pose")
+        own = {"free": self.levels[1:], "stretched": self.levels[-1:]}
+        return level in own.get(self.world.scene.durations, self.levels)
 
     def least_cost(self, actions: int) -> float:
         """Return what a number of further actions cost at least: their time, at the least score."""
@@ -126,9 +129,9 @@ class PathBounds:
         level: str,
         phases: Phases,
         stage: int = -1,
-        collision_constraints: CollisionConstraints | None = None,
+        active: ActiveConstraints | None = None,
     ) -> PathProblem:
-        """Return the problem of a level: "pose", PREFIX, "sequence" or "path", the last one with collision constraints.
+        """Return the problem of a level: "pose", PREFIX, "sequence" or "path", the last one with active constraints.
 
         `stage` is the continuation stage of the ergonomic cost.
         """
@@ -143,7 +146,7 @@ class PathBounds:
             weights=self.weights,
             initial_configuration=self.initial_configuration,
             stage=stage,
-            collision_constraints=collision_constraints,
+            active=active,
         )
 
     def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
@@ -205,10 +208,12 @@ class PathBounds:
 
     def _first_durations(self, skeleton: Skeleton, warm: BoundResult | None) -> tuple[float, ...]:
         """Return the durations that a problem starts with: those of what was solved before, () without them."""
-        if not self.free_durations:
+        if self.world.scene.durations == "fixed":
             return ()
         if warm is not None and isinstance(warm.payload, Solution) and len(warm.payload.durations) == len(skeleton):
             return warm.payload.durations
+        if not self.free_durations:
+            return ()
         before = self.solution(PREFIX, skeleton[:-1])
         first = self.world.scene.phase_seconds
         return (first,) * len(skeleton) if before is None else (*before.durations, first)

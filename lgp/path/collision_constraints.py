@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from lgp.collision.contacts import (
+    Clock,
     declared_contacts,
-    declared_withdrawals,
-    require_withdrawals,
     required_distances,
 )
 from lgp.collision.distances import Collisions
+from lgp.collision.withdrawals import declared_withdrawals, require_withdrawals
 from lgp.kinematics.interpolation import AROUND, interpolate, interpolation_weights
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
@@ -63,19 +63,23 @@ class CollisionConstraints:
         self._columns: list[tuple[Indices, Indices]] = []
         self._gradient_entries: tuple[Indices, Indices, Indices] | None = None
         self._phase = np.repeat(np.arange(phases.count), phases.slices * POINTS_PER_SLICE)
-        contacts = declared_contacts(self.collisions.modes, phases.seconds, phases.tau)
-        times = (np.arange(len(self._phase)) + 1.0) * phases.tau / POINTS_PER_SLICE
+        clock = Clock.of(phases.phase_durations, phases.seconds, phases.slices)
+        contacts = declared_contacts(self.collisions.modes, clock)
+        times = np.cumsum(np.repeat(phases.steps, POINTS_PER_SLICE) / POINTS_PER_SLICE)
         shapes, pairs = self.collisions.shapes, self.collisions.pairs
-        self._limits = required_distances(shapes, pairs, contacts, times, margin)
+        self._limits = required_distances(shapes, pairs, contacts, times, margin, self.collisions.close)
         require_withdrawals(
-            self._limits, shapes, pairs, tuple(declared_withdrawals(self.collisions.modes, phases.seconds)), times
+            self._limits, shapes, pairs, tuple(declared_withdrawals(self.collisions.modes, clock)), times
         )
-        at_first = required_distances(shapes, pairs, contacts, np.zeros(1), margin)
+        at_first = required_distances(shapes, pairs, contacts, np.zeros(1), margin, self.collisions.close)
         near = self._near(
             initial_configuration[None], np.zeros(1, np.intp), np.zeros(self.collisions.modes.size), 0.0, at_first
         )
         first = self._limits[: phases.slices * POINTS_PER_SLICE]
         first[:, near.pairs] = np.minimum(first[:, near.pairs], near.value)
+
+    def __len__(self) -> int:
+        return len(self.points)
 
     def add_violated(self, q: Array, z: Array) -> int:
         """Add the constraints that a path (T, nq) violates, and near pairs with them; return how many are violated.

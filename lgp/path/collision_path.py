@@ -1,6 +1,6 @@
-"""Collision-free path by constraint generation: constrain the pairs of bodies that are near, re-solve, repeat.
+"""Path by constraint generation: constrain the pairs of bodies that are near and joints that are fast, solve again.
 
-Between two rounds the set of collision constraints, and with it the sparsity pattern, is fixed; multipliers and active
+Between two rounds the set of active constraints, and with it the sparsity pattern, is fixed; multipliers and active
 set warm-start the next round. The path is the local minimum near its initial guess. Where that one is expensive,
 multi-start solves from other initial guesses, to a coarse tolerance, and returns the cheapest.
 """
@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lgp.kinematics.world import World
+from lgp.path.active_constraints import ActiveConstraints
 from lgp.path.collision_constraints import MARGIN_TOLERANCE, CollisionConstraints
 from lgp.path.feasibility import CLOSE
 from lgp.path.phases import Phases
@@ -38,13 +39,13 @@ MAX_STEP = 0.3
 COMPARABLE_VIOLATION = 1e-2
 """[m, rad] Violation up to which the cost is near that of the feasible path."""
 
-ProblemOf = Callable[[CollisionConstraints], PathProblem]
-"""Active collision constraints -> path problem."""
+ProblemOf = Callable[[ActiveConstraints], PathProblem]
+"""Active constraints -> path problem."""
 
 
-def solve_collision_free(
+def solve_constrained(
     problem_of: ProblemOf,
-    constraints: CollisionConstraints,
+    constraints: ActiveConstraints,
     first: Result,
     options: SolverOptions,
     *,
@@ -121,15 +122,16 @@ CANDIDATE_ROUNDS = 5
 
 @dataclass(frozen=True)
 class CandidatePath:
-    """A collision-free path to a coarse tolerance: its collision constraints, its problem and the solver's result."""
+    """A collision-free path to a coarse tolerance: its active constraints, its problem and the solver's result."""
 
-    constraints: CollisionConstraints
+    constraints: ActiveConstraints
     problem: PathProblem
     result: Result
 
 
 def multi_start(
     problem_of: ProblemOf,
+    active_of: Callable[[], ActiveConstraints],
     problem: PathProblem,
     free: Result,
     least: float,
@@ -138,6 +140,7 @@ def multi_start(
     """Return the cheapest candidate that costs clearly less than the known path, None without one.
 
     Args:
+        active_of: makes the constraints of a candidate, none active yet.
         problem: the one without collision constraints, with its result `free`.
         least: cost of the known path, inf without one.
         reference: (T, nq) path of the same actions under another cost [rad, m]; the first guess has its robot joints.
@@ -145,12 +148,12 @@ def multi_start(
     path, variables = problem.split(free.x)
     best: CandidatePath | None = None
     for guess in candidate_guesses(problem, path, variables, reference):
-        constraints = CollisionConstraints(problem.world, problem.phases, problem.initial_configuration)
+        constraints = active_of()
         begin = replace(free, x=problem.join(guess, variables))
         limit = IMPROVEMENT * least
         candidate = CandidatePath(
             constraints,
-            *solve_collision_free(
+            *solve_constrained(
                 problem_of,
                 constraints,
                 begin,

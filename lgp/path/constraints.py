@@ -1,8 +1,8 @@
 """The constraints of a sequence at some knots: values, Jacobians, curvature, and what each row is about.
 
 Equalities: pose continuity of objects at switches, screws at their place in joined parts, limbs at rest at their
-switches, holding hands and planted soles at rest. Inequalities: tilt of hands that work on tables, leg reach, collision
-constraints. Joint limits and borders of table tops are bounds of the unknowns.
+switches, holding hands and planted soles at rest. Inequalities: tilt of hands that work on tables, leg reach, and what
+becomes active in a path: distances of bodies and speeds. Joint limits and borders of table tops are bounds.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from lgp.collision.contacts import draw_back_slices
 from lgp.kinematics import features
 from lgp.kinematics.features import Feature
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.posture import PELVIS, PostureMap
 from lgp.kinematics.world import World
-from lgp.path.collision_constraints import CollisionConstraints
+from lgp.path.active_constraints import ActiveConstraints
 from lgp.path.hessian import RowBlocks
 from lgp.path.mode_constraints import Blocks, ConstraintInfo, ModeConstraints, SwitchValues
 from lgp.path.phases import Phases
@@ -42,7 +43,7 @@ class Constraints:
         modes: attachments of the sequence.
         knots: (P,) slices that are unknowns.
         enforced: numbers of the switches whose rows are enforced; their slices must be knots.
-        collision_constraints: where all slices are knots; they must not change afterwards.
+        active: of a path on all slices; they must not change afterwards.
     """
 
     def __init__(
@@ -52,7 +53,7 @@ class Constraints:
         modes: ModeSequence,
         knots: Indices,
         enforced: tuple[int, ...],
-        collision_constraints: CollisionConstraints | None = None,
+        active: ActiveConstraints | None = None,
     ) -> None:
         self.world, self.phases, self.modes = world, phases, modes
         self.enforced = enforced
@@ -70,7 +71,7 @@ class Constraints:
         self._soles = tuple(world.planted)
         human = world.scene.human
         self._legs = LegReachConstraint(world) if human is not None and human.legs == "solved" else None
-        self._collisions = collision_constraints
+        self._active = active
         self._set_rows(len(knots))
 
     def limb(self, number: int) -> Indices:
@@ -101,9 +102,9 @@ class Constraints:
             self._first_leg = len(self.in_rows)
             ineq += [(1, at * nq + self._legs.columns) for at in range(knots)]
             self.in_rows += [ConstraintInfo("leg", "m", at, "straighter") for at in range(knots)]
-        if self._collisions is not None:
-            ineq += self._collisions.blocks(knots * nq)
-            self.in_rows += self._collisions.names()
+        if self._active is not None:
+            ineq += self._active.blocks(knots * nq)
+            self.in_rows += self._active.names()
         self.row_blocks = self._eq, self._in = RowBlocks(eq, self.size), RowBlocks(ineq, self.size)
 
     def evaluate(self, q: Array, z: Array) -> Values:
@@ -111,14 +112,14 @@ class Constraints:
         values = self.evaluate_many(q[None], z[None])
         equality, inequality = values.equality[0], values.inequality[0]
         eq_blocks, in_blocks = ([block[0] for block in blocks] for blocks in (values.eq_blocks, values.in_blocks))
-        if self._collisions is not None:
-            value, blocks = self._collisions.evaluate(q, z)
+        if self._active is not None:
+            value, blocks = self._active.evaluate(q, z)
             inequality = np.concatenate([inequality, value])
             in_blocks += blocks
         return Values(equality, inequality, eq_blocks, in_blocks, values.switches)
 
     def evaluate_many(self, q: Array, z: Array) -> Values:
-        """Return all rows but those of collisions at B configurations (B, P, nq) and variables (B, nz)."""
+        """Return all rows but the active ones at B configurations (B, P, nq) and variables (B, nz)."""
         count = len(q)
         flat, switches = q.reshape(count, -1), self._switches.evaluate(q, z)
         equality = [np.zeros((count, 0)), *switches.equality]
@@ -166,8 +167,8 @@ class Constraints:
         columns = self._switches.hessian_columns()
         if self._legs is not None:
             columns.append(np.arange(tail // nq)[:, None] * nq + self._legs.columns)
-        if self._collisions is not None:
-            columns += self._collisions.hessian_columns()
+        if self._active is not None:
+            columns += self._active.hessian_columns()
         return columns
 
     def switch_columns(self) -> list[Indices]:
@@ -193,13 +194,13 @@ class Constraints:
         return [columns for _, columns in self._switches.eq]
 
     def inequality_hessians(self, q: Array, z: Array, y: Array) -> list[Array]:
-        """Return the convex part of sum_i y_i d2 row_i (n, p, p) of leg reach, then of collisions."""
+        """Return the convex part of sum_i y_i d2 row_i (n, p, p) of leg reach, then of active rows."""
         hessians = []
         if self._legs is not None:
             multipliers = y[self._first_leg : self._first_leg + len(q)]
             hessians.append(multipliers[:, None, None] * self._legs.curvature(q))
-        if self._collisions is not None:
-            hessians += self._collisions.hessian(q, z, y[len(y) - len(self._collisions.points) :])
+        if self._active is not None:
+            hessians += self._active.hessian(q, z, y[len(y) - len(self._active) :])
         return hessians
 
     def equality_hessians(self, values: Values, z: Array, y: Array) -> list[Array]:
@@ -228,19 +229,32 @@ def equal_joint_constraints(
         keyframe = int(phases.keyframes[number])
         if keyframe + 1 < horizon:
             joints.setdefault((keyframe, keyframe + 1), set()).update(limb.tolist())
+    for number in limbs:
+        if modes.switches[number].giver and number + 1 < phases.count:
+            # Who took an object stays where it is until the one who gave it has drawn back.
+            taker = np.flatnonzero(world.support(modes.switches[number].hand)).tolist()
+            first = int(phases.keyframes[number])
+            last = first + draw_back_slices(phases.seconds, phases.slices)
+            _stand(joints, taker, range(first, min(last + 1, horizon)), unknown)
     for hand, number, end in modes.holding_intervals:
         if number not in limbs:
             continue
         standing = np.flatnonzero(world.support(hand)).tolist()
         first = int(phases.keyframes[number])
-        for second in range(first + 1, min(int(phases.keyframes[end]) + 1, horizon)):
-            joints.setdefault((first, second), set()).update(standing)
-            first = second if second in unknown else first
+        _stand(joints, standing, range(first, min(int(phases.keyframes[end]) + 1, horizon)), unknown)
     between: dict[Pair, Indices] = {}
     eliminated: dict[Pair, Indices] = {}
     for pair in sorted(joints):
         (between if pair[1] in unknown else eliminated)[pair] = np.array(sorted(joints[pair]), dtype=np.intp)
     return between, eliminated
+
+
+def _stand(joints: dict[Pair, set[int]], standing: list[int], slices: range, unknown: set[int]) -> None:
+    """Let some joints be equal in slices, each in the next one or where that is eliminated the one after it."""
+    first = slices.start
+    for second in slices[1:]:
+        joints.setdefault((first, second), set()).update(standing)
+        first = second if second in unknown else first
 
 
 BLEND = 1e-4

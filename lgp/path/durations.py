@@ -14,12 +14,11 @@ from typing import Final
 
 import numpy as np
 
-from lgp.kinematics.human_speeds import speed_limit
-from lgp.kinematics.interpolation import interpolate
 from lgp.kinematics.world import World
 from lgp.path.keyframes import Solution
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+from lgp.path.speed_constraints import needed_durations, speed_limits
 from reba.arrays import Array
 
 SHARE_OF_SPEED: Final = 0.8
@@ -34,30 +33,14 @@ DECREASE: Final = 1e-5
 """Predicted decrease of the cost, relative to it, that ends the rounds."""
 LONGEST_STEP: Final = 0.7
 """Largest change of the logarithm of a duration in one round: by a factor of 2."""
-SAMPLES: Final = 10
-"""Points of each slice at which speeds are measured."""
 
 Resolve = Callable[[Phases, Solution], Solution | None]
 """Durations, solution for other durations -> solution for these, None without one."""
 
 
-def speed_limits(world: World) -> Array:
-    """Return the speed limit of each joint [rad/s, m/s], (nq,); inf where a URDF gives none."""
-    limits = world.speed_limit.copy()
-    if world.scene.human is not None:
-        for column in world.columns("human"):
-            limits[column] = speed_limit(world.joints[column].partition(".")[2])
-    return np.asarray(limits, dtype=np.float64)
-
-
 def least_durations(limits: Array, start: Array, path: Array, slices: int) -> Array:
     """Return the shortest duration of each phase [s], (K,), of a path (T, nq) that starts from (nq,)."""
-    knots = np.concatenate([start[None], path])
-    points = np.arange(len(path) * SAMPLES)
-    dense = interpolate(knots, points // SAMPLES, points % SAMPLES / SAMPLES)
-    moves = np.abs(np.diff(dense, axis=0, append=knots[-1:])) * SAMPLES
-    seconds = (moves / (SHARE_OF_SPEED * limits)).max(axis=1, initial=0.0)
-    return np.maximum(seconds.reshape(-1, slices * SAMPLES).max(axis=1) * slices, LEAST_SECONDS)
+    return np.maximum(needed_durations(limits, start, path, slices) / SHARE_OF_SPEED, LEAST_SECONDS)
 
 
 class DurationSolver:

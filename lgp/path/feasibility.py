@@ -15,8 +15,11 @@ import pinocchio as pin
 from lgp.kinematics.attachments import placed, resting
 from lgp.kinematics.ik import least_squares
 from lgp.kinematics.world import World
+from lgp.path.mode_constraints import SPARE_SHARE
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+from lgp.path.speed_constraints import too_fast
+from lgp.scene.footing import LEAST_SHARE, footprint
 from lgp.scene.joint_units import SLIDE
 from lgp.scene.model import Hand, SceneObject, Table
 from reba.arrays import Array, Indices
@@ -83,6 +86,13 @@ def explain_infeasibility(problem: PathProblem, x: Array) -> str:
         elif row.kind == "hands":
             text = f"{row.name} come {value:.3f} m nearer to each other than grip points may"
             messages.append((value, f"{_phase_of_switch(problem, row.number)}: {text}"))
+        elif row.kind == "footing":
+            messages.append((value, f"{_phase_of_switch(problem, row.number)}: {_footing(problem, row.number, value)}"))
+        elif row.kind == "speed":
+            at = int(problem.knots[row.number]) // problem.phases.slices
+            longest = too_fast(problem.world, problem.phases, problem.initial_configuration, problem.path(x))
+            text = longest or f"phase {at + 1}: {row.name} is too fast"
+            messages.append((value, text))
         elif row.kind == "collision":
             messages.append((value, f"{_phase_of_knot(problem, row.number)}: {_collision(row.name, value)}"))
         else:
@@ -123,6 +133,13 @@ def _tilt(problem: PathProblem, hand: str, value: float) -> str:
     limit = problem.world.scene.hands[hand].tilt
     tilt = np.degrees(np.arccos(np.clip(np.cos(np.radians(limit)) - value, -1.0, 1.0)))
     return f"{hand} is tilted by {tilt:.0f} deg, {tilt - limit:.1f} deg above its limit"
+
+
+def _footing(problem: PathProblem, number: int, value: float) -> str:
+    switch, scene = problem.phases.switches[number], problem.world.scene
+    side = 2.0 * float(np.sqrt(footprint(scene.objects[switch.object_name]).prod()))
+    share = LEAST_SHARE + SPARE_SHARE - value / side
+    return f"{share:.0%} of the footprint of {switch.object_name} is on {switch.table}, half of it has to be"
 
 
 def _collision(name: str, value: float) -> str:

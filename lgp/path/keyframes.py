@@ -53,7 +53,7 @@ RESTART_RADII = (0.15, 0.15, 0.3, 0.5)
 Answer = tuple["Solution | None", str]
 """A solution, or None and the reason why there is none."""
 ProblemFactory = Callable[..., PathProblem]
-"""(level, phases, stage=, collision_constraints=) -> problem, see `PathBounds.problem`."""
+"""(level, phases, stage=, active=) -> problem, see `PathBounds.problem`."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Constraints of kinematic switches: pose continuity of objects, tilt of hands, alignment of parts and screws."""
+"""Constraints of kinematic switches: poses of objects, their footing, tilt of hands, alignment of parts and screws."""
 
 from __future__ import annotations
 
@@ -14,18 +14,21 @@ from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import Kinematics, World
 from lgp.path.contact_batch import ContactBatch, ContactValues
 from lgp.path.phases import Phases
+from lgp.scene.footing import LEAST_SHARE, footprint, shared_area
 from reba.arrays import Array, Indices
 
 Blocks = list[tuple[int, Indices]]
 POSE_UNITS: Final = ("m", "m", "m", "rad", "rad", "rad")
+SPARE_SHARE: Final = 0.01
+"""Of its footprint, that an object has on its table beyond the least share: a controller is not exact."""
 
 
 @dataclass(frozen=True)
 class ConstraintInfo:
     """What one row is about: its kind, its unit, the number of a switch or knot, and the name of a hand or object.
 
-    Kinds of switches: "pose_continuity", "screw", "joint", "tilt", "hands"; of knots: "rest", "sole", "leg",
-    "collision". A tilt is a difference of cosines, which has no unit.
+    Kinds of switches: "pose_continuity", "screw", "joint", "tilt", "hands", "footing"; of knots: "rest", "sole", "leg",
+    "collision", "speed". A tilt is a difference of cosines, which has no unit.
     """
 
     kind: str
@@ -81,6 +84,10 @@ class ModeConstraints:
         for number in self._given:
             self.ineq.append((1, self._columns(number)))
             self.in_rows.append(ConstraintInfo("hands", "m", number, " and ".join(phases.switches[number].hands)))
+        for number in self._put_down:
+            own = modes.attachment(phases.switches[number].object_name, number + 1).variables
+            self.ineq.append((1, tail + np.arange(own.start, own.stop)))
+            self.in_rows.append(ConstraintInfo("footing", "m", number, phases.switches[number].object_name))
         self._places = np.array(list(at.values()), np.intp)
         self._frames = tuple(dict.fromkeys(name for number in at for name in self._frames_of(number)))
         self._contacts = [number for number in self._own if number not in self._screws]
@@ -105,6 +112,10 @@ class ModeConstraints:
     def _given(self) -> list[int]:
         """The handovers: both hands are at one object."""
         return [number for number in self.at if self.phases.switches[number].giver]
+
+    @cached_property
+    def _put_down(self) -> list[int]:
+        return [number for number in self.at if self.phases.switches[number].action.attaches_to == "table"]
 
     def _columns(self, number: int, own: Indices | None = None) -> Indices:
         """Return the unknowns of the limbs of a switch, and given variables."""
@@ -154,7 +165,21 @@ class ModeConstraints:
             near = nearness(taker, giver, self.world.scene.hand_clearance)
             values.inequality.append(near.value)
             values.in_blocks.append(near.jacobian[:, :, self._limbs[number]])
+        for number in self._put_down:
+            value, slope = self._footing(number, z)
+            values.inequality.append(value[:, None])
+            values.in_blocks.append(slope[:, None])
         return values
+
+    def _footing(self, number: int, z: Array) -> tuple[Array, Array]:
+        """Return how much (B,) of its footprint an object lacks on its table, per side of a square as large [m], and
+        the derivatives (B, 3) by its place."""
+        switch, scene = self.phases.switches[number], self.world.scene
+        half = footprint(scene.objects[switch.object_name])
+        own = self.modes.attachment(switch.object_name, number + 1).variables
+        area, slope = shared_area(np.array(scene.tables[switch.table].size) / 2.0, half, z[:, own])
+        side = 2.0 * float(np.sqrt(half.prod()))
+        return (LEAST_SHARE + SPARE_SHARE) * side - area / side, -slope / side
 
     def _add_tilts(self, kinematics: Kinematics, values: SwitchValues, count: int) -> None:
         """Add the tilt of every hand that works on a table, as `features.tilt` has it, at once."""

@@ -2,8 +2,8 @@
 
 The free path is minimised stage after stage (numerical continuation, Nocedal & Wright 2006, 11.3), each stage
 warm-started from the one before. A collision-free path starts from it (`collision_path`); where collision constraints
-make it cost much more, other initial guesses are solved too. A path is accepted once its constraints hold within the
-tolerance.
+make it cost much more, other initial guesses are solved too. Joints that would be too fast are slowed down: by
+constraints, or in longer phases. A path is accepted once its constraints hold within the tolerance.
 """
 
 from __future__ import annotations
@@ -14,18 +14,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from lgp.path.active_constraints import ActiveConstraints, MotionConstraints
 from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.collision_path import (
     MULTI_START_RATIO,
     ProblemOf,
     collision_options,
     multi_start,
-    solve_collision_free,
+    solve_constrained,
 )
 from lgp.path.feasibility import explain_infeasibility, project_to_feasible
 from lgp.path.keyframes import NEARLY_FEASIBLE, Answer, KeyframeSolver, Solution
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+from lgp.path.speed_constraints import SpeedConstraints, needed_durations, speed_limits, too_fast
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result
 from lgp.sqp.solver import solve
@@ -39,6 +41,8 @@ FINAL_OPTIONS = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
 """Paths at the last stage, whose cost has edges: steps to more digits get ever shorter."""
 
 
+STRETCHES = (1.0, 1.2, 1.5)
+"""Durations that are tried in turn, in multiples of what the path that is too fast needs: contacts need time too."""
 DIGITS = 13
 """Decimals of a path [rad, m]."""
 
@@ -51,6 +55,10 @@ class PathSolver:
         options: of a path without continuation stages.
         free_path: phases, sequence -> solution of the level "free_path", solved or stored.
         multi_start: whether an expensive collision-free path is solved from other initial guesses too.
+
+    Attributes:
+        limits_speeds: whether the speed limits of joints are constraints; not where durations follow from them.
+        stretches: whether phases last longer where a joint would be too fast.
     """
 
     def __init__(
@@ -63,6 +71,8 @@ class PathSolver:
         multi_start: bool,
     ) -> None:
         self.keyframes, self.free_path, self.multi_start = keyframes, free_path, multi_start
+        self.limits_speeds = keyframes.world.scene.durations == "fixed"
+        self.stretches = keyframes.world.scene.durations == "stretched"
         self.tolerance = options.violation
         final = options if keyframes.stages == 1 else FINAL_OPTIONS
         self.options = collision_options(final) if collisions else final
@@ -76,7 +86,29 @@ class PathSolver:
         sequence = self.keyframes.problem("sequence", phases)
         begins = earlier.minima or (sequence.join(earlier.keyframes, earlier.variables),)
         answers = [self._solve_from(phases, sequence.path(x), sequence.split(x)[1], earlier.starts) for x in begins]
-        return min(answers, key=_cost)
+        return self._slow_enough(phases, min(answers, key=_cost), collision_free=False)
+
+    def _slow_enough(self, phases: Phases, answer: Answer, *, collision_free: bool) -> Answer:
+        """Return a path that keeps the speed limits: near the given one, or in longer phases where they may be longer.
+
+        Args:
+            phases: in which the given path is too fast, if it is.
+        """
+        solution = answer[0]
+        if solution is None or solution.path is None or not (self.limits_speeds or self.stretches):
+            return answer
+        world, start = self.keyframes.world, self.keyframes.initial_configuration
+        reason = too_fast(world, phases, start, solution.path)
+        if not reason:
+            return answer
+        needed = needed_durations(speed_limits(world), start, solution.path, phases.slices)
+        for factor in STRETCHES if self.stretches else (0.0,):
+            longer = np.maximum(factor * needed, phases.phase_durations)
+            given = replace(phases, durations=tuple(longer.tolist())) if self.stretches else phases
+            slower = self.solve_again(given, solution, collision_free=collision_free)
+            if slower is not None:
+                return replace(slower, durations=given.durations), ""
+        return None, f"path: {reason}"
 
     def _solve_from(self, phases: Phases, path: Array, variables: Array, starts: tuple[int, int]) -> Answer:
         """Return the free path nearest to a path (T, nq) with variables (nz,)."""
@@ -98,14 +130,23 @@ class PathSolver:
         )
         if free is None:
             return None, reason
+        if free.durations:
+            phases = replace(phases, durations=free.durations)
+        nearest, reason = self._cheapest_collision_free(phases, free)
+        if nearest is not None:
+            nearest = replace(nearest, durations=free.durations)
+        return self._slow_enough(phases, (nearest, reason), collision_free=True)
+
+    def _cheapest_collision_free(self, phases: Phases, free: Solution) -> Answer:
         problem_of = self.problem_of(phases)
-        constraints = self.collision_constraints(phases)
-        nearest = self.accept(*solve_collision_free(problem_of, constraints, free.result, self.options), free.starts)
+        constraints = self.active(phases)
+        nearest = self.accept(*solve_constrained(problem_of, constraints, free.result, self.options), free.starts)
         if not self.multi_start or _cost(nearest) <= MULTI_START_RATIO * free.costs.motion:
             return nearest
         reference = self.keyframes.reference("path", phases.actions)
         candidate = multi_start(
             problem_of,
+            lambda: self.active(phases),
             self.keyframes.problem("path", phases),
             free.result,
             _cost(nearest),
@@ -114,23 +155,21 @@ class PathSolver:
         if candidate is None:
             return nearest
         other = self.accept(
-            *solve_collision_free(problem_of, candidate.constraints, candidate.result, self.options, solved=False),
+            *solve_constrained(problem_of, candidate.constraints, candidate.result, self.options, solved=False),
             free.starts,
         )
         return min(nearest, other, key=_cost)
 
     def solve_again(self, phases: Phases, earlier: Solution, *, collision_free: bool) -> Solution | None:
-        """Return the path near one with other durations, None where it is not feasible."""
+        """Return the path near one with other durations or limits of speed, None where it is not feasible."""
         problem = self.keyframes.problem("path", phases)
         path = earlier.keyframes if earlier.path is None else earlier.path
-        # Collision constraints come last, and are found again.
+        # Active constraints come last, and are found again.
         known = earlier.result.y_in[: len(problem.constraints.in_rows)]
         begin = replace(earlier.result, x=problem.join(path, earlier.variables), y_in=known)
-        if collision_free:
-            constraints = self.collision_constraints(phases)
-            solved = solve_collision_free(self.problem_of(phases), constraints, begin, self.options, solved=False)
-            return self.accept(*solved, earlier.starts)[0]
-        return self.accept(problem, solve(problem, begin.x, options=self.options, warm=begin), earlier.starts)[0]
+        active = self.active(phases, collision_free=collision_free, speeds=self.limits_speeds or self.stretches)
+        solved = solve_constrained(self.problem_of(phases), active, begin, self.options, solved=False)
+        return self.accept(*solved, earlier.starts)[0]
 
     def accept(self, problem: PathProblem, result: Result, starts: tuple[int, int] = (1, 1)) -> Answer:
         """Return the solution if its constraints hold within the tolerance, else None and the one that fails most."""
@@ -148,11 +187,20 @@ class PathSolver:
         """Return the collision constraints of a sequence, none active yet."""
         return CollisionConstraints(self.keyframes.world, phases, self.keyframes.initial_configuration)
 
-    def problem_of(self, phases: Phases) -> ProblemOf:
-        """Return active collision constraints -> path problem."""
+    def active(self, phases: Phases, *, collision_free: bool = True, speeds: bool | None = None) -> MotionConstraints:
+        """Return the constraints that may become active in a path, none active yet."""
+        world, start = self.keyframes.world, self.keyframes.initial_configuration
+        limited = self.limits_speeds if speeds is None else speeds
+        return MotionConstraints(
+            SpeedConstraints(world, phases, start) if limited else None,
+            self.collision_constraints(phases) if collision_free else None,
+        )
 
-        def make(active: CollisionConstraints) -> PathProblem:
-            return self.keyframes.problem("path", phases, collision_constraints=active)
+    def problem_of(self, phases: Phases) -> ProblemOf:
+        """Return active constraints -> path problem."""
+
+        def make(active: ActiveConstraints) -> PathProblem:
+            return self.keyframes.problem("path", phases, active=active)
 
         return make
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
-from lgp.path.collision_constraints import CollisionConstraints
+from lgp.path.active_constraints import ActiveConstraints
 from lgp.path.constraints import Constraints, Values
 from lgp.path.costs import (
     CondensedQuadratic,
@@ -46,7 +46,7 @@ class PathProblem:
         ergonomics: the ergonomic cost, None to leave it out.
         initial_configuration: (nq,) [rad, m], of the world by default.
         stage: continuation stage of the ergonomic cost, see `Ergonomics.stages`.
-        collision_constraints: where all slices are knots; they must not change afterwards.
+        active: constraints of a path on all slices that became active; they must not change afterwards.
 
     Attributes:
         cost_unit: the least cost of a joint that moves by 1 rad in one phase, from rest to rest. In multiples of it
@@ -66,7 +66,7 @@ class PathProblem:
         weights: Weights | None = None,
         initial_configuration: Array | None = None,
         stage: int = -1,
-        collision_constraints: CollisionConstraints | None = None,
+        active: ActiveConstraints | None = None,
     ) -> None:
         self.world, self.phases = world, phases
         self.modes = ModeSequence(world, phases.switches)
@@ -81,7 +81,7 @@ class PathProblem:
         self.rate = float(f"{self.weights.ergonomics * phases.tau / self.cost_unit:.12g}")
         self.stage = stage
         switches = tuple(range(phases.count)) if enforced is None else tuple(enforced)
-        self.constraints = Constraints(world, phases, self.modes, self.knots, switches, collision_constraints)
+        self.constraints = Constraints(world, phases, self.modes, self.knots, switches, active)
         self.n = self.constraints.size
         self.lower = np.concatenate([np.tile(world.lower, len(self.knots)), self.modes.lower])
         self.upper = np.concatenate([np.tile(world.upper, len(self.knots)), self.modes.upper])

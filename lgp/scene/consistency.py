@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from lgp.errors import SceneError
 from lgp.logic.task import parse_atom
+from lgp.scene.footing import LEAST_SHARE, first_share
 from lgp.scene.model import Scene
 
 
@@ -51,6 +52,11 @@ def check_first_facts(scene: Scene) -> None:
         if height >= clearance:
             raise SceneError(
                 f"{where} is {height:g} m high on {item.on}, above which are {clearance:.3g} m; correct one of them"
+            )
+        share = first_share(scene.tables[item.on], item)
+        if share < LEAST_SHARE:
+            raise SceneError(
+                f"{where} has {share:.0%} of its footprint on {item.on}, expected {LEAST_SHARE:.0%} or more; move it"
             )
         if name in placed and item.on not in placed[name]:
             raise SceneError(

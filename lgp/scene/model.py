@@ -259,7 +259,7 @@ class Scene:
         initial: atoms of the initial state, as text.
         goal: atoms of the goal, as text.
         phase_seconds: duration of each phase [s], or the first guess of it.
-        durations: "fixed", or "free" where they are unknowns of a plan.
+        durations: "fixed", "stretched" where a joint would be too fast, or "free" where they are unknowns of a plan.
         slices: slices per phase of a path.
         human: the human, or None.
         robots: robots by name.

@@ -7,18 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from lgp.collision.contacts import (
-    DRAW_BACK_SECONDS,
+from lgp.collision.contacts import DRAW_BACK_SECONDS, WINDOW, Clock, Contact, declared_contacts, required_distances
+from lgp.collision.distances import Collisions
+from lgp.collision.withdrawals import (
     DRAWN_BACK,
     NOT_YET,
-    WINDOW,
-    Contact,
-    declared_contacts,
     declared_withdrawals,
     require_withdrawals,
-    required_distances,
 )
-from lgp.collision.distances import Collisions
 from lgp.kinematics.modes import KinematicSwitch, ModeSequence
 from lgp.kinematics.world import World
 from lgp.scene.scene_file import load_scene
@@ -36,10 +32,11 @@ SECONDS, TAU, MARGIN = 2.0, 0.2, 0.01
 def required(world: World, switches: list[KinematicSwitch], first: str, second: str, times: list[float]) -> list[float]:
     """Return the distance that two bodies keep at some times."""
     modes = ModeSequence(world, switches)
+    clock = Clock.of(np.full(len(switches), SECONDS), SECONDS, round(SECONDS / TAU))
     collisions = Collisions(world, modes)
     at = np.array(times)
-    limits = required_distances(collisions.shapes, collisions.pairs, declared_contacts(modes, SECONDS, TAU), at, MARGIN)
-    require_withdrawals(limits, collisions.shapes, collisions.pairs, tuple(declared_withdrawals(modes, SECONDS)), at)
+    limits = required_distances(collisions.shapes, collisions.pairs, declared_contacts(modes, clock), at, MARGIN)
+    require_withdrawals(limits, collisions.shapes, collisions.pairs, tuple(declared_withdrawals(modes, clock)), at)
     names = [{collisions.shapes[side].name for side in pair} for pair in collisions.pairs]
     return limits[:, names.index({first, second})].tolist()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 import lgp
@@ -56,3 +57,14 @@ def test_where_the_goal_holds_nothing_moves_and_the_depth_is_stated() -> None:
     plan = lgp.plan(dataclasses.replace(blocked(), goal=("placed(screwdriver, table.start)",)), cost=None)
     assert plan.feasible
     assert plan.residuals["start_penetration"] > 0.01
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_an_upper_arm_is_kept_from_the_own_body(side: str) -> None:
+    world = human_world()
+    assert start_penetrations(world, world.initial_configuration) == ()
+    inwards = world.initial_configuration.copy()
+    inwards[world.column[f"human.{side}_shoulder_X"]] = np.radians(-30.0)
+    pairs = {frozenset((one.first, one.second)): one.depth for one in start_penetrations(world, inwards)}
+    for part, depth in (("abdomen", 0.1058), ("trunk", 0.0721)):
+        assert pairs[frozenset((f"human.{side}_upper_arm", f"human.{part}"))] == pytest.approx(depth, abs=2e-4)

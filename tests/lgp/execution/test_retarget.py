@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 import lgp
-from lgp.collision.contacts import declared_contacts, required_distances
+from lgp.collision.contacts import Clock, declared_contacts, required_distances
 from lgp.collision.distances import Collisions
 from lgp.execution.fixed_path import holding_hands
 from lgp.execution.retarget import ActionMotion, Planner
@@ -100,7 +100,7 @@ def test_a_new_plan_begins_with_the_hold_that_goes_on() -> None:
     pair = {"baxter.right_gripper_base_link", HANDLE}
     touching = [at for at in range(len(bodies.pairs)) if set(bodies.name(at).split(" and ")) == pair]
     assert touching
-    contacts = declared_contacts(bodies.modes, 2.0, 0.2)
+    contacts = declared_contacts(bodies.modes, Clock.of(np.full(len(bodies.modes.switches), 2.0), 2.0, 10))
     times = np.arange(0.0, 6.0, 0.05)
     assert np.isneginf(required_distances(bodies.shapes, bodies.pairs, contacts, times, 0.01)[:, touching]).all()
 

@@ -74,7 +74,7 @@ def test_rows_have_the_derivatives_they_say(world: World, actions: tuple[Action,
     path = np.clip(free.path + 0.02 * rng.normal(size=free.path.shape), world.lower, world.upper)
     rows = active(world, actions, free, margin=0.05)
     assert {int(point) % POINTS_PER_SLICE for point in rows.points} == set(range(POINTS_PER_SLICE))
-    problem = PathProblem(world, bounds.phases(actions), collision_constraints=rows)
+    problem = PathProblem(world, bounds.phases(actions), active=rows)
     x = problem.join(path, free.variables)
     own = np.array([row.kind == "collision" for row in problem.constraints.in_rows])
     assert np.count_nonzero(own) == len(rows.points) > 20
@@ -120,7 +120,7 @@ def test_the_pair_that_is_nearest_beyond_what_it_may_is_named(
     world: World, actions: tuple[Action, ...], free: Solution
 ) -> None:
     rows = active(world, actions, free)
-    problem = PathProblem(world, PathBounds(world, slices=SLICES).phases(actions), collision_constraints=rows)
+    problem = PathProblem(world, PathBounds(world, slices=SLICES).phases(actions), active=rows)
     x = problem.join(free.path, free.variables)
     values = problem.constraints.evaluate(*problem.split(x)).inequality
     rows_of = [number for number, row in enumerate(problem.constraints.in_rows) if row.kind == "collision"]

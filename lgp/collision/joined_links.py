@@ -1,0 +1,100 @@
+"""Links of one robot that are never checked against each other, because they are joined.
+
+So are links that are in each other in `DRAWN` of all positions of the robot, or in one of them where no third body is
+between, and the jaws of one hand: what a URDF draws there is no measure of distance. All others are checked; those that
+are nearer than `NEAR` in as many positions keep no margin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from lgp.collision.shapes import CollisionShape
+from lgp.kinematics.world import World
+from reba.arrays import Array, Indices
+
+NEAR: Final = 0.01
+"""[m] As far as bodies are kept apart."""
+DRAWN: Final = 0.5
+"""Share of the positions in which links are in each other that are joined."""
+POSITIONS: Final = 200
+"""Random positions that decide it."""
+
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class JoinedLinks:
+    """The names of links of one robot, two each: those that are joined, and those that are close without it."""
+
+    joined: frozenset[frozenset[str]]
+    close: frozenset[frozenset[str]]
+
+
+_KNOWN: WeakKeyDictionary[Any, JoinedLinks] = WeakKeyDictionary()
+"""By the kinematic model: the tables and objects of a world change nothing."""
+
+
+def joined_links(
+    world: World, shapes: Sequence[CollisionShape], nearer: Callable[[Sequence[Pair], Array], tuple[Indices, Indices]]
+) -> JoinedLinks:
+    """Return which links of one robot are joined.
+
+    Args:
+        nearer: pairs of shapes, configurations (n, nq) -> in how many of these each pair is in each other, and nearer
+            than `NEAR`.
+    """
+    if world.model not in _KNOWN:
+        links = [number for number, shape in enumerate(shapes) if _of_robot(world, shape)]
+        pairs = [
+            (one, other)
+            for at, one in enumerate(links)
+            for other in links[at + 1 :]
+            if shapes[one].owner == shapes[other].owner and "link" in (shapes[one].kind, shapes[other].kind)
+        ]
+        low, high = np.maximum(world.lower, -np.pi), np.minimum(world.upper, np.pi)
+        positions = np.random.default_rng(0).uniform(low, high, (POSITIONS, world.nq))
+        meet, near = nearer(pairs, positions) if pairs else (np.zeros(0, np.intp),) * 2
+        beside = _next_to_each_other(world, [shapes[number] for number in links])
+        names = [(shapes[one].name, shapes[other].name) for one, other in pairs]
+        least = [1 if beside(*pair) else DRAWN * POSITIONS for pair in names]
+        joined = {frozenset(pair) for pair, most, enough in zip(names, meet, least, strict=True) if most >= enough}
+        close = {frozenset(pair) for pair, most in zip(names, near, strict=True) if most >= DRAWN * POSITIONS}
+        _KNOWN[world.model] = JoinedLinks(frozenset(joined | _jaws(shapes)), frozenset(close - joined))
+    return _KNOWN[world.model]
+
+
+def _jaws(shapes: Sequence[CollisionShape]) -> set[frozenset[str]]:
+    jaws = [(shape.name, shape.jaw.hand) for shape in shapes if shape.jaw is not None]
+    return {frozenset((one, other)) for one, hand in jaws for other, same in jaws if hand == same}
+
+
+def _of_robot(world: World, shape: CollisionShape) -> bool:
+    return shape.owner in world.scene.robots and shape.kind in ("link", "base")
+
+
+def _next_to_each_other(world: World, links: Sequence[CollisionShape]) -> Callable[[str, str], bool]:
+    """Return whether two links have no third body between them."""
+    model, by_name = world.model, {link.name: link for link in links}
+    chains = {
+        link.name: [str(model.names[joint]) for joint in model.supports[model.getJointId(link.frame)][1:]]
+        if link.frame
+        else []
+        for link in links
+    }
+    carrying = {link.frame for link in links}
+
+    def beside(one: str, other: str) -> bool:
+        first, second = by_name[one], by_name[other]
+        shared = sum(a == b for a, b in zip(chains[one], chains[other], strict=False))
+        # Down from where the chains part: the joint that both have carries a body between them, too.
+        parting = chains[one][shared - 1 : shared] or [""]
+        between = {*parting, *chains[one][shared:], *chains[other][shared:]}
+        return not (between & carrying) - {first.frame, second.frame}
+
+    return beside
