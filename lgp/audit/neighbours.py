@@ -1,11 +1,11 @@
 """Bodies of one agent that are never checked against each other, because they are joined.
 
 Bodies with no third one between them in the tree of joints are joined: they meet at their joint. Of a person they are
-only where they do as it stands, which an upper arm and the trunk do not. Bodies of one limb of the person are joined
-as well, as the table of the human body says, and the jaws of one hand, which close as far as the audit takes them. And
-so are bodies of a robot that are in each other in `DRAWN` of all positions of the joints between them: what its URDF
-draws there is no measure of distance (collision checkers leave such pairs out for the same reason, the MoveIt setup
-assistant those that always meet).
+only where they touch or nearly do as it stands, as thighs; an upper arm and the trunk do not. Bodies of one limb of
+the person are joined as well, as the table of the human body says, and the jaws of one hand, which close as far as the
+audit takes them. And so are bodies of a robot that are in each other in `DRAWN` of all positions of the joints between
+them: what its URDF draws there is no measure of distance (collision checkers leave such pairs out for the same reason,
+the MoveIt setup assistant those that always meet).
 """
 
 from __future__ import annotations
@@ -19,13 +19,15 @@ import numpy as np
 
 from lgp.audit.agents import AgentModel
 from lgp.audit.joint_tree import attached, place, values_of
-from lgp.audit.penetration import boxes_meet, penetration
+from lgp.audit.penetration import boxes_meet, clearance, penetration
 from lgp.audit.robot_file import RobotFile
 from lgp.audit.shapes import Body
 from reba.arrays import Array
 
 DRAWN: Final = 0.5
 """Share of the positions of the joints between in which bodies of a robot meet that are drawn into each other."""
+STANDING: Final = 0.02
+"""[m] Distance below which bodies of a person that stands touch as it moves: thighs are 7 mm from each other."""
 POSITIONS: Final = 50
 """Random positions of the joints that decide it."""
 FEW: Final = 3
@@ -50,11 +52,12 @@ def neighbours(model: AgentModel, bodies: Sequence[Body], jaws: set[str]) -> set
 
 
 def _meet_standing(model: AgentModel, one: int, other: int) -> bool:
-    """Return whether two bodies of a person are in each other where all joints are at 0."""
+    """Return whether two bodies of a person are as good as in each other where all joints are at 0."""
     frames = place(model.joints, np.eye(3), np.zeros(3), {joint.name: np.zeros(1) for joint in model.joints}, 1)
     (first, second), poses = zip(*(model.parts[number] for number in (one, other)), strict=True)
     rotation, position = attached(*frames, list(poses))
-    return penetration(first.shape, rotation[0, 0], position[0, 0], second.shape, rotation[1, 0], position[1, 0]) > 0.0
+    at = first.shape, rotation[0, 0], position[0, 0], second.shape, rotation[1, 0], position[1, 0]
+    return clearance(*at) < STANDING
 
 
 def _between(chain: list[int], other: list[int]) -> Iterator[int]:

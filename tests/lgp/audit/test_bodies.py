@@ -396,3 +396,13 @@ def test_an_upper_arm_in_the_own_body(tmp_path: Path, side: str, degrees: float,
     arm = f"human.{side}_upper_arm"
     found = {next(name for name in pair if name != arm): depth for pair, depth in own.items() if arm in pair}
     assert found == {f"human.{name}": pytest.approx(depth, abs=2e-4) for name, depth in depths.items()}
+
+
+def test_thighs_that_touch_are_no_fault(tmp_path: Path) -> None:
+    """They are 7 mm from each other as the person stands, and in each other as the pelvis turns."""
+    values = with_person(tmp_path)
+    turned = np.array([0.12, -0.10, 0.5, 0.16])
+    path = np.tile(turned, (10, 1))
+    joints = [f"human.pelvis_{name}" for name in ("y", "z", "yaw", "tilt")]
+    plan = made_plan(values, ["release(1, gantry.hand, box)"], path, turned, joints)
+    assert [one for one in audit_plan(plan).contacts if one.pair_class == "person with itself"] == []
