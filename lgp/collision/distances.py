@@ -23,6 +23,9 @@ from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import Kinematics, World
 from reba.arrays import Array, Indices
 
+ROUNDING = 1e-6
+"""[m] Pairs that are so much too far apart are looked at, too."""
+
 
 @dataclass(frozen=True)
 class Distances:
@@ -103,6 +106,10 @@ class Collisions:
         """Return the name of a pair for messages: `table.left and baxter.left_w2`."""
         return " and ".join(self.shapes[side].name for side in self.pairs[pair])
 
+    def frames_of(self, pairs: Indices) -> tuple[str, ...]:
+        """Return the frames whose placements the distances of some pairs need."""
+        return self.placements.frames_of(np.unique(self._sides[pairs]))
+
     def is_grip(self, pair: tuple[int, int]) -> bool:
         """Return whether one of two shapes is the grip point of a hand, which has no body."""
         return "grip" in {self.shapes[side].kind for side in pair}
@@ -126,7 +133,10 @@ class Collisions:
         )
         rotations, centres = rotations.reshape(n, count, 3, 3), centres.reshape(n, count, 3)
         first, second = self._sides.T
-        gaps = np.linalg.norm(centres[:, first] - centres[:, second], axis=2) - self._radii[first] - self._radii[second]
+        # |a - b|^2 of all centres by one product; its rounding is far below `ROUNDING`.
+        squares = np.einsum("nbi,nbi->nb", centres, centres)
+        apart = squares[:, :, None] + squares[:, None] - 2.0 * centres @ np.swapaxes(centres, 1, 2)
+        gaps = np.sqrt(np.maximum(apart[:, first, second], 0.0)) - self._radii[first] - self._radii[second] - ROUNDING
         reach = within + (np.zeros_like(gaps) if required is None else required)
         slices, pairs = np.nonzero(gaps < reach)
         close, nearest = np.ones(len(slices), dtype=bool), reach[slices, pairs]
@@ -179,7 +189,7 @@ class Collisions:
             slices = nearest.slices[rows]
             jacobian = self.placements.jacobians(kinematics, slices, carriers[rows], nearest.points[number, rows])
             curved = position_curvature(jacobian, sense * weights[rows, None] * nearest.normals[rows])
-            np.add.at(total, slices, curved)
+            total += sum_by(curved, slices, len(total))
         return total
 
     def values(
@@ -227,6 +237,12 @@ class Collisions:
                 variables.append(np.arange(attachment.variables.start, attachment.variables.stop))
             joints |= self.placements.joints(side, phase)
         return np.flatnonzero(joints), np.concatenate(variables)
+
+
+def sum_by(matrices: Array, group: Indices, count: int) -> Array:
+    """Return the sums (count, p, p) of matrices (m, p, p) of the same group (m,): np.add.at adds them one by one."""
+    chosen = (np.arange(count)[:, None] == group).astype(float)
+    return np.tensordot(chosen, matrices, axes=1)
 
 
 def _from_box(rotation: Array, offset: Array, half: Array) -> tuple[Array, Array]:

@@ -48,11 +48,11 @@ class ShapePlacements:
         """Return rotations (m, 3, 3) and centres (m, 3) [m] of rows: shapes (m,) in slices (m,) of n.
 
         Args:
-            kinematics: of n slices, with `frames`.
+            kinematics: of n slices, with `frames`, or those of the shapes (`frames_of`).
             phases: (n,) of the slices.
             z: (nz,).
         """
-        of_phase, of_frame = phases[slices], self._of_frames(kinematics, slices)
+        of_phase, of_frame = phases[slices], self._of_frames(kinematics)
         carriers = self._carriers[of_phase, shapes]
         parent, origin = of_frame[0][slices, carriers], of_frame[1][slices, carriers]
         rotation, position = self._rotation[of_phase, shapes], self._position[of_phase, shapes]
@@ -91,7 +91,7 @@ class ShapePlacements:
         rows = np.flatnonzero(number >= 0)
         if len(rows) and self.modes.size:
             own, normal = number[rows], normals[rows, None]
-            rotation, position = self._of_frames(kinematics, slices)
+            rotation, position = self._of_frames(kinematics)
             parent, origin = rotation[slices[rows], carriers[rows]], position[slices[rows], carriers[rows]]
             turned, away, turns, arm = self._attached(z)
             # About the grip, where the object turns: its middle is `arm` from there.
@@ -110,8 +110,13 @@ class ShapePlacements:
         jacobian[:, :3] += cross(jacobian[:, 3:], points)
         return self.world.by_configuration(jacobian)
 
+    def frames_of(self, shapes: Indices) -> tuple[str, ...]:
+        """Return the frames whose placements some shapes need, in all phases."""
+        carriers = np.unique(self._carriers[:, shapes])
+        return tuple(self.frames[number] for number in carriers if number < len(self.frames))
+
     def carriers(self, phases: Indices, shapes: Indices) -> Indices:
-        """Return the carriers (m,) of shapes (m,) in phases (m,): numbers of frames, and after them that of the world."""
+        """Return the carriers (m,) of shapes (m,) in phases (m,): numbers of frames, then the world's."""
         return np.asarray(self._carriers[phases, shapes])
 
     def joints(self, shape: int, phase: int) -> Flags:
@@ -177,13 +182,14 @@ class ShapePlacements:
         offset = (self._base @ self._offset[..., None])[..., 0] + self._offset_by @ z
         return turned, self._centre + offset - arm, self._base @ slope @ self._turns, arm
 
-    def _of_frames(self, kinematics: Kinematics, slices: Indices) -> tuple[Array, Array]:
-        """Return rotations (n, F + 1, 3, 3) and positions (n, F + 1, 3) of all carriers."""
-        at = [kinematics.index[name] for name in self.frames]
-        n = len(kinematics)
-        rotation, position = np.empty((n, len(at) + 1, 3, 3)), np.zeros((n, len(at) + 1, 3))
-        rotation[:, :-1], rotation[:, -1] = kinematics.rotation[:, at], np.eye(3)
-        position[:, :-1] = kinematics.position[:, at]
+    def _of_frames(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Return rotations (n, F + 1, 3, 3) and positions (n, F + 1, 3) of all carriers that are known."""
+        own = [number for number, name in enumerate(self.frames) if name in kinematics.index]
+        at = [kinematics.index[self.frames[number]] for number in own]
+        n, count = len(kinematics), len(self.frames) + 1
+        rotation, position = np.zeros((n, count, 3, 3)), np.zeros((n, count, 3))
+        rotation[:, own], rotation[:, -1] = kinematics.rotation[:, at], np.eye(3)
+        position[:, own] = kinematics.position[:, at]
         return rotation, position
 
     def _leg_ends(self, body: CollisionShape, kinematics: Kinematics, rows: Indices | slice) -> tuple[Array, Array]:

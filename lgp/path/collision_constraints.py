@@ -17,7 +17,7 @@ from lgp.collision.contacts import (
     require_withdrawals,
     required_distances,
 )
-from lgp.collision.distances import Collisions, NearestPoints
+from lgp.collision.distances import Collisions, NearestPoints, sum_by
 from lgp.kinematics.interpolation import AROUND, interpolate, interpolation_weights
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import Kinematics, World
@@ -158,7 +158,7 @@ class CollisionConstraints:
         """Return the nearest points of all constraints; the last ones are stored, for gradients and curvature."""
         if self._last is None or not (np.array_equal(self._last.q, q) and np.array_equal(self._last.z, z)):
             used, places = np.unique(self.points, return_inverse=True)
-            kinematics = self.world.at(self._between(q, used), self.collisions.frames)
+            kinematics = self.world.at(self._between(q, used), self.collisions.frames_of(self.pairs))
             nearest = self.collisions.nearest(kinematics, self._phase[used], z, places, self.pairs)
             self._last = _Found(q.copy(), z.copy(), used, kinematics, nearest)
         return self._last
@@ -184,8 +184,7 @@ class CollisionConstraints:
             by_point = self.collisions.curvature(found.kinematics, self._phase[found.points], own, -y[rows])
             first = np.zeros(len(found.points), np.intp)
             first[own.slices] = places[rows]
-            used = np.unique(own.slices)
-            np.add.at(total, first[used], by_point[used])
+            total = sum_by(by_point, first, len(slices))
         return [_convex_part(total[:, columns[:, None], columns]) for columns in self._agents()]
 
     def _agents(self) -> list[Indices]:
