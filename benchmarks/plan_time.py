@@ -1,6 +1,6 @@
 """Where the processor time of a plan goes: by level of the search, and of one path iteration.
 
-    OMP_NUM_THREADS=1 python benchmarks/plan_time.py [SCENE ...] [--against OLDER] [--repeat 3]
+    OMP_NUM_THREADS=1 python benchmarks/plan_time.py [SCENE ...] [--against OLDER] [--repeat 3] [--json FILE]
 
 Of each scene the run with the least total is shown. `--against` is a folder with another version of the packages, which
 is run in turn, so that both see the same load. Imports are not part of a plan's time and are listed apart.
@@ -90,14 +90,16 @@ def main() -> None:
     parser.add_argument("scenes", nargs="*", default=SCENES, metavar="SCENE")
     parser.add_argument("--against", type=Path, metavar="OLDER", help="folder with another version")
     parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
         print(json.dumps(measured(options.one)))
         return
-    from machine import stamp
+    from machine import machine, stamp
 
     print(stamp())
+    rows = []
     versions = {"this version": Path(__file__).resolve().parents[1]}
     if options.against:
         versions["the older one"] = options.against.resolve()
@@ -105,7 +107,10 @@ def main() -> None:
         runs = [{name: in_process(scene, folder) for name, folder in versions.items()} for _ in range(options.repeat)]
         print(scene)
         for name in versions:
-            show(name, min((run[name] for run in runs), key=lambda run: run["plan"]))
+            rows.append({"version": name, **min((run[name] for run in runs), key=lambda run: run["plan"])})
+            show(name, rows[-1])
+    if options.json:
+        options.json.write_text(json.dumps({"machine": machine(), "rows": rows}))
 
 
 if __name__ == "__main__":

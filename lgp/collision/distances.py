@@ -241,8 +241,12 @@ class Collisions:
 
 def sum_by(matrices: Array, group: Indices, count: int) -> Array:
     """Return the sums (count, p, p) of matrices (m, p, p) of the same group (m,): np.add.at adds them one by one."""
-    chosen = (np.arange(count)[:, None] == group).astype(float)
-    return np.tensordot(chosen, matrices, axes=1)
+    total = np.zeros((count, *matrices.shape[1:]))
+    if len(group):
+        order = np.argsort(group, kind="stable")
+        own, first = np.unique(group[order], return_index=True)
+        total[own] = np.add.reduceat(matrices[order], first)
+    return total
 
 
 def _from_box(rotation: Array, offset: Array, half: Array) -> tuple[Array, Array]:

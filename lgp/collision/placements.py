@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lgp.collision.shapes import CollisionShape, along
+from lgp.kinematics.attachments import Attachment
 from lgp.kinematics.features import cross, exponential, exponential_with_slope, logarithm
 from lgp.kinematics.leg_ik import LegSegments
 from lgp.kinematics.modes import ModeSequence, jaw_opening
@@ -148,7 +149,8 @@ class ShapePlacements:
 
     def _set_attachments(self, phases: int) -> None:
         """Stack the A attachments of all objects, and number them for each phase and shape; -1 without."""
-        self._members, numbers = [], {}
+        self._members: list[Attachment] = []
+        numbers: dict[int, int] = {}
         self._attachment = np.full((phases, len(self.shapes)), -1, np.intp)
         for phase in range(phases):
             for number, shape in enumerate(self.shapes):

@@ -38,13 +38,19 @@ def cost_of(world: World, ergonomics: Ergonomics, weights: Weights, collisions: 
     return follow(bounds, parse_sequence(task_of(world.scene), LINES)).cost
 
 
+def _scaled(acceleration: float, per_second: float) -> Weights:
+    """Return the default weights, those of accelerations and of what is counted per second times a factor each."""
+    one = Weights()
+    return Weights(acceleration * one.acceleration, per_second * one.ergonomics, per_second * one.time)
+
+
 @pytest.mark.parametrize("collisions", [False, True])
 def test_units_of_cost_and_time_do_not_change_the_optimum(
     world: World, ergonomics: Ergonomics, collisions: bool
 ) -> None:
     long = world.with_scene(replace(world.scene, phase_seconds=world.scene.phase_seconds * SECONDS))
     cost = cost_of(world, ergonomics, Weights(), collisions)
-    scaled = cost_of(world, ergonomics, Weights(7.0, 7.0), collisions) / 7.0
-    slow = cost_of(long, ergonomics, Weights(1.0, SECONDS**-4), collisions) * SECONDS**3
+    scaled = cost_of(world, ergonomics, _scaled(7.0, 7.0), collisions) / 7.0
+    slow = cost_of(long, ergonomics, _scaled(1.0, SECONDS**-4), collisions) * SECONDS**3
     assert scaled == pytest.approx(cost, rel=1e-5)
     assert slow == pytest.approx(cost, rel=1e-5)
