@@ -189,6 +189,18 @@ def path(data: dict[str, Any]) -> Iterator[Figure]:
         yield from _growth("path, set up and solved", rows, word)
 
 
+def plan_time(data: dict[str, Any]) -> Iterator[Figure]:
+    targets = {"iteration, path": ("3 ms", 3.0), "iteration, collision rows": ("5 ms", 5.0)}
+    for row in data["rows"]:
+        what = f"plan of {row['scene']}, {row['version']}"
+        yield Figure(what, f"{row['plan']:.2f} s, cost {row['cost']:.3f}", "1 s", row["plan"])
+        for key, (target, least) in targets.items():
+            seconds, count = row["spent"].get(key, (0.0, 0))
+            if count:
+                each = 1e3 * seconds / count
+                yield Figure(f"{what}, {key}", f"{each:.1f} ms", target, each / least)
+
+
 def audit(data: dict[str, Any]) -> Iterator[Figure]:
     for name, row in data["plans"].items():
         value = f"{1000 * row['all']:.0f} ms, {row['samples']} samples, {row['pairs']} pairs"
@@ -263,6 +275,7 @@ SCRIPTS: tuple[Script, ...] = (
     Script("starts", starts, ("--sequences", "1", "--starts", "10", "--cost", "convex")),
     Script("optima", optima, ("--slices", "5")),
     Script("path", path, ("--repeat", "1", "--no-growth")),
+    Script("plan_time", plan_time, ("screwdriver_panda", "--repeat", "1")),
     Script("audit", audit, ("screwdriver_panda", "--repeat", "2")),
     Script("toolbox", toolbox, ("--parts", "2", "--seconds", "5")),
     Script("anytime", anytime, ("--seconds", "10")),

@@ -16,13 +16,16 @@ import numpy as np
 
 from lgp.collision.joined_links import NEAR, joined_links
 from lgp.collision.obstacle_shapes import obstacle_shapes
+from lgp.collision.placements import ShapePlacements
 from lgp.collision.scene_shapes import collision_shapes
-from lgp.collision.shapes import CollisionShape, along
-from lgp.kinematics.features import cross, exponential, logarithm, position_curvature
-from lgp.kinematics.leg_ik import LegSegments
-from lgp.kinematics.modes import ModeSequence, jaw_opening
+from lgp.collision.shapes import CollisionShape
+from lgp.kinematics.features import position_curvature
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import Kinematics, World
 from reba.arrays import Array, Indices
+
+ROUNDING = 1e-6
+"""[m] Pairs that are so much too far apart are looked at, too."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,27 @@ class Distances:
     value: Array
     by_q: Array
     by_variables: Array
+
+
+@dataclass(frozen=True)
+class NearestPoints:
+    """Signed distances (m,) [m] of pairs in some slices.
+
+    Attributes:
+        points: (2, m, 3) of both bodies, nearest to each other [m].
+        normals: (m, 3) from the first body to the second.
+    """
+
+    slices: Indices
+    pairs: Indices
+    value: Array
+    points: Array
+    normals: Array
+
+    def rows(self, which: Indices) -> NearestPoints:
+        """Return some of the rows."""
+        parts = self.slices[which], self.pairs[which], self.value[which]
+        return NearestPoints(*parts, self.points[:, which], self.normals[which])
 
 
 class Collisions:
@@ -64,14 +88,11 @@ class Collisions:
     def __init__(self, world: World, modes: ModeSequence | None = None) -> None:
         self.world, self.modes = world, modes or ModeSequence(world, ())
         self.shapes = (*collision_shapes(world), *obstacle_shapes(world.scene))
-        moving = [shape.frame for shape in self.shapes if shape.frame]
-        self.frames = tuple(dict.fromkeys([*moving, *self.modes.frames]))
+        self.placements = ShapePlacements(world, self.modes, self.shapes)
+        self.frames = self.placements.frames
         self._radii = np.array([shape.radius for shape in self.shapes])
         self._halves = np.array([shape.half for shape in self.shapes])
         self._rims = np.array([shape.rim for shape in self.shapes])
-        person = world.scene.human
-        self._legs = None if person is None else LegSegments(person)
-        self._fingers: dict[tuple[int, int], tuple[Array, Array]] = {}
         self._request = coal.DistanceRequest()
         self._request.enable_signed_distance = True
         own = joined_links(world, self.shapes, self._nearer)
@@ -88,7 +109,7 @@ class Collisions:
         self.pairs = tuple(pairs)
         self._sides = np.array(self.pairs, dtype=np.intp).reshape(-1, 2)
         kinds = np.array([shape.kind == "point" for shape in self.shapes])[self._sides]
-        self._point_to_box = np.where(kinds.any(axis=1), kinds.argmax(axis=1), -1)
+        self._ball_to_box = np.where(kinds.any(axis=1), kinds.argmax(axis=1), -1)
 
     def _nearer(self, pairs: Sequence[tuple[int, int]], q: Array) -> tuple[Indices, Indices]:
         """Return in how many configurations (n, nq) pairs of links are in each other, and nearer than `NEAR`."""
@@ -102,6 +123,10 @@ class Collisions:
     def name(self, pair: int) -> str:
         """Return the name of a pair for messages: `table.left and baxter.left_w2`."""
         return " and ".join(self.shapes[side].name for side in self.pairs[pair])
+
+    def frames_of(self, pairs: Indices) -> tuple[str, ...]:
+        """Return the frames whose placements the distances of some pairs need."""
+        return self.placements.frames_of(np.unique(self._sides[pairs]))
 
     def is_grip(self, pair: tuple[int, int]) -> bool:
         """Return whether one of two shapes is the grip point of a hand, which has no body."""
@@ -120,9 +145,16 @@ class Collisions:
         Conservative: every pair that is nearer is among them. `phases` (n,) are those of the n slices, z is (nz,),
         `required` (n, pairs) [m] as of `lgp.collision.contacts`, 0 by default.
         """
-        rotations, centres = self._poses(kinematics, np.asarray(phases), z)
+        n, count = len(kinematics), len(self.shapes)
+        rotations, centres = self.placements.poses(
+            kinematics, np.asarray(phases), z, np.repeat(np.arange(n), count), np.tile(np.arange(count), n)
+        )
+        rotations, centres = rotations.reshape(n, count, 3, 3), centres.reshape(n, count, 3)
         first, second = self._sides.T
-        gaps = np.linalg.norm(centres[:, first] - centres[:, second], axis=2) - self._radii[first] - self._radii[second]
+        # |a - b|^2 of all centres by one product; its rounding is far below `ROUNDING`.
+        squares = np.einsum("nbi,nbi->nb", centres, centres)
+        apart = squares[:, :, None] + squares[:, None] - 2.0 * centres @ np.swapaxes(centres, 1, 2)
+        gaps = np.sqrt(np.maximum(apart[:, first, second], 0.0)) - self._radii[first] - self._radii[second] - ROUNDING
         reach = within + (np.zeros_like(gaps) if required is None else required)
         slices, pairs = np.nonzero(gaps < reach)
         close, nearest = np.ones(len(slices), dtype=bool), reach[slices, pairs]
@@ -136,197 +168,103 @@ class Collisions:
         return slices[close], pairs[close]
 
     def distances(
-        self,
-        kinematics: Kinematics,
-        phases: Sequence[int] | Indices,
-        z: Array,
-        slices: Indices,
-        pairs: Indices,
+        self, kinematics: Kinematics, phases: Sequence[int] | Indices, z: Array, slices: Indices, pairs: Indices
     ) -> Distances:
         """Return the signed distances and Jacobians of rows from `near_pairs`."""
-        phase = np.asarray(phases)
-        value, points, normals = self._closest(kinematics, phase, z, slices, pairs)
-        by_q, by_variables = np.zeros((len(slices), self.world.nq)), np.zeros((len(slices), self.modes.size))
-        for number, sense in ((0, -1.0), (1, 1.0)):
-            which = self._sides[pairs, number]
-            for side in np.unique(which):
-                rows = np.flatnonzero(which == side)
-                moved, varied = self._speeds(side, kinematics, phase, z, slices[rows], points[number, rows])
-                by_q[rows] += sense * np.einsum("ni,nij->nj", normals[rows], moved)
-                by_variables[rows] += sense * np.einsum("ni,nij->nj", normals[rows], varied)
-        return Distances(slices, pairs, value, by_q, by_variables)
+        nearest = self.nearest(kinematics, phases, z, slices, pairs)
+        return Distances(slices, pairs, nearest.value, *self.gradients(kinematics, phases, z, nearest))
+
+    def gradients(
+        self, kinematics: Kinematics, phases: Sequence[int] | Indices, z: Array, nearest: NearestPoints
+    ) -> tuple[Array, Array]:
+        """Return the derivatives (m, nq) and (m, nz) of distances by the configuration and all variables."""
+        sides = self._sides[nearest.pairs]
+        (first_q, first_z), (second_q, second_z) = (
+            self.placements.speeds(
+                kinematics,
+                np.asarray(phases),
+                z,
+                nearest.slices,
+                sides[:, number],
+                nearest.points[number],
+                nearest.normals,
+            )
+            for number in (0, 1)
+        )
+        return second_q - first_q, second_z - first_z
 
     def curvature(
-        self,
-        kinematics: Kinematics,
-        phases: Sequence[int] | Indices,
-        z: Array,
-        slices: Indices,
-        pairs: Indices,
-        weights: Array,
+        self, kinematics: Kinematics, phases: Sequence[int] | Indices, nearest: NearestPoints, weights: Array
     ) -> Array:
         """Return the sum of weights (m,) times the second derivatives of distances by q, (n, nq, nq) by slice.
 
         Of points fixed to both bodies along a fixed normal: what rolling on each other adds is left out.
         """
-        phase, nq = np.asarray(phases), self.world.nq
-        total = np.zeros((len(phase), nq, nq))
-        _, points, normals = self._closest(kinematics, phase, z, slices, pairs)
+        total = np.zeros((len(kinematics), self.world.nq, self.world.nq))
         for number, sense in ((0, -1.0), (1, 1.0)):
-            frames = [
-                self._carrier(self._sides[pair, number], int(phase[at]))
-                for at, pair in zip(slices.tolist(), pairs.tolist(), strict=True)
-            ]
-            for frame in set(frames) - {""}:
-                rows = np.array([row for row, name in enumerate(frames) if name == frame], np.intp)
-                columns = np.flatnonzero(self.world.support(frame))
-                jacobian = kinematics.rows(slices[rows]).point_jacobian(frame, points[number, rows])[:, :, columns]
-                curved = position_curvature(jacobian, sense * weights[rows, None] * normals[rows])
-                np.add.at(total, (slices[rows, None, None], columns[:, None], columns), curved)
+            carriers = self.placements.carriers(np.asarray(phases)[nearest.slices], self._sides[nearest.pairs, number])
+            rows = np.flatnonzero((carriers < len(self.frames)) & (weights != 0.0))
+            slices = nearest.slices[rows]
+            jacobian = self.placements.jacobians(kinematics, slices, carriers[rows], nearest.points[number, rows])
+            curved = position_curvature(jacobian, sense * weights[rows, None] * nearest.normals[rows])
+            total += sum_by(curved, slices, len(total))
         return total
 
     def values(
-        self,
-        kinematics: Kinematics,
-        phases: Sequence[int] | Indices,
-        z: Array,
-        slices: Indices,
-        pairs: Indices,
+        self, kinematics: Kinematics, phases: Sequence[int] | Indices, z: Array, slices: Indices, pairs: Indices
     ) -> Array:
         """Return the signed distances (m,) [m] of rows, without Jacobians."""
-        return self._closest(kinematics, np.asarray(phases), z, slices, pairs)[0]
+        return self.nearest(kinematics, phases, z, slices, pairs).value
 
-    def _closest(
-        self, kinematics: Kinematics, phases: Indices, z: Array, slices: Indices, pairs: Indices
-    ) -> tuple[Array, Array, Array]:
-        """Return the distances (m,) of rows, their nearest points (2, m, 3) and normals (m, 3)."""
-        rotations, centres = self._poses(kinematics, phases, z)
-        m = len(slices)
+    def nearest(
+        self, kinematics: Kinematics, phases: Sequence[int] | Indices, z: Array, slices: Indices, pairs: Indices
+    ) -> NearestPoints:
+        """Return the signed distances of rows with their nearest points and normals."""
+        m, sides, of_phase = len(slices), self._sides[pairs], np.asarray(phases)
+        rotation, centre = self.placements.poses(kinematics, of_phase, z, np.tile(slices, 2), sides.T.ravel())
+        rotation, centre = rotation.reshape(2, m, 3, 3), centre.reshape(2, m, 3)
         value, points, normals = np.empty(m), np.empty((2, m, 3)), np.empty((m, 3))
-        boxes = self._point_to_box[pairs]
-        for point in (0, 1):
-            rows = np.flatnonzero(boxes == point)
-            ball, box = self._sides[pairs[rows], point], self._sides[pairs[rows], 1 - point]
-            away, normal = _from_box(
-                rotations[slices[rows], box],
-                centres[slices[rows], ball] - centres[slices[rows], box],
-                self._halves[box],
+        boxes = self._ball_to_box[pairs]
+        for ball in (0, 1):
+            rows, box = np.flatnonzero(boxes == ball), 1 - ball
+            rim, middle = self._rims[sides[rows, ball]], centre[ball, rows]
+            away, normal = _from_box(rotation[box, rows], middle - centre[box, rows], self._halves[sides[rows, box]])
+            value[rows] = away - rim
+            points[ball, rows], points[box, rows] = middle - rim[:, None] * normal, middle - away[:, None] * normal
+            normals[rows] = normal if ball else -normal
+        rows = np.flatnonzero(boxes < 0)
+        found, result = np.empty((len(rows), 10)), coal.DistanceResult()
+        for out, row, pair in zip(found, rows.tolist(), sides[rows].tolist(), strict=True):
+            first, second = (
+                (self.shapes[side].shape, coal.Transform3s(rotation[at, row], centre[at, row]))
+                for at, side in enumerate(pair)
             )
-            value[rows] = away - self._rims[ball]
-            points[point, rows] = centres[slices[rows], ball] - self._rims[ball, None] * normal
-            points[1 - point, rows] = centres[slices[rows], ball] - away[:, None] * normal
-            normals[rows] = normal if point else -normal
-        result, placed = coal.DistanceResult(), {}
-        for row in np.flatnonzero(boxes < 0).tolist():
-            at, sides = int(slices[row]), self.pairs[pairs[row]]
-            for side in sides:
-                if (at, side) not in placed:
-                    placed[at, side] = coal.Transform3s(rotations[at, side], centres[at, side])
             result.clear()
-            first, second = (self.shapes[side].shape for side in sides)
-            value[row] = coal.distance(first, placed[at, sides[0]], second, placed[at, sides[1]], self._request, result)
-            points[0, row], points[1, row] = result.getNearestPoint1(), result.getNearestPoint2()
-            normals[row] = result.normal
-        return value, points, normals
+            out[0] = coal.distance(*first, *second, self._request, result)
+            out[1:4], out[4:7], out[7:] = result.getNearestPoint1(), result.getNearestPoint2(), result.normal
+        value[rows], points[0, rows], points[1, rows], normals[rows] = found[:, 0], *np.split(found[:, 1:], 3, axis=1)
+        return NearestPoints(slices, pairs, value, points, normals)
 
     def dependencies(self, pair: int, phase: int) -> tuple[Indices, Indices]:
         """Return the columns of q and of z that the distance of a pair depends on in a phase."""
         joints, variables = np.zeros(self.world.nq, dtype=bool), [np.zeros(0, np.intp)]
         for side in self.pairs[pair]:
-            body = self.shapes[side]
-            if body.owner in self.world.scene.objects:
-                attachment = self.modes.attachment(body.owner, phase)
+            owner = self.shapes[side].owner
+            if owner in self.world.scene.objects:
+                attachment = self.modes.attachment(owner, phase)
                 variables.append(np.arange(attachment.variables.start, attachment.variables.stop))
-            frame = self._carrier(side, phase)
-            if frame:
-                joints |= self.world.support(frame) > 0.0
+            joints |= self.placements.joints(side, phase)
         return np.flatnonzero(joints), np.concatenate(variables)
 
-    def _carrier(self, side: int, phase: int) -> str:
-        """Return the frame that a shape moves with in a phase, "" for the world."""
-        body = self.shapes[side]
-        if body.owner not in self.world.scene.objects:
-            return body.frame
-        parent = self.modes.attachment(body.owner, phase).parent
-        return parent if parent in self.world.scene.hands else ""
 
-    def _poses(self, kinematics: Kinematics, phases: Indices, z: Array) -> tuple[Array, Array]:
-        """Return rotations (n, B, 3, 3) and centres (n, B, 3) [m] of all shapes."""
-        n = len(kinematics)
-        rotations, centres = np.empty((n, len(self.shapes), 3, 3)), np.empty((n, len(self.shapes), 3))
-        for number, body in enumerate(self.shapes):
-            if body.owner in self.world.scene.objects:
-                for phase in np.unique(phases):
-                    rows = np.flatnonzero(phases == phase)
-                    pose = self.modes.pose(body.owner, int(phase), kinematics.rows(rows), z)
-                    rotations[rows, number] = pose.rotation
-                    centres[rows, number] = pose.position + pose.rotation @ body.position
-            elif body.leg:
-                start, end = self._leg_ends(body, kinematics)
-                rotations[:, number], centres[:, number] = along(end - start), (start + end) / 2.0
-            elif body.jaw is not None:
-                at = kinematics.index[body.frame]
-                for phase in np.unique(phases):
-                    rows = np.flatnonzero(phases == phase)
-                    rotation, position = self._finger(number, int(phase))
-                    rotations[rows, number] = kinematics.rotation[rows, at] @ rotation
-                    centres[rows, number] = kinematics.position[rows, at] + kinematics.rotation[rows, at] @ position
-            elif body.frame:
-                at = kinematics.index[body.frame]
-                rotations[:, number] = kinematics.rotation[:, at] @ body.rotation
-                centres[:, number] = kinematics.position[:, at] + kinematics.rotation[:, at] @ body.position
-            else:
-                rotations[:, number], centres[:, number] = body.rotation, body.position
-        return rotations, centres
-
-    def _finger(self, number: int, phase: int) -> tuple[Array, Array]:
-        """Return the pose of a shape of a finger in the frame of its hand's joint: open, or closed on what it has."""
-        if (number, phase) not in self._fingers:
-            jaw = self.shapes[number].jaw
-            assert jaw is not None
-            share = jaw_opening(self.modes, jaw.hand, phase, jaw.width)
-            (closed, shut), (opened, wide) = jaw.closed, jaw.opened
-            turn = closed @ exponential(share * logarithm(closed.T @ opened))
-            self._fingers[number, phase] = turn, shut + share * (wide - shut)
-        return self._fingers[number, phase]
-
-    def _speeds(
-        self, side: int, kinematics: Kinematics, phases: Indices, z: Array, slices: Indices, points: Array
-    ) -> tuple[Array, Array]:
-        """Return the Jacobians (m, 3, nq) and (m, 3, nz) of points (m, 3) on a shape in the slices (m,)."""
-        body, nz = self.shapes[side], self.modes.size
-        by_q, by_variables = np.zeros((len(slices), 3, self.world.nq)), np.zeros((len(slices), 3, nz))
-        if body.owner in self.world.scene.objects:
-            for phase in np.unique(phases[slices]):
-                rows = np.flatnonzero(phases[slices] == phase)
-                pose = self.modes.pose(body.owner, int(phase), kinematics.rows(slices[rows]), z).with_all_variables(nz)
-                moved = pose.jacobian[:, :3] + cross(pose.jacobian[:, 3:], points[rows] - pose.position)
-                by_q[rows], by_variables[rows] = moved[:, :, : self.world.nq], moved[:, :, self.world.nq :]
-        elif body.leg:
-            by_q[:] = self._leg_speeds(body, kinematics.rows(slices), points)
-        elif body.frame:
-            by_q[:] = kinematics.rows(slices).point_jacobian(body.frame, points)[:, :3]
-        return by_q, by_variables
-
-    def _leg_ends(self, body: CollisionShape, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Return both ends (n, 3) of a part of a leg that is solved in closed form."""
-        assert self._legs is not None
-        at = kinematics.index[body.frame]
-        return self._legs.ends(body.leg, kinematics.rotation[:, at], kinematics.position[:, at])
-
-    def _leg_speeds(self, body: CollisionShape, kinematics: Kinematics, points: Array) -> Array:
-        """Return the Jacobians (n, 3, nq) of points on such a part, up to rotations about its own axis."""
-        assert self._legs is not None
-        side, _, segment = body.leg.partition(" ")
-        at = kinematics.index[body.frame]
-        hip = self._legs.hip(side, kinematics.rotation[:, at], kinematics.position[:, at])
-        start, end = self._leg_ends(body, kinematics)
-        share = np.einsum("ni,ni->n", points - start, end - start) / np.sum((end - start) ** 2, axis=1)
-        share = np.clip(share, 0.0, 1.0)[:, None, None]
-        of_hip = kinematics.point_jacobian(body.frame, hip)[:, :3]
-        of_knee = self._legs.knee_by_hip(side, hip) @ of_hip
-        first, second = (of_hip, of_knee) if segment == "thigh" else (of_knee, np.zeros_like(of_knee))
-        return np.asarray((1.0 - share) * first + share * second)
+def sum_by(matrices: Array, group: Indices, count: int) -> Array:
+    """Return the sums (count, p, p) of matrices (m, p, p) of the same group (m,): np.add.at adds them one by one."""
+    total = np.zeros((count, *matrices.shape[1:]))
+    if len(group):
+        order = np.argsort(group, kind="stable")
+        own, first = np.unique(group[order], return_index=True)
+        total[own] = np.add.reduceat(matrices[order], first)
+    return total
 
 
 def _from_box(rotation: Array, offset: Array, half: Array) -> tuple[Array, Array]:

@@ -23,7 +23,12 @@ def collision_shapes(world: World) -> tuple[CollisionShape, ...]:
     """
     shapes: list[CollisionShape] = []
     for agent in world.scene.agents:
-        shapes += robot_shapes(world, agent) if isinstance(agent, Robot) else _human(world)
+        if isinstance(agent, Robot):
+            if agent.name not in world.robot_shapes:
+                world.robot_shapes[agent.name] = robot_shapes(world, agent)
+            shapes += world.robot_shapes[agent.name]
+        else:
+            shapes += _human(world)
     for name, table in world.scene.tables.items():
         rotation = rotation_about_z(np.radians(table.yaw))
         centre = np.array([*table.position, table.height - table.thickness / 2.0])

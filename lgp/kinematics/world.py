@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -99,6 +99,7 @@ class World:
         lower, upper: joint limits [rad, m], (nq,).
         initial_configuration: (nq,) [rad, m].
         initial_values: initial value of every joint [rad, m], locked joints included.
+        robot_shapes: what `lgp.collision` prepares once of each robot; shared by worlds with other tables and objects.
         planted: soles that must not move: frame -> (rotation (3, 3), position (3,)).
 
     Raises:
@@ -132,6 +133,7 @@ class World:
         self.initial_configuration = self._initial_configuration()
         self._data = self.model.createData()
         self._support: dict[str, Array] = {}
+        self.robot_shapes: dict[str, Any] = {}
         self._add_hands()
         self.planted = self._planted()
 

@@ -28,8 +28,11 @@ class ActiveConstraints(Protocol):
     def names(self) -> list[ConstraintInfo]:
         """Return what each row is about."""
 
-    def evaluate(self, q: Array, z: Array) -> tuple[Array, list[Array]]:
-        """Return the rows (m,) and the entries of their gradients."""
+    def evaluate(self, q: Array, z: Array) -> Array:
+        """Return the rows (m,)."""
+
+    def gradients(self, q: Array, z: Array) -> list[Array]:
+        """Return the entries of the gradients of all rows."""
 
     def hessian_columns(self) -> list[Indices]:
         """Return the unknowns of each block of `hessian`."""
@@ -82,17 +85,22 @@ class MotionConstraints:
             [] if self.collisions is None else self.collisions.names(),
         )
 
-    def evaluate(self, q: Array, z: Array) -> tuple[Array, list[Array]]:
-        """Return the rows (m,) [rad, m] at a path (T, nq) and variables (nz,), and the entries of their gradients."""
-        nothing: tuple[Array, list[Array]] = np.zeros(0), []
-        speeds = nothing if self.speeds is None else self.speeds.evaluate(q)
-        collisions = nothing if self.collisions is None else self.collisions.evaluate(q, z)
+    def evaluate(self, q: Array, z: Array) -> Array:
+        """Return the rows (m,) [rad, m] at a path (T, nq) and variables (nz,)."""
         value = np.zeros(len(self))
-        value[self._is_speed], value[~self._is_speed] = speeds[0], collisions[0]
-        return value, self._gradients(speeds[1], collisions[1])
+        if self.speeds is not None:
+            value[self._is_speed] = self.speeds.evaluate(q)[0]
+        if self.collisions is not None:
+            value[~self._is_speed] = self.collisions.evaluate(q, z)
+        return value
 
-    def _gradients(self, speeds: list[Array], collisions: list[Array]) -> list[Array]:
-        """Return the entries of all rows in their order; those of collisions come as one array, row after row."""
+    def gradients(self, q: Array, z: Array) -> list[Array]:
+        """Return the entries of the gradients of all rows in their order.
+
+        Those of distances alone come as one array, row after row.
+        """
+        speeds = [] if self.speeds is None else self.speeds.evaluate(q)[1]
+        collisions = [] if self.collisions is None else self.collisions.gradients(q, z)
         if not speeds or not collisions or self.collisions is None:
             return speeds or collisions
         sizes = [len(columns) for _, columns in self.collisions.blocks(0)]

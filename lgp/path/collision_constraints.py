@@ -16,11 +16,11 @@ from lgp.collision.contacts import (
     declared_contacts,
     required_distances,
 )
-from lgp.collision.distances import Collisions
+from lgp.collision.distances import Collisions, NearestPoints, sum_by
 from lgp.collision.withdrawals import declared_withdrawals, require_withdrawals
 from lgp.kinematics.interpolation import AROUND, interpolate, interpolation_weights
 from lgp.kinematics.modes import ModeSequence
-from lgp.kinematics.world import World
+from lgp.kinematics.world import Kinematics, World
 from lgp.path.mode_constraints import Blocks, ConstraintInfo
 from lgp.path.phases import Phases
 from reba.arrays import Array, Flags, Indices
@@ -43,6 +43,16 @@ class _Near(NamedTuple):
     value: Array
 
 
+class _Found(NamedTuple):
+    """The nearest points of all constraints at a path (T, nq) and variables (nz,), in the points (u,) they are at."""
+
+    q: Array
+    z: Array
+    points: Indices
+    kinematics: Kinematics
+    nearest: NearestPoints
+
+
 class CollisionConstraints:
     """The active collision constraints of one sequence.
 
@@ -62,6 +72,7 @@ class CollisionConstraints:
         self.points, self.pairs = np.zeros(0, np.intp), np.zeros(0, np.intp)
         self._columns: list[tuple[Indices, Indices]] = []
         self._gradient_entries: tuple[Indices, Indices, Indices] | None = None
+        self._last: _Found | None = None
         self._phase = np.repeat(np.arange(phases.count), phases.slices * POINTS_PER_SLICE)
         clock = Clock.of(phases.phase_durations, phases.seconds, phases.slices)
         contacts = declared_contacts(self.collisions.modes, clock)
@@ -97,7 +108,7 @@ class CollisionConstraints:
             return 0
         self.points = np.concatenate([self.points, near.slices[new]])
         self.pairs = np.concatenate([self.pairs, near.pairs[new]])
-        self._gradient_entries = None
+        self._gradient_entries = self._last = None
         self._columns += [
             self.collisions.dependencies(int(pair), int(self._phase[at]))
             for at, pair in zip(near.slices[new], near.pairs[new], strict=True)
@@ -128,18 +139,33 @@ class CollisionConstraints:
             for point, pair in zip(self.points.tolist(), self.pairs.tolist(), strict=True)
         ]
 
-    def evaluate(self, q: Array, z: Array) -> tuple[Array, list[Array]]:
-        """Return the constraints (m,) [m] at a path (T, nq) and variables (nz,), and the entries of their gradients."""
+    def evaluate(self, q: Array, z: Array) -> Array:
+        """Return the constraints (m,) [m] at a path (T, nq) and variables (nz,)."""
         if not len(self.points):
-            return np.zeros(0), []
-        used, places = np.unique(self.points, return_inverse=True)
-        kinematics = self.world.at(self._between(q, used), self.collisions.frames)
-        distances = self.collisions.distances(kinematics, self._phase[used], z, places, self.pairs)
-        gradients = np.concatenate([distances.by_q, distances.by_variables], axis=1)
+            return np.zeros(0)
+        return np.asarray(self._limits[self.points, self.pairs] - self._found(q, z).nearest.value)
+
+    def gradients(self, q: Array, z: Array) -> list[Array]:
+        """Return the entries of the gradients of all constraints, in the order of `blocks`."""
+        if not len(self.points):
+            return []
+        found = self._found(q, z)
+        places = found.nearest.slices
+        phases = self._phase[found.points]
+        gradients = np.concatenate(self.collisions.gradients(found.kinematics, phases, z, found.nearest), axis=1)
         row, column, around = self._entries()
-        weights = interpolation_weights(self._knots(q), *_share(used))
+        weights = interpolation_weights(self._knots(q), *_share(found.points))
         weight = np.where(around < 0, 1.0, weights[places[row], around, np.minimum(column, self.world.nq - 1)])
-        return self._limits[self.points, self.pairs] - distances.value, [-weight * gradients[row, column]]
+        return [-weight * gradients[row, column]]
+
+    def _found(self, q: Array, z: Array) -> _Found:
+        """Return the nearest points of all constraints; the last ones are stored, for gradients and curvature."""
+        if self._last is None or not (np.array_equal(self._last.q, q) and np.array_equal(self._last.z, z)):
+            used, places = np.unique(self.points, return_inverse=True)
+            kinematics = self.world.at(self._between(q, used), self.collisions.frames_of(self.pairs))
+            nearest = self.collisions.nearest(kinematics, self._phase[used], z, places, self.pairs)
+            self._last = _Found(q.copy(), z.copy(), used, kinematics, nearest)
+        return self._last
 
     def hessian_columns(self) -> list[Indices]:
         """Return the unknowns of each block of `hessian`: those of one agent in the slices nearest to constraints."""
@@ -154,14 +180,15 @@ class CollisionConstraints:
         if not len(self.points):
             return []
         slices, places = np.unique(self._nearest_slices(), return_inverse=True)
-        rows = np.flatnonzero(y > 0.0)
-        used, of_used = np.unique(self.points[rows], return_inverse=True)
-        kinematics = self.world.at(self._between(q, used), self.collisions.frames)
-        by_point = self.collisions.curvature(kinematics, self._phase[used], z, of_used, self.pairs[rows], -y[rows])
         total = np.zeros((len(slices), self.world.nq, self.world.nq))
-        first = np.zeros(len(used), np.intp)
-        first[of_used] = places[rows]
-        np.add.at(total, first, by_point)
+        rows = np.flatnonzero(y > 0.0)
+        if len(rows):
+            found = self._found(q, z)
+            own = found.nearest.rows(rows)
+            by_point = self.collisions.curvature(found.kinematics, self._phase[found.points], own, -y[rows])
+            first = np.zeros(len(found.points), np.intp)
+            first[own.slices] = places[rows]
+            total = sum_by(by_point, first, len(slices))
         return [_convex_part(total[:, columns[:, None], columns]) for columns in self._agents()]
 
     def _agents(self) -> list[Indices]:
@@ -237,8 +264,11 @@ class CollisionConstraints:
 
 def _convex_part(matrices: Array) -> Array:
     """Return symmetric matrices (n, p, p) without their negative eigenvalues."""
-    values, vectors = np.linalg.eigh(matrices)
-    return np.asarray((vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2))
+    convex = np.zeros_like(matrices)
+    curved = np.flatnonzero(matrices.any(axis=(1, 2)))
+    values, vectors = np.linalg.eigh(matrices[curved])
+    convex[curved] = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2)
+    return convex
 
 
 def _share(points: Indices) -> tuple[Indices, Array]:

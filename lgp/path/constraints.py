@@ -27,7 +27,10 @@ from reba.arrays import Array, Indices
 
 @dataclass(frozen=True)
 class Values:
-    """Values (m,) and Jacobian blocks of all rows, in their order; of B points (B, m) and (B, rows, columns)."""
+    """Values (m,) and Jacobian blocks of all rows, in their order; of B points (B, m) and (B, rows, columns).
+
+    Without the Jacobian blocks of the active rows, which few of the points need that a line search tries.
+    """
 
     equality: Array
     inequality: Array
@@ -113,9 +116,7 @@ class Constraints:
         equality, inequality = values.equality[0], values.inequality[0]
         eq_blocks, in_blocks = ([block[0] for block in blocks] for blocks in (values.eq_blocks, values.in_blocks))
         if self._active is not None:
-            value, blocks = self._active.evaluate(q, z)
-            inequality = np.concatenate([inequality, value])
-            in_blocks += blocks
+            inequality = np.concatenate([inequality, self._active.evaluate(q, z)])
         return Values(equality, inequality, eq_blocks, in_blocks, values.switches)
 
     def evaluate_many(self, q: Array, z: Array) -> Values:
@@ -137,9 +138,10 @@ class Constraints:
             np.concatenate(equality, axis=1), np.concatenate(inequality, axis=1), eq_blocks, in_blocks, switches
         )
 
-    def jacobians(self, values: Values) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-        """Return the two sparse Jacobians of evaluated rows; the next call reuses them."""
-        return self._eq.fill(values.eq_blocks), self._in.fill(values.in_blocks)
+    def jacobians(self, values: Values, q: Array, z: Array) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+        """Return the two sparse Jacobians of rows evaluated at (q, z); the next call reuses them."""
+        active = [] if self._active is None else self._active.gradients(q, z)
+        return self._eq.fill(values.eq_blocks), self._in.fill([*values.in_blocks, *active])
 
     def residuals(self, q: Array, z: Array) -> dict[str, float]:
         """Return the largest violations: equality, inequality, and all of them by unit (metres, radians)."""

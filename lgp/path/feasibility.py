@@ -36,8 +36,9 @@ def project_to_feasible(problem: PathProblem, start: Array, tolerance: float = C
     """Return the projection x (n,) of a start to the constraints, and its largest violation [m, rad]."""
 
     def residuals(x: Array, which: Indices) -> tuple[Array, Array]:
-        values = problem.constraints.evaluate(*problem.split(x[0]))
-        equal, limits = problem.constraints.jacobians(values)
+        at = problem.split(x[0])
+        values = problem.constraints.evaluate(*at)
+        equal, limits = problem.constraints.jacobians(values, *at)
         violated = values.inequality > 0.0
         gradients = np.where(violated[:, None], limits.toarray(), 0.0)
         value = np.concatenate([values.equality, np.where(violated, values.inequality, 0.0)])

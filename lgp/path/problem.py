@@ -152,7 +152,7 @@ class PathProblem:
         """Return the convex model at x, in cost units: Gauss-Newton cost, convexified curvature of the switches."""
         q, z = self.split(x)
         values = self._values(x)
-        eq_jac, in_jac = self.constraints.jacobians(values)
+        eq_jac, in_jac = self.constraints.jacobians(values, q, z)
         gradient = np.concatenate(
             [self._acceleration_gradient(q - self.initial_configuration).ravel(), np.zeros(len(z))]
         )

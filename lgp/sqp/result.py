@@ -15,7 +15,7 @@ class SolveStatus(Enum):
     """How a solve ended; the text names the next step."""
 
     OPTIMAL = "the optimality conditions hold within the tolerances"
-    ACCEPTABLE = "constraints hold and the model predicts no further decrease; tighten `decrease` to go on"
+    ACCEPTABLE = "constraints hold, and the model or steps show no further decrease; tighten `decrease` to go on"
     INFEASIBLE = "no step reduces the violation; relax the rows named in `worst` or use another initial point"
     UNBOUNDED = "the cost has no lower bound; add bounds or a regularising term"
     STALLED = "no step improves cost and violation together; check the derivatives or scale the rows"

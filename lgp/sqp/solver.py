@@ -38,6 +38,8 @@ NEAR_CONVERGENCE = 10.0
 """Predicted decrease, relative to the one that ends a solve, below which violations get a second-order correction."""
 NEARLY_FEASIBLE = 30.0
 """Violation, relative to the tolerance, up to which inconsistent rows are not tested."""
+IDLE_STEPS = 3
+"""Consecutive steps between feasible points, each of which decreases the cost by less than the model must predict."""
 RETRIES = 8
 """Dampings tried at one point when no step length is accepted."""
 
@@ -99,7 +101,7 @@ class _Run:
         self.penalty, self.damping, self.damping_hold = solver.options.penalty, 0.0, 0
         self.log: list[Iteration] = []
         self.seconds = {"evaluate": 0.0, "linearise": 0.0, "qp": 0.0, "total": 0.0}
-        self.least_violation, self.stalled, self.penalty_raises = np.inf, 0, 0
+        self.least_violation, self.stalled, self.penalty_raises, self.idle = np.inf, 0, 0, 0
         self.warm: QPResult | None = None
         # Multipliers of the bounds by the last QP; without it they follow from the residuals.
         self.y_box: Array | None = None
@@ -129,6 +131,7 @@ class _Run:
                 return self._result(status or SolveStatus.STALLED, values, errors)
             self._record(errors, values[0], outcome.step, outcome.accepted)
             self._accept(outcome.step, outcome.accepted)
+            self._count_idle(values, outcome.accepted.values)
             values = outcome.accepted.values
 
     def _status(self, errors: Residuals, model: Model, cost: float, first: float) -> SolveStatus | None:
@@ -143,9 +146,17 @@ class _Run:
                 return SolveStatus.INFEASIBLE
         elif errors.violation <= options.violation:
             self.least_violation, self.stalled, self.penalty_raises = np.inf, 0, 0
+        if self.idle >= IDLE_STEPS:
+            return SolveStatus.ACCEPTABLE
         if len(self.log) >= options.iterations:
             return SolveStatus.ITERATIONS
         return SolveStatus.TIME if self.seconds["total"] > options.seconds else None
+
+    def _count_idle(self, before: Values, after: Values) -> None:
+        """Count steps that change nothing: at edges of constraints the model predicts decreases that do not come."""
+        little = before[0] - after[0] <= self.options.decrease * max(1.0, abs(after[0]))
+        feasible = max(violation_max(*values[1:]) for values in (before, after)) <= self.options.violation
+        self.idle = self.idle + 1 if little and feasible else 0
 
     def _locally_infeasible(self, violation: float, model: Model) -> bool:
         """Whether the violation has stopped falling at a stationary point of it, or with inconsistent rows.

@@ -30,12 +30,13 @@ def test_distances_of_points_from_boxes_are_those_of_balls() -> None:
     rows = np.flatnonzero(["point" in kind for kind in kinds])
     assert len(rows) > 20
     values = collisions.values(kinematics, phases, z, slices[rows], pairs[rows])
-    rotations, centres = collisions._poses(kinematics, phases, z)
+    sides = np.array(collisions.pairs)[pairs[rows]].T
+    placed = [collisions.placements.poses(kinematics, phases, z, slices[rows], side) for side in sides]
     request = coal.DistanceRequest()
     request.enable_signed_distance = True
-    for value, at, pair in zip(values, slices[rows], pairs[rows], strict=True):
+    for number, (value, pair) in enumerate(zip(values, pairs[rows], strict=True)):
         shapes = [collisions.shapes[side] for side in collisions.pairs[pair]]
         solids = [coal.Sphere(max(shape.rim, 1e-4)) if shape.kind == "point" else shape.shape for shape in shapes]
-        places = [coal.Transform3s(rotations[at, side], centres[at, side]) for side in collisions.pairs[pair]]
+        places = [coal.Transform3s(rotation[number], centre[number]) for rotation, centre in placed]
         expected = coal.distance(solids[0], places[0], solids[1], places[1], request, coal.DistanceResult())
         assert abs(value - expected) < 2e-4

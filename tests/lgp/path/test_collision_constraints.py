@@ -141,7 +141,7 @@ def test_pairs_in_contact_at_first_may_stay_so_within_the_first_phase(
         rows.add_violated(still, z)
         # Objects move with the phases, so they may touch something new in the first one; bodies of agents do not.
         agents = np.array(["screwdriver" not in row.name for row in rows.names()], dtype=bool)
-        inside = (rows.evaluate(still, z)[0] > MARGIN) & agents
+        inside = (rows.evaluate(still, z) > MARGIN) & agents
         first = rows.points < SLICES * POINTS_PER_SLICE
         touched += int(inside.any())
         assert not inside[first].any()
