@@ -90,5 +90,5 @@ def test_rows_have_the_derivatives_they_say(tmp_path: Path) -> None:
         return np.array([problem.constraints.evaluate(path, z).inequality[own] for z in points])
 
     z = np.random.default_rng(0).uniform(0.05, 0.15, problem.modes.size)
-    jacobian = problem.constraints.jacobians(problem.constraints.evaluate(path, z))[1].toarray()[own]
+    jacobian = problem.constraints.jacobians(problem.constraints.evaluate(path, z), path, z)[1].toarray()[own]
     np.testing.assert_allclose(jacobian[:, -len(z) :], differences(value, z[None])[0], atol=1e-6)

@@ -104,6 +104,6 @@ def test_rows_have_the_derivatives_they_say(tmp_path: Path) -> None:
     def value(points: Array) -> Array:
         return np.array([problem.constraints.evaluate(*problem.split(point)).inequality[own] for point in points])
 
-    jacobian = problem.constraints.jacobians(problem.constraints.evaluate(path, z))[1].toarray()[own]
+    jacobian = problem.constraints.jacobians(problem.constraints.evaluate(path, z), path, z)[1].toarray()[own]
     x = np.concatenate([path.ravel(), z])
     np.testing.assert_allclose(jacobian, differences(value, x[None])[0], atol=1e-6)
