@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lgp.execution.trajectory_export import write_trajectories
     from lgp.experiments.screwdriver_experiment import experiment_screwdriver
     from lgp.experiments.toolbox import experiment_toolbox
+    from lgp.kinematics.actions import ActionConstraint, ActionKind, ActionMoment, Sentences, register_action
     from lgp.kinematics.world import World
     from lgp.motion import Motion
     from lgp.page.page import write_page
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
     from lgp.study.study import run_study
 
 __all__ = [
+    "ActionConstraint",
+    "ActionKind",
+    "ActionMoment",
     "AgentTrajectory",
     "Audit",
     "Ergonomics",
@@ -45,6 +49,7 @@ __all__ = [
     "Plan",
     "Scene",
     "SceneError",
+    "Sentences",
     "SolverOptions",
     "Weights",
     "World",
@@ -54,6 +59,7 @@ __all__ = [
     "experiment_toolbox",
     "load_scene",
     "plan",
+    "register_action",
     "replan",
     "run_plan",
     "run_study",
@@ -63,6 +69,9 @@ __all__ = [
 ]
 # Scenes are read without the numerical packages that planning needs; the commands handle interrupts before any import.
 _LAZY = {
+    "ActionConstraint": "lgp.kinematics.actions",
+    "ActionKind": "lgp.kinematics.actions",
+    "ActionMoment": "lgp.kinematics.actions",
     "AgentTrajectory": "lgp.agent_trajectory",
     "Audit": "lgp.audit.faults",
     "Ergonomics": "lgp.path.ergonomics",
@@ -72,6 +81,7 @@ _LAZY = {
     "Plan": "lgp.plan_record",
     "Scene": "lgp.scene.model",
     "SceneError": "lgp.errors",
+    "Sentences": "lgp.kinematics.actions",
     "SolverOptions": "lgp.sqp.problem",
     "Weights": "lgp.path.costs",
     "World": "lgp.kinematics.world",
@@ -82,6 +92,7 @@ _LAZY = {
     "plan": "lgp.planner",
     "experiment_screwdriver": "lgp.experiments.screwdriver_experiment",
     "experiment_toolbox": "lgp.experiments.toolbox",
+    "register_action": "lgp.kinematics.actions",
     "replan": "lgp.execution.replan_now",
     "run_plan": "lgp.execution.run_plan",
     "write_trajectories": "lgp.execution.trajectory_export",

@@ -26,7 +26,7 @@ from lgp.errors import LgpError, LogicError
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
 from lgp.logic.pddl import SHIPPED, PddlDomain, load_domain
-from lgp.logic.task import Action, Task, ground, parse_atom
+from lgp.logic.task import Action, Task, ground, parse_atom, parse_goal
 from lgp.path.bounds import PathBounds
 from lgp.path.costs import Weights
 from lgp.path.ergonomics import Ergonomics
@@ -138,9 +138,7 @@ def plan_within(
 
 def task_of(scene: Scene) -> Task:
     """Return the symbolic task of a scene; LogicError where its domain, initial state or goal is invalid."""
-    return ground(
-        _domain(scene.domain), scene.object_types, map(parse_atom, scene.initial), map(parse_atom, scene.goal)
-    )
+    return ground(_domain(scene.domain), scene.object_types, map(parse_atom, scene.initial), *parse_goal(scene.goal))
 
 
 def _domain(which: str) -> PddlDomain:

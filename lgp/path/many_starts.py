@@ -156,7 +156,7 @@ class ManyStarts:
         every = np.zeros(values.equality.shape)
         every[:, self._rows[0].kept] = y_eq
         negative = []
-        for columns, block in zip(self._blocks, constraints.switch_hessians(values, z, every), strict=True):
+        for columns, block in zip(self._blocks, constraints.switch_hessians(values, q, z, every), strict=True):
             spectrum, vectors = np.linalg.eigh(block)
             hessian[:, columns[:, None], columns] += _scaled(vectors, np.maximum(spectrum, 0.0))
             negative.append(vectors * np.sqrt(np.maximum(-spectrum, 0.0))[:, None])

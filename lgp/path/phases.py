@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lgp.errors import LgpError
-from lgp.kinematics.modes import ACTIONS, KinematicSwitch
+from lgp.kinematics.actions import kind_of, registered_actions
+from lgp.kinematics.modes import KinematicSwitch
 from lgp.logic.task import Action
 from lgp.scene.model import Scene
 from reba.arrays import Array, Indices
@@ -121,8 +122,10 @@ def switch_of(action: Action) -> KinematicSwitch:
     Raises:
         LgpError: no geometry is known for its name or number of arguments.
     """
-    kind = ACTIONS.get(action.name)
+    kind = kind_of(action.name)
     if kind is None or len(kind.roles) != len(action.arguments):
-        known = "; ".join(f"{name}({one.signature})" for name, one in ACTIONS.items())
-        raise LgpError(f"action {action} has no geometry; expected one of {known}")
-    return KinematicSwitch(action.name, **dict(zip(kind.roles, action.arguments, strict=True)))
+        known = "; ".join(f"{name}({one.signature})" for name, one in registered_actions().items())
+        raise LgpError(
+            f"action {action} has no geometry; expected one of {known}; register yours with lgp.register_action"
+        )
+    return KinematicSwitch.of(action.name, kind.roles, action.arguments)

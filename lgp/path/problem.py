@@ -156,11 +156,11 @@ class PathProblem:
         gradient = np.concatenate(
             [self._acceleration_gradient(q - self.initial_configuration).ravel(), np.zeros(len(z))]
         )
-        hessians = self.constraints.equality_hessians(values, z, y_eq)
+        hessians = self.constraints.equality_hessians(values, q, z, y_eq)
         violation = float(np.abs(values.equality).max(initial=0.0))
-        blocks = self._convexity.convexify(
-            hessians, values.eq_blocks, violation
-        ) + self.constraints.inequality_hessians(q, z, y_in)
+        blocks = self._convexity.convexify(hessians, values.eq_blocks, violation)
+        blocks += self.constraints.inequality_hessians(q, z, y_in)
+        blocks += self.constraints.action_hessians(q, z, y_eq, y_in)
         if self.ergonomics is not None:
             _, score_gradient, score_hessians = self.ergonomics.quadratic_model(q, self.loads, self.stage)
             gradient[self._postures.ravel()] += (self.rates[:, None] * score_gradient).ravel()

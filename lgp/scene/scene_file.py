@@ -381,7 +381,7 @@ def _check_names(scene: Scene) -> None:
                 f"{scene.name}: objects.{scene_object.name} is in unknown hand {scene_object.hand!r}{hint}"
             )
     for text in (*scene.initial, *scene.goal):
-        _, _, inside = text.partition("(")
+        _, _, inside = text.partition("(")  # of a goal that begins with "not " too
         for word in (part.strip() for part in inside.rstrip(") ").split(",")):
             if f"obstacle.{word.removeprefix('obstacle.')}" in scene.obstacles:
                 raise SceneError(
