@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from lgp.experiments.screwdriver_experiment import experiment_screwdriver
     from lgp.experiments.toolbox import experiment_toolbox
     from lgp.kinematics.actions import ActionConstraint, ActionKind, ActionMoment, Sentences, register_action
+    from lgp.kinematics.cost_terms import ConfigurationMoment, TermValues, register_cost_term
     from lgp.kinematics.world import World
     from lgp.motion import Motion
     from lgp.page.page import write_page
@@ -42,6 +43,7 @@ __all__ = [
     "ActionMoment",
     "AgentTrajectory",
     "Audit",
+    "ConfigurationMoment",
     "Ergonomics",
     "LgpError",
     "LogicError",
@@ -51,6 +53,7 @@ __all__ = [
     "SceneError",
     "Sentences",
     "SolverOptions",
+    "TermValues",
     "Weights",
     "World",
     "WorldError",
@@ -60,6 +63,7 @@ __all__ = [
     "load_scene",
     "plan",
     "register_action",
+    "register_cost_term",
     "replan",
     "run_plan",
     "run_study",
@@ -74,6 +78,7 @@ _LAZY = {
     "ActionMoment": "lgp.kinematics.actions",
     "AgentTrajectory": "lgp.agent_trajectory",
     "Audit": "lgp.audit.faults",
+    "ConfigurationMoment": "lgp.kinematics.cost_terms",
     "Ergonomics": "lgp.path.ergonomics",
     "LgpError": "lgp.errors",
     "LogicError": "lgp.errors",
@@ -82,6 +87,7 @@ _LAZY = {
     "Scene": "lgp.scene.model",
     "SceneError": "lgp.errors",
     "Sentences": "lgp.kinematics.actions",
+    "TermValues": "lgp.kinematics.cost_terms",
     "SolverOptions": "lgp.sqp.problem",
     "Weights": "lgp.path.costs",
     "World": "lgp.kinematics.world",
@@ -93,6 +99,7 @@ _LAZY = {
     "experiment_screwdriver": "lgp.experiments.screwdriver_experiment",
     "experiment_toolbox": "lgp.experiments.toolbox",
     "register_action": "lgp.kinematics.actions",
+    "register_cost_term": "lgp.kinematics.cost_terms",
     "replan": "lgp.execution.replan_now",
     "run_plan": "lgp.execution.run_plan",
     "write_trajectories": "lgp.execution.trajectory_export",

@@ -44,7 +44,7 @@ class Replay:
         poses: of each object.
         spans: of each object, the hands and tables that have it, in order.
         holds: hands that hold an object still.
-        touches: hands that work on an object at one sample: a screw.
+        touches: hands at an object that they do not have: at a screw, or a second one that carries it too.
         assemblies: parts that stand as assembled.
         faults: what does not fit.
         unaudited: what it could not judge.
@@ -141,6 +141,8 @@ def _act(run: Replay, number: int, text: str, at: int) -> None:
     for what, amount, sample in own_errors(run.samples, run.poses, kind, who, at):
         _fault(run, "attachment", f"{text}: {what}", amount, sample)
     if kind.attaches_to == "hand":
+        if "second" in who:
+            run.touches.append(Span(who["second"], item_name, at, _next(run, who["second"], number)))
         _take(run, item_name, hand, at)
     elif kind.attaches_to == "table":
         _put(run, text, item_name, who["table"], at)
@@ -153,8 +155,8 @@ def _act(run: Replay, number: int, text: str, at: int) -> None:
 def _check_names(run: Replay, text: str, who: Mapping[str, str]) -> None:
     scene = run.scene
     anything = {*scene.hands, *scene.objects, *scene.tables}
-    known: dict[str, set[str]] = dict.fromkeys(("hand", "giver", "second"), set(scene.hands))
-    known |= {"table": set(scene.tables), "object": set(scene.objects), "other": set(scene.objects)}
+    known = {role: {*scene.hands} for role in ("hand", "giver", "second")}
+    known |= {role: {*scene.objects} for role in ("object", "other")} | {"table": {*scene.tables}}
     for role, name in who.items():
         if name not in known.get(role, anything):
             raise LgpError(f"{text}: the scene has no {name!r}; audit a plan with the scene it was made for")

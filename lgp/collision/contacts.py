@@ -209,12 +209,15 @@ def _intervals(modes: ModeSequence, name: str) -> Iterator[tuple[str, int, int]]
 
 
 def _holds(modes: ModeSequence, seconds: float, tau: float) -> Iterator[Contact]:
-    """Yield the contacts of hands that hold an object in place, or screw it."""
+    """Yield the contacts of hands that hold an object in place, screw it, or carry it with another hand."""
     for hand, number, last in modes.holding_intervals:
         name = modes.switches[number].object_name
         yield Contact(hand, name, (number + 1) * seconds, (last + 1) * seconds + tau, free=True)
         table = modes.attachment(name, number).parent
         yield Contact(hand, table, (number + 1) * seconds, (last + 1) * seconds + tau, touches=False)
+    for hand, number, last in modes.second_intervals:
+        name = modes.switches[number].object_name
+        yield Contact(hand, name, (number + 1) * seconds, (last + 1) * seconds + tau, free=True)
     for hand, name, last in modes.held_at_first:
         yield Contact(hand, name, -math.inf, (last + 1) * seconds + tau, free=True)
         yield Contact(hand, modes.attachment(name, 0).parent, -math.inf, (last + 1) * seconds + tau, touches=False)

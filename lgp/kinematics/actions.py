@@ -94,8 +94,9 @@ class ActionKind:
 
     Attributes:
         roles: of its arguments, in the order of its PDDL parameters. "hand" acts (it takes the object in a handover),
-            "object" is acted on; "table", "giver" (the hand that hands over), "second" (another hand that takes part)
-            and "other" (a second object) are known too; any other role is a hand, object or table for constraints.
+            "object" is acted on; "table", "giver" (the hand that hands over), "second" (another hand, which may touch an
+            object that the first one takes, until its own next action) and "other" (a second object) are known too; any
+            other role is a hand, object or table for constraints.
         attaches_to: "hand" or "table" that the object is attached to from then on; "" leaves its attachment.
         given_by: role of the hand that must have the object before, "" if any attachment will do.
         holds_still: the hand touches the object where it is and does not move until its next action.

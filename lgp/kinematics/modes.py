@@ -159,6 +159,15 @@ class ModeSequence:
             if switch.action.holds_still
         )
 
+    @property
+    def second_intervals(self) -> tuple[tuple[str, int, int], ...]:
+        """Second hands that stay at an object that another one took: (hand, switch from which, its next switch)."""
+        return tuple(
+            (switch.second, number, self._next_act(switch.second, number + 1))
+            for number, switch in enumerate(self.switches)
+            if switch.second and switch.action.attaches_to == "hand"
+        )
+
     def _next_act(self, hand: str, first: int) -> int:
         """Return the first switch from a number on in which a hand takes part, the last one if there is none."""
         last = len(self.switches) - 1

@@ -108,6 +108,11 @@ class Phases:
                 held.pop(switch.object_name, None)
         return np.repeat(masses, self.slices)
 
+    @property
+    def action_cost(self) -> float:
+        """What the actions cost in the PDDL domain."""
+        return sum(action.cost for action in self.actions)
+
     def label(self, number: int) -> str:
         """Return an action as the paper prints it, with its number from 1."""
         return self.actions[number].at(number + 1)

@@ -239,13 +239,14 @@ HAND_CLEARANCE = 0.06
 class SceneCost:
     """The ergonomic cost: a surrogate by name or path, and the weight of a score point for a second or a slice.
 
-    `time_weight` is the cost of a second.
+    `time_weight` is the cost of a second, `terms` the weights of cost terms of one's own.
     """
 
     model: str = COST
     weight: float = 1.0
     per: str = "second"
     time_weight: float = TIME_WEIGHT
+    terms: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
