@@ -94,7 +94,7 @@ class ActionKind:
 
     Attributes:
         roles: of its arguments, in the order of its PDDL parameters. "hand" acts (it takes the object in a handover),
-            "object" is acted on; "table", "giver" (the hand that hands over), "second" (another hand, which may touch an
+            "object" is acted on; "table", "giver" (the hand that hands over), "second" (a hand that may touch an
             object that the first one takes, until its own next action) and "other" (a second object) are known too; any
             other role is a hand, object or table for constraints.
         attaches_to: "hand" or "table" that the object is attached to from then on; "" leaves its attachment.

@@ -131,6 +131,7 @@ def switch_of(action: Action) -> KinematicSwitch:
     if kind is None or len(kind.roles) != len(action.arguments):
         known = "; ".join(f"{name}({one.signature})" for name, one in registered_actions().items())
         raise LgpError(
-            f"action {action} has no geometry; expected one of {known}; register yours with lgp.register_action"
+            f"action {action} has no geometry; expected one of {known}; register yours with "
+            "lgp.register_action, or give its file with --extension"
         )
     return KinematicSwitch.of(action.name, kind.roles, action.arguments)

@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 
 import lgp
+from lgp.collision.contacts import declared_contacts
 from lgp.kinematics import features
 from lgp.kinematics.features import Feature
+from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
+from lgp.path.impossible_actions import impossible
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.planner import parse_sequence, task_of
@@ -125,3 +128,42 @@ def test_wrong_constraints_are_told_in_one_line(tmp_path: Path, feature: Any, fa
     with registered("inspect", kind), pytest.raises(lgp.LgpError) as error:
         problem_of(scene(tmp_path))
     says(error, *facts)
+
+
+def test_a_sequence_of_fixed_grips_has_no_variables(tmp_path: Path) -> None:
+    values = scene_values(tmp_path)
+    values["robots"]["gantry"]["joints"] = {"z": 1.4}
+    values["robots"]["gantry"]["hands"]["hand"]["freedom"] = "fixed"
+    plan = lgp.plan(read_scene(values), cost=None)
+    assert plan.feasible, plan.reason
+    assert plan.variables == {}
+
+
+LIFT = lgp.ActionKind(("hand", "object", "second"), attaches_to="hand")
+TWO = """(define (domain two) (:requirements :strips :typing :equality)
+  (:types hand thing table - object human_hand robot_hand - hand)
+  (:predicates (free ?e - hand) (on_table ?o - thing) (grasped ?e - hand ?o - thing))
+  (:action lift :parameters (?l - hand ?o - thing ?r - hand)
+    :precondition (and (free ?l) (free ?r) (on_table ?o) (not (= ?l ?r)))
+    :effect (and (grasped ?l ?o) (not (free ?l)) (not (free ?r)))))"""
+
+
+@pytest.mark.parametrize(("mass", "reason"), [(5.0, ""), (7.0, "carry up to 6 kg")])
+def test_two_hands_carry_what_both_may(tmp_path: Path, mass: float, reason: str) -> None:
+    values = scene_values(tmp_path, domain=str(tmp_path / "two.pddl"), goal=["grasped(gantry.hand, box)"])
+    (tmp_path / "two.pddl").write_text(TWO)
+    hand = values["robots"]["gantry"]["hands"]["hand"] | {"payload": 3.0}
+    values["robots"]["gantry"]["hands"] = {"hand": hand, "other": {**hand, "frame": "tool"}}
+    values["initial"] = ["on_table(box)", "free(gantry.hand)", "free(gantry.other)"]
+    values["objects"] = {"box": {**values["objects"]["box"], "mass": mass}}
+    with registered("lift", LIFT):
+        one = read_scene(values)
+        skeleton = parse_sequence(task_of(one), ["lift(gantry.hand, box, gantry.other)"])
+        phases = Phases.of(one, skeleton)
+        why = impossible(phases)
+        assert why.endswith(reason), why
+        assert bool(why) == bool(reason)
+        modes = ModeSequence(World(one), phases.switches)
+        assert modes.second_intervals == (("gantry.other", 0, 0),)
+        touching = {(one.first, one.second) for one in declared_contacts(modes, 2.0, 0.2) if one.touches}
+        assert {("gantry.hand", "box"), ("gantry.other", "box")} <= touching
