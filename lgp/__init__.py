@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from lgp.execution.trajectory_export import write_trajectories
     from lgp.experiments.screwdriver_experiment import experiment_screwdriver
     from lgp.experiments.toolbox import experiment_toolbox
+    from lgp.kinematics.actions import ActionConstraint, ActionKind, ActionMoment, Sentences, register_action
+    from lgp.kinematics.cost_terms import ConfigurationMoment, TermValues, register_cost_term
     from lgp.kinematics.world import World
     from lgp.motion import Motion
     from lgp.page.page import write_page
@@ -36,8 +38,12 @@ if TYPE_CHECKING:
     from lgp.study.study import run_study
 
 __all__ = [
+    "ActionConstraint",
+    "ActionKind",
+    "ActionMoment",
     "AgentTrajectory",
     "Audit",
+    "ConfigurationMoment",
     "Ergonomics",
     "LgpError",
     "LogicError",
@@ -45,7 +51,9 @@ __all__ = [
     "Plan",
     "Scene",
     "SceneError",
+    "Sentences",
     "SolverOptions",
+    "TermValues",
     "Weights",
     "World",
     "WorldError",
@@ -54,6 +62,8 @@ __all__ = [
     "experiment_toolbox",
     "load_scene",
     "plan",
+    "register_action",
+    "register_cost_term",
     "replan",
     "run_plan",
     "run_study",
@@ -63,8 +73,12 @@ __all__ = [
 ]
 # Scenes are read without the numerical packages that planning needs; the commands handle interrupts before any import.
 _LAZY = {
+    "ActionConstraint": "lgp.kinematics.actions",
+    "ActionKind": "lgp.kinematics.actions",
+    "ActionMoment": "lgp.kinematics.actions",
     "AgentTrajectory": "lgp.agent_trajectory",
     "Audit": "lgp.audit.faults",
+    "ConfigurationMoment": "lgp.kinematics.cost_terms",
     "Ergonomics": "lgp.path.ergonomics",
     "LgpError": "lgp.errors",
     "LogicError": "lgp.errors",
@@ -72,6 +86,8 @@ _LAZY = {
     "Plan": "lgp.plan_record",
     "Scene": "lgp.scene.model",
     "SceneError": "lgp.errors",
+    "Sentences": "lgp.kinematics.actions",
+    "TermValues": "lgp.kinematics.cost_terms",
     "SolverOptions": "lgp.sqp.problem",
     "Weights": "lgp.path.costs",
     "World": "lgp.kinematics.world",
@@ -82,6 +98,8 @@ _LAZY = {
     "plan": "lgp.planner",
     "experiment_screwdriver": "lgp.experiments.screwdriver_experiment",
     "experiment_toolbox": "lgp.experiments.toolbox",
+    "register_action": "lgp.kinematics.actions",
+    "register_cost_term": "lgp.kinematics.cost_terms",
     "replan": "lgp.execution.replan_now",
     "run_plan": "lgp.execution.run_plan",
     "write_trajectories": "lgp.execution.trajectory_export",

@@ -16,6 +16,7 @@ from lgp.defaults import SCENE_COST
 from lgp.errors import LgpError
 from lgp.execution.commands import run_command
 from lgp.experiments.variants import VARIANT, variants
+from lgp.extensions import run_extension
 from lgp.files import ASSETS, EXPERIMENT_FILES, PAGE_FILES, PICTURES, PLAN_FILE, PLAN_FILES
 from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
@@ -41,12 +42,18 @@ from reba.open_file import read_settings
 
 @click.group(cls=Group, context_settings=GROUP)
 @click.version_option(__version__, prog_name="lgp")
-def cli() -> None:
+@click.option(
+    "--extension", "extensions", multiple=True, metavar="FILE.py",
+    help="Run this Python file first: it registers actions and cost terms of your own. May be repeated.",
+)  # fmt: skip
+def cli(extensions: tuple[str, ...]) -> None:
     """Plan the actions and motions of a human and robots, with ergonomics.
 
     \b
     Start with:  lgp plan screwdriver   a shipped scene, or the path of your own
     """
+    for file in extensions:
+        run_extension(file)
 
 
 @cli.command(epilog="Example: lgp plan screwdriver -o plan/ --tree tree.svg")

@@ -32,7 +32,7 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
     faults = len(summary["audit"]["faults"])
     console.print(
         f"cost {cost['total']:.3f}: acceleration {cost['acceleration']:.3f}, ergonomics {cost['ergonomics']:.3f}, "
-        f"time {cost['time']:.3f}; "
+        f"time {cost['time']:.3f}{_others(cost)}; "
         + (f"the audit found {_count(faults)}, the constraints of the planner are " if faults else "constraints are ")
         + satisfied
     )
@@ -52,6 +52,12 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
     starts = summary["starts"]
     if starts and starts["of"] > 1:
         console.print(f"motion: the best of {starts['of']} starts, of which {starts['agreed']} agree within 1 %")
+
+
+def _others(cost: dict[str, float]) -> str:
+    """Return what a cost has beside that of every plan: terms of one's own, costs of actions."""
+    names = {"terms": "own terms", "actions": "actions"}
+    return "".join(f", {name} {cost[key]:.3f}" for key, name in names.items() if cost.get(key))
 
 
 def show_audit(console: Console, audit: dict[str, Any]) -> None:

@@ -53,7 +53,7 @@ class Plan:
         variables: pose of objects relative to hands and tables: name -> value [m, rad].
         posture: angles of the human (T, 22) [deg] as `reba` defines them, (0, 0) without a human.
         carried: mass in the hands of the human (T,) [kg].
-        costs: total, acceleration, ergonomics, time.
+        costs: total, acceleration, ergonomics, time, cost terms of one's own, what actions cost in the domain.
         weights: of these terms; {} of older plans.
         residuals: largest constraint violations recomputed from the path: equality, inequality, by unit (metres,
             radians), and the deepest penetration of two collision shapes [m], between slices as well.
@@ -125,7 +125,7 @@ class Plan:
             "scene": self.scene.name,
             "actions": list(self.actions),
             "durations": list(self.durations),
-            "cost": self.costs or dict.fromkeys(("total", "acceleration", "ergonomics", "time")),
+            "cost": self.costs or dict.fromkeys(("total", "acceleration", "ergonomics", "time", "terms", "actions")),
             "weights": self.weights,
             "reba": reba,
             "residuals": self.residuals or {"equality": None, "inequality": None},

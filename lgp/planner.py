@@ -26,9 +26,9 @@ from lgp.errors import LgpError, LogicError
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
 from lgp.logic.pddl import SHIPPED, PddlDomain, load_domain
-from lgp.logic.task import Action, Task, ground, parse_atom
+from lgp.logic.task import Action, Task, ground, parse_atom, parse_goal
 from lgp.path.bounds import PathBounds
-from lgp.path.costs import Weights
+from lgp.path.costs import Costs, Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.keyframes import Solution
 from lgp.plan_record import Plan
@@ -138,9 +138,7 @@ def plan_within(
 
 def task_of(scene: Scene) -> Task:
     """Return the symbolic task of a scene; LogicError where its domain, initial state or goal is invalid."""
-    return ground(
-        _domain(scene.domain), scene.object_types, map(parse_atom, scene.initial), map(parse_atom, scene.goal)
-    )
+    return ground(_domain(scene.domain), scene.object_types, map(parse_atom, scene.initial), *parse_goal(scene.goal))
 
 
 def _domain(which: str) -> PddlDomain:
@@ -264,7 +262,7 @@ def _rest(bounds: PathBounds) -> dict[str, Any]:
     """Return the motion of a plan without actions, for a goal that holds already."""
     return {
         "path": np.zeros((0, bounds.world.nq)),
-        "costs": {"total": 0.0, "acceleration": 0.0, "ergonomics": 0.0, "time": 0.0},
+        "costs": {"total": 0.0} | asdict(Costs(0.0, 0.0)),
         "residuals": {"equality": 0.0, "inequality": 0.0, "metres": 0.0, "radians": 0.0, "penetration": 0.0}
         | _start_penetration(bounds),
     }

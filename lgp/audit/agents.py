@@ -33,6 +33,7 @@ class AgentModel:
         soles: frames that must stay where they stand, for planted legs.
         notes: what has no body.
         file: the URDF of a robot.
+        frames: of a person by name: joints, hands and soles.
     """
 
     agent: Agent
@@ -46,6 +47,7 @@ class AgentModel:
     soles: Mapping[str, Frame] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     file: RobotFile | None = None
+    frames: Mapping[str, Frame] = field(default_factory=dict)
 
     def chain(self, number: int) -> list[int]:
         """Return the frames from one to the base, both included."""
@@ -92,6 +94,7 @@ def person_model(person: Human) -> AgentModel:
         parts=tuple(parts),
         legs=legs,
         soles=soles if person.legs == "planted" else {},
+        frames={name: Frame(at, np.eye(3), np.zeros(3)) for name, at in number.items() if name} | frames,
     )
 
 

@@ -5,45 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 
 from lgp.audit.faults import LEVEL, TOUCHING, Fault
 from lgp.audit.grips import direction_error, grip_error, tilt_error, tool_errors
 from lgp.audit.joint_tree import about
+from lgp.audit.own_constraints import own_errors
 from lgp.audit.resting import put_down_errors, rest_pose, resting_errors
 from lgp.audit.samples import Poses, Samples
 from lgp.errors import LgpError
-from lgp.logic.task import parse_atom
+from lgp.kinematics.actions import kind_of
+from lgp.logic.task import parse_atom, parse_goal
 from lgp.scene.model import Scene
 from reba.arrays import Array
-
-
-@dataclass(frozen=True)
-class Meaning:
-    """What an action does, for the audit; another record than that of the planner, on purpose.
-
-    Attributes:
-        roles: its arguments in order: hand, giver, object, other (a second object), table.
-        does: "takes" the object, "puts" it on a table, "holds" it still, "screws" two, or "" for none of it.
-        at_table: whether the hand reaches to a table, so that the limit of its tilt applies.
-    """
-
-    roles: tuple[str, ...]
-    does: str = ""
-    at_table: bool = False
-
-
-MEANINGS: Final[dict[str, Meaning]] = {
-    "grasp": Meaning(("hand", "object"), "takes", at_table=True),
-    "place": Meaning(("hand", "object", "table"), "puts", at_table=True),
-    "handover": Meaning(("giver", "object", "hand"), "takes"),
-    "hold": Meaning(("hand", "object"), "holds", at_table=True),
-    "screw": Meaning(("hand", "object", "other"), "screws"),
-    "release": Meaning(("hand", "object")),
-}
-"""The actions that the audit knows."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +44,7 @@ class Replay:
         poses: of each object.
         spans: of each object, the hands and tables that have it, in order.
         holds: hands that hold an object still.
-        touches: hands that work on an object at one sample: a screw.
+        touches: hands at an object that they do not have: at a screw, or a second one that carries it too.
         assemblies: parts that stand as assembled.
         faults: what does not fit.
         unaudited: what it could not judge.
@@ -146,38 +121,44 @@ def _act(run: Replay, number: int, text: str, at: int) -> None:
     name, _, rest = text.partition("(")
     arguments = [part.strip() for part in rest.removesuffix(")").split(",")]
     arguments = arguments[1:] if re.fullmatch(r"\d+", arguments[0]) else arguments
-    meaning = MEANINGS.get(name)
-    if meaning is None or len(meaning.roles) != len(arguments):
+    kind = kind_of(name)
+    if kind is None or len(kind.roles) != len(arguments):
         what = f"{text}: an action that the audit does not know, so where its objects are is a guess"
         _fault(run, "unknown", what, 0.0, at)
         return
-    who = dict(zip(meaning.roles, arguments, strict=True))
+    who = dict(zip(kind.roles, arguments, strict=True))
     _check_names(run, text, who)
     hand, item_name = who["hand"], who["object"]
-    if meaning.does in ("takes", "puts"):
-        giver = who.get("giver", hand if meaning.does == "puts" else "")
-        parent = run.has(item_name)
+    if kind.attaches_to:
+        giver, parent = who.get(kind.given_by, ""), run.has(item_name)
         if (giver and giver != parent) or (not giver and parent in run.scene.hands):
             _fault(run, "attachment", f"{text}: {parent} has {item_name}", 0.0, at)
-    if meaning.does in ("takes", "holds"):
+    if kind.contact == "hand":
         _check_grip(run, text, hand, item_name, at)
-    tilt = tilt_error(run.scene.hands[hand], pose_at(run.samples.hands[hand], at)) if meaning.at_table else 0.0
+    tilt = tilt_error(run.scene.hands[hand], pose_at(run.samples.hands[hand], at)) if kind.works_at_table else 0.0
     if tilt > LEVEL:
         _fault(run, "attachment", f"{text}: {hand} is tilted {tilt:.1f} deg too far", tilt, at)
-    if meaning.does == "takes":
+    for what, amount, sample in own_errors(run.samples, run.poses, kind, who, at):
+        _fault(run, "attachment", f"{text}: {what}", amount, sample)
+    if kind.attaches_to == "hand":
+        if "second" in who:
+            run.touches.append(Span(who["second"], item_name, at, _next(run, who["second"], number)))
         _take(run, item_name, hand, at)
-    elif meaning.does == "puts":
+    elif kind.attaches_to == "table":
         _put(run, text, item_name, who["table"], at)
-    elif meaning.does == "holds":
+    elif kind.holds_still:
         run.holds.append(Span(hand, item_name, at, _next(run, hand, number)))
-    elif meaning.does == "screws":
+    elif kind.screws:
         _screw(run, text, hand, item_name, who["other"], at)
 
 
 def _check_names(run: Replay, text: str, who: Mapping[str, str]) -> None:
-    known = {"hand": run.scene.hands, "giver": run.scene.hands, "table": run.scene.tables}
+    scene = run.scene
+    anything = {*scene.hands, *scene.objects, *scene.tables}
+    known = {role: {*scene.hands} for role in ("hand", "giver", "second")}
+    known |= {role: {*scene.objects} for role in ("object", "other")} | {"table": {*scene.tables}}
     for role, name in who.items():
-        if name not in known.get(role, run.scene.objects):
+        if name not in known.get(role, anything):
             raise LgpError(f"{text}: the scene has no {name!r}; audit a plan with the scene it was made for")
 
 
@@ -271,11 +252,11 @@ def _check_holds(run: Replay) -> None:
 
 def _check_goal(run: Replay) -> None:
     """Find atoms of the goal with a meaning in space that do not hold at the end."""
-    goal = [parse_atom(text) for text in run.scene.goal]
-    kept = {atom.arguments[1] for atom in goal if atom.predicate == "grasped"}
+    wanted, unwanted = parse_goal(run.scene.goal)
+    kept = {atom.arguments[1] for atom in wanted if atom.predicate == "grasped"}
     holding = {(span.first, span.second) for span in run.holds if span.end is None}
     joined = [{span.first, span.second} for span in run.assemblies if span.end is None]
-    for atom in goal:
+    for atom, so in [*((atom, True) for atom in wanted), *((atom, False) for atom in unwanted)]:
         holds: bool | None = None
         names = atom.arguments
         if atom.predicate == "grasped":
@@ -294,5 +275,6 @@ def _check_goal(run: Replay) -> None:
             holds = set(names) in joined
         if holds is None:
             run.unaudited.append(f"{atom} of the goal: it has no meaning in space that the audit knows")
-        elif not holds:
-            _fault(run, "goal", f"the goal {atom} does not hold", 0.0, run.samples.count - 1)
+        elif holds != so:
+            what = f"the goal {atom} does not hold" if so else f"the goal not {atom} does not hold"
+            _fault(run, "goal", what, 0.0, run.samples.count - 1)

@@ -165,12 +165,15 @@ def _intervals(modes: ModeSequence, name: str) -> Iterator[tuple[str, int, int]]
 
 
 def _holds(modes: ModeSequence, clock: Clock) -> Iterator[Contact]:
-    """Yield the contacts of hands that hold an object in place, or screw it."""
+    """Yield the contacts of hands that hold an object in place, screw it, or carry it with another hand."""
     for hand, number, last in modes.holding_intervals:
         name = modes.switches[number].object_name
         yield Contact(hand, name, float(clock.ends[number + 1]), clock.rested(last + 1), free=True)
         table = modes.attachment(name, number).parent
         yield Contact(hand, table, float(clock.ends[number + 1]), clock.rested(last + 1), touches=False)
+    for hand, number, last in modes.second_intervals:
+        name = modes.switches[number].object_name
+        yield Contact(hand, name, float(clock.ends[number + 1]), clock.rested(last + 1), free=True)
     for hand, name, last in modes.held_at_first:
         yield Contact(hand, name, -math.inf, clock.rested(last + 1), free=True)
         yield Contact(hand, modes.attachment(name, 0).parent, -math.inf, clock.rested(last + 1), touches=False)

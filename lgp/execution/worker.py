@@ -11,7 +11,6 @@ from lgp.execution.fixed_path import holding_hands
 from lgp.execution.retarget import ActionMotion, Planner, TablePose
 from lgp.execution.simulation import GRASP, SimulatedWorld
 from lgp.execution.trajectory import JointTrajectory
-from lgp.kinematics.modes import ACTIONS
 from lgp.logic.task import Action
 from lgp.path.phases import switch_of
 from reba.arrays import Flags
@@ -107,9 +106,9 @@ class Worker:
             return phase  # where the person and a robot meet, they do so where the motion says
         target = None
         if (
-            ACTIONS[action.name].attaches_to == "table"
+            switch_of(action).action.attaches_to == "table"
             and self.behaviour.placement > 0.0
-            and not self._joined(action.arguments[1])
+            and not self._joined(switch_of(action).object_name)
         ):
             x, y, yaw = planner.planned_placement(self._number)
             x, y = self.rng.normal((x, y), self.behaviour.placement)

@@ -15,6 +15,7 @@ from lgp.kinematics import features
 from lgp.kinematics.features import (
     IDENTITY,
     Feature,
+    FullPose,
     cross,
     exponential,
     exponential_with_slope,
@@ -58,15 +59,6 @@ class Pose:
         jacobian[:, :, :nq] = self.by_q
         jacobian[:, :, nq + self.variables.start : nq + self.variables.stop] = self.by_variables
         return FullPose(self.rotation, self.position, jacobian)
-
-
-@dataclass(frozen=True)
-class FullPose:
-    """A pose whose Jacobian (n, 6, nq + nz) is by the configuration and all variables of a sequence."""
-
-    rotation: Array
-    position: Array
-    jacobian: Array
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ the velocity of every later joint b of the chain, so the second derivative of a 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -30,11 +31,87 @@ class Placement(Protocol):
 
 
 @dataclass(frozen=True)
+class FullPose:
+    """A pose whose Jacobian (n, 6, nq + nz) is by the configuration and all variables of a sequence."""
+
+    rotation: Array
+    position: Array
+    jacobian: Array
+
+
+@dataclass(frozen=True)
 class Feature:
-    """A feature of m values (n, m) and its Jacobian (n, m, columns)."""
+    """A feature of m values (n, m) and its Jacobian (n, m, columns).
+
+    It can be shifted and scaled by numbers, (m,) or one for all, and its values chosen: `feature[[0, 1]] - 0.1`.
+    """
 
     value: Array
     jacobian: Array
+
+    def __add__(self, shift: Array | float) -> Feature:
+        return Feature(self.value + shift, self.jacobian)
+
+    def __sub__(self, shift: Array | float) -> Feature:
+        return Feature(self.value - shift, self.jacobian)
+
+    def __mul__(self, factor: Array | float) -> Feature:
+        factors = np.broadcast_to(np.asarray(factor, dtype=float), self.value.shape[1:])
+        return Feature(self.value * factors, self.jacobian * factors[:, None])
+
+    def __neg__(self) -> Feature:
+        return self * -1.0
+
+    def __getitem__(self, which: list[int] | slice) -> Feature:
+        return Feature(self.value[:, which], self.jacobian[:, which])
+
+
+def stack(*features: Feature) -> Feature:
+    """Return the values of several features as one."""
+    values, jacobians = ([getattr(one, name) for one in features] for name in ("value", "jacobian"))
+    return Feature(np.concatenate(values, axis=1), np.concatenate(jacobians, axis=1))
+
+
+def offset(place: Placement, by: Sequence[float], turn: Array | None = None) -> FullPose:
+    """Return the placement of a point fixed to a frame: (3,) [m] in its axes, turned by a rotation (3, 3)."""
+    arm = place.rotation @ np.asarray(by, dtype=float)
+    jacobian = place.jacobian.copy()
+    jacobian[:, :3] += cross(place.jacobian[:, 3:], arm)
+    return FullPose(place.rotation if turn is None else place.rotation @ turn, place.position + arm, jacobian)
+
+
+def relative_position(first: Placement, second: Placement) -> Feature:
+    """Return the position [m] of the second frame in the axes of the first, (n, 3)."""
+    away, back = second.position - first.position, np.swapaxes(first.rotation, 1, 2)
+    moved = second.jacobian[:, :3] - first.jacobian[:, :3] - cross(first.jacobian[:, 3:], away)
+    return Feature((back @ away[:, :, None])[:, :, 0], back @ moved)
+
+
+def difference(first: Placement, second: Placement) -> Feature:
+    """Return the position of the first frame minus that of the second [m], in the axes of the world, (n, 3)."""
+    return Feature(first.position - second.position, first.jacobian[:, :3] - second.jacobian[:, :3])
+
+
+def distance(first: Placement, second: Placement) -> Feature:
+    """Return the distance of two frames [m], (n, 1); at one point as `nearness`."""
+    return -nearness(first, second, 0.0)
+
+
+def outside_cone(eye: Placement, target: Placement, half_angle: float, number: int = 2) -> Feature:
+    """Return cos(half angle) - cos(angle from axis `number` of an eye to a target), (n, 1): <= 0 where it is in view.
+
+    Args:
+        half_angle: of the cone [deg].
+        number: axis 0, 1 or 2 of the eye along which it looks.
+    """
+    away = target.position - eye.position
+    length = np.maximum(np.linalg.norm(away, axis=1), SMALL)[:, None]
+    direction, looks = away / length, axis(eye, number)
+    moved = target.jacobian[:, :3] - eye.jacobian[:, :3]
+    cosine = np.einsum("ni,ni->n", direction, looks.value)
+    across = (looks.value - cosine[:, None] * direction) / length
+    slope = np.einsum("ni,nij->nj", direction, looks.jacobian) + np.einsum("ni,nij->nj", across, moved)
+    return Feature(np.cos(np.radians(half_angle)) - cosine[:, None], -slope[:, None])
 
 
 def position(place: Placement, target: Array | float = 0.0) -> Feature:

@@ -1,21 +1,21 @@
 """Kinematic switches and modes of a sequence of actions, after logic-geometric programming (Toussaint 2015).
 
 Action k ends phase k, both counted from 0, with a kinematic switch. A mode is what every object is attached to during
-one phase: a hand or a table. `ACTIONS` says what each kind of action does to the modes; the pose of the object stays
-continuous in every switch. The pose of an object relative to a hand or table is a few variables, shared by all slices
-until its next switch; z (nz,) holds the variables of the complete sequence. An object's pose depends on the
-configuration of its own slice and on the variables of its own attachment, so constraints stay local.
+one phase: a hand or a table. Records of `lgp.kinematics.actions` say what each action does to the modes; the pose of
+the object stays continuous in every switch. The pose of an object relative to a hand or table is a few variables,
+shared by all slices until its next switch; z (nz,) holds the variables of the complete sequence. An object's pose
+depends on the configuration of its own slice and on the variables of its own attachment, so constraints stay local.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from lgp.errors import WorldError
+from lgp.kinematics.actions import ROLES, ActionKind, kind_of, registered_actions
 from lgp.kinematics.attachments import Attachment, Pose, ScrewConstraint, fixed_in, fixed_on, held, placed
 from lgp.kinematics.features import Feature, pose_difference
 from lgp.kinematics.world import Kinematics, World
@@ -25,77 +25,16 @@ from reba.errors import did_you_mean
 
 
 @dataclass(frozen=True)
-class ActionKind:
-    """The geometry of one kind of action.
-
-    Attributes:
-        roles: fields of `KinematicSwitch` that its arguments fill, in the order of its PDDL parameters.
-        attaches_to: "hand" or "table" that the object is attached to from then on; "" leaves its attachment.
-        given_by: field of the hand that must have the object before, "" if any attachment will do.
-        holds_still: the hand touches the object where it is and does not move until its next action.
-        screws: the hand brings its tool to the screw of two objects that stand as their assembly says.
-        works_at_table: the hand reaches to a table top, so that the limit of its tilt applies.
-        conflict_scope: what decides whether the pose of the switch is feasible: the "action" alone, the "table" that
-            the object is on, or the complete "sequence" before. The search refuses sequences with a known conflict.
-        verb: of messages, "hands over".
-    """
-
-    roles: tuple[str, ...]
-    attaches_to: str = ""
-    given_by: str = ""
-    holds_still: bool = False
-    screws: bool = False
-    works_at_table: bool = False
-    conflict_scope: str = "sequence"
-    verb: str = ""
-
-    @property
-    def signature(self) -> str:
-        """The arguments as a plan prints them: `hand, object, table`."""
-        return ", ".join(role.removesuffix("_name") for role in self.roles)
-
-    @property
-    def contact(self) -> str:
-        """ "hand" or "table" that touches the object in the switch, "" for none."""
-        return "hand" if self.holds_still else self.attaches_to
-
-
-HAND_OBJECT = ("hand", "object_name")
-ACTIONS: Final[dict[str, ActionKind]] = {
-    "grasp": ActionKind(HAND_OBJECT, attaches_to="hand", works_at_table=True, conflict_scope="table"),
-    "place": ActionKind(
-        (*HAND_OBJECT, "table"),
-        attaches_to="table",
-        given_by="hand",
-        works_at_table=True,
-        conflict_scope="action",
-        verb="places",
-    ),
-    "handover": ActionKind(
-        ("giver", "object_name", "hand"),
-        attaches_to="hand",
-        given_by="giver",
-        conflict_scope="action",
-        verb="hands over",
-    ),
-    "hold": ActionKind(HAND_OBJECT, holds_still=True, works_at_table=True, conflict_scope="table"),
-    "screw": ActionKind((*HAND_OBJECT, "other"), screws=True),
-    "release": ActionKind(HAND_OBJECT),
-}
-"""Geometry of each action by its name in the PDDL domain: those of Busch, Toussaint & Lopes 2018, and release.
-
-A new action is a record here, an action in a PDDL domain, and a sentence in `lgp/page/data/sentences.toml`."""
-
-
-@dataclass(frozen=True)
 class KinematicSwitch:
-    """One action, of a kind in `ACTIONS`, as geometry.
+    """One action, of a registered kind, as geometry.
 
     Attributes:
         hand: that acts; the one that takes the object in a handover.
         table: on which the object is placed.
         giver: hand that hands it over.
         other: object that it is screwed to.
+        second: another hand that takes part.
+        more: further (role, name).
 
     >>> KinematicSwitch("place", "baxter.left", "screwdriver", "table.left").action.attaches_to
     'table'
@@ -107,16 +46,34 @@ class KinematicSwitch:
     table: str = ""
     giver: str = ""
     other: str = ""
+    second: str = ""
+    more: tuple[tuple[str, str], ...] = ()
+
+    @staticmethod
+    def of(name: str, roles: Sequence[str], arguments: Sequence[str]) -> KinematicSwitch:
+        """Return the switch of an action whose arguments have these roles, in their order."""
+        given = dict(zip(roles, arguments, strict=True))
+        more = tuple((role, given.pop(role)) for role in roles if role not in ROLES)
+        return KinematicSwitch(name, object_name=given.pop("object"), more=more, **given)
 
     @property
     def action(self) -> ActionKind:
-        """The geometry of its kind."""
-        return ACTIONS[self.kind]
+        """The geometry of its kind; WorldError where none is registered."""
+        kind = kind_of(self.kind)
+        if kind is None:
+            raise WorldError(f"unknown kind of action {self.kind!r}, expected one of {', '.join(registered_actions())}")
+        return kind
+
+    @property
+    def arguments(self) -> dict[str, str]:
+        """Role -> name, of all that are given."""
+        known = {role: getattr(self, "object_name" if role == "object" else role) for role in ROLES}
+        return {role: name for role, name in known.items() if name} | dict(self.more)
 
     @property
     def hands(self) -> tuple[str, ...]:
         """The hands that take part."""
-        return (self.hand, self.giver) if self.giver else (self.hand,)
+        return tuple(dict.fromkeys(name for name in (self.hand, self.giver, self.second) if name))
 
 
 def jaw_opening(modes: ModeSequence, hand: str, phase: int, width: float) -> float:
@@ -202,6 +159,15 @@ class ModeSequence:
             if switch.action.holds_still
         )
 
+    @property
+    def second_intervals(self) -> tuple[tuple[str, int, int], ...]:
+        """Second hands that stay at an object that another one took: (hand, switch from which, its next switch)."""
+        return tuple(
+            (switch.second, number, self._next_act(switch.second, number + 1))
+            for number, switch in enumerate(self.switches)
+            if switch.second and switch.action.attaches_to == "hand"
+        )
+
     def _next_act(self, hand: str, first: int) -> int:
         """Return the first switch from a number on in which a hand takes part, the last one if there is none."""
         last = len(self.switches) - 1
@@ -280,18 +246,21 @@ class ModeSequence:
 
     def _check(self, number: int, switch: KinematicSwitch) -> None:
         scene = self.world.scene
-        if switch.kind not in ACTIONS:
-            raise WorldError(f"action {number + 1}: unknown kind {switch.kind!r}, expected one of {', '.join(ACTIONS)}")
-        objects = dict.fromkeys(("object_name", "other"), scene.objects)
+        if kind_of(switch.kind) is None:
+            known_kinds = ", ".join(registered_actions())
+            raise WorldError(f"action {number + 1}: unknown kind {switch.kind!r}, expected one of {known_kinds}")
+        objects = dict.fromkeys(("object", "other"), scene.objects)
+        anything = {**scene.hands, **scene.objects, **scene.tables}
+        hands = dict.fromkeys(("hand", "giver", "second"), scene.hands)
         for role in switch.action.roles:
-            known = {"table": scene.tables, **objects}.get(role, scene.hands)
-            name = getattr(switch, role)
+            known = {"table": scene.tables, **objects, **hands}.get(role, anything)
+            name = switch.arguments.get(role, "")
             if name not in known:
                 hint = did_you_mean(name, known) or f"; known are {', '.join(known)}"
                 what = "object" if role in objects else role
                 raise WorldError(f"action {number + 1} ({switch.kind}): unknown {what} {name!r}{hint}")
         action, parent = switch.action, self._attachments[switch.object_name][number].parent
-        giver = getattr(switch, action.given_by) if action.given_by else parent
+        giver = switch.arguments[action.given_by] if action.given_by else parent
         if parent != giver:
             raise WorldError(
                 f"action {number + 1}: {giver} {action.verb} {switch.object_name}, attached to {parent}; grasp it first"

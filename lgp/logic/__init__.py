@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from lgp.logic.heuristic import RelaxedPlan, relaxed_plan, why_unreachable
 from lgp.logic.pddl import ActionSchema, PddlDomain, load_domain, parse_domain
-from lgp.logic.task import Action, Atom, Task, ground, parse_atom
+from lgp.logic.task import Action, Atom, Task, ground, parse_atom, parse_goal
 
 __all__ = [
     "Action",
@@ -20,6 +20,7 @@ __all__ = [
     "load_domain",
     "parse_atom",
     "parse_domain",
+    "parse_goal",
     "relaxed_plan",
     "why_unreachable",
 ]

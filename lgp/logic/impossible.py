@@ -7,9 +7,12 @@ excluded.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import combinations_with_replacement
+
 import numpy as np
 
-from lgp.logic.task import Action, Atom, Task
+from lgp.logic.task import Action, Atom, Change, Task
 from reba.arrays import Array, Indices
 
 STATES = 20_000
@@ -63,7 +66,7 @@ def fewest_actions(task: Task, states: int = STATES) -> int | None:
 def _pairs(task: Task) -> Array:
     """Return (atoms, atoms) bool: which pairs may be true together; the diagonal says which atoms may be true."""
     size = len(task.atoms)
-    actions = [_columns(action, size) for action in task.actions]
+    actions = [_columns(one, left, size) for action in task.actions for one, left in _cases(action)]
     together = np.zeros((size, size), dtype=bool)
     first = _indices(task.initial, size)
     together[np.ix_(first, first)] = True
@@ -80,11 +83,19 @@ def _pairs(task: Task) -> Array:
     return together
 
 
-def _columns(action: Action, size: int) -> tuple[Indices, Indices, Indices]:
-    """Return the atoms that an action needs, that it adds, and that are false after it."""
+def _cases(action: Action) -> Iterator[tuple[Change, int]]:
+    """Yield what an action does with none, one or two of its conditional effects, and all atoms that it may add."""
+    parts, left = (Change(0, 0, 0, 0), *action.conditional), action.any_change.adds
+    always = Change(action.needs, action.forbids, action.adds, action.deletes)
+    for one, other in combinations_with_replacement(parts, 2):
+        yield Change(*(a | b | c for a, b, c in zip(always, one, other, strict=True))), left
+
+
+def _columns(case: Change, left: int, size: int) -> tuple[Indices, Indices, Indices]:
+    """Return the atoms that an action needs, that it adds, and that are false after it; `left` are all it may add."""
     # What it forbids is false before it, and after it unless the action adds it.
-    gone = (action.deletes | action.forbids) & ~action.adds
-    needs, adds, gone_atoms = (_indices(mask, size) for mask in (action.needs, action.adds, gone))
+    gone = (case.deletes | case.forbids) & ~left
+    needs, adds, gone_atoms = (_indices(mask, size) for mask in (case.needs, case.adds, gone))
     return needs, adds, gone_atoms
 
 

@@ -1,4 +1,4 @@
-"""PDDL domains (typed STRIPS with negative preconditions), parsed with the `pddl` package.
+"""PDDL domains (typed STRIPS with negation, equality, conditional effects, action costs), parsed with `pddl`.
 
 A `PddlDomain` is plain data: types, predicates with their argument types, and action schemas whose preconditions and
 effects are lists of literals over the parameters.
@@ -19,7 +19,13 @@ from lgp.errors import LogicError
 from reba.errors import did_you_mean
 from reba.open_file import read_settings
 
-SUPPORTED: Final = frozenset({":strips", ":typing", ":negative-preconditions"})
+SUPPORTED: Final = frozenset(
+    {":strips", ":typing", ":negative-preconditions", ":equality", ":conditional-effects", ":action-costs"}
+)
+EQUAL: Final = "="
+"""The predicate of an equality; it is decided when parameters are bound."""
+COST: Final = "total-cost"
+"""The only function: what actions cost in sum."""
 SHIPPED: Final = Path(__file__).resolve().parents[1] / "domains"
 
 
@@ -32,13 +38,32 @@ class Literal(NamedTuple):
 
 
 @dataclass(frozen=True)
+class ConditionalEffect:
+    """What an action changes if its condition holds before it."""
+
+    condition: tuple[Literal, ...]
+    effect: tuple[Literal, ...]
+
+
+@dataclass(frozen=True)
 class ActionSchema:
-    """A lifted action: literals over its parameters, which are (name with question mark, allowed types) in order."""
+    """A lifted action: literals over its parameters, which are (name with question mark, allowed types) in order.
+
+    `cost` is what it adds to the total cost, in units of the planner's cost.
+    """
 
     name: str
     parameters: tuple[tuple[str, frozenset[str]], ...]
     precondition: tuple[Literal, ...]
     effect: tuple[Literal, ...]
+    conditional: tuple[ConditionalEffect, ...] = ()
+    cost: float = 0.0
+
+    @property
+    def literals(self) -> tuple[Literal, ...]:
+        """Every literal of its precondition and effects."""
+        parts = [part for one in self.conditional for part in (one.condition, one.effect)]
+        return tuple(literal for part in (self.precondition, self.effect, *parts) for literal in part)
 
 
 @dataclass(frozen=True)
@@ -102,7 +127,7 @@ def parse_domain(text: str, where: str = "domain") -> PddlDomain:
     """Return the domain that a PDDL text describes.
 
     Raises:
-        LogicError: the text is not PDDL or not typed STRIPS with negative preconditions; with line and column.
+        LogicError: the text is not PDDL, or has more than `SUPPORTED`; with line and column.
     """
     from lark.exceptions import LarkError, UnexpectedInput
     from pddl.exceptions import PDDLError
@@ -155,8 +180,7 @@ def _convert(parsed: Any, text: str, where: str) -> PddlDomain:
     for action in parsed.actions:
         parameters = tuple((f"?{p.name}", kinds(p)) for p in action.parameters)
         precondition = _literals(action.precondition, text, where, f"precondition of {action.name}")
-        effect = _literals(action.effect, text, where, f"effect of {action.name}")
-        actions.append(ActionSchema(str(action.name), parameters, precondition, effect))
+        actions.append(ActionSchema(str(action.name), parameters, precondition, *_effects(action, text, where)))
     # The parser returns actions as a set; file order makes searches repeatable.
     actions.sort(key=lambda schema: (_offset(text, schema.name), schema.name))
     return PddlDomain(
@@ -176,19 +200,65 @@ def _literals(formula: Any, text: str, where: str, what: str) -> tuple[Literal, 
         return tuple(literal for part in formula.operands for literal in _literals(part, text, where, what))
     positive = kind != "Not"
     inner = formula if positive else formula.argument
-    if type(inner).__name__ != "Predicate":
+    equal = type(inner).__name__ == "EqualTo" and what.startswith(CONDITIONS)
+    if type(inner).__name__ != "Predicate" and not equal:
+        expected = ["predicates", "(and ...)", "(not ...)", *(["(= ...)"] if what.startswith(CONDITIONS) else [])]
+        expected += [] if what.startswith(CONDITIONS) else ["(when ...)", "(increase (total-cost) NUMBER)"]
         raise LogicError(
-            f"{where}: {what} contains {kind.lower()!r}, expected predicates, (and ...) and (not ...) only"
+            f"{where}: {_place(text, what.rpartition(' ')[2])}{what} contains {type(inner).__name__.lower()!r}, "
+            f"expected {', '.join(expected)} only"
         )
-    terms = tuple(f"?{t.name}" if type(t).__name__ == "Variable" else str(t.name) for t in inner.terms)
-    return (Literal(str(inner.name), terms, positive),)
+    given = (inner.left, inner.right) if equal else inner.terms
+    terms = tuple(f"?{t.name}" if type(t).__name__ == "Variable" else str(t.name) for t in given)
+    return (Literal(EQUAL if equal else str(inner.name), terms, positive),)
+
+
+CONDITIONS: Final = ("precondition", "condition")
+"""How the names of formulas begin that are conditions, not effects."""
+
+
+def _effects(action: Any, text: str, where: str) -> tuple[tuple[Literal, ...], tuple[ConditionalEffect, ...], float]:
+    """Return the effects of an action: unconditional, conditional, and its cost."""
+    always: list[Literal] = []
+    conditional: list[ConditionalEffect] = []
+    cost = 0.0
+    waiting = [action.effect]
+    while waiting:
+        part = waiting.pop(0)
+        kind = type(part).__name__
+        if kind == "And":
+            waiting = [*part.operands, *waiting]
+        elif kind == "When":
+            condition = _literals(part.condition, text, where, f"condition of {action.name}")
+            conditional.append(
+                ConditionalEffect(condition, _literals(part.effect, text, where, f"effect of {action.name}"))
+            )
+        elif kind == "Increase":
+            cost += _cost(part, action.name, text, where)
+        else:
+            always += _literals(part, text, where, f"effect of {action.name}")
+    return tuple(always), tuple(conditional), cost
+
+
+def _cost(part: Any, action: str, text: str, where: str) -> float:
+    """Return the number by which an action increases the total cost."""
+    function, amount = part.operands
+    value = float(amount.value) if type(amount).__name__ == "NumericValue" else -1.0
+    if str(getattr(function, "name", "")) != COST or not 0.0 <= value < float("inf"):
+        raise LogicError(
+            f"{where}: {_place(text, action)}effect of {action} is {part}, "
+            "expected (increase (total-cost) NUMBER) with a number of 0 or more"
+        )
+    return value
 
 
 def _checked(domain: PddlDomain, text: str, where: str) -> PddlDomain:
     """Return the domain if its actions use only predicates and types that it declares."""
     for schema in domain.actions:
         types = dict(schema.parameters)
-        for literal in (*schema.precondition, *schema.effect):
+        for literal in schema.literals:
+            if literal.predicate == EQUAL:
+                continue
             at = _place(text, literal.predicate)
             if literal.predicate not in domain.predicates:
                 hint = did_you_mean(literal.predicate, domain.predicates)

@@ -1,4 +1,4 @@
-"""Ground planning tasks: a state is an integer with one bit per atom, an action is four bit masks."""
+"""Ground planning tasks: a state is an integer with one bit per atom, an action is four bit masks and its cost."""
 
 from __future__ import annotations
 
@@ -6,11 +6,26 @@ import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property, reduce
+from operator import or_
 from typing import Final, NamedTuple
 
 from lgp.errors import LogicError
-from lgp.logic.pddl import ActionSchema, Literal, PddlDomain
+from lgp.logic.pddl import EQUAL, ActionSchema, ConditionalEffect, Literal, PddlDomain
 from reba.errors import did_you_mean
+
+
+class Change(NamedTuple):
+    """What happens if some atoms are true and others false: masks, as of an action."""
+
+    needs: int
+    forbids: int
+    adds: int
+    deletes: int
+
+    def applies(self, state: int) -> bool:
+        """Return whether its conditions are satisfied in a state."""
+        return state & self.needs == self.needs and not state & self.forbids
 
 
 @dataclass(frozen=True)
@@ -20,6 +35,8 @@ class Action:
     Attributes:
         needs, forbids: masks of the positive and negative preconditions.
         adds, deletes: masks of the effects; adding wins where an atom is in both.
+        conditional: further effects, each if its conditions hold before the action.
+        cost: what it adds to the cost of a plan.
     """
 
     name: str
@@ -28,20 +45,38 @@ class Action:
     forbids: int
     adds: int
     deletes: int
+    conditional: tuple[Change, ...] = ()
+    cost: float = 0.0
 
     def applies(self, state: int) -> bool:
         """Return whether the preconditions are satisfied in a state."""
         return state & self.needs == self.needs and not state & self.forbids
 
+    def changes(self, state: int) -> tuple[int, int]:
+        """Return the masks of what the action adds and deletes in a state."""
+        adds, deletes = self.adds, self.deletes
+        for one in self.conditional:
+            if one.applies(state):
+                adds, deletes = adds | one.adds, deletes | one.deletes
+        return adds, deletes
+
     def apply(self, state: int) -> int:
         """Return the state after the action."""
-        return (state & ~self.deletes) | self.adds
+        adds, deletes = self.changes(state)
+        return (state & ~deletes) | adds
+
+    @property
+    def any_change(self) -> Change:
+        """All that it may depend on and all that it may change."""
+        parts = (Change(self.needs, self.forbids, self.adds, self.deletes), *self.conditional)
+        return Change(*(reduce(or_, masks) for masks in zip(*parts, strict=True)))
 
     def commutes_with(self, other: Action) -> bool:
         """Return whether two actions are independent: neither order changes what the other needs or leaves."""
+        pair = self.any_change, other.any_change
         return not any(
             (one.adds | one.deletes) & (two.needs | two.forbids) or one.adds & two.deletes
-            for one, two in ((self, other), (other, self))
+            for one, two in (pair, pair[::-1])
         )
 
     def at(self, step: int) -> str:
@@ -61,6 +96,7 @@ class Task:
         atoms: every reachable atom, in a fixed order; atom i is bit i of a state.
         actions: every applicable action, in a fixed order.
         goal: mask of the atoms that must be true at the end.
+        goal_not: mask of the atoms that must be false at the end.
     """
 
     domain: PddlDomain
@@ -69,6 +105,26 @@ class Task:
     actions: tuple[Action, ...]
     initial: int
     goal: int
+    goal_not: int = 0
+
+    @cached_property
+    def rules(self) -> tuple[tuple[Change, Action], ...]:
+        """What each action may do, one rule for its effects and one for each conditional effect."""
+        rules = []
+        for action in self.actions:
+            always = Change(action.needs, action.forbids, action.adds, action.deletes)
+            rules.append((always, action))
+            rules += [
+                (Change(one.needs | action.needs, one.forbids | action.forbids, one.adds, one.deletes), action)
+                for one in action.conditional
+            ]
+        return tuple(rules)
+
+    @property
+    def goal_text(self) -> str:
+        """The goal in words: `placed(box, table.a) and not held(box)`."""
+        texts = [str(atom) for atom in self.holding(self.goal)]
+        return " and ".join([*texts, *(f"not {atom}" for atom in self.holding(self.goal_not))])
 
     def successors(self, state: int) -> Iterator[tuple[Action, int]]:
         """Yield every applicable action with its successor state; actions without an effect are left out."""
@@ -80,7 +136,7 @@ class Task:
 
     def is_goal(self, state: int) -> bool:
         """Return whether a state satisfies the goal."""
-        return state & self.goal == self.goal
+        return state & self.goal == self.goal and not state & self.goal_not
 
     def holding(self, state: int) -> tuple[Atom, ...]:
         """Return the atoms that are true in a state."""
@@ -96,8 +152,16 @@ class Task:
         raise LogicError(f"action {text!r} does not exist or never becomes applicable{hint}")
 
 
-def ground(domain: PddlDomain, objects: Mapping[str, str], initial: Iterable[Atom], goal: Iterable[Atom]) -> Task:
+def ground(
+    domain: PddlDomain,
+    objects: Mapping[str, str],
+    initial: Iterable[Atom],
+    goal: Iterable[Atom],
+    goal_not: Iterable[Atom] = (),
+) -> Task:
     """Return the ground task of a domain for some objects, given as object -> type of the domain.
+
+    Atoms of `goal_not` must be false at the end.
 
     It has only actions and atoms that are reachable under delete relaxation, and the atoms of the goal.
 
@@ -108,14 +172,16 @@ def ground(domain: PddlDomain, objects: Mapping[str, str], initial: Iterable[Ato
     for name, kind in constants.items():
         if kind not in domain.supertypes and kind != "object":
             raise LogicError(f"object {name!r} has unknown type {kind!r}{did_you_mean(kind, domain.supertypes)}")
-    first, final = set(initial), set(goal)
-    for atom in sorted(first | final):
+    first, final, absent = set(initial), set(goal), set(goal_not)
+    for atom in sorted(first | final | absent):
         _check(domain, constants, atom)
+    if final & absent:
+        raise LogicError(f"the goal has {min(final & absent)} and its negation; leave one of them out")
     reachable, candidates = _reachable(domain, constants, set(first))
-    atoms = tuple(sorted(reachable | final))
+    atoms = tuple(sorted(reachable | final | absent))
     bit = {atom: 1 << index for index, atom in enumerate(atoms)}
     actions = tuple(_action(schema, binding, bit) for schema, binding in candidates)
-    masks = (sum(bit[atom] for atom in group) for group in (first, final))
+    masks = (sum(bit[atom] for atom in group) for group in (first, final, absent))
     return Task(domain, constants, atoms, actions, *masks)
 
 
@@ -138,7 +204,20 @@ def _check(domain: PddlDomain, objects: Mapping[str, str], atom: Atom) -> None:
 def _bindings(domain: PddlDomain, objects: Mapping[str, str], schema: ActionSchema) -> Iterator[dict[str, str]]:
     choices = [[name for name, kind in objects.items() if domain.is_a(kind, kinds)] for _, kinds in schema.parameters]
     for chosen in itertools.product(*choices):
-        yield dict(zip((name for name, _ in schema.parameters), chosen, strict=True))
+        binding = dict(zip((name for name, _ in schema.parameters), chosen, strict=True))
+        if _equalities_hold(schema.precondition, binding):
+            yield binding
+
+
+def _equalities_hold(literals: Iterable[Literal], binding: Mapping[str, str]) -> bool:
+    """Return whether the equalities among some literals are true."""
+    pairs = [(_bound(one, binding).arguments, one.positive) for one in literals if one.predicate == EQUAL]
+    return all((first == second) == positive for (first, second), positive in pairs)
+
+
+def _conditional(schema: ActionSchema, binding: Mapping[str, str]) -> Iterator[ConditionalEffect]:
+    """Yield the conditional effects whose equalities are true."""
+    return (one for one in schema.conditional if _equalities_hold(one.condition, binding))
 
 
 def _bound(literal: Literal, binding: Mapping[str, str]) -> Atom:
@@ -158,14 +237,25 @@ def _reachable(
         later = []
         for entry in waiting:
             schema, binding = entry
-            if all(_bound(lit, binding) in known for lit in schema.precondition if lit.positive):
+            if _known(schema.precondition, binding, known):
                 known |= {_bound(lit, binding) for lit in schema.effect if lit.positive}
                 reached.append(entry)
                 changed = True
             else:
                 later.append(entry)
         waiting = later
+        for schema, binding in reached:
+            for one in _conditional(schema, binding):
+                new = {_bound(lit, binding) for lit in one.effect if lit.positive} - known
+                if new and _known(one.condition, binding, known):
+                    known |= new
+                    changed = True
     return known, sorted(reached, key=lambda entry: order[id(entry)])
+
+
+def _known(literals: Iterable[Literal], binding: Mapping[str, str], known: set[Atom]) -> bool:
+    """Return whether all positive literals are among known atoms."""
+    return all(_bound(one, binding) in known for one in literals if one.positive and one.predicate != EQUAL)
 
 
 def _action(schema: ActionSchema, binding: Mapping[str, str], bit: Mapping[Atom, int]) -> Action:
@@ -173,6 +263,8 @@ def _action(schema: ActionSchema, binding: Mapping[str, str], bit: Mapping[Atom,
         # An unreachable atom needs no bit: deleting it has no effect, and its negation is always satisfied.
         return sum({bit.get(_bound(lit, binding), 0) for lit in literals if lit.positive == positive})
 
+    # A condition with an atom that is never true never holds.
+    possible = [one for one in _conditional(schema, binding) if _known(one.condition, binding, set(bit))]
     return Action(
         name=schema.name,
         arguments=tuple(binding[name] for name, _ in schema.parameters),
@@ -180,7 +272,28 @@ def _action(schema: ActionSchema, binding: Mapping[str, str], bit: Mapping[Atom,
         forbids=mask(schema.precondition, False),
         adds=mask(schema.effect, True),
         deletes=mask(schema.effect, False),
+        conditional=tuple(
+            Change(*(mask(part, positive) for part in (one.condition, one.effect) for positive in (True, False)))
+            for one in possible
+        ),
+        cost=schema.cost,
     )
+
+
+def parse_goal(texts: Iterable[str]) -> tuple[tuple[Atom, ...], tuple[Atom, ...]]:
+    """Return the atoms that a goal wants true, and those that it wants false: `not placed(box, table.a)`.
+
+    Raises:
+        LogicError: a text is no atom.
+
+    >>> [len(part) for part in parse_goal(["free(human.right_hand)", "not placed(box, table.a)"])]
+    [1, 1]
+    """
+    wanted: tuple[list[Atom], list[Atom]] = ([], [])
+    for text in texts:
+        negated = re.match(r"\s*not\s+", text)
+        wanted[negated is not None].append(parse_atom(text[negated.end() :] if negated else text))
+    return tuple(wanted[0]), tuple(wanted[1])
 
 
 _ATOM: Final = re.compile(r"\s*([A-Za-z_][\w.-]*)\s*\(([^()]*)\)\s*")

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from lgp.kinematics.actions import sentences_of
 from lgp.kinematics.modes import KinematicSwitch
 from lgp.scene.model import Human, Scene
 
@@ -84,23 +85,25 @@ def table() -> dict[str, Any]:
 
 
 def _line(scene: Scene, switch: KinematicSwitch, source_table: str) -> Instruction:
-    words, actor = table()["words"], switch.giver or switch.hand
+    words, actor, text = table()["words"], switch.giver or switch.hand, sentences_of(switch.kind)
     you, takes = _is_human(scene, actor), _is_human(scene, switch.hand)
-    names = {
-        "object": f"the {humanised(switch.object_name)}",
-        "other": f"the {humanised(switch.other)}",
-        "table": f"the {humanised(switch.table)}",
+    names = {role: _named(scene, name) for role, name in switch.arguments.items()}
+    arm = words["taker"].format(robot=_robot(scene, switch.hand), arm=_limb(scene, switch.hand))
+    names |= {
         "from": words["from"].format(table=f"the {humanised(source_table)}") if source_table else "",
-        "hand": humanised(scene.hands[switch.hand].name),
         "giver": humanised(scene.hands[actor].name),
         "robot": _robot(scene, actor),
         "arm": _arm(scene, actor),
-        "taker": words["taker"].format(robot=_robot(scene, switch.hand), arm=_limb(scene, switch.hand)),
+        "taker": f"your {names['hand']}" if takes else arm,
     }
-    kind = f"{switch.kind}_to_{'human' if takes else 'robot'}" if switch.giver else switch.kind
-    actor_kind = "human" if you else "robot"
-    text = table()[actor_kind][kind].format(**names)
-    return Instruction(text[0].upper() + text[1:], table()["short"][actor_kind][switch.kind].format(**names), you)
+    sentence = (text.own_hands if takes and switch.giver else "") or text.human if you else text.robot
+    long, short = (one.format(**names) for one in (sentence, text.human_short if you else text.robot_short))
+    return Instruction(long[0].upper() + long[1:], short, you)
+
+
+def _named(scene: Scene, name: str) -> str:
+    """Return an argument in words: a hand as it is, an object or table with its article."""
+    return humanised(scene.hands[name].name) if name in scene.hands else f"the {humanised(name)}"
 
 
 def _is_human(scene: Scene, hand: str) -> bool:

@@ -76,7 +76,8 @@ class WarmStartCache:
         """Return what the constraints on the pose after the last action depend on, and the load in it."""
         last, number = phases.switches[-1], phases.count - 1
         modes = ModeSequence(self.world, phases.switches)
-        parts = (last.object_name, last.other) if last.other else (last.object_name,)
+        parts = tuple(name for name in (last.object_name, last.other) if name)
+        parts = tuple(self.world.scene.objects) if last.action.constraints else parts
         before = tuple(
             (modes.attachment(part, number).parent, modes.attachment(part, number).size > 0) for part in parts
         )

@@ -2,7 +2,8 @@
 
 Equalities: pose continuity of objects at switches, screws at their place in joined parts, limbs at rest at their
 switches, holding hands and planted soles at rest. Inequalities: tilt of hands that work on tables, leg reach, and what
-becomes active in a path: distances of bodies and speeds. Joint limits and borders of table tops are bounds.
+becomes active in a path: distances of bodies and speeds. Actions may bring both. Joint limits and borders of table tops
+are bounds.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from lgp.kinematics.features import Feature
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.posture import PELVIS, PostureMap
 from lgp.kinematics.world import World
+from lgp.path.action_constraints import ActionConstraints
 from lgp.path.active_constraints import ActiveConstraints
 from lgp.path.hessian import RowBlocks
 from lgp.path.mode_constraints import Blocks, ConstraintInfo, ModeConstraints, SwitchValues
@@ -63,7 +65,9 @@ class Constraints:
         self.size = len(knots) * world.nq + modes.size
         place = {int(slice_): at for at, slice_ in enumerate(knots)}
         at = {number: place[int(phases.keyframes[number])] for number in enforced}
-        self._switches = ModeConstraints(world, phases, modes, at, len(knots) * world.nq)
+        self._own = ActionConstraints(phases, modes, knots, enforced)
+        joints = {number: self._own.joints(number) for number in enforced}
+        self._switches = ModeConstraints(world, phases, modes, at, len(knots) * world.nq, joints)
         equal, self.equal_eliminated = equal_joint_constraints(
             world, phases, modes, {number: self.limb(number) for number in enforced}, knots
         )
@@ -78,16 +82,16 @@ class Constraints:
         self._set_rows(len(knots))
 
     def limb(self, number: int) -> Indices:
-        """Return the columns of q that move the hands of a switch."""
+        """Return the columns of q that move the hands of a switch, and what its own constraints are about."""
         return self._switches.limb(number)
 
     def _set_rows(self, knots: int) -> None:
         """Set the columns and the meaning of every row."""
         world, nq = self.world, self.world.nq
-        eq: Blocks = [*self._switches.eq]
-        ineq: Blocks = [*self._switches.ineq]
-        self.eq_rows = [*self._switches.eq_rows]
-        self.in_rows = [*self._switches.in_rows]
+        eq: Blocks = [*self._switches.eq, *self._own.eq]
+        ineq: Blocks = [*self._switches.ineq, *self._own.ineq]
+        self.eq_rows = [*self._switches.eq_rows, *self._own.eq_rows]
+        self.in_rows = [*self._switches.in_rows, *self._own.in_rows]
         for first, second in self._rests:
             eq += [(1, np.array(pair)) for pair in zip(first, second, strict=True)]
             self.eq_rows += [
@@ -123,9 +127,10 @@ class Constraints:
         """Return all rows but the active ones at B configurations (B, P, nq) and variables (B, nz)."""
         count = len(q)
         flat, switches = q.reshape(count, -1), self._switches.evaluate(q, z)
-        equality = [np.zeros((count, 0)), *switches.equality]
-        inequality = [np.zeros((count, 0)), *switches.inequality]
-        eq_blocks, in_blocks = switches.eq_blocks, switches.in_blocks
+        own = self._own.evaluate(q, z)
+        equality = [np.zeros((count, 0)), *switches.equality, *own[0]]
+        inequality = [np.zeros((count, 0)), *switches.inequality, *own[2]]
+        eq_blocks, in_blocks = [*switches.eq_blocks, *own[1]], [*switches.in_blocks, *own[3]]
         for first, second in self._rests:
             equality.append(flat[:, second] - flat[:, first])
             eq_blocks.append(np.tile([-1.0, 1.0], (count, len(first))))
@@ -164,22 +169,28 @@ class Constraints:
             blocks.append(pose.jacobian[:, :, np.flatnonzero(self.world.support(sole))].reshape(len(q), -1))
 
     def hessian_columns(self) -> list[Indices]:
-        """Return the unknowns of each block of `equality_hessians`, then of `inequality_hessians`."""
+        """Return the unknowns of each block of `equality_hessians`, `inequality_hessians` and `action_hessians`."""
         nq, tail = self.world.nq, self.size - self.modes.size
-        columns = self._switches.hessian_columns()
+        columns = self.switch_columns()
         if self._legs is not None:
             columns.append(np.arange(tail // nq)[:, None] * nq + self._legs.columns)
         if self._active is not None:
             columns += self._active.hessian_columns()
-        return columns
+        return columns + self._own.convex_columns()
 
     def switch_columns(self) -> list[Indices]:
         """Return the unknowns of each block of `switch_hessians`."""
-        return self._switches.hessian_columns()
+        return [*self._switches.hessian_columns(), *(columns for _, columns in self._own.curved())]
 
-    def switch_hessians(self, values: Values, z: Array, y: Array) -> list[Array]:
-        """Return sum_i y_i d2 row_i (B, m, m) of each switch at B points, for values of `evaluate_many`."""
-        return self._switches.equality_hessians(values.switches, z, y)
+    def switch_hessians(self, values: Values, q: Array, z: Array, y: Array) -> list[Array]:
+        """Return sum_i y_i d2 row_i (B, m, m) of each switch at B points, for values of `evaluate_many` at (q, z)."""
+        own = self._own.curved_hessians(q, z, y[:, len(self._switches.eq_rows) :])
+        return self._switches.equality_hessians(values.switches, z, y) + own
+
+    def action_hessians(self, q: Array, z: Array, y_eq: Array, y_in: Array) -> list[Array]:
+        """Return the convex part of sum_i y_i d2 row_i (k, p, p) of what else actions bring themselves."""
+        first = len(self._switches.eq_rows), len(self._switches.in_rows)
+        return self._own.convex_hessians(q, z, y_eq[first[0] :], y_in[first[1] :])
 
     def leg_hessians(self, q: Array, y: Array) -> list[tuple[Indices, Array]]:
         """Return the unknowns of leg reach in each knot and its curvature (B, p, p) at B points (B, P, nq)."""
@@ -193,7 +204,7 @@ class Constraints:
 
     def curved_equalities(self) -> list[Indices]:
         """Return the unknowns of each block of equalities with curvature: the first blocks of the equalities."""
-        return [columns for _, columns in self._switches.eq]
+        return [columns for _, columns in (*self._switches.eq, *self._own.curved())]
 
     def inequality_hessians(self, q: Array, z: Array, y: Array) -> list[Array]:
         """Return the convex part of sum_i y_i d2 row_i (n, p, p) of leg reach, then of active rows."""
@@ -205,9 +216,9 @@ class Constraints:
             hessians += self._active.hessian(q, z, y[len(y) - len(self._active) :])
         return hessians
 
-    def equality_hessians(self, values: Values, z: Array, y: Array) -> list[Array]:
-        """Return sum_i y_i d2 row_i (m, m) of each switch by its unknowns in `hessian_columns`, at some values."""
-        return [block[0] for block in self._switches.equality_hessians(values.switches, z[None], y[None])]
+    def equality_hessians(self, values: Values, q: Array, z: Array, y: Array) -> list[Array]:
+        """Return sum_i y_i d2 row_i (m, m) of each switch by its unknowns in `hessian_columns`, values at (q, z)."""
+        return [block[0] for block in self.switch_hessians(values, q[None], z[None], y[None])]
 
 
 Pair = tuple[int, int]

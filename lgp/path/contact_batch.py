@@ -123,13 +123,14 @@ class ContactBatch:
         by_turn = rotation @ (slope @ self._turns)
         by_point[:, :, 3:, self.nq :] = by_turn
         by_point[:, :, :3, self.nq :] = rotation @ self._offset_by - turned @ self._arm_by
-        crossed = cross(by_turn.reshape(-1, 3, self.nz), arm.reshape(-1, 3))
+        crossed = cross(by_turn.reshape(arm.size // 3, 3, self.nz), arm.reshape(-1, 3))
         by_point[:, :, :3, self.nq :] -= crossed.reshape(by_turn.shape)
         return turned, away, by_point
 
     def _linear(self, matrices: Array, z: Array) -> Array:
         """Return matrices (2K, 3, nz) times variables (B, nz): (B, 2K, 3)."""
-        return (z @ matrices.reshape(-1, self.nz).T).reshape(len(z), -1, 3)
+        sides = len(matrices)  # no -1: a sequence of fixed grips has no variables
+        return (z @ matrices.reshape(3 * sides, self.nz).T).reshape(len(z), sides, 3)
 
     def curvature(self, values: ContactValues, y: Array, joints: Indices) -> Array:
         """Return sum_i y_i d2 row_i (B, K, m, m) by some joints and then all variables, for weights y (B, K, 6)."""

@@ -140,18 +140,25 @@ class Weights:
 
 @dataclass(frozen=True)
 class Costs:
-    """The weighted terms of a cost; `time` is the same for every motion of the same duration."""
+    """The weighted terms of a cost; `time` is the same for every motion of the same duration.
+
+    Attributes:
+        terms: cost terms of one's own.
+        actions: what the actions cost in the PDDL domain.
+    """
 
     acceleration: float
     ergonomics: float
     time: float = 0.0
+    terms: float = 0.0
+    actions: float = 0.0
 
     @property
     def motion(self) -> float:
         """The terms that depend on the motion."""
-        return self.acceleration + self.ergonomics
+        return self.acceleration + self.ergonomics + self.terms
 
     @property
     def total(self) -> float:
         """The sum of all terms."""
-        return self.motion + self.time
+        return self.motion + self.time + self.actions

@@ -93,7 +93,7 @@ class DurationSolver:
         """Return the second derivative (K, K) for a path that does not change, phases apart."""
         problem = self.problem_of(phases)
         x, _ = self._point(problem, solution)
-        rising = problem.ergonomics_by_phase(x) + problem.weights.time * phases.phase_durations
+        rising = problem.running_by_phase(x) + problem.weights.time * phases.phase_durations
         accelerations = np.maximum((rising - problem.slope_by_durations(x)) / 3.0, 0.0)
         return np.diag(9.0 * accelerations + rising + 1e-9)
 

@@ -10,6 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from lgp.kinematics.cost_terms import CostTerms
 from lgp.kinematics.world import World
 from lgp.path.costs import CondensedQuadratic, Weights, acceleration_quadratic, eliminate_slices
 from lgp.path.ergonomics import Ergonomics
@@ -30,6 +31,7 @@ class CostEstimate:
     ) -> None:
         self.world, self.ergonomics, self.weights = world, ergonomics, weights
         self.initial_configuration = initial_configuration
+        self.terms = CostTerms(world)
 
     def of(self, phases: Phases, keyframes: Array) -> float:
         """Return the estimated cost of a path through keyframes (K, nq) that stops at the end."""
@@ -49,7 +51,9 @@ class CostEstimate:
             loads = phases.loads()
             scores = self.ergonomics.value(path + self.initial_configuration, loads) + self.ergonomics.payload(loads)
             cost += self.weights.ergonomics * phases.tau * float(scores.sum())
-        return cost
+        if self.terms:
+            cost += phases.tau * float(self.terms.value(path + self.initial_configuration).sum())
+        return cost + phases.action_cost
 
     def _acts(self, phases: Phases) -> Flags:
         """Return (K, nq) which joints move a hand that takes part in which switch."""

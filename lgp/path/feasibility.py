@@ -15,7 +15,7 @@ import pinocchio as pin
 from lgp.kinematics.attachments import placed, resting
 from lgp.kinematics.ik import least_squares
 from lgp.kinematics.world import World
-from lgp.path.mode_constraints import SPARE_SHARE
+from lgp.path.mode_constraints import SPARE_SHARE, ConstraintInfo
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.path.speed_constraints import too_fast
@@ -69,16 +69,18 @@ def explain_infeasibility(problem: PathProblem, x: Array) -> str:
     messages: list[tuple[float, str]] = []
     switches: dict[tuple[int, str], list[float]] = {}
     for row, value in zip(problem.constraints.eq_rows, values.equality, strict=True):
-        if row.kind in ("pose_continuity", "screw", "joint"):
+        if row.kind in ("pose_continuity", "tool", "joint"):
             switches.setdefault((row.number, row.kind), []).append(float(value))
         elif row.kind == "sole":
             text = f"{row.name} is off the ground by {_amount(value, row.unit)}"
             messages.append((abs(value), f"{_phase_of_knot(problem, row.number)}: {text}"))
+        elif row.kind == "action":
+            messages.append((abs(value), _of_action(problem, row, abs(value))))
     for (number, kind), difference in switches.items():
         distance, angle = float(np.linalg.norm(difference[:3])), float(np.linalg.norm(difference[3:]))
         if kind == "joint" and len(difference) == 3:
             distance, angle = float(np.linalg.norm(difference[:2])), abs(difference[2])
-        explain = {"pose_continuity": _pose_continuity, "screw": _screw, "joint": _joint}[kind]
+        explain = {"pose_continuity": _pose_continuity, "tool": _tool, "joint": _joint}[kind]
         text = explain(problem, number, distance, angle)
         messages.append((distance + angle, f"{_phase_of_switch(problem, number)}: {text}"))
     for row, value in zip(problem.constraints.in_rows, values.inequality, strict=True):
@@ -94,6 +96,8 @@ def explain_infeasibility(problem: PathProblem, x: Array) -> str:
             longest = too_fast(problem.world, problem.phases, problem.initial_configuration, problem.path(x))
             text = longest or f"phase {at + 1}: {row.name} is too fast"
             messages.append((value, text))
+        elif row.kind == "action":
+            messages.append((value, _of_action(problem, row, value)))
         elif row.kind == "collision":
             messages.append((value, f"{_phase_of_knot(problem, row.number)}: {_collision(row.name, value)}"))
         else:
@@ -116,7 +120,7 @@ def _pose_continuity(problem: PathProblem, number: int, distance: float, angle: 
     return f"{hand} cannot turn as {name} lies {at}: {np.degrees(angle):.1f} deg short"
 
 
-def _screw(problem: PathProblem, number: int, distance: float, angle: float) -> str:
+def _tool(problem: PathProblem, number: int, distance: float, angle: float) -> str:
     switch = problem.phases.switches[number]
     rotation = f" and {np.degrees(angle):.1f} deg" if angle > REPORTED else ""
     return f"{switch.hand} cannot reach its place behind the screw: {distance:.3f} m{rotation} short"
@@ -146,6 +150,11 @@ def _footing(problem: PathProblem, number: int, value: float) -> str:
 def _collision(name: str, value: float) -> str:
     first, _, second = name.partition(" and ")
     return f"{first} comes {value:.3f} m nearer to {second} than it may"
+
+
+def _of_action(problem: PathProblem, row: ConstraintInfo, value: float) -> str:
+    amount = _amount(value, row.unit) if row.unit else f"{value:.3f}"
+    return f"{_phase_of_switch(problem, row.number)}: not met by {amount}: {row.name}"
 
 
 def _phase_of_switch(problem: PathProblem, number: int) -> str:

@@ -22,12 +22,13 @@ def _overload(phases: Phases) -> str:
         return ""
     hand, parts = phases.scene.hands[switch.hand], _joined(phases, switch.object_name)
     mass = sum(phases.scene.objects[name].mass for name in parts)
-    if mass <= hand.payload:
+    second = phases.scene.hands[switch.second].payload if switch.second else 0.0
+    if mass <= hand.payload + second:
         return ""
+    who = f"{switch.hand} and {switch.second} carry" if second else f"{switch.hand} carries"
     what = " with ".join([switch.object_name, *sorted(parts - {switch.object_name})])
     return (
-        f"phase {number + 1}, {phases.label(number)}: {what} has {mass:g} kg, {switch.hand} carries up to "
-        f"{hand.payload:g} kg"
+        f"phase {number + 1}, {phases.label(number)}: {what} has {mass:g} kg, {who} up to {hand.payload + second:g} kg"
     )
 
 

@@ -137,7 +137,7 @@ class KeyframeSolver:
             least = 0.0 if self.ergonomics is None else self.ergonomics.lower_bound
             duration = phases.tau * phases.total
             costs = Costs(0.0, self.weights.ergonomics * duration * least, self.weights.time * duration)
-        costs = replace(costs, ergonomics=costs.ergonomics + self._payload_cost(phases))
+        costs = replace(costs, ergonomics=costs.ergonomics + self._payload_cost(phases), actions=phases.action_cost)
         return Solution(np.concatenate([before, cached.pose]), np.zeros(0), None, costs, cached.result), ""
 
     def solve_sequence(

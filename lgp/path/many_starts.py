@@ -139,6 +139,9 @@ class ManyStarts:
         if ergonomics is not None and len(self._scored):
             scores = ergonomics.value(*self._scored_knots(q), self.problem.stage)
             cost += scores.reshape(len(u), -1) @ self.problem.rates[self._scored]
+        if self.problem.terms:
+            own = self.problem.terms.value(q.reshape(-1, self.nq)).reshape(len(u), -1)
+            cost += own @ self.problem.term_rates
         return cost, values.equality[:, self._rows[0].kept], values.inequality[:, self._rows[1].kept]
 
     def _scored_knots(self, q: Array) -> tuple[Array, Array]:
@@ -156,7 +159,7 @@ class ManyStarts:
         every = np.zeros(values.equality.shape)
         every[:, self._rows[0].kept] = y_eq
         negative = []
-        for columns, block in zip(self._blocks, constraints.switch_hessians(values, z, every), strict=True):
+        for columns, block in zip(self._blocks, constraints.switch_hessians(values, q, z, every), strict=True):
             spectrum, vectors = np.linalg.eigh(block)
             hessian[:, columns[:, None], columns] += _scaled(vectors, np.maximum(spectrum, 0.0))
             negative.append(vectors * np.sqrt(np.maximum(-spectrum, 0.0))[:, None])
@@ -175,6 +178,8 @@ class ManyStarts:
                 gradient[:, own] += problem.rates[at] * slope[pick]
                 for part, block in zip(ergonomics.parts, parts, strict=True):
                     hessian[:, own[part][:, None], own[part]] += problem.rates[at] * block[pick]
+        if problem.terms:
+            self._add_terms(q, gradient, hessian)
         eq, ineq = (
             rows.dense(blocks, len(u), self.n)
             for rows, blocks in zip(self._rows, (values.eq_blocks, values.in_blocks), strict=True)
@@ -191,6 +196,16 @@ class ManyStarts:
             values.inequality[:, self._rows[1].kept],
             ineq,
         )
+
+    def _add_terms(self, q: Array, gradient: Array, hessian: Array) -> None:
+        """Add one's own cost terms in the keyframes (B, P, nq); joints that do not act follow those that do."""
+        terms, count = self.problem.terms, len(q)
+        _, slope, curvature = (part.reshape(count, -1, *part.shape[1:])
+                               for part in terms.quadratic_model(q.reshape(-1, self.nq)))  # fmt: skip
+        for at, rate in enumerate(self.problem.term_rates):
+            expand = self._expand[:, at * self.nq + terms.columns]
+            gradient += rate * slope[:, at] @ expand.T
+            hessian += rate * expand @ curvature[:, at] @ expand.T
 
     def _bend(self, hessian: Array, near: Indices, jacobian: Array, negative: list[Array]) -> None:
         """Subtract from some Hessians the negative curvature that they and the rows outweigh (`lgp.path.hessian`)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -27,8 +28,9 @@ SPARE_SHARE: Final = 0.01
 class ConstraintInfo:
     """What one row is about: its kind, its unit, the number of a switch or knot, and the name of a hand or object.
 
-    Kinds of switches: "pose_continuity", "screw", "joint", "tilt", "hands", "footing"; of knots: "rest", "sole", "leg",
-    "collision", "speed". A tilt is a difference of cosines, which has no unit.
+    Kinds of switches: "pose_continuity", "tool", "joint", "tilt", "hands", "footing", and "action" of what an action
+    brings itself; of knots: "rest", "sole", "leg", "collision", "speed". A tilt is a difference of cosines without
+    unit.
     """
 
     kind: str
@@ -57,13 +59,16 @@ class ModeConstraints:
         modes: attachments of the sequence.
         at: number of each enforced switch -> place of its slice among the knots.
         tail: where z starts among the unknowns.
+        joints: number of a switch -> columns of q that its own constraints depend on.
 
     Attributes:
         eq, ineq: (rows, columns) of each block.
         eq_rows, in_rows: what each row is about.
     """
 
-    def __init__(self, world: World, phases: Phases, modes: ModeSequence, at: dict[int, int], tail: int) -> None:
+    def __init__(self, world: World, phases: Phases, modes: ModeSequence, at: dict[int, int], tail: int,
+                 joints: Mapping[int, Indices]) -> None:  # fmt: skip
+        self._more = joints
         self.world, self.phases, self.modes, self.at, self.tail = world, phases, modes, at, tail
         self.eq: Blocks = []
         self.ineq: Blocks = []
@@ -99,9 +104,9 @@ class ModeConstraints:
         }
 
     def limb(self, number: int) -> Indices:
-        """Return the columns of q that move the hands of a switch."""
+        """Return the columns of q that move the hands of a switch, and what its own constraints are about."""
         support = [self.world.support(hand) for hand in self.phases.switches[number].hands]
-        return np.flatnonzero(np.max(support, axis=0))
+        return np.union1d(np.flatnonzero(np.max(support, axis=0)), self._more[number])
 
     @cached_property
     def _tilted(self) -> list[int]:
@@ -136,7 +141,7 @@ class ModeConstraints:
         rows = screw.rows(self.world.at(self.world.initial_configuration[None], self.modes.frames))
         self._joined[number] = rows
         self.eq.append((5, self._columns(number, screw.variables)))
-        self.eq_rows += [ConstraintInfo("screw", unit, number, switch.hand) for unit in ("m", "m", "m", "rad", "rad")]
+        self.eq_rows += [ConstraintInfo("tool", unit, number, switch.hand) for unit in ("m", "m", "m", "rad", "rad")]
         self.eq.append((len(rows), self._columns(number, screw.variables)))
         self.eq_rows += [ConstraintInfo("joint", POSE_UNITS[row], number, switch.other) for row in rows]
 

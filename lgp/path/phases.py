@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lgp.errors import LgpError
-from lgp.kinematics.modes import ACTIONS, KinematicSwitch
+from lgp.kinematics.actions import kind_of, registered_actions
+from lgp.kinematics.modes import KinematicSwitch
 from lgp.logic.task import Action
 from lgp.scene.model import Scene
 from reba.arrays import Array, Indices
@@ -107,6 +108,11 @@ class Phases:
                 held.pop(switch.object_name, None)
         return np.repeat(masses, self.slices)
 
+    @property
+    def action_cost(self) -> float:
+        """What the actions cost in the PDDL domain."""
+        return sum(action.cost for action in self.actions)
+
     def label(self, number: int) -> str:
         """Return an action as the paper prints it, with its number from 1."""
         return self.actions[number].at(number + 1)
@@ -121,8 +127,11 @@ def switch_of(action: Action) -> KinematicSwitch:
     Raises:
         LgpError: no geometry is known for its name or number of arguments.
     """
-    kind = ACTIONS.get(action.name)
+    kind = kind_of(action.name)
     if kind is None or len(kind.roles) != len(action.arguments):
-        known = "; ".join(f"{name}({one.signature})" for name, one in ACTIONS.items())
-        raise LgpError(f"action {action} has no geometry; expected one of {known}")
-    return KinematicSwitch(action.name, **dict(zip(kind.roles, action.arguments, strict=True)))
+        known = "; ".join(f"{name}({one.signature})" for name, one in registered_actions().items())
+        raise LgpError(
+            f"action {action} has no geometry; expected one of {known}; register yours with "
+            "lgp.register_action, or give its file with --extension"
+        )
+    return KinematicSwitch.of(action.name, kind.roles, action.arguments)

@@ -1,9 +1,10 @@
 """The path problem of a sequence (k-order motion optimisation, Toussaint 2015), on all slices or some, for `lgp.sqp`.
 
 Unknowns: configurations at the knots, knot after knot, then the variables of grasps and placements.
-Cost: squared accelerations (a constant quadratic, minimised over all other slices) and the ergonomic score integrated
-over time (the least possible score in all other slices). Dropping slices and switches only removes constraints and
-lowers the cost, so a smaller problem bounds a larger one from below, on the same scale.
+Cost: squared accelerations (a constant quadratic, minimised over all other slices), the ergonomic score integrated
+over time (the least possible score in all other slices) and cost terms of one's own (0 in all other slices). Dropping
+slices and switches only removes constraints and lowers the cost, so a smaller problem bounds a larger one from below,
+on the same scale.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lgp.kinematics.cost_terms import CostTerms
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
 from lgp.path.active_constraints import ActiveConstraints
@@ -52,6 +54,7 @@ class PathProblem:
         cost_unit: the least cost of a joint that moves by 1 rad in one phase, from rest to rest. In multiples of it
             the same motion costs the same in any unit of cost and time, so that its optimum does not depend on them.
         rates: cost of a score point in the slice of each knot, in cost units, (P,).
+        terms: cost terms of one's own, with `term_rates` (P,).
     """
 
     def __init__(
@@ -80,6 +83,7 @@ class PathProblem:
         # Rounding, so that the same program in other units is the same to the last digit.
         self.rate = float(f"{self.weights.ergonomics * phases.tau / self.cost_unit:.12g}")
         self.stage = stage
+        self.terms = CostTerms(world)
         switches = tuple(range(phases.count)) if enforced is None else tuple(enforced)
         self.constraints = Constraints(world, phases, self.modes, self.knots, switches, active)
         self.n = self.constraints.size
@@ -109,23 +113,23 @@ class PathProblem:
 
     def costs(self, x: Array) -> Costs:
         """Return the terms of the cost at x."""
-        acceleration, ergonomics = self._terms(x)
-        return Costs(self.cost_unit * acceleration, self.cost_unit * ergonomics, self._time)
+        acceleration, ergonomics, terms = (self.cost_unit * term for term in self._terms(x))
+        return Costs(acceleration, ergonomics, self._time, terms, self.phases.action_cost)
 
     def evaluate(self, x: Array) -> tuple[float, Array, Array]:
         """Return the cost of the motion in cost units, equalities and inequalities at x."""
         values = self._values(x)
         return sum(self._terms(x)), values.equality, values.inequality
 
-    def _terms(self, x: Array) -> tuple[float, float]:
-        """Return the costs of acceleration and ergonomics at x, in cost units."""
+    def _terms(self, x: Array) -> tuple[float, float, float]:
+        """Return the costs of acceleration, ergonomics and one's own terms at x, in cost units."""
         q, _ = self.split(x)
         away = q - self.initial_configuration
         acceleration = 0.5 * float(np.vdot(away, self._acceleration_gradient(away)))
         ergonomics = self.score_elsewhere
         if self.ergonomics is not None:
             ergonomics += float(self.ergonomics.value(q, self.loads, self.stage) @ self.rates)
-        return acceleration, ergonomics
+        return acceleration, ergonomics, float(self.terms.value(q) @ self.term_rates) if self.terms else 0.0
 
     def ergonomics_by_phase(self, x: Array) -> Array:
         """Return the ergonomic cost of each phase at x, (K,)."""
@@ -137,6 +141,13 @@ class PathProblem:
         by_phase = (scores * self._all_shares).reshape(-1, self.phases.slices).sum(axis=1)
         return np.asarray(self.cost_unit * self.rate * by_phase)
 
+    def running_by_phase(self, x: Array) -> Array:
+        """Return what each phase costs at x beside accelerations and time, (K,)."""
+        own = np.zeros(len(self._all_shares))
+        if self.terms:
+            own[self.knots] = self.cost_unit * self.term_rates * self.terms.value(self.split(x)[0])
+        return self.ergonomics_by_phase(x) + own.reshape(-1, self.phases.slices).sum(axis=1)
+
     def slope_by_durations(self, x: Array) -> Array:
         """Return the derivative of the total cost by the logarithm of each duration at x, (K,).
 
@@ -146,7 +157,7 @@ class PathProblem:
         accelerations = slope_by_steps(self.path(x) - self.initial_configuration, steps, self._stop)
         by_phase = accelerations.reshape(-1, self.phases.slices).sum(axis=1)
         time = self.weights.time * self.phases.phase_durations
-        return np.asarray(self.weights.acceleration * by_phase + self.ergonomics_by_phase(x) + time)
+        return np.asarray(self.weights.acceleration * by_phase + self.running_by_phase(x) + time)
 
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
         """Return the convex model at x, in cost units: Gauss-Newton cost, convexified curvature of the switches."""
@@ -156,15 +167,19 @@ class PathProblem:
         gradient = np.concatenate(
             [self._acceleration_gradient(q - self.initial_configuration).ravel(), np.zeros(len(z))]
         )
-        hessians = self.constraints.equality_hessians(values, z, y_eq)
+        hessians = self.constraints.equality_hessians(values, q, z, y_eq)
         violation = float(np.abs(values.equality).max(initial=0.0))
-        blocks = self._convexity.convexify(
-            hessians, values.eq_blocks, violation
-        ) + self.constraints.inequality_hessians(q, z, y_in)
+        blocks = self._convexity.convexify(hessians, values.eq_blocks, violation)
+        blocks += self.constraints.inequality_hessians(q, z, y_in)
+        blocks += self.constraints.action_hessians(q, z, y_eq, y_in)
         if self.ergonomics is not None:
             _, score_gradient, score_hessians = self.ergonomics.quadratic_model(q, self.loads, self.stage)
             gradient[self._postures.ravel()] += (self.rates[:, None] * score_gradient).ravel()
             blocks += [self.rates[:, None, None] * hessian for hessian in score_hessians]
+        if self.terms:
+            _, slope, curvature = self.terms.quadratic_model(q)
+            gradient[self._term_columns.ravel()] += (self.term_rates[:, None] * slope).ravel()
+            blocks.append(self.term_rates[:, None, None] * curvature)
         return Model(self._hessian.fill(blocks), gradient, eq_jac, values.equality, in_jac, values.inequality)
 
     def _values(self, x: Array) -> Values:
@@ -201,6 +216,7 @@ class PathProblem:
         ]
         self._all_shares = steps / self.phases.tau
         self.rates = self.rate * self._all_shares[self.knots]
+        self.term_rates = steps[self.knots] / self.cost_unit
         self._time = self.weights.time * float(steps.sum())
         self.score_elsewhere = 0.0
         if self.ergonomics is not None:
@@ -230,5 +246,8 @@ class PathProblem:
         if self.ergonomics is not None:
             self._postures = np.arange(len(self.knots))[:, None] * nq + self.ergonomics.columns
             blocks += [self._postures[:, part] for part in self.ergonomics.parts]
+        if self.terms:
+            self._term_columns = np.arange(len(self.knots))[:, None] * nq + self.terms.columns
+            blocks.append(self._term_columns)
         constant = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
         self._hessian = UpperBlocks(constant, blocks, self.n)

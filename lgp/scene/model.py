@@ -239,13 +239,14 @@ HAND_CLEARANCE = 0.06
 class SceneCost:
     """The ergonomic cost: a surrogate by name or path, and the weight of a score point for a second or a slice.
 
-    `time_weight` is the cost of a second.
+    `time_weight` is the cost of a second, `terms` the weights of cost terms of one's own.
     """
 
     model: str = COST
     weight: float = 1.0
     per: str = "second"
     time_weight: float = TIME_WEIGHT
+    terms: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -257,7 +258,7 @@ class Scene:
         title: one line.
         domain: name or path of the PDDL domain.
         initial: atoms of the initial state, as text.
-        goal: atoms of the goal, as text.
+        goal: atoms of the goal, as text; `not ` before one wants it false.
         phase_seconds: duration of each phase [s], or the first guess of it.
         durations: "fixed", "stretched" where a joint would be too fast, or "free" where they are unknowns of a plan.
         slices: slices per phase of a path.

@@ -204,11 +204,13 @@ def _choice(number: int, value: Any, name: str) -> FreeParameter:
 
 
 def _cost(entries: TomlTable) -> SceneCost:
+    terms = entries.table("terms")
     cost = SceneCost(
         entries.text("model", SceneCost.model),
         entries.number("weight", SceneCost.weight, 0.0, 1e6),
         entries.text("per", SceneCost.per, COST_PER),
         entries.number("time_weight", SceneCost.time_weight, low=0.0, high=1000.0),
+        {name: terms.number(name, low=0.0, high=1e6) for name in terms.values},
     )
     entries.done()
     return cost
@@ -381,7 +383,7 @@ def _check_names(scene: Scene) -> None:
                 f"{scene.name}: objects.{scene_object.name} is in unknown hand {scene_object.hand!r}{hint}"
             )
     for text in (*scene.initial, *scene.goal):
-        _, _, inside = text.partition("(")
+        _, _, inside = text.partition("(")  # of a goal that begins with "not " too
         for word in (part.strip() for part in inside.rstrip(") ").split(",")):
             if f"obstacle.{word.removeprefix('obstacle.')}" in scene.obstacles:
                 raise SceneError(

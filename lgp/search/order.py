@@ -124,7 +124,7 @@ class OpenNodes:
 
 def goal_objects(task: Task, bounds: Bounds) -> frozenset[str]:
     """Return what the goal names, and what a relaxed plan acts on to reach it."""
-    named = {word for atom in task.holding(task.goal) for word in atom.arguments}
+    named = {word for atom in task.holding(task.goal | task.goal_not) for word in atom.arguments}
     relaxed = relaxed_plan(task, task.initial)
     acted = (bounds.objects(action) for action in (relaxed.actions if relaxed else ()))
     return frozenset(named.union(*acted))

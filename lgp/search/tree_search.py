@@ -98,8 +98,9 @@ class _Search:
             return self._result(SearchStatus.INFEASIBLE, math.inf, "; ".join(reasons))
         fewest = fewest_actions(self.task)
         if fewest is not None and fewest < 0:
-            goal = " and ".join(map(str, self.task.holding(self.task.goal)))
-            return self._result(SearchStatus.UNREACHABLE, math.inf, f"no sequence makes {goal} true together")
+            return self._result(
+                SearchStatus.UNREACHABLE, math.inf, f"no sequence makes {self.task.goal_text} true together"
+            )
         needed = self.budget.depth + 1 if fewest is None else fewest
         reason = f"the goal needs at least {needed} actions, the depth is {self.budget.depth}; raise the depth"
         return self._result(SearchStatus.INFEASIBLE, math.inf, reason)

@@ -15,7 +15,7 @@ from tests.support.paths import ROOT
 pytestmark = pytest.mark.slow
 
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
-ROBOTS = {"add_action", "cost_in_pinocchio", "study"}
+ROBOTS = {"cost_in_pinocchio", "study"}
 """Those that plan with robots, whose descriptions are an extra."""
 README = (ROOT / "examples" / "README.md").read_text(encoding="utf-8")
 

@@ -37,6 +37,40 @@ def test_features_by_differences(kind: str) -> None:
     np.testing.assert_allclose(feature(q).jacobian, differences(lambda x: feature(x).value, q), atol=2e-7)
 
 
+OTHER = "human.left_hand"
+PAIRS = {
+    "relative_position": features.relative_position,
+    "difference": features.difference,
+    "distance": features.distance,
+    "outside_cone": lambda one, other: features.outside_cone(one, other, 20.0, 1),
+    "offset": lambda one, other: features.position(features.offset(one, (0.1, -0.2, 0.3))),
+    "stack": lambda one, other: features.stack(-features.axis(one, 0)[[2]] * 3.0, features.position(other) + 1.0),
+}
+
+
+@pytest.mark.parametrize("kind", list(PAIRS))
+def test_features_of_two_frames_by_differences(kind: str) -> None:
+    world = human_world("planted")
+    q = anywhere(world, 5, seed=3)
+
+    def feature(x: np.ndarray) -> features.Feature:
+        kinematics = world.at(x, [HAND, OTHER])
+        return PAIRS[kind](kinematics.placement(HAND), kinematics.placement(OTHER))
+
+    np.testing.assert_allclose(feature(q).jacobian, differences(lambda x: feature(x).value, q), atol=2e-7)
+
+
+def test_a_cone_is_around_its_axis() -> None:
+    none = np.zeros((2, 6, 0))
+    eye = features.FullPose(np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)), none)
+    target = features.FullPose(eye.rotation, np.array([[0.2, 0.0, 1.0], [0.0, 0.6, 1.0]]), none)
+    seen = features.outside_cone(eye, target, 20.0).value[:, 0]
+    assert seen[0] < 0.0 < seen[1], "11 and 31 degrees from z"
+    turned = features.offset(eye, (0.0, 0.0, 1.0), exponential(np.array([np.pi / 2, 0.0, 0.0])))
+    np.testing.assert_allclose(turned.rotation[0, :, 2], [0.0, -1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(turned.position[0], [0.0, 0.0, 1.0])
+
+
 def test_curvature_by_differences_of_jacobians() -> None:
     world = human_world("planted")
     q = anywhere(world, 3)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from lgp.errors import WorldError
+from lgp.kinematics.actions import SHIPPED
 from lgp.kinematics.features import Feature
-from lgp.kinematics.modes import ACTIONS, KinematicSwitch, ModeSequence
+from lgp.kinematics.modes import KinematicSwitch, ModeSequence
 from lgp.kinematics.world import World
 from lgp.logic.pddl import load_domain
 from lgp.scene.model import GRIP_DEPTH
@@ -293,7 +294,7 @@ def test_impossible_assemblies_are_refused(switches: list[KinematicSwitch], fact
 @pytest.mark.parametrize("name", ["screwdriver", "toolbox"])
 def test_every_action_of_a_shipped_domain_has_its_geometry(name: str) -> None:
     for schema in load_domain(name).actions:
-        kind = ACTIONS[schema.name]
+        kind = SHIPPED[schema.name]
         assert len(kind.roles) == len(schema.parameters), schema.name
         assert kind.attaches_to in ("", "hand", "table")
         assert kind.conflict_scope in ("action", "table", "sequence")

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from lgp.kinematics.modes import ACTIONS, KinematicSwitch
+from lgp.kinematics.actions import SHIPPED
+from lgp.kinematics.modes import KinematicSwitch
 from lgp.page.sentences import humanised, sentences
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
@@ -55,7 +56,7 @@ def test_a_worker_is_told_what_to_do() -> None:
     ]
 
 
-@pytest.mark.parametrize("kind", list(ACTIONS))
+@pytest.mark.parametrize("kind", list(SHIPPED))
 @pytest.mark.parametrize("actor", ["human.right_hand", "baxter.left"])
 @pytest.mark.parametrize("robots", [("baxter",), ("baxter", "panda")])
 def test_every_kind_of_action_has_words(kind: str, actor: str, robots: tuple[str, ...]) -> None:

@@ -129,7 +129,7 @@ def test_equality_hessians_are_second_derivatives_at_feasible_points(world: Worl
     columns = problem.constraints.hessian_columns()[0]
     true = differences(slope, x)[np.ix_(columns, columns)]
     q, z = problem.split(x)
-    (hessian,) = problem.constraints.equality_hessians(problem.constraints.evaluate(q, z), z, y)
+    (hessian,) = problem.constraints.equality_hessians(problem.constraints.evaluate(q, z), q, z, y)
     assert hessian == pytest.approx(true, abs=2e-3)
 
 

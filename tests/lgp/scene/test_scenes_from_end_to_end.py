@@ -1,0 +1,69 @@
+"""Scenes of examples/scenes with actions, domains and robots of their own: planned, audited, run and shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lgp
+from lgp.extensions import run_extension
+from lgp.kinematics import actions
+from tests.support.paths import ROOT
+
+pytestmark = pytest.mark.slow
+EXAMPLES = ROOT / "examples"
+PLANNED = {
+    "inspection": ("inspect_with_camera.py", ["inspect", "inspect"]),
+    "pouring": ("pour.py", ["grasp", "bring", "pour", "place"]),
+    "over_the_wall": ("", ["grasp", "handover", "place"]),
+    "restock": ("", ["grasp", "place", "grasp", "place"]),
+    "two_hands": ("carry_with_both_hands.py", ["lift", "put"]),
+}
+"""Scene -> the file with its actions, and the actions of its plan."""
+
+
+@pytest.fixture(autouse=True)
+def _registered() -> Iterator[None]:
+    before = dict(actions._registered)
+    yield
+    actions._registered.clear()
+    actions._registered.update(before)
+
+
+@pytest.mark.parametrize("name", list(PLANNED))
+def test_a_scene_is_planned_audited_run_and_shown(name: str, tmp_path: Path) -> None:
+    extension, expected = PLANNED[name]
+    if extension:
+        run_extension(str(EXAMPLES / extension))
+    plan = lgp.plan(EXAMPLES / "scenes" / f"{name}.toml")
+    assert plan.feasible, plan.reason
+    assert [action.partition("(")[0] for action in plan.actions] == expected
+    assert plan.audit["faults"] == []
+    CHECKS[name](lgp.Motion(plan)) if name in CHECKS else None
+    plan.save(tmp_path / "plan")
+    assert lgp.write_page(lgp.Plan.load(tmp_path / "plan"), tmp_path / "page", pictures=False).exists()
+    summary = lgp.run_plan(tmp_path / "plan")
+    assert summary["state"] == "finished", summary["why"]
+
+
+def _pours(motion: lgp.Motion) -> None:
+    """The jug is carried upright and tilted at the end of the third phase."""
+    tilt = np.degrees(np.arccos(np.clip(motion.object_poses("jug").rotation[:, 2, 2], -1.0, 1.0)))
+    each = motion.phases.slices
+    assert tilt[each + 1 : 2 * each + 1].max() < 12.0
+    assert tilt[3 * each] > 65.0
+
+
+def _carries(motion: lgp.Motion) -> None:
+    """Both palms stay where they took the crate; a hand alone would not carry it."""
+    hands = motion.frames(["human.left_hand", "human.right_hand"])
+    half = motion.phases.slices
+    away = np.linalg.norm(np.subtract(*(hand.position[half:] for hand in hands.values())), axis=1)
+    np.testing.assert_allclose(away, 0.30, atol=1e-4)
+    assert motion.plan.scene.objects["crate"].mass > motion.plan.scene.hands["human.left_hand"].payload
+
+
+CHECKS = {"pouring": _pours, "two_hands": _carries}
