@@ -49,6 +49,9 @@ class Constraints:
         knots: (P,) slices that are unknowns.
         enforced: numbers of the switches whose rows are enforced; their slices must be knots.
         active: of a path on all slices; they must not change afterwards.
+
+    Attributes:
+        always: number of inequalities before the active ones, which come last.
     """
 
     def __init__(
@@ -109,6 +112,7 @@ class Constraints:
             self._first_leg = len(self.in_rows)
             ineq += [(1, at * nq + self._legs.columns) for at in range(knots)]
             self.in_rows += [ConstraintInfo("leg", "m", at, "straighter") for at in range(knots)]
+        self.always = len(self.in_rows)
         if self._active is not None:
             ineq += self._active.blocks(knots * nq)
             self.in_rows += self._active.names()

@@ -164,9 +164,7 @@ class PathSolver:
         """Return the path near one with other durations or limits of speed, None where it is not feasible."""
         problem = self.keyframes.problem("path", phases)
         path = earlier.keyframes if earlier.path is None else earlier.path
-        # Active constraints come last, and are found again.
-        known = earlier.result.y_in[: len(problem.constraints.in_rows)]
-        begin = replace(earlier.result, x=problem.join(path, earlier.variables), y_in=known)
+        begin = replace(earlier.result, x=problem.join(path, earlier.variables))
         active = self.active(phases, collision_free=collision_free, speeds=self.limits_speeds or self.stretches)
         solved = solve_constrained(self.problem_of(phases), active, begin, self.options, solved=False)
         return self.accept(*solved, earlier.starts)[0]
@@ -181,6 +179,8 @@ class PathSolver:
             return None, f"path: {explain_infeasibility(problem, x) or result.status.value}"
         # Steps of 1e-310 rad are none: those who interpolate a path divide by them.
         path, variables = problem.split(np.clip(np.round(x, DIGITS), problem.lower, problem.upper))
+        # Active constraints are found again by whoever starts from here.
+        result = replace(result, y_in=result.y_in[: problem.constraints.always])
         return Solution(path[problem.phases.keyframes], variables, path, problem.costs(x), result, starts), ""
 
     def collision_constraints(self, phases: Phases) -> CollisionConstraints:

@@ -383,26 +383,3 @@ def test_a_mesh_with_a_corner_of_many_neighbours_has_a_hull() -> None:
     below = np.array([0.0, 0.0, -0.03])
     depth = penetration(shape, np.eye(3), middle, ball(0.05), np.eye(3), below)
     assert depth == pytest.approx(0.02, abs=1e-3)
-
-
-@pytest.mark.parametrize(("degrees", "depths"), [(0.0, {}), (-30.0, {"abdomen": 0.1058, "trunk": 0.0721})])
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_an_upper_arm_in_the_own_body(tmp_path: Path, side: str, degrees: float, depths: dict[str, float]) -> None:
-    """Capsules of 5 and 14 cm; the shoulder is 22.6 cm from the middle, and the elbow 8.4 cm once it turned."""
-    values = with_person(tmp_path)
-    path = np.full((10, 1), np.radians(degrees))
-    plan = made_plan(values, ["release(1, gantry.hand, box)"], path, path[0], [f"human.{side}_shoulder_X"])
-    own = {one.pair: one.depth for one in audit_plan(plan).contacts if one.pair_class == "person with itself"}
-    arm = f"human.{side}_upper_arm"
-    found = {next(name for name in pair if name != arm): depth for pair, depth in own.items() if arm in pair}
-    assert found == {f"human.{name}": pytest.approx(depth, abs=2e-4) for name, depth in depths.items()}
-
-
-def test_thighs_that_touch_are_no_fault(tmp_path: Path) -> None:
-    """They are 7 mm from each other as the person stands, and in each other as the pelvis turns."""
-    values = with_person(tmp_path)
-    turned = np.array([0.12, -0.10, 0.5, 0.16])
-    path = np.tile(turned, (10, 1))
-    joints = [f"human.pelvis_{name}" for name in ("y", "z", "yaw", "tilt")]
-    plan = made_plan(values, ["release(1, gantry.hand, box)"], path, turned, joints)
-    assert [one for one in audit_plan(plan).contacts if one.pair_class == "person with itself"] == []

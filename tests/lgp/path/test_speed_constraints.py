@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 import lgp
 from lgp.kinematics.world import World
 from lgp.path.active_constraints import MotionConstraints
+from lgp.path.bounds import PathBounds
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.path.speed_constraints import SpeedConstraints
 from lgp.plan_record import Plan
-from lgp.planner import parse_sequence, task_of
+from lgp.planner import follow, parse_sequence, task_of
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from tests.support.gantry import TABLES, scene_values
@@ -107,3 +108,14 @@ def test_rows_have_the_derivatives_they_say(tmp_path: Path) -> None:
     jacobian = problem.constraints.jacobians(problem.constraints.evaluate(path, z), path, z)[1].toarray()[own]
     x = np.concatenate([path.ravel(), z])
     np.testing.assert_allclose(jacobian, differences(value, x[None])[0], atol=1e-6)
+
+
+def test_multipliers_of_limits_are_not_those_of_other_rows(tmp_path: Path) -> None:
+    """A free path at its speed limits is where the collision-free one starts; its active rows are not that one's."""
+    given = scene(tmp_path, 2.8)
+    bounds = PathBounds(World(given), collisions=True)
+    skeleton = parse_sequence(task_of(given), SEQUENCE)
+    follow(bounds, skeleton)
+    free = bounds.solution("free_path", skeleton)
+    assert free is not None
+    assert len(free.result.y_in) == len(bounds.problem("path", bounds.phases(skeleton)).constraints.in_rows)
