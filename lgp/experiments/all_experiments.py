@@ -10,20 +10,16 @@ from typing import Any, Final
 
 from lgp.errors import LgpError
 from lgp.experiments import screwdriver, toolbox
-from lgp.experiments.comparison import comparison
+from lgp.experiments.comparison import comparison, write_comparison
 from lgp.experiments.runs import STARTS
 from lgp.experiments.screwdriver_experiment import EXTRA_RUNS, experiment_screwdriver
-from lgp.experiments.summary import write_summary
 from lgp.experiments.toolbox import experiment_toolbox
-from lgp.experiments.toolbox_orders import ORDERS
 from lgp.experiments.variants import variants
-from lgp.files import ALL_FILES, REPORT, SUMMARY
-from lgp.statistics.formatting import number
+from lgp.files import ALL_FILES
 from reba.checks import PATH, accepts
-from reba.files import plain_data, write_folder, write_text
 from reba.outputs import FolderOutput, check_outputs
-from reba.provenance import with_provenance
-from reba.report.page import template
+
+KINDS: Final = (screwdriver.SCENE, toolbox.SCENE)
 
 
 @dataclass(frozen=True)
@@ -107,7 +103,9 @@ def experiment_all(
                 on_event=told,
                 command=command,
             )
-    summary = _write(place, parts, command)
+    names = {kind: [part.name for part in parts if part.experiment == kind] for kind in KINDS}
+    summary = comparison(place, names)
+    write_comparison(place, summary, {part.name: part.title for part in parts}, command)
     extras = {"sensitivity": sensitivity, "family": family, "pareto": pareto}
     if any(extras.values()):
         for part in own:
@@ -124,25 +122,3 @@ def _screwdriver(place: Path, part: Part, **options: Any) -> None:
     experiment_screwdriver(
         place / part.experiment / part.name, variant=part.variant, collisions=part.collisions, **options
     )
-
-
-def _write(place: Path, parts: tuple[Part, ...], command: str) -> dict[str, Any]:
-    """Write the comparison of what is in the folders, and return it."""
-    names = {
-        kind: [part.name for part in parts if part.experiment == kind] for kind in (screwdriver.SCENE, toolbox.SCENE)
-    }
-    summary: dict[str, Any] = plain_data(with_provenance(comparison(place, names)))
-    titles = {part.name: part.title for part in parts}
-    html = template("lgp.experiments", "comparison.html", {"number": number}).render(
-        **{name: summary[name] for name in ("published", "screwdriver", "toolbox")},
-        orders=ORDERS,
-        titles=titles,
-        command=command,
-    )
-
-    def write(part: Path) -> None:
-        write_text(part / REPORT, html)
-        write_summary(part / SUMMARY, summary)
-
-    write_folder(place, write, last=SUMMARY)
-    return summary

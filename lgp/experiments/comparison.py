@@ -10,10 +10,14 @@ from typing import Any, Final
 from lgp.errors import LgpError
 from lgp.experiments import published
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES
+from lgp.experiments.summary import write_summary
 from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST
-from lgp.files import SUMMARY
+from lgp.files import REPORT, SUMMARY
 from lgp.statistics.formatting import number, p_value
+from reba.files import plain_data, write_folder, write_text
 from reba.open_file import read_settings
+from reba.provenance import with_provenance
+from reba.report.page import template
 
 FORMAT: Final = "lgp-experiment-comparison"
 DASH: Final = "–"
@@ -40,12 +44,41 @@ def comparison(folder: str | Path, names: Mapping[str, Sequence[str]]) -> dict[s
         have = {name: one["starts"][start] for name, one in found["screwdriver"].items() if start in one["starts"]}
         if have:
             starts[start] = {"variants": list(have), "rows": screwdriver_rows(have, start)}
-    return {
+    compared = {
         "format": FORMAT,
         "published": published.SOURCE,
         "screwdriver": starts,
         "toolbox": [row for name, one in found["toolbox"].items() for row in toolbox_rows(name, one)],
     }
+    plain: dict[str, Any] = plain_data(with_provenance(compared))
+    return plain
+
+
+def write_comparison(
+    folder: str | Path, compared: Mapping[str, Any], titles: Mapping[str, str], command: str = ""
+) -> None:
+    """Write `report.html` and `summary.json` of a comparison into a folder.
+
+    Args:
+        compared: from `comparison`.
+        titles: variant -> what it is, in one line.
+        command: command line that reproduces the results, shown on the page.
+
+    Raises:
+        RebaError: a file cannot be written.
+    """
+    html = template("lgp.experiments", "comparison.html", {"number": number}).render(
+        **{name: compared[name] for name in ("published", "screwdriver", "toolbox")},
+        orders=ORDERS,
+        titles=titles,
+        command=command,
+    )
+
+    def write(part: Path) -> None:
+        write_text(part / REPORT, html)
+        write_summary(part / SUMMARY, compared)
+
+    write_folder(folder, write, last=SUMMARY)
 
 
 def _summary(folder: Path) -> dict[str, Any] | None:

@@ -94,6 +94,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "dreba.sample": {"n": 50, "classes": (1, 2, 3), "rng": 1},
     "dreba.write_report": {"model": MODEL, "poses": POSES, "path": "model.html"},
     "lgp.audit_plan": {"plan": None},
+    "lgp.experiment_all": {"folder": "all", "runs": -1},
     "lgp.experiment_screwdriver": {"folder": "screwdriver", "cost": "nowhere.json", "runs": -1},
     "lgp.experiment_toolbox": {"folder": "toolbox", "cost": "nowhere.json"},
     "lgp.load_scene": {"which": "screwdriver"},
