@@ -24,7 +24,7 @@ from lgp.path.problem import PathProblem
 from lgp.search.records import BoundResult, Skeleton
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.solver import solve
-from reba.arrays import Array, Flags
+from reba.arrays import Array
 
 OWN_PLACES: Final = "own_places"
 """Level of complete paths with places of each member's own."""
@@ -35,17 +35,15 @@ OPTIONS: Final = SolverOptions(violation=1e-6, kkt=1e-4, decrease=1e-6, iteratio
 class MemberBounds(PathBounds):
     """The levels of one member; `places` (variable of a sequence -> value) fixes where things are put down."""
 
-    places: Mapping[str, float]
+    places: Mapping[str, float] | None = None
 
     def problem(self, level: str, phases: Phases, *args: Any, **kwargs: Any) -> PathProblem:
         """Return the problem of a level, of a path with its fixed places."""
         problem = super().problem(level, phases, *args, **kwargs)
-        fixed: Mapping[str, float] = getattr(self, "places", {})
-        if level == "path" and fixed:
-            tail = problem.n - problem.modes.size
-            for number, name in enumerate(problem.modes.names):
-                if name in fixed:
-                    problem.lower[tail + number] = problem.upper[tail + number] = fixed[name]
+        if level == "path" and self.places is not None:
+            for number, name in enumerate(problem.modes.names, problem.n - problem.modes.size):
+                if name in self.places:
+                    problem.lower[number] = problem.upper[number] = self.places[name]
         return problem
 
     def with_places(self, places: Mapping[str, float], phases: Phases, near: Solution, *, free: bool) -> Answer:
@@ -63,7 +61,7 @@ class MemberBounds(PathBounds):
             result = solve(problem, problem.join(path, near.variables), options=self.options)
             return self.paths.accept(problem, result, near.starts)
         finally:
-            self.places = {}
+            self.places = None
 
 
 class FamilyBounds:
@@ -156,31 +154,35 @@ class FamilyBounds:
 
     def _joint(self, phases: Sequence[Phases], begin: list[Solution], *, worst: bool) -> list[Solution]:
         """Return the paths with the best common places near paths with common places."""
-        problems = [bounds.problem("path", own) for bounds, own in zip(self.members.values(), phases, strict=True)]
+        members = list(self.members.values())
+        problems = [bounds.problem("path", own) for bounds, own in zip(members, phases, strict=True)]
         joint = CommonPlaces(problems, worst=worst)
         points = [p.join(_path(one), one.variables) for p, one in zip(problems, begin, strict=True)]
         result = solve(joint, joint.join(points), options=OPTIONS)
-        found = [
-            replace(one, **_parts(problem, point))
-            for one, problem, point in zip(begin, problems, joint.split(result.x), strict=True)
-        ]
-        cheaper = self._total([one.costs.total for one in found]) < self._total([one.costs.total for one in begin])
-        return found if result.violation <= OPTIONS.violation and cheaper else begin
+        found = []
+        for bounds, problem, one, point in zip(members, problems, begin, joint.split(result.x), strict=True):
+            _, equal, limits = problem.evaluate(point)
+            violation = max(float(np.abs(equal).max(initial=0.0)), float(limits.max(initial=0.0)))
+            own = replace(one.result, x=point, equality=violation, inequality=violation)
+            answer, _ = bounds.paths.accept(problem, own, one.starts)
+            if answer is None:
+                return begin
+            found.append(answer)
+        before, after = (self._total([one.costs.total for one in solved]) for solved in (begin, found))
+        return found if after < before else begin
 
     def _first_places(self, phases: Sequence[Phases], alone: Sequence[Solution]) -> tuple[list[Solution], str]:
         """Return paths with the places of one member, the one nearest to all others that serves them all."""
-        names = self._first.problem("path", phases[0]).modes.names
-        common = common_variables(phases[0], names)
-        places = np.array([one.variables[common] for one in alone])
+        common = self._places(phases[0])
+        places = np.array([one.variables[list(common.values())] for one in alone])
         distance = np.linalg.norm(places[:, None] - places, axis=2).sum(axis=1)
         reason = ""
         for chosen in np.argsort(distance, kind="stable").tolist():
-            fixed = dict(zip(np.array(names)[common].tolist(), places[chosen].tolist(), strict=True))
+            other = alone[chosen]
+            fixed = {name: float(other.variables[at]) for name, at in common.items()}
             found: list[Solution] = []
             for (name, bounds), own, near in zip(self.members.items(), phases, alone, strict=True):
-                answer, why = bounds.with_places(
-                    fixed, own, self._moved(bounds, near, alone[chosen], common), free=True
-                )
+                answer, why = bounds.with_places(fixed, own, _with_robots(bounds, near, other), free=True)
                 if answer is None:
                     reason = reason or f"no place serves all: {name}: {why}"
                     break
@@ -189,18 +191,13 @@ class FamilyBounds:
                 return found, ""
         return [], reason
 
-    def _moved(self, bounds: PathBounds, near: Solution, other: Solution, common: Flags) -> Solution:
-        """Return a solution with the robots and places of another member, from which paths to its places start."""
-        path = _path(near).copy()
-        for name in bounds.world.scene.robots:
-            columns = bounds.world.columns(name)
-            path[:, columns] = _path(other)[:, columns]
-        return replace(near, path=path, variables=np.where(common, other.variables, near.variables))
+    def _places(self, phases: Phases) -> dict[str, int]:
+        """Return the common variables of a sequence with their numbers."""
+        names = self._first.problem("path", phases).modes.names
+        return {names[at]: int(at) for at in np.flatnonzero(common_variables(phases, names))}
 
     def _collision_free(self, phases: Sequence[Phases], found: Sequence[Solution]) -> BoundResult:
-        names = self._first.problem("path", phases[0]).modes.names
-        common = common_variables(phases[0], names)
-        fixed = dict(zip(np.array(names)[common].tolist(), found[0].variables[common].tolist(), strict=True))
+        fixed = {name: float(found[0].variables[at]) for name, at in self._places(phases[0]).items()}
         free: list[Solution] = []
         for (name, bounds), own, near in zip(self.members.items(), phases, found, strict=True):
             answer, why = bounds.with_places(fixed, own, near, free=False)
@@ -219,11 +216,10 @@ def _path(solution: Solution) -> Array:
     return solution.path
 
 
-def _parts(problem: PathProblem, point: Array) -> dict[str, Any]:
-    path, variables = problem.split(point)
-    return {
-        "keyframes": path[problem.phases.keyframes],
-        "variables": variables,
-        "path": path,
-        "costs": problem.costs(point),
-    }
+def _with_robots(bounds: PathBounds, near: Solution, other: Solution) -> Solution:
+    """Return a solution with the robots and variables of another member, a start for paths to that member's places."""
+    path = _path(near).copy()
+    for name in bounds.world.scene.robots:
+        columns = bounds.world.columns(name)
+        path[:, columns] = _path(other)[:, columns]
+    return replace(near, path=path, variables=other.variables)
