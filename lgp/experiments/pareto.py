@@ -41,7 +41,7 @@ def fronts(scene: Scene) -> dict[str, list[tuple[float, SceneVariation]]]:
 
     >>> from lgp.scene.scene_file import load_scene
     >>> {name: len(one) for name, one in fronts(load_scene("screwdriver")).items()}
-    {'duration': 6, 'robot_effort': 7}
+    {'duration': 7, 'robot_effort': 7}
     """
     varied = {}
     for name, entry in _entries().items():

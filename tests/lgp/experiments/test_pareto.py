@@ -71,9 +71,9 @@ def test_fronts_are_planned_once_and_drawn_on_the_page(tmp_path: Path) -> None:
     settings = {"seed": 0}
     pareto_fronts(tmp_path, scene, 1, settings, plan)
     traced = pareto_fronts(tmp_path, scene, 2, settings, plan)
-    assert planned == [[0]] * 13 + [[1]] * 13
+    assert planned == [[0]] * 14 + [[1]] * 14
     pareto_fronts(tmp_path, scene, 2, settings, plan)
-    assert planned[26:] == [[]] * 13
+    assert planned[28:] == [[]] * 14
     assert {file.name for file in tmp_path.iterdir()} == {"pareto"}
     runs, _ = made("rest")
     summary = summarise(runs, empty(PATH_COLUMNS), fronts=traced)
@@ -82,7 +82,7 @@ def test_fronts_are_planned_once_and_drawn_on_the_page(tmp_path: Path) -> None:
     assert figure in page
     assert traced[1]["title"] in page
     shown = np.array(re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)"', figure), float)
-    assert len(shown) == 6
+    assert len(shown) == 7
     assert (np.diff(shown[:, 0]) < 0).all()  # a second that costs more: shorter plans
     assert (np.diff(shown[:, 1]) < 0).all()  # with higher scores, up on the page
 
