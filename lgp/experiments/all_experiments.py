@@ -34,14 +34,14 @@ class Part:
     @property
     def title(self) -> str:
         """What it is, in one line."""
-        return variants()[self.variant].title + ("; bodies stay apart" if self.collisions else "")
+        return variants()[self.variant].title + ("; collision-free" if self.collisions else "")
 
 
 PARTS: Final = (
     *(Part(screwdriver.SCENE, name, name) for name in variants()),
-    Part(screwdriver.SCENE, "paper-apart", "paper", collisions=True),
+    Part(screwdriver.SCENE, "paper-collision-free", "paper", collisions=True),
     *(Part(toolbox.SCENE, name, name) for name in variants() if name != "paper-left"),
-    Part(toolbox.SCENE, "paper-apart", "paper", collisions=True),
+    Part(toolbox.SCENE, "paper-collision-free", "paper", collisions=True),
 )
 """Everything, in the order of planning; the toolbox has no other first table."""
 
@@ -95,12 +95,12 @@ def experiment_all(
     for part in parts:
         if part.experiment == toolbox.SCENE:
             report(f"{part.experiment} {part.name}")
-            told = partial(_told, report, part.name)
+            of_part = partial(_report_of, report, part.name)
             experiment_toolbox(
                 place / part.experiment / part.name,
                 variant=part.variant,
                 collisions=part.collisions,
-                on_event=told,
+                on_event=of_part,
                 command=command,
             )
     names = {kind: [part.name for part in parts if part.experiment == kind] for kind in KINDS}
@@ -114,7 +114,7 @@ def experiment_all(
     return summary
 
 
-def _told(report: Callable[[str], None], name: str, event: str) -> None:
+def _report_of(report: Callable[[str], None], name: str, event: str) -> None:
     report(f"{toolbox.SCENE} {name}: {event}")
 
 

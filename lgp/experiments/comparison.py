@@ -33,7 +33,7 @@ def comparison(folder: str | Path, names: Mapping[str, Sequence[str]]) -> dict[s
     Raises:
         LgpError: a summary is damaged.
     """
-    found = {
+    stored = {
         experiment: {
             name: summary for name in variants if (summary := _summary(Path(folder) / experiment / name)) is not None
         }
@@ -41,14 +41,14 @@ def comparison(folder: str | Path, names: Mapping[str, Sequence[str]]) -> dict[s
     }
     starts = {}
     for start in STARTS:
-        have = {name: one["starts"][start] for name, one in found["screwdriver"].items() if start in one["starts"]}
+        have = {name: one["starts"][start] for name, one in stored["screwdriver"].items() if start in one["starts"]}
         if have:
             starts[start] = {"variants": list(have), "rows": screwdriver_rows(have, start)}
     compared = {
         "format": FORMAT,
         "published": published.SOURCE,
         "screwdriver": starts,
-        "toolbox": [row for name, one in found["toolbox"].items() for row in toolbox_rows(name, one)],
+        "toolbox": [row for name, one in stored["toolbox"].items() for row in toolbox_rows(name, one)],
     }
     plain: dict[str, Any] = plain_data(with_provenance(compared))
     return plain
@@ -86,12 +86,12 @@ def _summary(folder: Path) -> dict[str, Any] | None:
     if not file.exists():
         return None
     try:
-        found = json.loads(read_settings(file))
+        stored = json.loads(read_settings(file))
     except (OSError, ValueError, RecursionError) as error:
         raise LgpError(f"{file}: cannot be read ({error}); delete the folder and repeat the command") from error
-    if not isinstance(found, dict):
+    if not isinstance(stored, dict):
         raise LgpError(f"{file}: expected a JSON object; delete the folder and repeat the command")
-    return found
+    return stored
 
 
 def screwdriver_rows(variants: Mapping[str, Mapping[str, Any]], start: str) -> list[dict[str, Any]]:

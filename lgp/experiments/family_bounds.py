@@ -145,12 +145,12 @@ class FamilyBounds:
         begin, reason = self._first_places(phases, alone)
         if not begin:
             return BoundResult(False, math.inf, reason)
-        found = self._joint(phases, begin, worst=False)
+        solutions = self._joint(phases, begin, worst=False)
         if self.worst:
-            found = self._joint(phases, found, worst=True)
+            solutions = self._joint(phases, solutions, worst=True)
         if self._first.collisions:
-            return self._collision_free(phases, found)
-        return self._result(found)
+            return self._collision_free(phases, solutions)
+        return self._result(solutions)
 
     def _joint(self, phases: Sequence[Phases], begin: list[Solution], *, worst: bool) -> list[Solution]:
         """Return the paths with the best common places near paths with common places."""
@@ -159,7 +159,7 @@ class FamilyBounds:
         joint = CommonPlaces(problems, worst=worst)
         points = [p.join(_path(one), one.variables) for p, one in zip(problems, begin, strict=True)]
         result = solve(joint, joint.join(points), options=OPTIONS)
-        found = []
+        solutions = []
         for bounds, problem, one, point in zip(members, problems, begin, joint.split(result.x), strict=True):
             _, equal, limits = problem.evaluate(point)
             violation = max(float(np.abs(equal).max(initial=0.0)), float(limits.max(initial=0.0)))
@@ -167,9 +167,9 @@ class FamilyBounds:
             answer, _ = bounds.paths.accept(problem, own, one.starts)
             if answer is None:
                 return begin
-            found.append(answer)
-        before, after = (self._total([one.costs.total for one in solved]) for solved in (begin, found))
-        return found if after < before else begin
+            solutions.append(answer)
+        before, after = (self._total([one.costs.total for one in solved]) for solved in (begin, solutions))
+        return solutions if after < before else begin
 
     def _first_places(self, phases: Sequence[Phases], alone: Sequence[Solution]) -> tuple[list[Solution], str]:
         """Return paths with the places of one member, the one nearest to all others that serves them all."""
@@ -180,15 +180,15 @@ class FamilyBounds:
         for chosen in np.argsort(distance, kind="stable").tolist():
             other = alone[chosen]
             fixed = {name: float(other.variables[at]) for name, at in common.items()}
-            found: list[Solution] = []
+            solutions: list[Solution] = []
             for (name, bounds), own, near in zip(self.members.items(), phases, alone, strict=True):
                 answer, why = bounds.with_places(fixed, own, _with_robots(bounds, near, other), free=True)
                 if answer is None:
                     reason = reason or f"no place serves all: {name}: {why}"
                     break
-                found.append(answer)
-            if len(found) == len(alone):
-                return found, ""
+                solutions.append(answer)
+            if len(solutions) == len(alone):
+                return solutions, ""
         return [], reason
 
     def _places(self, phases: Phases) -> dict[str, int]:
@@ -196,18 +196,18 @@ class FamilyBounds:
         names = self._first.problem("path", phases).modes.names
         return {names[at]: int(at) for at in np.flatnonzero(common_variables(phases, names))}
 
-    def _collision_free(self, phases: Sequence[Phases], found: Sequence[Solution]) -> BoundResult:
-        fixed = {name: float(found[0].variables[at]) for name, at in self._places(phases[0]).items()}
+    def _collision_free(self, phases: Sequence[Phases], solutions: Sequence[Solution]) -> BoundResult:
+        fixed = {name: float(solutions[0].variables[at]) for name, at in self._places(phases[0]).items()}
         free: list[Solution] = []
-        for (name, bounds), own, near in zip(self.members.items(), phases, found, strict=True):
+        for (name, bounds), own, near in zip(self.members.items(), phases, solutions, strict=True):
             answer, why = bounds.with_places(fixed, own, near, free=False)
             if answer is None:
                 return BoundResult(False, math.inf, f"{name}: {why}")
             free.append(answer)
         return self._result(free)
 
-    def _result(self, found: Sequence[Solution]) -> BoundResult:
-        return BoundResult(True, self._total([one.costs.total for one in found]), payload=tuple(found))
+    def _result(self, solutions: Sequence[Solution]) -> BoundResult:
+        return BoundResult(True, self._total([one.costs.total for one in solutions]), payload=tuple(solutions))
 
 
 def _path(solution: Solution) -> Array:

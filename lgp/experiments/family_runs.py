@@ -69,17 +69,17 @@ def _planned(members: Mapping[str, MemberBounds]) -> Iterator[tuple[str, Plan]]:
     for name, bounds in members.items():
         yield _condition(name, ALONE), plan_within(bounds, task, None, budget)
     for how in (MEAN, WORST):
-        found = search(task, FamilyBounds(members, worst=how == WORST), budget)
+        result = search(task, FamilyBounds(members, worst=how == WORST), budget)
         for number, (name, bounds) in enumerate(members.items()):
-            yield _condition(name, how), plan_of(bounds, _of_member(found, number))
+            yield _condition(name, how), plan_of(bounds, _of_member(result, number))
 
 
-def _of_member(found: SearchResult, number: int) -> SearchResult:
+def _of_member(result: SearchResult, number: int) -> SearchResult:
     """Return the result of a search for a family as that of one member."""
-    if not found.skeleton:
-        return found
-    solution = found.payload[number]
-    return replace(found, payload=solution, cost=solution.costs.total, nodes=())
+    if not result.skeleton:
+        return result
+    solution = result.payload[number]
+    return replace(result, payload=solution, cost=solution.costs.total, nodes=())
 
 
 @lru_cache(maxsize=1)

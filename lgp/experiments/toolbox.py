@@ -182,12 +182,12 @@ def finished_summary(folder: str | Path, settings: Mapping[str, Any]) -> dict[st
     """Return the summary in a folder, None where there is none of these settings and this version."""
     file = Path(folder) / SUMMARY
     try:
-        found = json.loads(read_settings(file)) if file.exists() else None
+        stored = json.loads(read_settings(file)) if file.exists() else None
     except (OSError, ValueError, RecursionError):
         return None
-    if not isinstance(found, dict) or found.get("settings") != plain_data(dict(settings)):
+    if not isinstance(stored, dict) or stored.get("settings") != plain_data(dict(settings)):
         return None
-    return None if other_version(found.get(MEMBER)) else found
+    return None if other_version(stored.get(MEMBER)) else stored
 
 
 def _plan_condition(

@@ -49,10 +49,12 @@ def test_every_variant_is_planned_and_compared_before_its_sweeps(
         monkeypatch.setattr(all_experiments, name, planned)
     summary = experiment_all(tmp_path, runs=12, sensitivity=2, command="lgp experiment all")
     assert {(kind, name) for kind, name, *_ in calls} == {(one.experiment, one.name) for one in PARTS}
-    assert {name for kind, name, *_ in calls if kind == "screwdriver"} == {*variants(), "paper-apart"}
+    assert {name for kind, name, *_ in calls if kind == "screwdriver"} == {*variants(), "paper-collision-free"}
     screwdriver = [call[1:] for call in calls if call[0] == "screwdriver"]
     assert screwdriver[:2] == [("paper", "rest", 0), ("paper", "random", 0)]
-    assert [call for call in screwdriver if call[2]] == [(name, "random", 2) for name in [*variants(), "paper-apart"]]
+    assert [call for call in screwdriver if call[2]] == [
+        (name, "random", 2) for name in [*variants(), "paper-collision-free"]
+    ]
     page = unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert 'href="screwdriver/paper-rigid/report.html"' in page
     assert "lgp experiment all" in page
@@ -61,7 +63,7 @@ def test_every_variant_is_planned_and_compared_before_its_sweeps(
     stored = json.loads((tmp_path / "summary.json").read_text())
     assert stored == summary
     assert stored["provenance"] == provenance()
-    assert list(summary["screwdriver"]["rest"]["variants"]) == [*variants(), "paper-apart"]
+    assert list(summary["screwdriver"]["rest"]["variants"]) == [*variants(), "paper-collision-free"]
 
 
 def test_rows_are_the_papers_results_beside_ours() -> None:
