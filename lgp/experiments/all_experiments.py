@@ -16,7 +16,7 @@ from lgp.experiments.screwdriver_experiment import EXTRA_RUNS, experiment_screwd
 from lgp.experiments.toolbox import experiment_toolbox
 from lgp.experiments.variants import variants
 from lgp.files import ALL_FILES
-from reba.checks import PATH, accepts
+from reba.checks import COUNT, PATH, SEED, accepts
 from reba.outputs import FolderOutput, check_outputs
 
 KINDS: Final = (screwdriver.SCENE, toolbox.SCENE)
@@ -46,7 +46,7 @@ PARTS: Final = (
 """Everything, in the order of planning; the toolbox has no other first table."""
 
 
-@accepts(LgpError, folder=PATH, sensitivity=EXTRA_RUNS, family=EXTRA_RUNS, pareto=EXTRA_RUNS)
+@accepts(LgpError, folder=PATH, runs=COUNT, seed=SEED, sensitivity=EXTRA_RUNS, family=EXTRA_RUNS, pareto=EXTRA_RUNS)
 def experiment_all(
     folder: str | Path,
     *,
@@ -57,7 +57,6 @@ def experiment_all(
     sensitivity: int = 0,
     family: int = 0,
     pareto: int = 0,
-    parts: tuple[Part, ...] = PARTS,
     progress: Callable[[int, int], None] | None = None,
     on_event: Callable[[str], None] | None = None,
     command: str = "",
@@ -71,7 +70,6 @@ def experiment_all(
     Args:
         folder: of all results.
         runs, seed, jobs, scheduler, sensitivity, family, pareto: as of `lgp.experiment_screwdriver`.
-        parts: what is planned.
         progress: called after each run with the number of finished runs and `runs`.
         on_event: called with one line for each step.
         command: command line that reproduces the results, shown on the page.
@@ -87,12 +85,12 @@ def experiment_all(
     report = on_event or (lambda message: None)
     place = Path(folder)
     common: dict[str, Any] = {"runs": runs, "seed": seed, "jobs": jobs, "scheduler": scheduler, "command": command}
-    own = [part for part in parts if part.experiment == screwdriver.SCENE]
+    own = [part for part in PARTS if part.experiment == screwdriver.SCENE]
     for part in own:
         for start in STARTS:
             report(f"{part.experiment} {part.name}, {start} posture")
             _screwdriver(place, part, initial=start, **common, progress=progress, on_event=on_event)
-    for part in parts:
+    for part in PARTS:
         if part.experiment == toolbox.SCENE:
             report(f"{part.experiment} {part.name}")
             of_part = partial(_report_of, report, part.name)
@@ -103,9 +101,9 @@ def experiment_all(
                 on_event=of_part,
                 command=command,
             )
-    names = {kind: [part.name for part in parts if part.experiment == kind] for kind in KINDS}
+    names = {kind: [part.name for part in PARTS if part.experiment == kind] for kind in KINDS}
     summary = comparison(place, names)
-    write_comparison(place, summary, {part.name: part.title for part in parts}, command)
+    write_comparison(place, summary, {part.name: part.title for part in PARTS}, command)
     extras = {"sensitivity": sensitivity, "family": family, "pareto": pareto}
     if any(extras.values()):
         for part in own:
