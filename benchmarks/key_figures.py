@@ -46,6 +46,13 @@ def correctness(data: dict[str, Any]) -> Iterator[Figure]:
     yield Figure("scores in which ergonomics-metrics differs", f"{row['share']:.1%}", postures, row["share"])
 
 
+def random_start(data: dict[str, Any]) -> Iterator[Figure]:
+    for variant, one in data["variants"].items():
+        for factor, shares in one["shares"].items():
+            what = f"{variant}, random posture, the person's accelerations times {float(factor):g}: left table"
+            yield Figure(what, f"{shares['left']:.0f} %", "the paper, 66 %", shares["left"] / 66.0)
+
+
 def scoring(data: dict[str, Any]) -> Iterator[Figure]:
     for row in data["rows"][1:]:
         speed = f"{row['frames_per_second']:,.0f} frames/s"
@@ -277,6 +284,7 @@ SCRIPTS: tuple[Script, ...] = (
     Script("path", path, ("--repeat", "1", "--no-growth")),
     Script("plan_time", plan_time, ("screwdriver_panda", "--repeat", "1")),
     Script("audit", audit, ("screwdriver_panda", "--repeat", "2")),
+    Script("random_start", random_start, ("--draws", "1", "--variants", "paper")),
     Script("toolbox", toolbox, ("--parts", "2", "--seconds", "5")),
     Script("anytime", anytime, ("--seconds", "10")),
     Script("study_nulls", study_nulls, ("--studies", "20", "--files", "0")),

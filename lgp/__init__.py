@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from lgp.execution.replan_now import replan
     from lgp.execution.run_plan import run_plan
     from lgp.execution.trajectory_export import write_trajectories
+    from lgp.experiments.all_experiments import experiment_all
     from lgp.experiments.screwdriver_experiment import experiment_screwdriver
     from lgp.experiments.toolbox import experiment_toolbox
     from lgp.kinematics.actions import ActionConstraint, ActionKind, ActionMoment, Sentences, register_action
@@ -58,6 +59,7 @@ __all__ = [
     "World",
     "WorldError",
     "audit_plan",
+    "experiment_all",
     "experiment_screwdriver",
     "experiment_toolbox",
     "load_scene",
@@ -96,6 +98,7 @@ _LAZY = {
     "load_scene": "lgp.scene.scene_file",
     "shipped_scenes": "lgp.scene.scene_file",
     "plan": "lgp.planner",
+    "experiment_all": "lgp.experiments.all_experiments",
     "experiment_screwdriver": "lgp.experiments.screwdriver_experiment",
     "experiment_toolbox": "lgp.experiments.toolbox",
     "register_action": "lgp.kinematics.actions",

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from lgp.defaults import SCENE_COST
 from lgp.errors import LgpError
@@ -140,7 +141,7 @@ def plan(
 
 
 @cli.command(epilog="Example: lgp experiment screwdriver --runs 100 --jobs 2 -o results/")
-@click.argument("name", type=click.Choice(["screwdriver", "toolbox"]))
+@click.argument("name", type=click.Choice(["screwdriver", "toolbox", "all"]))
 @click.option(
     "--runs", default=100, type=click.IntRange(1, MOST), show_default=True, help="Random draws of the table heights."
 )
@@ -162,6 +163,14 @@ def plan(
     help="Also vary the scene, the cost and the person, one parameter at a time, with this number of runs each.",
 )
 @click.option(
+    "--family", default=0, type=click.IntRange(0, MOST), metavar="RUNS",
+    help="Also plan this number of runs for a family of manikins at once: 5th, 50th and 95th percentile of both sexes.",
+)  # fmt: skip
+@click.option(
+    "--pareto", default=0, type=click.IntRange(0, MOST), metavar="RUNS",
+    help="Also trace REBA against time and against the robot's effort, with this number of runs for each point.",
+)  # fmt: skip
+@click.option(
     "--collisions/--no-collisions",
     default=None,
     help="Whether motions are collision-free, which takes several times as long; the variant says so by default.",
@@ -173,7 +182,9 @@ def plan(
     help="Results; an interrupted experiment is resumed there.",
 )  # fmt: skip
 @json_option
+@click.pass_context
 def experiment(
+    context: click.Context,
     name: str,
     runs: int,
     seed: int,
@@ -184,6 +195,8 @@ def experiment(
     weight: float | None,
     phase_seconds: float | None,
     sensitivity: int,
+    family: int,
+    pareto: int,
     collisions: bool | None,
     plans: bool,
     jobs: int,
@@ -196,7 +209,26 @@ def experiment(
     \b
     screwdriver   choice of one of three tables of random heights
     toolbox       order of actions in one scene; draws nothing, and takes no option that is about draws
+    all           both in all variants and from both initial postures, and a table that compares them with the paper
     """
+    draws: dict[str, Any] = {
+        "runs": runs,
+        "seed": seed,
+        "jobs": jobs,
+        "scheduler": scheduler,
+        "sensitivity": sensitivity,
+        "family": family,
+        "pareto": pareto,
+    }
+    if name == "all":
+        given = [
+            option for option in ONE_VARIANT if context.get_parameter_source(option) is ParameterSource.COMMANDLINE
+        ]
+        if given:
+            option = {"variant": "as"}.get(given[0], given[0].replace("_", "-"))
+            raise LgpError(f"--{option} is of one experiment, and `all` plans every variant; leave it out")
+        _all(output, draws, as_json)
+        return
     common: dict[str, Any] = {
         "variant": variant,
         "scene": scene,
@@ -210,20 +242,13 @@ def experiment(
         return
     from lgp.experiments.screwdriver_experiment import experiment_screwdriver
 
-    def progress(done: int, wanted: int) -> None:
-        echo(f"{name}: {done} of {wanted} runs", err=True)
-
     summary = experiment_screwdriver(
         output,
-        runs=runs,
-        seed=seed,
         initial=initial,
         **common,
-        jobs=jobs,
-        scheduler=scheduler,
-        sensitivity=sensitivity,
+        **draws,
         plans=plans,
-        progress=progress,
+        progress=lambda done, wanted: echo(f"{name}: {done} of {wanted} runs", err=True),
         on_event=lambda event: echo(f"{name}: {event}", err=True),
         command=command_line("lgp"),
     )
@@ -231,6 +256,26 @@ def experiment(
         print_json(summary)
     else:
         echo(f"results are in {output}: report.html, summary.json, runs.parquet, paths.parquet")
+
+
+ONE_VARIANT = ("initial", "variant", "scene", "cost", "weight", "phase_seconds", "collisions", "plans")
+"""Options of `lgp experiment` that `all` does not take."""
+
+
+def _all(output: str, draws: dict[str, Any], as_json: bool) -> None:
+    from lgp.experiments.all_experiments import experiment_all
+
+    summary = experiment_all(
+        output,
+        **draws,
+        progress=lambda done, wanted: echo(f"all: {done} of {wanted} runs", err=True),
+        on_event=lambda event: echo(f"all: {event}", err=True),
+        command=command_line("lgp"),
+    )
+    if as_json:
+        print_json(summary)
+    else:
+        echo(f"results are in {output}: report.html, summary.json, screwdriver/, toolbox/")
 
 
 def _toolbox(output: str, common: dict[str, Any], as_json: bool) -> None:

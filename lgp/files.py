@@ -23,8 +23,14 @@ SUMMARY: Final = "summary.json"
 REPORT: Final = "report.html"
 EXPERIMENT_FILES: Final = (
     SETTINGS, JOURNAL, "runs.parquet", "paths.parquet", SUMMARY, "figure_*.svg", REPORT, "sensitivity/*",
-    "ergonomic/*", "non-ergonomic/*", "plans/*",
+    "family/*", "pareto/*", "ergonomic/*", "non-ergonomic/*", "plans/*",
 )  # fmt: skip
 """Both experiments."""
+ALL_FILES: Final = (
+    SUMMARY,
+    REPORT,
+    *(f"{part}/*/{name}" for part in ("screwdriver", "toolbox") for name in EXPERIMENT_FILES),
+)
+"""All experiments in all variants."""
 STUDY_FILES: Final = (SUMMARY, "scores.parquet", REPORT)
 """A study."""

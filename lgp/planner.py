@@ -131,7 +131,11 @@ def plan_within(
 
     A `sequence` is planned for instead of searching; `first` is as for `lgp.search.tree_search.search`.
     """
-    result = search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence)
+    return plan_of(bounds, search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence))
+
+
+def plan_of(bounds: PathBounds, result: SearchResult) -> Plan:
+    """Return the plan of a search with these bounds, and what its audit found."""
     plan = _record(bounds.world.scene, bounds, result)
     return replace(plan, audit=audit_plan(plan).summary()) if plan.feasible else plan
 

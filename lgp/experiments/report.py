@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from lgp.experiments import published
 from lgp.experiments.figures import bars, example, profile, reach_map
 from lgp.experiments.findings import findings
+from lgp.experiments.pareto import pareto_figure
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs
 from lgp.experiments.summary import summarise, write_summary
 from lgp.experiments.variants import Variant
@@ -26,6 +27,8 @@ from reba.report.page import template
 if TYPE_CHECKING:
     import pandas as pd
 
+FRONT = "figure_pareto_"
+"""First part of the names of the figures of Pareto fronts."""
 FIGURE_NUMBER = {"rest": 5, "random": 6}
 """Initial posture -> number of the paper's figure."""
 
@@ -41,6 +44,8 @@ def write_results(
     command: str = "",
     reach: Reachability | None = None,
     sensitivity: pd.DataFrame | None = None,
+    family: Mapping[str, Any] | None = None,
+    fronts: Sequence[Mapping[str, Any]] | None = None,
 ) -> dict[str, Any]:
     """Write `summary.json`, `figure_5.svg` to `figure_7.svg` and `report.html` into a folder; return the summary.
 
@@ -52,12 +57,14 @@ def write_results(
         command: command line that reproduces the results, shown on the page.
         reach: reachability of the table tops by each hand.
         sensitivity: table of `lgp.experiments.sensitivity.sensitivity_table`.
+        family: from `lgp.experiments.family_runs.family_summary`.
+        fronts: from `lgp.experiments.pareto.pareto_fronts`.
 
     Raises:
         LgpError: a table has wrong columns or values, or statsmodels is not installed.
         RebaError: a file cannot be written.
     """
-    summary = summarise(runs, paths, settings, sensitivity)
+    summary = summarise(runs, paths, settings, sensitivity, family, fronts)
     plots = plots_of(summary, check_paths(paths))
     html = render(summary, runs, paths, scene, plots, variant=variant, command=command, reach=reach)
 
@@ -81,7 +88,8 @@ def plots_of(summary: Mapping[str, Any], paths: pd.DataFrame) -> dict[str, str]:
     }
     if len(paths):
         plots["figure_7"] = profile(paths, "Lines: mean REBA score over the phases per condition and start")
-    return plots
+    drawn = {f"{FRONT}{one['name']}": pareto_figure(one) for one in summary["pareto"] or ()}
+    return plots | {name: figure for name, figure in drawn.items() if figure}
 
 
 def render(
@@ -117,6 +125,9 @@ def render(
         reach=None if reach is None else _reach_rows(reach.shares()),
         map=None if reach is None else Markup(reach_map(scene, reach.data)),
         sensitivity=summary["sensitivity"] or [],
+        family=summary["family"],
+        fronts=summary["pareto"] or [],
+        front_plots={name.removeprefix(FRONT): Markup(plot) for name, plot in plots.items() if name.startswith(FRONT)},
         command=command,
     )
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -34,14 +34,14 @@ STARTS: Final = ("rest", "random")
 RUN_COLUMNS: Final[dict[str, str]] = {
     "run": "int64",  # from 0; a run has the same heights in all conditions and initial postures
     "seed": "int64",  # of the experiment
-    "condition": "string",  # one of CONDITIONS
+    "condition": "string",  # one of CONDITIONS; of a family of manikins, who it is planned for and how
     "table": "string",  # one of GRASP_TABLES, missing if infeasible
     "height_left": "float64",  # [m]
     "height_center": "float64",
     "height_right": "float64",
     "chosen_height": "float64",  # [m] of the chosen table, NaN if infeasible
     "reba_grasp": "float64",  # true score of the last slice
-    "reba_mean": "float64",  # mean true score over all slices
+    "reba_mean": "float64",  # mean true score over time
     "cost": "float64",  # of the plan, by the cost terms of the condition
     "feasible": "bool",
     "seconds": "float64",  # of planning, without problems that an earlier condition of the run had solved
@@ -49,8 +49,13 @@ RUN_COLUMNS: Final[dict[str, str]] = {
     "initial": "string",  # initial posture, one of STARTS
     "reason": "string",  # why it is infeasible, else empty
     "faults": "int64",  # that the audit of the plan found, 0 if infeasible
+    "duration": "float64",  # of the plan [s], NaN if infeasible
+    "robot_effort": "float64",  # squared accelerations of the robots' joints over time [rad^2/s^3], NaN if infeasible
+    "human_effort": "float64",  # those of the person's joints
 }
 """Columns of runs.parquet and their types."""
+NUMBERS: Final = ("chosen_height", "reba_grasp", "reba_mean", "cost", "duration", "robot_effort", "human_effort")
+"""Columns of runs.parquet that every feasible run has, and no other."""
 PATH_COLUMNS: Final[dict[str, str]] = {
     "run": "int64",
     "condition": "string",
@@ -67,22 +72,21 @@ KEY: Final = ("initial", "run", "condition")
 """Columns that identify a row of runs."""
 
 
-def check_runs(frame: pd.DataFrame) -> pd.DataFrame:
-    """Runs with the columns and types of `RUN_COLUMNS`, sorted by `KEY`.
+def check_runs(frame: pd.DataFrame, conditions: Sequence[str] = CONDITIONS) -> pd.DataFrame:
+    """Runs with the columns and types of `RUN_COLUMNS`, sorted by `KEY`, conditions as they are given.
 
     Raises:
         LgpError: a column is missing, unknown or of another type, a name is unknown, a row is a duplicate, a feasible
             run lacks a number, or the heights of a run differ between its rows.
     """
     runs = _typed(frame, RUN_COLUMNS, "runs")
-    _names(runs, "condition", CONDITIONS)
+    _names(runs, "condition", conditions)
     _names(runs, "initial", STARTS)
     feasible = runs[runs["feasible"]]
     _names(feasible, "table", GRASP_TABLES)
-    numbers = ["chosen_height", "reba_grasp", "reba_mean", "cost"]
-    bad = feasible[~np.isfinite(feasible[numbers].to_numpy()).all(axis=1)]
+    bad = feasible[~np.isfinite(feasible[list(NUMBERS)].to_numpy()).all(axis=1)]
     if len(bad):
-        raise LgpError(f"{_row(bad)}: feasible, but one of {', '.join(numbers)} is not a number; plan the run again")
+        raise LgpError(f"{_row(bad)}: feasible, but one of {', '.join(NUMBERS)} is not a number; plan the run again")
     duplicates = runs[runs.duplicated(list(KEY))]
     if len(duplicates):
         raise LgpError(f"{_row(duplicates)}: two rows in the runs; keep one of them")
@@ -97,23 +101,23 @@ def check_runs(frame: pd.DataFrame) -> pd.DataFrame:
         wrong = chosen[(chosen["chosen_height"] - chosen[f"height_{table}"]).abs() > 1e-9]
         if len(wrong):
             raise LgpError(f"{_row(wrong)}: chosen_height is not height_{table}, the height of its table")
-    return _sorted(runs, [*KEY])
+    return _sorted(runs, [*KEY], conditions)
 
 
-def check_paths(frame: pd.DataFrame) -> pd.DataFrame:
+def check_paths(frame: pd.DataFrame, conditions: Sequence[str] = CONDITIONS) -> pd.DataFrame:
     """Paths with the columns and types of `PATH_COLUMNS`, sorted by `KEY` and slice.
 
     Raises:
         LgpError: a column is missing, unknown or of another type, a name is unknown, or a slice is a duplicate.
     """
     paths = _typed(frame, PATH_COLUMNS, "paths")
-    _names(paths, "condition", CONDITIONS)
+    _names(paths, "condition", conditions)
     _names(paths, "initial", STARTS)
     duplicates = paths[paths.duplicated([*KEY, "slice"])]
     if len(duplicates):
         number = duplicates["slice"].iloc[0]
         raise LgpError(f"{_row(duplicates)}: two rows for slice {number} in the paths; keep one of them")
-    return _sorted(paths, [*KEY, "slice"])
+    return _sorted(paths, [*KEY, "slice"], conditions)
 
 
 def pivot(runs: pd.DataFrame, column: str, initial: str) -> pd.DataFrame:
@@ -141,7 +145,7 @@ def _typed(frame: pd.DataFrame, columns: dict[str, str], table: str) -> pd.DataF
         raise LgpError(f"{table}: a column has another type than expected ({error})") from error
 
 
-def _names(frame: pd.DataFrame, column: str, expected: tuple[str, ...]) -> None:
+def _names(frame: pd.DataFrame, column: str, expected: Sequence[str]) -> None:
     wrong = frame[~frame[column].isin(expected)]
     if len(wrong):
         raise LgpError(f"{_row(wrong)}: {column} {wrong[column].iloc[0]!r}, expected one of {', '.join(expected)}")
@@ -152,8 +156,8 @@ def _row(frame: pd.DataFrame) -> str:
     return f"run {first['run']}, {first['condition']}, {first['initial']}"
 
 
-def _sorted(frame: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
-    ranks = {name: rank for rank, name in enumerate((*STARTS, *CONDITIONS))}
+def _sorted(frame: pd.DataFrame, columns: list[str], conditions: Sequence[str]) -> pd.DataFrame:
+    ranks = {name: rank for rank, name in enumerate((*STARTS, *conditions))}
     return frame.sort_values(
         columns, key=lambda values: values.map(ranks) if values.name in ("initial", "condition") else values
     ).reset_index(drop=True)
@@ -165,18 +169,19 @@ class RunStore:
     Args:
         folder: created if it does not exist.
         settings: plain data that must be equal for all runs of a folder (scene, cost model, seed).
+        conditions: names of the conditions of a run.
 
     Raises:
         LgpError: the folder holds runs of other settings or another version, is damaged or cannot be written.
     """
 
-    def __init__(self, folder: str | Path, settings: Mapping[str, Any]) -> None:
+    def __init__(self, folder: str | Path, settings: Mapping[str, Any], conditions: Sequence[str] = CONDITIONS) -> None:
         if not isinstance(folder, str | Path):
             raise LgpError(f"folder is {folder!r}; expected the path of a folder for the results")
-        self.folder = Path(folder)
+        self.folder, self.conditions = Path(folder), tuple(conditions)
         check_outputs(FolderOutput(folder, EXPERIMENT_FILES), error=LgpError)
         self._check_settings(json.loads(json.dumps(dict(settings))))
-        self._runs, self._paths = _parquet(self.folder)
+        self._runs, self._paths = self._checked(*_parquet(self.folder))
         self._read_journal()
 
     def done(self, initial: str) -> set[int]:
@@ -214,7 +219,7 @@ class RunStore:
         Raises:
             LgpError: `check_runs` or `check_paths` refuses the rows, the run is stored already, or cannot be written.
         """
-        runs, paths = check_runs(runs), check_paths(paths)
+        runs, paths = self._checked(runs, paths)
         stored = self._keys(self._runs) & self._keys(runs)
         if stored:
             raise LgpError(
@@ -245,7 +250,10 @@ class RunStore:
 
     def tables(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         """All finished runs and their paths, sorted."""
-        return check_runs(self._runs), check_paths(self._paths)
+        return self._checked(self._runs, self._paths)
+
+    def _checked(self, runs: pd.DataFrame, paths: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+        return check_runs(runs, self.conditions), check_paths(paths, self.conditions)
 
     def _check_settings(self, settings: dict[str, Any]) -> None:
         file = self.folder / SETTINGS
@@ -291,7 +299,7 @@ class RunStore:
             _check_version(self.folder, data.get(MEMBER))
             # A process stopped between writing the tables and removing the journal leaves a run in both.
             if not self._keys(self._runs) & self._keys(runs):
-                self._add(check_runs(runs), check_paths(paths))
+                self._add(*self._checked(runs, paths))
 
     def _add(self, runs: pd.DataFrame, paths: pd.DataFrame) -> None:
         self._runs, self._paths = _joined(self._runs, runs), _joined(self._paths, paths)
@@ -316,7 +324,7 @@ def _parquet(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     _check_version(folder, origin)
     # A process stopped between writing the two tables leaves paths without a run.
     finished = paths.set_index(list(KEY)).index.isin(runs.set_index(list(KEY)).index)
-    return check_runs(runs), check_paths(paths[finished])
+    return runs, paths[finished]
 
 
 def _check_version(folder: Path, origin: Any) -> None:

@@ -8,7 +8,7 @@ and initial postures are paired.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -18,7 +18,8 @@ import numpy as np
 from lgp.collision.random_start import random_start
 from lgp.errors import LgpError
 from lgp.experiments.cost_model import CostModel, cost_model
-from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES, empty
+from lgp.experiments.effort import effort_by_agent
+from lgp.experiments.runs import CONDITIONS, NUMBERS, PATH_COLUMNS, RUN_COLUMNS, TABLES, empty
 from lgp.kinematics.world import World
 from lgp.logic.task import Task
 from lgp.path.bounds import PathBounds
@@ -63,8 +64,6 @@ def plan_run(
         collisions: whether paths are collision-free.
         plans: folder in which each feasible plan is kept in one of its own, which `lgp page` and `lgp run` take.
     """
-    import pandas as pd
-
     base = load_scene(SCENE) if scene is None else scene
     model = cost_model(base.cost.model) if cost is None else cost
     world, ergonomics = _world_and_cost(model, base.name, json.dumps(base.values, sort_keys=True))
@@ -73,19 +72,31 @@ def plan_run(
     start = (
         world.initial_configuration if initial == "rest" else random_start(world, np.random.default_rng([seed, run, 1]))
     )
-    rows, paths = [], []
     options: dict[str, Any] = {
         "initial_configuration": start,
         "slices": slices,
         "collisions": collisions,
     }
+    planned = []
     for condition, plan in _conditions(task_of(scene), world, ergonomics, options):
+        planned.append((condition, plan))
+        if plan.feasible and plans is not None:
+            plan.save(Path(plans) / f"{initial}-{run}-{condition}")
+    return tables_of(planned, run, seed, initial)
+
+
+def tables_of(
+    planned: Iterable[tuple[str, Plan]], run: int, seed: int, initial: str
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return a row for each condition with its plan (columns `RUN_COLUMNS`), and their paths (`PATH_COLUMNS`)."""
+    import pandas as pd
+
+    rows, paths = [], []
+    for condition, plan in planned:
         key = {"run": run, "condition": condition, "initial": initial}
-        rows.append(_row(scene, plan) | key | {"seed": seed})
+        rows.append(_row(plan.scene, plan) | key | {"seed": seed})
         if plan.feasible:
             paths.append(_path(plan, key))
-            if plans is not None:
-                plan.save(Path(plans) / f"{initial}-{run}-{condition}")
     runs_table = pd.DataFrame(rows)[list(RUN_COLUMNS)].astype(RUN_COLUMNS)
     if not paths:
         return runs_table, empty(PATH_COLUMNS)
@@ -117,6 +128,13 @@ def plan_runs(
     base = load_scene(SCENE) if scene is None else scene
     model = cost_model(base.cost.model) if cost is None else cost
     work = partial(plan_run, seed=seed, scene=base, initial=initial, cost=model, collisions=collisions, plans=plans)
+    yield from each_run(work, runs, jobs, scheduler)
+
+
+def each_run(
+    work: Callable[[int], tuple[pd.DataFrame, pd.DataFrame]], runs: Iterable[int], jobs: int, scheduler: str | None
+) -> Iterator[tuple[pd.DataFrame, pd.DataFrame]]:
+    """Do the work of runs in parallel, and yield the tables of each as it finishes; arguments as of `plan_runs`."""
     for run, tables in run_parallel(work, runs, jobs=jobs, scheduler=scheduler):
         if isinstance(tables, WorkerDied):
             raise LgpError(f"run {run}: {tables.reason}; finished runs are kept, repeat the command with fewer --jobs")
@@ -160,17 +178,20 @@ def _row(scene: Scene, plan: Plan) -> dict[str, Any]:
         "reason": plan.reason,
         "faults": len(plan.audit.get("faults", ())),
     }
-    scores = plan.reba()
+    scores, effort = plan.reba(), effort_by_agent(plan)
     if scores is None:
-        return row | dict.fromkeys(("chosen_height", "reba_grasp", "reba_mean", "cost"), np.nan) | {"table": None}
+        return row | dict.fromkeys(NUMBERS, np.nan) | {"table": None}
     table = _table(scene, plan)
     reba = np.asarray(scores.reba, dtype=float)
     return row | {
         "table": table,
         "chosen_height": scene.tables[f"table.{table}"].height,
         "reba_grasp": reba[-1],
-        "reba_mean": reba.mean(),
+        "reba_mean": np.average(reba, weights=np.diff(plan.time, prepend=0.0)),
         "cost": plan.costs["total"],
+        "duration": plan.time[-1],
+        "robot_effort": sum(effort[name] for name in scene.robots),
+        "human_effort": effort["human"],
     }
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from lgp.errors import LgpError
 from lgp.experiments.cost_model import cost_model
+from lgp.experiments.family_runs import family_summary
+from lgp.experiments.pareto import pareto_fronts
 from lgp.experiments.report import write_results
 from lgp.experiments.runs import STARTS, RunStore
 from lgp.experiments.screwdriver import DEPTH, SCENE, plan_runs
@@ -18,8 +20,12 @@ from lgp.files import EXPERIMENT_FILES, PLANS
 from lgp.kinematics.reachability import reachability
 from lgp.kinematics.world import World
 from lgp.statistics.paired_tests import require_statsmodels
-from reba.checks import NOT_NEGATIVE, PATH, YES_NO, accepts, shown
+from reba.checks import NOT_NEGATIVE, PATH, YES_NO, Allowed, accepts, shown
 from reba.outputs import FolderOutput, check_outputs
+
+EXTRA_RUNS: Final = Allowed(
+    "a whole number, 0 or more", lambda value: isinstance(value, int) and not isinstance(value, bool) and value >= 0
+)
 
 
 @accepts(
@@ -30,6 +36,9 @@ from reba.outputs import FolderOutput, check_outputs
     weight=NOT_NEGATIVE.or_none(),
     phase_seconds=NOT_NEGATIVE.or_none(),
     collisions=YES_NO.or_none(),
+    sensitivity=EXTRA_RUNS,
+    family=EXTRA_RUNS,
+    pareto=EXTRA_RUNS,
     plans=YES_NO,
 )
 def experiment_screwdriver(
@@ -47,6 +56,8 @@ def experiment_screwdriver(
     scheduler: str | None = None,
     collisions: bool | None = None,
     sensitivity: int = 0,
+    family: int = 0,
+    pareto: int = 0,
     plans: bool = False,
     progress: Callable[[int, int], None] | None = None,
     on_event: Callable[[str], None] | None = None,
@@ -71,6 +82,8 @@ def experiment_screwdriver(
         scheduler: address of a Dask scheduler, which then replaces `jobs`.
         collisions: whether paths are collision-free, as the variant says by default; takes several times as long.
         sensitivity: runs of each variation of the scene, the cost and the person, 0 for no variations.
+        family: runs that are planned for a family of manikins at once, 0 for none.
+        pareto: runs of each point of the Pareto fronts of REBA against time and against the robot's effort, 0 for none.
         plans: keep each plan in a folder of its own in `plans`, with `jobs` only.
         progress: called after each run with the number of finished runs and `runs`.
         on_event: called with one line for each variation that is planned.
@@ -102,10 +115,21 @@ def experiment_screwdriver(
     runs_of = partial(plan, scene=base, initial=initial, cost=model, plans=kept)
     tables = store.complete(runs, initial, runs_of, progress)
     varied = sensitivity_table(folder, base, sensitivity, settings, plan, on_event=on_event) if sensitivity else None
+    people, traced = None, None
+    if family:
+        if on_event is not None:
+            on_event(f"a family of manikins: {family} runs")
+        people = family_summary(
+            folder, base, family, settings, model, seed=seed, collisions=free, jobs=jobs, scheduler=scheduler
+        )
+    if pareto:
+        traced = pareto_fronts(folder, base, pareto, settings, partial(plan, cost=model), on_event=on_event)
     return write_results(
         folder,
         *tables,
         base,
+        family=people,
+        fronts=traced,
         variant=chosen,
         settings=settings,
         command=command,

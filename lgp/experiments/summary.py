@@ -7,7 +7,7 @@ Every test has its n, p and effect size, every difference its interval. Shares o
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from itertools import combinations
 from pathlib import Path
@@ -36,12 +36,16 @@ def summarise(
     paths: pd.DataFrame,
     settings: Mapping[str, Any] | None = None,
     sensitivity: pd.DataFrame | None = None,
+    family: Mapping[str, Any] | None = None,
+    fronts: Sequence[Mapping[str, Any]] | None = None,
 ) -> dict[str, Any]:
     """Summary as plain data, with None for NaN.
 
     Args:
         runs: of one initial posture or both.
         sensitivity: table of `lgp.experiments.sensitivity.sensitivity_table`, copied.
+        family: from `lgp.experiments.family_runs.family_summary`, copied.
+        fronts: from `lgp.experiments.pareto.pareto_fronts`, copied.
 
     Raises:
         LgpError: `check_runs` or `check_paths` refuses a table, or statsmodels is not installed.
@@ -58,6 +62,8 @@ def summarise(
         "starts": {start: _start(runs, paths, start) for start in starts},
         "between_starts": _between(runs) if len(starts) == len(STARTS) else None,
         "sensitivity": None if sensitivity is None else sensitivity.to_dict("records"),
+        "family": family,
+        "pareto": fronts,
     }
     plain: dict[str, Any] = plain_data(with_provenance(summary))
     return plain
@@ -87,6 +93,7 @@ def _start(runs: pd.DataFrame, paths: pd.DataFrame, start: str) -> dict[str, Any
         "reba_grasp": _scores(scores["reba_grasp"]),
         "reba_mean": _scores(scores["reba_mean"]),
         "reba_phases": _phases(paths[paths["initial"] == start]),
+        "persons_share": _persons_share(selected),
         "seconds": {name: asdict(mean_of(rows["seconds"])) for name, rows in selected.groupby("condition")},
     }
 
@@ -166,6 +173,12 @@ def _scores(table: pd.DataFrame) -> dict[str, Any]:
         "friedman": asdict(test) if (test := friedman(table.dropna().to_numpy(dtype=float))) else None,
         "pairs": [asdict(one) for one in compare(table, PAIRS)],
     }
+
+
+def _persons_share(runs: pd.DataFrame) -> dict[str, Any]:
+    """Share of the person in the squared accelerations of non-ergonomic plans [%]."""
+    plain = runs[(runs["condition"] == NON_ERGONOMIC) & runs["feasible"]]
+    return asdict(mean_of(100.0 * plain["human_effort"] / (plain["human_effort"] + plain["robot_effort"])))
 
 
 def _phases(paths: pd.DataFrame) -> dict[str, list[dict[str, Any]]]:

@@ -7,6 +7,7 @@ best motions.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from lgp.errors import LgpError
 from lgp.experiments import published
 from lgp.experiments.cost_model import cost_model
 from lgp.experiments.summary import write_summary
+from lgp.experiments.toolbox_mass import held_seconds, mass_sweep
 from lgp.experiments.toolbox_orders import (
     GRASP_FIRST,
     ORDERS,
@@ -42,8 +44,9 @@ from lgp.scene.model import Scene
 from lgp.search.records import Budget
 from reba.checks import NOT_NEGATIVE, PATH, YES_NO, accepts
 from reba.files import plain_data, write_atomic, write_folder
+from reba.open_file import read_settings
 from reba.outputs import FolderOutput, check_outputs
-from reba.provenance import with_provenance, write_parquet
+from reba.provenance import MEMBER, other_version, with_provenance, write_parquet
 
 SCENE: Final = "toolbox"
 CONDITIONS: Final = ("non-ergonomic", "ergonomic")
@@ -103,6 +106,7 @@ def experiment_toolbox(
     """Reproduce the toolbox experiment: plan both conditions, write plans, tables and report, and return the summary.
 
     Written are the plans (folders `ergonomic` and `non-ergonomic`), `summary.json`, `runs.parquet` and `report.html`.
+    A folder in which the same experiment is finished is left as it is.
 
     Args:
         folder: of the results.
@@ -134,8 +138,19 @@ def experiment_toolbox(
     if (Path(folder) / SETTINGS).exists():
         raise LgpError(f"{folder}: holds the runs of another experiment; give another folder")
     report = on_event or (lambda message: None)
-    task, world = task_of(base), World(base)
     model = cost_model(base.cost.model)
+    settings = {
+        **settings_of(SCENE, chosen, base, free),
+        **model.settings(),
+        "depth": base.depth,
+        "slices": slices or base.slices,
+        "ergonomic_weights": list(ergonomic_weights),
+    }
+    done = finished_summary(folder, settings)
+    if done is not None:
+        report("finished before with the same settings; give another folder to plan it again")
+        return done
+    task, world = task_of(base), World(base)
     ergonomics = Ergonomics(world, model.model())
     conditions: dict[str, Condition] = {}
     for name in CONDITIONS:
@@ -150,12 +165,6 @@ def experiment_toolbox(
         return PathBounds(world, ergonomics, weights, slices=slices, collisions=free)
 
     rows = _vary_weight(weighted, task, conditions["ergonomic"].orders, ergonomic_weights, report)
-    settings = {
-        **settings_of(SCENE, chosen, base, free),
-        **model.settings(),
-        "depth": base.depth,
-        "slices": slices or base.slices,
-    }
     summary = summarise_toolbox(conditions, base, settings, rows)
     plans = {name: one.plan for name, one in conditions.items()}
 
@@ -167,6 +176,18 @@ def experiment_toolbox(
 
     write_folder(folder, write, last=SUMMARY)
     return summary
+
+
+def finished_summary(folder: str | Path, settings: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the summary in a folder, None where there is none of these settings and this version."""
+    file = Path(folder) / SUMMARY
+    try:
+        stored = json.loads(read_settings(file)) if file.exists() else None
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(stored, dict) or stored.get("settings") != plain_data(dict(settings)):
+        return None
+    return None if other_version(stored.get(MEMBER)) else stored
 
 
 def _plan_condition(
@@ -255,9 +276,13 @@ def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[s
     weight = scene.ergonomic_weight(int(np.sum(plan.phase == 0))) if name == "ergonomic" else 0.0
     orders = {order: cost_terms(best, weight) for order, best in condition.orders.items()}
     first = plan.actions[0].rpartition(", ")[2].rstrip(")")
-    mass = None
+    mass, sweep, own = None, [], scene.objects[first].mass
     if weight and len(orders) == len(ORDERS):
-        mass = break_even_mass(orders[PLACE_FIRST], orders[GRASP_FIRST], scene.objects[first].mass, weight)
+        mass = break_even_mass(orders[PLACE_FIRST], orders[GRASP_FIRST], own, weight)
+        totals = {order: terms["total"] for order, terms in orders.items()}
+        task = task_of(scene)
+        seconds = {order: held_seconds(task, best, first) for order, best in condition.orders.items()}
+        sweep = mass_sweep(totals, seconds, own, weight, mass)
     return {
         "actions": list(plan.actions),
         "published_actions": list(published.TOOLBOX_SEQUENCES[name]),
@@ -265,7 +290,7 @@ def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[s
         "cost": cost_terms(plan, weight),
         "orders": orders,
         "orders_lost": condition.infeasible_orders,
-        "first_part": {"name": first, "mass": scene.objects[first].mass, "mass_for_place_first": mass},
+        "first_part": {"name": first, "mass": own, "mass_for_place_first": mass, "sweep": sweep},
         "rounds": condition.rounds,
         "sequences": condition.sequences,
         **scores_of(plan),

@@ -8,9 +8,9 @@ from typing import Any, Final
 import numpy as np
 
 from dreba.surrogates.task_factors import OMEGA_LOAD
+from lgp.experiments.effort import effort_by_agent
 from lgp.logic.task import Action, Task
 from lgp.path.bounds import PathBounds
-from lgp.path.costs import acceleration_quadratic_of
 from lgp.plan_record import Plan
 from lgp.planner import parse_sequence, plan_within
 from lgp.search.records import Skeleton
@@ -72,19 +72,12 @@ def cost_terms(plan: Plan, weight: float = 1.0) -> dict[str, float]:
     Keys: total, acceleration, `acceleration of NAME` for each agent, posture and load (terms of the ergonomic cost,
     load by equation 4 of the paper), and carried [kg s].
     """
-    steps = np.diff(plan.time, prepend=0.0)
-    deviation = plan.path - plan.start
-    by_joint = np.einsum("tj,ts,sj->j", deviation, acceleration_quadratic_of(steps, stop=True), deviation)
-    agents = dict.fromkeys(name.partition(".")[0] for name in plan.joints)
-    carried = float(steps @ plan.carried)
+    carried = float(np.diff(plan.time, prepend=0.0) @ plan.carried)
     load = weight * carried / OMEGA_LOAD
     return {
         "total": plan.costs["total"],
         "acceleration": plan.costs["acceleration"],
-        **{
-            f"acceleration of {agent}": float(sum(by_joint[[name.startswith(f"{agent}.") for name in plan.joints]]))
-            for agent in agents
-        },
+        **{f"acceleration of {agent}": effort for agent, effort in effort_by_agent(plan).items()},
         "posture": plan.costs["ergonomics"] - load,
         "load": load,
         "time": plan.costs.get("time", 0.0),

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from lgp.experiments.figures import COLOURS
+from lgp.experiments.toolbox_mass import mass_figure
 from lgp.experiments.toolbox_orders import ORDERS
 from lgp.experiments.variants import Variant
 from lgp.files import REPORT
@@ -65,9 +66,15 @@ def write_page(
         scene=scene,
         variant=chosen,
         chart=Markup(over_time(plans)),
+        masses=Markup(_masses(summary)),
         command=command,
     )
     write_atomic(Path(folder) / REPORT, lambda part: write_text(part, html))
+
+
+def _masses(summary: Mapping[str, Any]) -> str:
+    first = summary["conditions"]["ergonomic"]["first_part"]
+    return mass_figure(first["sweep"], first["mass"], first["mass_for_place_first"])
 
 
 def over_time(plans: Mapping[str, Plan]) -> str:

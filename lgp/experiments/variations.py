@@ -82,7 +82,7 @@ def _sweeps() -> tuple[dict[str, Any], ...]:
 
 
 def _of_sweep(scene: Scene, sweep: Mapping[str, Any]) -> Iterator[SceneVariation]:
-    now = _own_value(scene, sweep["key"])
+    now = own_value(scene, sweep["key"])
     for factor in sweep.get("factors", ()):
         yield SceneVariation(sweep["label"], f"x {factor:g}", json.dumps({sweep["key"]: _scaled(now, factor)}))
     for value in sweep.get("values", ()):
@@ -90,8 +90,8 @@ def _of_sweep(scene: Scene, sweep: Mapping[str, Any]) -> Iterator[SceneVariation
             yield SceneVariation(sweep["label"], str(value), json.dumps({sweep["key"]: value}))
 
 
-def _own_value(scene: Scene, key: str) -> Any:
-    """Return the value of a key of a sweep, which the file may leave to its default."""
+def own_value(scene: Scene, key: str) -> Any:
+    """Return the value of a dotted key of a scene, which its file may leave to its default."""
     inner: Any = scene
     for part in key.split("."):
         inner = getattr(inner, part)

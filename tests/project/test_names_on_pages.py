@@ -18,7 +18,10 @@ import reba
 from dreba.domain import Domain
 from lgp.execution.events import Event, Hub
 from lgp.execution.server import PageServer
+from lgp.experiments.comparison import write_comparison
 from lgp.experiments.report import write_results
+from lgp.experiments.runs import TABLES
+from lgp.experiments.toolbox_orders import ORDERS
 from lgp.experiments.toolbox_report import write_page as write_toolbox
 from lgp.experiments.variants import variants
 from lgp.kinematics.reachability import Reachability
@@ -124,8 +127,44 @@ def screwdriver_report(folder: Path) -> Path:
     runs = runs.assign(reason=runs["reason"].where(runs["feasible"], MARKUP))
     write_results(
         folder, runs, paths, scene, settings={MARKUP: MARKUP}, command=MARKUP, sensitivity=pd.DataFrame(rows),
-        reach=Reachability(pd.DataFrame(spots)),
+        reach=Reachability(pd.DataFrame(spots)), family=hostile_family(), fronts=hostile_fronts(),
     )  # fmt: skip
+    return folder / "report.html"
+
+
+def hostile_family() -> dict[str, Any]:
+    """Return the summary of a family whose names and reasons are hostile."""
+    mean = {"mean": 1.0}
+    measures = {"reba_mean": mean, "reba_grasp": mean, "cost": mean}
+    way = {"members": {MARKUP: {**measures, "worst": 1}}, "worst": measures, "percent": dict.fromkeys(TABLES, 1.0)}
+    pair = {"first": MARKUP, "second": MARKUP, "n": 2, "difference": 0.1, "low": 0.0, "high": 0.2, "p_holm": 0.5}
+    return {
+        "title": MARKUP, "source": MARKUP, "members": [{"name": MARKUP, "stature": 1.7}], "runs": 2, "n": 1,
+        "reasons": [MARKUP], "planned": {MARKUP: way}, "largest": {"cost": [pair]},
+    }  # fmt: skip
+
+
+def hostile_fronts() -> list[dict[str, Any]]:
+    """Return a front whose titles are hostile."""
+    score = {"mean": 2.0, "se": 0.1}
+    points = [
+        {"value": at, "n": 2, "of": 2, "on_front": True, "duration": {"mean": at, "se": 0.1}, "reba_mean": score,
+         "reba_grasp": score} for at in (1.0, 2.0)
+    ]  # fmt: skip
+    return [{"name": "duration", "title": MARKUP, "axis": MARKUP, "weight": MARKUP, "points": points}]
+
+
+def comparison_report(folder: Path) -> Path:
+    """Write a comparison of variants whose names and results are hostile."""
+    row = {"result": MARKUP, "paper": MARKUP, "variants": {MARKUP: MARKUP}}
+    one = {
+        "variant": MARKUP, "condition": MARKUP, "order": MARKUP, "published": MARKUP, "mass": None, "reba": 1.0,
+        "costs": dict.fromkeys(ORDERS, 1.0), "without_load": dict.fromkeys(ORDERS),
+    }  # fmt: skip
+    compared = {
+        "published": MARKUP, "screwdriver": {MARKUP: {"variants": [MARKUP], "rows": [row]}}, "toolbox": [one],
+    }  # fmt: skip
+    write_comparison(folder, compared, {MARKUP: MARKUP}, MARKUP)
     return folder / "report.html"
 
 
@@ -139,7 +178,10 @@ def toolbox_report(folder: Path) -> Path:
         "cost": cost, "reba": {"mean": 1.0, "max": 2.0}, "load_points": 0.0, "rounds": [1.0], "status": MARKUP,
         "parts": dict.fromkeys(("trunk", "neck", "legs", "load_force", *(f"{part}_{side}" for part in
                                ("upper_arm", "lower_arm", "wrist") for side in ("left", "right"))), 1.0),
-        "first_part": {"name": MARKUP, "mass": 1.0, "mass_for_place_first": 1.0},
+        "first_part": {
+            "name": MARKUP, "mass": 1.0, "mass_for_place_first": 1.0,
+            "sweep": [{"mass": mass, "costs": dict.fromkeys(ORDERS, 1.0), "order": MARKUP} for mass in (0.0, 1.0)],
+        },
         "sequences": [{**row, "verdict": MARKUP}, {**row, "verdict": "infeasible"}],
         "search": {"gap": 0.0, "levels": {MARKUP: {"solved": 1, "infeasible": 0, "seconds": 1.0}}},
         "residuals": {"metres": 0.0, "radians": 0.0},
@@ -169,12 +211,13 @@ WRITERS: dict[str, tuple[Callable[[Path], Path], int]] = {
     "study report": (study_report, 15),
     "screwdriver report": (screwdriver_report, 10),
     "toolbox report": (toolbox_report, 15),
+    "comparison": (comparison_report, 10),
     "posture": (stick_figures, 0),
 }
 """Writers of pages and drawings, and how often the name stands in the text at least."""
 PAGES = {
     "reba/report/page.py", "dreba/report.py", "lgp/page/page.py", "lgp/study/report.py", "lgp/experiments/report.py",
-    "lgp/experiments/toolbox_report.py", "reba/app/server.py",
+    "lgp/experiments/toolbox_report.py", "lgp/experiments/comparison.py", "reba/app/server.py",
 }  # fmt: skip
 DRAWINGS = {"reba/report/plots.py", "reba/report/body_map.py", "reba/posture/skeleton.py", "lgp/svg.py",
             "lgp/search/tree_figure.py", "lgp/experiments/figures.py"}  # fmt: skip

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pandas as pd
 
-from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, TABLES
+from lgp.experiments.runs import CONDITIONS, NUMBERS, PATH_COLUMNS, RUN_COLUMNS, TABLES
 from reba.posture.columns import COLUMNS
 
 RUNS = 12
@@ -30,7 +30,8 @@ def one_run(run, start, worse):
         row |= {f"height_{name}": height for name, height in zip(TABLES, heights, strict=True)}
         row |= {"actions": "grasp(1, baxter.left, screwdriver)", "table": table if ok else None}
         row |= {"chosen_height": heights[TABLES.index(table)], "reba_grasp": grasp, "reba_mean": grasp / 2, "cost": 1.0}
-        rows.append(row if ok else row | dict.fromkeys(("chosen_height", "reba_grasp", "reba_mean", "cost"), np.nan))
+        row |= {"duration": 6.0, "robot_effort": 0.75, "human_effort": 0.25}
+        rows.append(row if ok else row | dict.fromkeys(NUMBERS, np.nan))
         if ok:
             scores = [1.0, 1.0, 2.0, 2.0, 4.0, grasp]
             path = pd.DataFrame({"slice": range(6), "phase": np.repeat(range(3), 2), "reba": scores, "load": 0.0})

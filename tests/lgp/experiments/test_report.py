@@ -10,7 +10,7 @@ import pytest
 
 import lgp
 from lgp.experiments.report import write_results
-from lgp.experiments.runs import PATH_COLUMNS, empty
+from lgp.experiments.runs import NUMBERS, PATH_COLUMNS, empty
 from lgp.kinematics.reachability import Reachability
 from tests.support.screwdriver_runs import made
 
@@ -74,7 +74,7 @@ def test_page_is_whole_and_needs_no_network(tmp_path, starts):
 
 def test_page_of_runs_that_all_failed(tmp_path):
     runs, _ = made("rest")
-    runs = runs.assign(feasible=False, table=None, chosen_height=np.nan, reba_grasp=np.nan, reba_mean=np.nan)
+    runs = runs.assign(feasible=False, table=None, **dict.fromkeys(NUMBERS, np.nan))
     summary = write_results(tmp_path, runs, empty(PATH_COLUMNS), lgp.load_scene("screwdriver"))
     assert summary["starts"]["rest"]["table_choice"]["ergonomic"]["percent"]["left"] is None
     assert "it cannot be computed" in (tmp_path / "report.html").read_text()

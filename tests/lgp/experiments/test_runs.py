@@ -11,6 +11,7 @@ from lgp.errors import LgpError
 from lgp.experiments.runs import (
     CONDITIONS,
     JOURNAL,
+    NUMBERS,
     PATH_COLUMNS,
     RUN_COLUMNS,
     TABLES,
@@ -37,8 +38,9 @@ def made(run, initial="rest", failed=(), tables=("left", "center", "left"), scor
         row |= {f"height_{name}": height for name, height in zip(TABLES, heights, strict=True)}
         row |= {"actions": "grasp(1, baxter.left, screwdriver)" if ok else "", "table": table if ok else None}
         row |= {"chosen_height": heights[TABLES.index(table)], "reba_grasp": score, "reba_mean": score - 1, "cost": 1.0}
+        row |= {"duration": 6.0, "robot_effort": 0.5, "human_effort": 0.25}
         if not ok:
-            row |= dict.fromkeys(("chosen_height", "reba_grasp", "reba_mean", "cost"), np.nan)
+            row |= dict.fromkeys(NUMBERS, np.nan)
         rows.append(row)
         if ok:
             scores = np.linspace(1.0, score, 6)

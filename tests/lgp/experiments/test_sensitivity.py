@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import lgp
-from lgp.experiments.runs import CONDITIONS, PATH_COLUMNS, RUN_COLUMNS, empty
+from lgp.experiments.runs import CONDITIONS, NUMBERS, PATH_COLUMNS, RUN_COLUMNS, empty
 from lgp.experiments.screwdriver import plan_run
 from lgp.experiments.sensitivity import remarks, sensitivity_table
 from lgp.experiments.variations import BASELINE, SceneVariation, values_of_weight, variations
@@ -69,7 +69,7 @@ def test_a_start_table_far_away_is_remarked() -> None:
 
 def made(run: int, table: str | None) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return rows of a run whose two searched conditions chose a table, or found no plan."""
-    numbers = {"chosen_height": 1.0, "reba_grasp": 2.0, "reba_mean": 2.0, "cost": 1.0}
+    numbers = dict.fromkeys(NUMBERS, 1.0)
     row = {"run": run, "seed": 0, "initial": "rest", "table": table, "feasible": table is not None, "seconds": 1.0}
     row |= {"actions": "", "reason": "", "faults": 0, "height_left": 1.0, "height_center": 1.0, "height_right": 1.0}
     row |= numbers if table else dict.fromkeys(numbers, np.nan)
