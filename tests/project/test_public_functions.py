@@ -95,9 +95,9 @@ GOOD: dict[str, dict[str, Any]] = {
     "dreba.write_report": {"model": MODEL, "poses": POSES, "path": "model.html"},
     "lgp.audit_plan": {"plan": None},
     "lgp.experiment_screwdriver": {"folder": "screwdriver", "cost": "nowhere.json", "runs": -1},
-    "lgp.experiment_toolbox": {"folder": "toolbox", "cost": "nowhere.json"},
+    "lgp.experiment_toolbox": {"folder": "toolbox", "cost": "nowhere.json", "phase_seconds": -1.0},
     "lgp.load_scene": {"which": "screwdriver"},
-    "lgp.plan": {"scene": "screwdriver", "cost": None, "slices": -1},
+    "lgp.plan": {"scene": "screwdriver", "cost": None, "slices": -1, "accept_start": "no"},
     "lgp.replan": {"plan": None, "now": 0.0, "poses": None, "joints": None, "cost": None},
     "lgp.run_plan": {"folder": "run", "seed": 0, "speed": 0.0},
     "lgp.run_study": {"logs": None},
@@ -105,7 +105,8 @@ GOOD: dict[str, dict[str, Any]] = {
     "lgp.write_page": {"plan": None, "folder": "page"},
     "lgp.write_trajectories": {"plan": None, "path": "robots.mcap"},
 }
-"""Arguments of each function; those whose run takes long have one wrong value here already."""
+"""Arguments of each function; of those whose run takes long one that is checked later than the others is wrong already,
+and where that is tried itself, another."""
 MANY = {"lgp.replan", "reba.read", "reba.score_array", "reba.score_parts", "dreba.fit_to"}
 """Functions with more positional arguments, as the contract has them."""
 PATH_METHODS = {
