@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 
@@ -41,8 +42,8 @@ def jax_function(path: Path, poses: np.ndarray, **given: object) -> tuple[np.nda
     jax = pytest.importorskip("jax", reason="JAX is not installed")
     jax.config.update("jax_enable_x64", True)
     function = imported(path).dreba
-    gradient = jax.grad(lambda angles: function(angles, **given).sum())(poses)
-    return np.asarray(jax.jit(lambda angles: function(angles, **given))(poses)), np.asarray(gradient)
+    value, pull = jax.vjp(lambda angles: function(angles, **given), poses)
+    return np.asarray(value), np.asarray(pull(jax.numpy.ones_like(value))[0])
 
 
 LIBRARIES = {"torch": torch_function, "jax": jax_function}
@@ -63,16 +64,15 @@ def test_value_and_derivative_are_those_of_the_model(
     path = dreba.export_model(model(name), tmp_path / "cost", to=library, temperature=temperature)
     assert path.suffix == ".py"
     poses = dreba.sample(40, rng=52).angles[:, columns(model(name))]
-    # Each is compiled, so these three have a batch, one pose, and factors absent, single and one for each pose.
-    for rows, given in (
-        (poses, {}),
-        (poses, {**GIVEN, "load": np.linspace(0.0, 15.0, 40)}),
-        (poses[3], GIVEN),
-    ):
+    every = {**GIVEN, "load": np.linspace(0.0, 15.0, 40)}
+    for rows, given in ((poses, {}), (poses, GIVEN), (poses[3], GIVEN), (poses, every)):
         value, gradient = LIBRARIES[library](path, rows, **given)
         expected, slope = model(name).value_and_gradient(rows, temperature=temperature, **given)
         assert value == pytest.approx(expected, abs=1e-10)
         assert gradient == pytest.approx(slope, abs=1e-10)
+    if library == "jax":
+        compiled = importlib.import_module("jax").jit(partial(imported(path).dreba, **every))
+        assert compiled(poses) == pytest.approx(expected, abs=1e-10)
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
