@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup demo test test-fast test-lowest test-newest lint docs bench fuzz wheel-demo constraints
+.PHONY: setup demo test test-fast test-lowest test-newest test-versions lint docs bench fuzz wheel-demo constraints
 setup: .venv/.ready
 
 # What the commands need; enough for the demo.
@@ -25,11 +25,11 @@ demo: .venv/.base
 	@echo "Open out/palletising.html and out/balancing.html in a browser."
 
 test: setup
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 # Without what starts browsers, clusters, planners or many processes.
 test-fast: setup
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
 
 # The fast tests with the lowest versions that pyproject.toml declares.
 test-lowest: setup
@@ -38,6 +38,10 @@ test-lowest: setup
 # The fast tests with the newest versions that exist, on the newest Python that is found.
 test-newest: setup
 	PYTHON=$(PYTHON) .ci/versions newest
+
+# Both, at the same time.
+test-versions: setup
+	PYTHON=$(PYTHON) .ci/versions lowest newest
 
 lint: setup
 	$(BIN)/ruff check .

@@ -77,13 +77,15 @@ def posture_angles(body: SegmentFrames, n: int) -> Array:
 def rotated_about(frame: Array, axis: int, angle: Array) -> Array:
     """Return (n, 3, 3) frames: (3, 3) or (n, 3, 3) turned about their own axis 0, 1 or 2 by (n,) angles [rad]."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
-    result = np.empty((len(angle), 3, 3))
-    result[:] = frame
-    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    first, second = result[:, :, i].copy(), result[:, :, j].copy()
-    result[:, :, i] = first * cosine + second * sine
-    result[:, :, j] = second * cosine - first * sine
-    return result
+    # Each of the nine numbers lies together for all frames, for speed.
+    result = np.empty((3, 3, len(angle)))
+    turned = result.transpose(2, 0, 1)
+    first, second, kept = (np.broadcast_to(frame, turned.shape)[:, :, at].T for at in (i, j, axis))
+    cosine, sine = np.cos(angle), np.sin(angle)
+    result[:, i] = first * cosine + second * sine
+    result[:, j] = second * cosine - first * sine
+    result[:, axis] = kept
+    return turned
 
 
 def frame_from_y_z(y: Array, z: Array) -> Array:
@@ -144,24 +146,19 @@ def _lean(axis: Array) -> tuple[Array, Array]:
     return np.degrees(np.arctan2(x, y)), np.degrees(np.arctan2(z, np.hypot(x, y)))
 
 
-def _twist(relative: Array) -> Array:
+def _twist(parent: Array, child: Array) -> Array:
     """Return the angle [deg] about the child's long axis between the z axes of parent and child."""
-    return np.degrees(np.arctan2(-relative[:, 2, 0], relative[:, 2, 2]))
-
-
-def _relative(parent: Array, child: Array) -> Array:
-    return np.matmul(parent.transpose(0, 2, 1), child)
+    x, _, z = _in(child, parent[:, :, 2]).T
+    return np.degrees(np.arctan2(-x, z))
 
 
 def _in(parent: Array, vectors: Array) -> Array:
     return np.einsum("nji,nj->ni", parent, vectors)
 
 
-def _mirrored(relative: Array, side: str) -> Array:
-    """Return relative frames (n, 3, 3) or vectors (n, 3) as if they were of the right side."""
-    if side == "right":
-        return relative
-    return relative * (MIRROR if relative.ndim == 2 else np.outer(MIRROR, MIRROR))
+def _mirrored(vectors: Array, side: str) -> Array:
+    """Return (n, 3) vectors as if they were of the right side."""
+    return vectors if side == "right" else vectors * MIRROR
 
 
 def _trunk(body: SegmentFrames, trunk: Array, columns: dict[str, Array]) -> None:
@@ -176,7 +173,7 @@ def _trunk(body: SegmentFrames, trunk: Array, columns: dict[str, Array]) -> None
         return
     columns["trunk_flexion"], columns["trunk_side_bend"] = _lean(_in(base, trunk[:, :, 1]))
     if pelvis is not None:
-        columns["trunk_twist"] = _twist(_relative(pelvis, trunk))
+        columns["trunk_twist"] = _twist(pelvis, trunk)
 
 
 def _neck(body: SegmentFrames, thorax: Array, columns: dict[str, Array]) -> None:
@@ -184,7 +181,7 @@ def _neck(body: SegmentFrames, thorax: Array, columns: dict[str, Array]) -> None
     if axis is not None:
         columns["neck_flexion"], columns["neck_side_bend"] = _lean(_in(thorax, axis))
     if "head" in body.frames:
-        columns["neck_twist"] = _twist(_relative(thorax, body.frames["head"]))
+        columns["neck_twist"] = _twist(thorax, body.frames["head"])
 
 
 def _shoulder(body: SegmentFrames, trunk: Array, thorax: Array, side: str, columns: dict[str, Array]) -> None:
@@ -216,7 +213,7 @@ def _limbs(body: SegmentFrames, side: str, columns: dict[str, Array]) -> None:
         columns[f"wrist_deviation_{side}"] = np.degrees(np.arctan2(radial, np.hypot(along, palmar)))
     arm = body.frames.get(f"upper_arm_{side}")
     if arm is not None:
-        columns[f"wrist_twist_{side}"] = _twist(_mirrored(_relative(arm, forearm), side))
+        columns[f"wrist_twist_{side}"] = _twist(arm, forearm) * (1.0 if side == "right" else -1.0)
 
 
 def against_gravity(columns: Array) -> None:

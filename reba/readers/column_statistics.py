@@ -31,7 +31,7 @@ LIMITS: Final[dict[str, tuple[float, float]]] = {
 }
 """[deg] Anatomical limits: normal ranges (AAOS 1965; limits of human.urdf) with a margin for soft tissue."""
 _LOW, _HIGH = np.array([LIMITS[angle.name] for angle in ANGLES for _ in angle.columns]).T
-_ROWS: Final = 20_000
+_ROWS: Final = 2000
 Counts = NDArray[np.int64]
 
 
@@ -63,16 +63,21 @@ class ColumnStatistics:
         >>> ColumnStatistics().add(np.zeros((3, 22))).add(np.full((2, 22), 8.0)).high[0]
         np.float64(8.0)
         """
+        self.frames += len(angles)
         for start in range(0, len(angles), _ROWS):
-            part = angles[start : start + _ROWS]
-            self.frames += len(part)
+            # Column by column, and comparing only columns with a value beyond the limits, for speed.
+            part = np.ascontiguousarray(angles[start : start + _ROWS].T)
             finite = np.isfinite(part)
-            self.known += np.count_nonzero(finite, axis=0)
-            self.low = np.minimum(self.low, np.min(part, axis=0, where=finite, initial=np.inf))
-            self.high = np.maximum(self.high, np.max(part, axis=0, where=finite, initial=-np.inf))
-            with np.errstate(invalid="ignore"):
-                self.beyond += np.count_nonzero((part < _LOW) | (part > _HIGH), axis=0)
-                self.beyond_turned += np.count_nonzero((-part < _LOW) | (-part > _HIGH), axis=0)
+            self.known += np.count_nonzero(finite, axis=1)
+            low, high = np.fmin.reduce(part, axis=1), np.fmax.reduce(part, axis=1)
+            for count, sign, ends in ((self.beyond, 1.0, (low, high)), (self.beyond_turned, -1.0, (-high, -low))):
+                for at in np.flatnonzero((ends[0] < _LOW) | (ends[1] > _HIGH)).tolist():
+                    turned = sign * part[at]
+                    count[at] += np.count_nonzero((turned < _LOW[at]) | (turned > _HIGH[at]))
+            if np.isinf([low, high]).any():
+                known = np.where(finite, part, np.nan)
+                low, high = np.fmin.reduce(known, axis=1), np.fmax.reduce(known, axis=1)
+            self.low, self.high = np.fmin(self.low, low), np.fmax(self.high, high)
         return self
 
     def turned(self, columns: Sequence[int]) -> ColumnStatistics:

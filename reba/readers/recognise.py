@@ -271,8 +271,9 @@ def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
     loose = profile.kind == "points"
     spelling = {_folded(name): name for name in profile.names}
     for index, pattern in enumerate(patterns):
+        expression = _expression(profile.names, pattern, loose)
         for signal in stream.names:
-            parsed = _expression(profile.names, pattern, loose).fullmatch(signal)
+            parsed = expression.fullmatch(signal)
             if parsed:
                 groups = parsed.groupdict()
                 # Two patterns may read one body in two ways, so an id belongs to its pattern.

@@ -19,7 +19,7 @@ BOX = HUMAN_ONLY | {"initial": ["on_table(box)", "free(human.right_hand)", "free
 
 @pytest.fixture(scope="module")
 def plan() -> lgp.Plan:
-    return lgp.plan(read_scene(BOX, "box"), cost=None, slices=8)
+    return lgp.plan(read_scene(BOX, "box"), cost=None, slices=8, collisions=False)
 
 
 def test_objects_lie_still_and_are_met_by_the_hand(plan: lgp.Plan) -> None:

@@ -19,6 +19,7 @@ from reba.errors import ReadError
 from reba.open_file import SETTINGS_BYTES
 from reba.readers.mcap import records
 from reba.readers.mcap.bytes import MAGIC, MOST_RATIO, NOT_MCAP, BadChunk, ByteSource, unpack
+from reba.readers.mcap.message_index import indexed_scan
 from reba.readers.mcap.packed_messages import MessageUnpacker
 from reba.readers.mcap.records import BadRecord, Channel, ChunkHead, Scan, Schema
 from reba.readers.mcap.store import ChunkRef, Loaded
@@ -118,7 +119,7 @@ class Container:
         if key in self._scans:
             return self._scans[key]
         most = 1 << 62 if segment.scanned else self._most_records - self._records
-        scan = self._scan(data, most)
+        scan = self._scan(segment, data, most)
         self._records += 0 if segment.scanned else scan.records
         segment.scanned = True
         self._define(data, scan)
@@ -132,8 +133,13 @@ class Container:
         """Free the memory of the loaded segment."""
         self._last = None
 
-    def _scan(self, data: bytes, most: int) -> Scan:
+    def _scan(self, segment: ChunkRef, data: bytes, most: int) -> Scan:
         """Return the messages of a segment of at most `most` records."""
+        start, stop = segment.indexes
+        if 0 < stop - start <= len(data):
+            index = self.source.read_at(start, stop - start)
+            if (scan := indexed_scan(data, index, most, publish_time=self.publish_time)) is not None:
+                return scan
         return records.scan(data, most=most, publish_time=self.publish_time)
 
     @property
@@ -288,8 +294,12 @@ class Container:
             self._note_chunk(at, length)
         elif opcode == Opcode.MESSAGE_INDEX and self.segments and length >= records.INDEX_HEAD:
             number, count = records.message_index(self._window(at, records.INDEX_HEAD))
-            hints = self.segments[-1].channels = self.segments[-1].channels or {}
-            hints[number] = hints.get(number, 0) + count
+            segment = self.segments[-1]
+            segment.channels = segment.channels or {}
+            segment.channels[number] = segment.channels.get(number, 0) + count
+            start, stop = segment.indexes
+            if stop in (0, at - records.HEAD):
+                segment.indexes = (start or at - records.HEAD, at + length)
         elif opcode == Opcode.DATA_END:
             summary.start = at + length
         elif opcode == Opcode.CHUNK_INDEX:

@@ -1,8 +1,8 @@
 """Contents of a recording: what all of its messages name and when, before anything is decided about them.
 
-Every message with postures is decoded once, on opening. Names, parents and times are kept of all of them, the decoded
-values as long as they are small: a longer recording is decoded again when it is read. A recording that is being written
-is taken in segment by segment.
+Every message with postures is decoded once, on opening. Names, parents and times are kept of all of them, and the first
+`KEPT_BYTES` of decoded values until they are read: what is beyond that, or read again, is decoded again. A recording
+that is being written is taken in segment by segment.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.mcap.trace import NO_STAMP, Trace
 from reba.readers.recording.stream import Kind, ReadLog
 
-KEPT_BYTES: Final = 1 << 25
-"""[bytes] Decoded values that are kept for reading; of more, none are."""
+KEPT_BYTES: Final = 3 << 24
+"""[bytes] Decoded values that are kept until they are read; all others are unpacked and decoded again."""
 
 
 @dataclass
@@ -142,6 +142,13 @@ class Contents:
         """Return the messages of a channel in a segment, None for a segment that came later."""
         return self._places.get((id(part), segment.offset))
 
+    def let_go(self, parts: Sequence[DecodableChannel], segment: ChunkRef) -> None:
+        """Remove the decoded values of some channels in a segment from memory."""
+        for part in parts:
+            place = self.place(part, segment)
+            if place is not None and place.pieces is not None:
+                self._places[id(part), segment.offset] = replace(place, pieces=None)
+
     def segments(self, container: Store, parts: Sequence[DecodableChannel]) -> list[ChunkRef]:
         """Return the segments with messages of some channels of a file in the order of time."""
         ordered = []
@@ -202,11 +209,9 @@ class Contents:
         return len(batch.times)
 
     def _kept(self, pieces: list[Piece]) -> list[Piece] | None:
-        """Return the pieces if values are still kept, else None; beyond `KEPT_BYTES` none are."""
-        if self._kept_bytes > KEPT_BYTES:
+        """Return the pieces if there is still room for them in `KEPT_BYTES`, else None."""
+        size = sum(piece.values.nbytes + 3 * piece.log.nbytes for piece in pieces)
+        if self._kept_bytes + size > KEPT_BYTES:
             return None
-        self._kept_bytes += sum(piece.values.nbytes + 3 * piece.log.nbytes for piece in pieces)
-        if self._kept_bytes <= KEPT_BYTES:
-            return pieces
-        self._places = {key: replace(place, pieces=None) for key, place in self._places.items()}
-        return None
+        self._kept_bytes += size
+        return pieces

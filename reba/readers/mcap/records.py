@@ -24,7 +24,8 @@ _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
 _PROBE: Final = 16
 """Records compared first: most runs are shorter."""
-_DEFINITIONS: Final = (Opcode.SCHEMA, Opcode.CHANNEL)
+DEFINITIONS: Final = (Opcode.SCHEMA, Opcode.CHANNEL)
+"""Records that say what messages are."""
 
 
 class BadRecord(Exception):
@@ -221,9 +222,9 @@ def scan(data: bytes, *, complete: bool = True, most: int = 1 << 62, publish_tim
             if complete:
                 raise BadRecord(at, f"{end - at} bytes are left, fewer than the head of a record")
             break
-        opcode, length = _HEAD.unpack_from(data, at)
+        opcode, length = head_of(data, at)
         stop = at + HEAD + length
-        if not complete and (opcode not in (Opcode.MESSAGE, *_DEFINITIONS) or stop > end):
+        if not complete and (opcode not in (Opcode.MESSAGE, *DEFINITIONS) or stop > end):
             break
         if stop > end:
             raise BadRecord(at, f"a record of {length} bytes where {end - at - HEAD} are left")
@@ -237,13 +238,17 @@ def scan(data: bytes, *, complete: bool = True, most: int = 1 << 62, publish_tim
                 stop += run * (HEAD + length)
                 left -= run
             last = length
-        elif opcode in _DEFINITIONS:
+        elif opcode in DEFINITIONS:
             definitions.append((opcode, at + HEAD, stop))
         at = stop
     if left < 0 or (complete and at < end):
         raise BadRecord(at, f"more than {most} records, more than a file of this size can hold")
-    time_at = HEAD + (14 if publish_time else 6)
-    return _fields_of(data, np.array(starts, np.int64), tuple(definitions), at, most - left, time_at)
+    return scan_of(data, np.array(starts, np.int64), definitions, at, most - left, publish_time=publish_time)
+
+
+def head_of(data: bytes, at: int) -> tuple[int, int]:
+    """Return opcode and length of the record that starts at `at`."""
+    return _HEAD.unpack_from(data, at)
 
 
 def _run(data: bytes, at: int, step: int) -> int:
@@ -260,23 +265,25 @@ def _run(data: bytes, at: int, step: int) -> int:
     return possible
 
 
-def _fields_of(
+def scan_of(
     data: bytes,
     starts: NDArray[np.int64],
-    definitions: tuple[tuple[int, int, int], ...],
+    definitions: list[tuple[int, int, int]],
     end: int,
     count: int,
-    time_at: int,
+    *,
+    publish_time: bool,
 ) -> Scan:
-    """Gather the fixed fields of the messages that start at `starts`; their time lies `time_at` bytes after that."""
+    """Return the messages that start at `starts`, of `count` records up to `end`; arguments as of `Scan` and `scan`."""
     if not len(starts):
         none = np.zeros(0, np.int64)
-        return Scan(none, none, np.zeros(0, np.uint16), none, definitions, end, count)
+        return Scan(none, none, np.zeros(0, np.uint16), none, tuple(definitions), end, count)
+    time_at = HEAD + (14 if publish_time else 6)
     heads = gather(np.frombuffer(data, np.uint8), starts, HEAD + MESSAGE_HEAD)
     lengths = heads[:, 1:HEAD].copy().view("<u8")[:, 0].astype(np.int64) - MESSAGE_HEAD
     channels = heads[:, HEAD : HEAD + 2].copy().view("<u2")[:, 0].astype(np.uint16)
     times = np.minimum(heads[:, time_at : time_at + 8].copy().view("<u8")[:, 0], np.uint64(LATEST))
-    return Scan(starts + HEAD + MESSAGE_HEAD, lengths, channels, times.astype(np.int64), definitions, end, count)
+    return Scan(starts + HEAD + MESSAGE_HEAD, lengths, channels, times.astype(np.int64), tuple(definitions), end, count)
 
 
 def gather(data: NDArray[np.uint8], starts: NDArray[np.int64], width: int) -> NDArray[np.uint8]:

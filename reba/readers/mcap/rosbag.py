@@ -147,7 +147,7 @@ class Bag(Container):
         if self.schemas.setdefault(number, schema) != schema or self.channels.setdefault(number, channel) != channel:
             raise BadRecord(0, f"connection {number} is defined twice, differently")
 
-    def _scan(self, data: bytes, most: int) -> Scan:
+    def _scan(self, segment: ChunkRef, data: bytes, most: int) -> Scan:
         return _scan(data, most)
 
     def _count_one(self, segment: ChunkRef) -> None:

@@ -24,6 +24,7 @@ class ChunkRef:
         chunk: the head of the chunk, None for records outside chunks.
         start: earliest log time [ns].
         channels: messages of each channel by the message indexes after it, a hint that may be wrong; None: unknown.
+        indexes: where the MessageIndex records after it start and end in the file.
         scanned: whether its records are counted already.
         checked: whether its CRC was compared, so that it need not be when the chunk is read again.
         unpacked: bytes of its messages that were compressed one by one and are counted already.
@@ -34,6 +35,7 @@ class ChunkRef:
     chunk: ChunkHead | None
     start: int
     channels: dict[int, int] | None = None
+    indexes: tuple[int, int] = (0, 0)
     scanned: bool = False
     checked: bool = False
     unpacked: int = 0

@@ -269,6 +269,7 @@ class StreamReader:
         decoder = self.follow(log, names)
         for container, segment in self._segments():
             decoder.take(container, segment)
+            self._contents.let_go([part for part in self._parts if part.container is container], segment)
             if decoder.full and (block := decoder.flush_read()) is not None:
                 yield block
         if (block := decoder.flush(last=True)) is not None:
@@ -314,9 +315,9 @@ class StreamReader:
 
 def selected(piece: Piece, wanted: frozenset[str] | None) -> Piece:
     """Return a piece with the wanted names only (None: all)."""
-    at = [index for index, name in enumerate(piece.names) if wanted is None or name in wanted]
-    if len(at) == len(piece.names):
+    if wanted is None or wanted.issuperset(piece.names):
         return piece
+    at = [index for index, name in enumerate(piece.names) if name in wanted]
     width = piece.values.shape[1] // len(piece.names)
     columns = (np.array(at, np.intp)[:, None] * width + np.arange(width)).ravel()
     names, parents = (tuple(texts[index] for index in at) if texts else () for texts in (piece.names, piece.parents))

@@ -13,7 +13,7 @@ import os
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -98,13 +98,13 @@ class Profile:
     cannot: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """All joint, frame or marker names, each once."""
         return tuple(dict.fromkeys(name for group in self.slots.values() for word in group for name in word.split("|")))
 
-    @property
-    def slots(self) -> dict[str, tuple[str, ...]]:
+    @cached_property
+    def slots(self) -> Mapping[str, tuple[str, ...]]:
         """Joint, segment or point -> its names in a recording."""
         if self.kind != "joints":
             return dict(self.segments if self.kind == "frames" else self.points)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 
@@ -40,11 +42,17 @@ def jax_function(path: Path, poses: np.ndarray, **given: object) -> tuple[np.nda
     jax = pytest.importorskip("jax", reason="JAX is not installed")
     jax.config.update("jax_enable_x64", True)
     function = imported(path).dreba
-    gradient = jax.grad(lambda angles: function(angles, **given).sum())(poses)
-    return np.asarray(jax.jit(lambda angles: function(angles, **given))(poses)), np.asarray(gradient)
+    value, pull = jax.vjp(lambda angles: function(angles, **given), poses)
+    return np.asarray(value), np.asarray(pull(jax.numpy.ones_like(value))[0])
 
 
 LIBRARIES = {"torch": torch_function, "jax": jax_function}
+
+
+def values(library: str, path: Path, poses: np.ndarray, **given: object) -> np.ndarray:
+    """Return the values alone, neither compiled nor differentiated."""
+    angles = importlib.import_module(library).tensor(poses) if library == "torch" else poses
+    return np.asarray(imported(path).dreba(angles, **given))
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
@@ -56,13 +64,15 @@ def test_value_and_derivative_are_those_of_the_model(
     path = dreba.export_model(model(name), tmp_path / "cost", to=library, temperature=temperature)
     assert path.suffix == ".py"
     poses = dreba.sample(40, rng=52).angles[:, columns(model(name))]
-    for given in ({}, GIVEN, {"load": np.linspace(0.0, 15.0, 40)}):
-        value, gradient = LIBRARIES[library](path, poses, **given)
-        expected, slope = model(name).value_and_gradient(poses, temperature=temperature, **given)
+    every = {**GIVEN, "load": np.linspace(0.0, 15.0, 40)}
+    for rows, given in ((poses, {}), (poses, GIVEN), (poses[3], GIVEN), (poses, every)):
+        value, gradient = LIBRARIES[library](path, rows, **given)
+        expected, slope = model(name).value_and_gradient(rows, temperature=temperature, **given)
         assert value == pytest.approx(expected, abs=1e-10)
         assert gradient == pytest.approx(slope, abs=1e-10)
-    value, gradient = LIBRARIES[library](path, poses[3])
-    assert float(value) == pytest.approx(model(name).value(poses[3], temperature=temperature), abs=1e-10)
+    if library == "jax":
+        compiled = importlib.import_module("jax").jit(partial(imported(path).dreba, **every))
+        assert compiled(poses) == pytest.approx(expected, abs=1e-10)
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
@@ -73,9 +83,9 @@ def test_what_python_refuses_is_not_a_number(library: str, name: str, tmp_path: 
     poses = dreba.sample(22, rng=52).angles
     wrong = poses.copy()
     wrong[np.arange(22), np.arange(22)] = np.resize([np.nan, np.inf, -np.inf], 22)
-    assert np.isnan(LIBRARIES[library](path, wrong)[0]).all()
+    assert np.isnan(values(library, path, wrong)).all()
     for given in ARGUMENTS:
-        assert np.isnan(LIBRARIES[library](path, poses, **given)[0]).all(), given
+        assert np.isnan(values(library, path, poses, **given)).all(), given
 
 
 @pytest.mark.parametrize("library", LIBRARIES)

@@ -22,7 +22,7 @@ from reba.posture.columns import COLUMNS, INDEX
 from tests.support.says import says
 
 KINDS = sorted(dreba.KINDS)
-QUICK = {"net": {"epochs": 3}}
+QUICK = {"net": {"epochs": 3}, "graduated": {"updates": 200}}
 """Parameters that make a kind without a shipped model quick to fit; how good it is does not matter here."""
 
 

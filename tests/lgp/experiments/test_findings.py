@@ -38,6 +38,7 @@ def test_findings_say_where_nothing_can_be_said():
     assert "no test" in found[0].evidence
 
 
+@pytest.mark.slow
 def test_a_random_start_changes_nothing_only_within_the_margin():
     claim = "A random start raises the score at the grasp of the non-ergonomic condition only"
 

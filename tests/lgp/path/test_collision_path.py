@@ -19,7 +19,7 @@ from lgp.scene.scene_file import load_scene
 from lgp.search.records import SearchResult
 from tests.support.lgp_worlds import needs_robots
 
-pytestmark = needs_robots
+pytestmark = [pytest.mark.slow, needs_robots]
 
 SLICES = 8
 HIGH, LOW = {"left": 1.24, "center": 0.87, "right": 0.64}, {"left": 0.68, "center": 1.0, "right": 1.2}

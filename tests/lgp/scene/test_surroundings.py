@@ -142,6 +142,7 @@ def test_an_object_in_a_hand_at_first_needs_no_table(tmp_path: Path) -> None:
     says(error, "objects.box", "on is missing")
 
 
+@pytest.mark.slow
 def test_the_planner_and_the_audit_keep_bodies_out_of_obstacles(tmp_path: Path) -> None:
     (tmp_path / "part.stl").write_bytes(STL)
     part = {"mesh": str(tmp_path / "part.stl"), "position": [0.45, -0.05, 0.8], "scale": [2, 2, 2]}

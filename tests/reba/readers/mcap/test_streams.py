@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from reba.errors import ReadError
-from reba.readers.mcap import open_mcap
-from reba.readers.mcap.contents import KEPT_BYTES
+from reba.readers.mcap import contents, open_mcap
+from reba.readers.mcap.container import Container
 from reba.readers.mcap.merge import HOLD, MOST_SIGNALS
 from reba.readers.recording.stream import Block, ReadLog, Recording
 from tests.support import hostile_mcap as hostile
@@ -362,20 +362,21 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
     code = """
         import sys
         from pathlib import Path
-        from reba.readers.mcap import open_mcap
+        from reba.readers.mcap import contents, open_mcap
+        contents.KEPT_BYTES = int(sys.argv[2])
         (stream,) = open_mcap(Path(sys.argv[1])).streams
         print(sum(len(block.time) for block in stream.blocks()))
         peak = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
         print(peak.split()[1])
         """
-    peaks = []
+    peaks, kept = [], 1 << 23
     payload = make.joint_state(0, [f"joint_{index}" for index in range(100)], np.zeros(100))
     for count in (4_000, 40_000):
         chunks = make.split([(1, EPOCH_NS + at * STEP_NS, payload) for at in range(count)])
         path = tmp_path / f"{count}.mcap"
         path.write_bytes(make.build(make.Plan(chunks, compression="", pack=bytes)))
         run = subprocess.run(
-            [sys.executable, "-c", textwrap.dedent(code), str(path)],
+            [sys.executable, "-c", textwrap.dedent(code), str(path), str(kept)],
             capture_output=True,
             text=True,
             timeout=60,
@@ -387,4 +388,27 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
         peaks.append(peak)
         assert path.stat().st_size > count * 2000
     # Ten times the length is 76 MB more of recording; the blocks and chunks in memory are the same.
-    assert peaks[1] - peaks[0] < 12_000 + KEPT_BYTES / 1024
+    assert peaks[1] - peaks[0] < 12_000 + kept / 1024
+
+
+def test_values_are_kept_once_and_decoded_again_for_another_reading(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded: list[int] = []
+    load = Container.load
+    monkeypatch.setattr(Container, "load", lambda self, segment: loaded.append(segment.offset) or load(self, segment))
+    rows = [(1, EPOCH_NS + at * STEP_NS, payload) for at, payload in enumerate(make.payloads())]
+    whole = write(tmp_path / "whole.mcap", rows, c1=("/joints", JOINT_STATE))
+    opening = len(loaded)
+    first = joined(whole)
+    assert len(loaded) == opening
+    assert np.array_equal(joined(whole).values, first.values)
+    assert len(loaded) > opening
+    # Of a longer recording those that fit are kept.
+    monkeypatch.setattr(contents, "KEPT_BYTES", 2 * make.PER_CHUNK * (len(make.NAMES) + 3) * 8)
+    loaded.clear()
+    part = open_mcap(tmp_path / "whole.mcap")
+    opening = len(set(loaded))
+    loaded.clear()
+    assert np.array_equal(joined(part).values, first.values)
+    assert len(set(loaded)) == opening - 2
