@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from lgp.scene.scene_file import load_scene, shipped_scenes
     from lgp.sqp.problem import SolverOptions
     from lgp.study.study import run_study
+    from lgp.workplace.improvement import MovedWorkplace, improve
 
 __all__ = [
     "AgentTrajectory",
@@ -42,6 +43,7 @@ __all__ = [
     "LgpError",
     "LogicError",
     "Motion",
+    "MovedWorkplace",
     "Plan",
     "Scene",
     "SceneError",
@@ -52,6 +54,7 @@ __all__ = [
     "audit_plan",
     "experiment_screwdriver",
     "experiment_toolbox",
+    "improve",
     "load_scene",
     "plan",
     "replan",
@@ -86,6 +89,8 @@ _LAZY = {
     "run_plan": "lgp.execution.run_plan",
     "write_trajectories": "lgp.execution.trajectory_export",
     "run_study": "lgp.study.study",
+    "improve": "lgp.workplace.improvement",
+    "MovedWorkplace": "lgp.workplace.improvement",
     "write_page": "lgp.page.page",
 }
 
