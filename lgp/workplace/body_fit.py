@@ -101,9 +101,9 @@ def fit_body(world: World, measured: Array, balance: Balance, *, standing: bool 
     rng = np.random.default_rng(0)
     starts = np.tile(rest, (STARTS, 1))
     starts[1:] += rng.uniform(0.1, 0.6, (STARTS - 1, 1)) * (rng.uniform(lower, upper, (STARTS - 1, world.nq)) - rest)
-    found, _ = least_squares(residuals, starts, lower, upper, tolerance=0.0)
-    errors = np.sum(residuals(found, np.arange(STARTS))[0] ** 2, axis=1)
-    q = found[int(np.argmin(errors))]
+    solved, _ = least_squares(residuals, starts, lower, upper, tolerance=0.0)
+    errors = np.sum(residuals(solved, np.arange(STARTS))[0] ** 2, axis=1)
+    q = solved[int(np.argmin(errors))]
     angles = posture.angles(q[None])[0]
     return BodyFit(q, angles, np.where(np.isnan(measured), np.nan, np.remainder(angles - measured + 180, 360) - 180))
 

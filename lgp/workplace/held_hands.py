@@ -117,8 +117,8 @@ class HeldHands:
         self.upper = np.concatenate([np.tile(self._high, (count, 1)), moved], axis=1)
         x = np.concatenate([starts, moved], axis=1)
         # Problems of different places are not compared: none is given up for its cost.
-        found = solve_many(self, x, violation=TOLERANCE, decrease=DECREASE, iterations=ITERATIONS, cost_ratio=1e9)
-        return np.ascontiguousarray(found.x[:, :-3])
+        solved = solve_many(self, x, violation=TOLERANCE, decrease=DECREASE, iterations=ITERATIONS, cost_ratio=1e9)
+        return np.ascontiguousarray(solved.x[:, :-3])
 
     def project(self, starts: Array, moved: Array) -> tuple[Array, Flags]:
         """Return the postures (B, nq) near starts that hold what is held, and whether they do."""
@@ -126,8 +126,8 @@ class HeldHands:
         def residuals(q: Array, rows: Indices) -> tuple[Array, Array]:
             return self._missed(q, moved[rows])
 
-        found, miss = least_squares(residuals, starts, self._low, self._high, tolerance=TOLERANCE / 4)
-        return found, miss <= TOLERANCE
+        solved, miss = least_squares(residuals, starts, self._low, self._high, tolerance=TOLERANCE / 4)
+        return solved, miss <= TOLERANCE
 
     def evaluate(self, x: Array) -> tuple[Array, Array, Array]:
         """Return costs (B,), equalities and inequalities at x (B, nq + 3)."""

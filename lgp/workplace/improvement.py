@@ -26,7 +26,7 @@ from lgp.workplace.postures import Place, PlacedHands, Posture, Scorer, hold_of
 from reba.analysis.exposure import worst_intervals
 from reba.analysis.score_table import SCORES, ScoreTable
 from reba.arrays import Array
-from reba.checks import MOMENT, Allowed, accepts, is_number, one_of
+from reba.checks import MOMENT, Allowed, accepts, is_finite, is_number, one_of
 from reba.posture.columns import COLUMNS, SIDES
 
 HANDS: Final = ("both", *SIDES)
@@ -138,7 +138,7 @@ class MovedWorkplace:
     scores=SCORES,
     at=MOMENT.or_none(),
     hands=one_of(*HANDS),
-    stature=Allowed("metres", is_number),
+    stature=Allowed("metres", is_finite),
     sex=one_of(*SEXES),
     heights=_RANGE,
     distances=_RANGE,
@@ -177,7 +177,7 @@ def improve(
         >>> import reba, lgp
         >>> scores = reba.score({"trunk_flexion": [65.0], "upper_arm_flexion": [60.0], "lower_arm_flexion": [30.0]})
         >>> moved = lgp.improve(scores, at=0.0, distances=(0.3, 0.4), heights=(0.9, 1.1)).moments[0]
-        >>> moved.proposed.reba < moved.unchanged.reba <= moved.measured.reba
+        >>> moved.proposed.reba <= moved.unchanged.reba < moved.measured.reba
         True
     """
     if not len(scores.data):
@@ -227,8 +227,8 @@ def _moment(
     placed = PlacedHands(ergonomics, balance, hold, scorer, step)
 
     def places(moved: Array) -> tuple[Place, ...]:
-        found = placed.best(moved)
-        return tuple(_place(middle, one, posture) for one, posture in zip(moved, found, strict=True))
+        best = placed.best(moved)
+        return tuple(_place(middle, one, posture) for one, posture in zip(moved, best, strict=True))
 
     flat = np.array([[x, 0.0, z] for z in up for x in forward])
     tried = places(flat)
@@ -262,8 +262,8 @@ def _nearness(fit: BodyFit) -> tuple[float, float, str]:
     return float(np.nanmean(away)), float(away[worst]), COLUMNS[worst].replace("_", " ")
 
 
-def _place(middle: Array, moved: Array, found: tuple[Posture, float] | None) -> Place:
+def _place(middle: Array, moved: Array, scored: tuple[Posture, float] | None) -> Place:
     x, y, z = (float(value) for value in moved)
     forward, left, up = (float(value) for value in middle + moved)
-    posture, cost = found or (None, float("inf"))
+    posture, cost = scored or (None, float("inf"))
     return Place(up, forward, -left + 0.0, (x, -y + 0.0, z), posture, cost)

@@ -229,7 +229,7 @@ class PlacedHands:
         measured = self.scorer.measured_posture
         for place in np.flatnonzero(~moved.any(axis=1)):
             best.keep(int(place), measured, float(self._problems[0].cost(self._starts[:1])[0]), self._starts[0])
-        return best.found
+        return best.scored
 
     def project(self, q: Array, moved: Array) -> tuple[Array, Flags]:
         """Return postures (B, nq) that hold what is held, and whether they do."""
@@ -245,12 +245,12 @@ class _Best:
 
     def __init__(self, placed: PlacedHands, n: int) -> None:
         self.placed = placed
-        self.found: list[tuple[Posture, float] | None] = [None] * n
+        self.scored: list[tuple[Posture, float] | None] = [None] * n
         self.q = np.zeros((n, placed.ergonomics.world.nq))
 
     @property
     def reached(self) -> Flags:
-        return np.array([one is not None for one in self.found])
+        return np.array([one is not None for one in self.scored])
 
     def add(self, q: Array, moved: Array, which: Indices) -> None:
         """Compare postures (B, nq), brought to the places `which` (B,)."""
@@ -264,6 +264,6 @@ class _Best:
 
     def keep(self, place: int, posture: Posture, cost: float, q: Array) -> None:
         """Keep a posture if it is the best one of its place so far."""
-        known = self.found[place]
+        known = self.scored[place]
         if known is None or (posture.reba, cost) < (known[0].reba, known[1]):
-            self.found[place], self.q[place] = (posture, cost), q
+            self.scored[place], self.q[place] = (posture, cost), q
