@@ -61,8 +61,9 @@ def improve(
     moved = improvement.improve(scores, at=time, hands=hands, stature=stature, sex=sex, cost=cost, **surface)
     if report is not None:
         from lgp.workplace.report import write_report
+        from reba.report.privacy import command_without_names
 
-        write_report(moved, report, command=command_line("lgp"))
+        write_report(moved, report, command=command_without_names(command_line("lgp"), [scores]))
     if as_json:
         print_json({"input": path, **moved.to_dict(), "report": report})
     else:

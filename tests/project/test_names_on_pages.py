@@ -68,7 +68,7 @@ def reba_report(folder: Path) -> Path:
     )  # fmt: skip
     both = [dataclasses.replace(scores, postures=postures, assumed=(MARKUP,)), scores]
     path = folder / "report.html"
-    reba.write_report(both, path, command=f"reba score {MARKUP}")
+    reba.write_report(both, path, command=f"reba score {MARKUP}", names=True)
     return path
 
 
