@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from lgp.scene.scene_file import load_scene, shipped_scenes
     from lgp.sqp.problem import SolverOptions
     from lgp.study.study import run_study
+    from lgp.workplace.improvement import MovedWorkplace, improve
 
 __all__ = [
     "ActionConstraint",
@@ -49,6 +50,7 @@ __all__ = [
     "LgpError",
     "LogicError",
     "Motion",
+    "MovedWorkplace",
     "Plan",
     "Scene",
     "SceneError",
@@ -62,6 +64,7 @@ __all__ = [
     "experiment_all",
     "experiment_screwdriver",
     "experiment_toolbox",
+    "improve",
     "load_scene",
     "plan",
     "register_action",
@@ -107,6 +110,8 @@ _LAZY = {
     "run_plan": "lgp.execution.run_plan",
     "write_trajectories": "lgp.execution.trajectory_export",
     "run_study": "lgp.study.study",
+    "improve": "lgp.workplace.improvement",
+    "MovedWorkplace": "lgp.workplace.improvement",
     "write_page": "lgp.page.page",
 }
 

@@ -21,6 +21,7 @@ from lgp.extensions import run_extension
 from lgp.files import ASSETS, EXPERIMENT_FILES, PAGE_FILES, PICTURES, PLAN_FILE, PLAN_FILES
 from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
+from lgp.workplace.command import improve
 from reba._version import __version__
 from reba.command_line import (
     GROUP,
@@ -338,6 +339,7 @@ def scenes(as_json: bool) -> None:
 cli.add_command(study)
 cli.add_command(simulate_study)
 cli.add_command(run_command)
+cli.add_command(improve)
 
 
 def _height(text: str) -> tuple[str, float]:

@@ -70,7 +70,7 @@ def cli() -> None:
 @json_option
 def score(
     inputs: tuple[str, ...], output: str | None, as_ros: bool, report: str | None, task: str, assessor: str, date: str,
-    jobs: int, scheduler: str | None, as_json: bool, **values: Any,
+    names: bool, jobs: int, scheduler: str | None, as_json: bool, **values: Any,
 ) -> None:  # fmt: skip
     """Score recordings: files, or folders of them.
 
@@ -84,7 +84,7 @@ def score(
     options = options_of(values).with_files_read()
     paths = find_inputs(inputs)
     file, folder = plan_outputs(inputs, paths, output, report)
-    form = {"task": task, "assessor": assessor, "date": date}
+    form: dict[str, Any] = {"task": task, "assessor": assessor, "date": date, "names": names}
     where: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "keep_scores": report is not None}
     if folder is not None:
         failed = score_command.into_dataset(folder, paths, options, report, form, as_json, _progress(len(paths)), where)
@@ -121,7 +121,7 @@ def info(path: str, as_json: bool, **values: Any) -> None:
 @scoring_options
 @json_option
 def compare(
-    a: str, b: str, report: str | None, task: str, assessor: str, date: str, as_json: bool, **values: Any
+    a: str, b: str, report: str | None, task: str, assessor: str, date: str, names: bool, as_json: bool, **values: Any
 ) -> None:
     """Compare two recordings, such as before and after a change, or files of scores."""
     from reba.analysis.exposure import compare as compare_scores
@@ -138,7 +138,7 @@ def compare(
     if report is not None:
         from reba.report import write_report
 
-        form = {"task": task, "assessor": assessor, "date": date}
+        form: dict[str, Any] = {"task": task, "assessor": assessor, "date": date, "names": names}
         write_report([first, second], report, command=command_line("reba"), **form)
     if as_json:
         print_json(result)

@@ -126,6 +126,10 @@ def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--assessor", default="", metavar="TEXT", help="Assessor on the first printed page."),
         click.option("--task", default="", metavar="TEXT", help="Task on the first printed page."),
         click.option(
+            "--names", is_flag=True,
+            help="Show in the report the names that recordings give to people, marker sets and streams, and paths.",
+        ),
+        click.option(
             "--report", type=output_file(), metavar="FILE.html|FILE.pdf",
             help="Write a self-contained report; a PDF is printed by a browser on this machine.",
         ),

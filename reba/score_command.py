@@ -24,7 +24,7 @@ MAX_LISTED: Final = 40
 
 
 def show(
-    results: Sequence[RecordingResult], file: Path | None, report: str | None, form: dict[str, str], as_json: bool
+    results: Sequence[RecordingResult], file: Path | None, report: str | None, form: dict[str, Any], as_json: bool
 ) -> int:
     """Print results, write the report, and return the number of failed recordings.
 
@@ -33,7 +33,7 @@ def show(
     """
     failed = sum(result.error is not None for result in results)
     _raise_single_failure(results, failed)
-    written = _write_report(report, form, [result.scores for result in results if result.scores is not None])
+    written = _write_report(report, form, [one.scores for one in results if one.scores is not None], results)
     if as_json:
         print_results(results)
     else:
@@ -48,7 +48,7 @@ def into_dataset(
     inputs: Sequence[str],
     options: ScoringOptions,
     report: str | None,
-    form: dict[str, str],
+    form: dict[str, Any],
     as_json: bool,
     progress: AbstractContextManager[Callable[[str], None]],
     where: dict[str, Any],
@@ -63,7 +63,9 @@ def into_dataset(
             run = score_into(dataset, inputs, options, on_done=advance, **where)
         if len(inputs) == 1:
             _raise_single_failure(list(dataset.results(inputs)), run.failed)
-        written = _write_report(report, form, [run.scores[name] for name in inputs if name in run.scores])
+        written = _write_report(
+            report, form, [run.scores[name] for name in inputs if name in run.scores], dataset.results(inputs)
+        )
         if as_json:
             print_results(dataset.results(inputs), dataset={"output": str(folder), **run.to_dict()})
             return run.failed
@@ -110,9 +112,12 @@ def _raise_single_failure(results: Sequence[RecordingResult], failed: int) -> No
         raise RebaError(results[0].error or "the recording could not be scored")
 
 
-def _write_report(report: str | None, form: dict[str, str], scores: list[Any]) -> list[str]:
-    """Write the report if requested, and return its path."""
+def _write_report(
+    report: str | None, form: dict[str, Any], scores: list[Any], results: Iterable[RecordingResult]
+) -> list[str]:
+    """Write the report if requested, with the recordings that failed, and return its path."""
     if report is None or not scores:
         return []
-    write_report(scores, report, command=command_line("reba"), **form)
+    failed = [(one.input, one.error) for one in results if one.error is not None]
+    write_report(scores, report, command=command_line("reba"), failed=failed, **form)
     return [report]

@@ -59,7 +59,7 @@ def joints(stature: float, sex: str) -> tuple[BodyJoint, ...]:
             previous = ""
             for entry in limb:
                 parent = sided(entry.get("after", previous), side)
-                position = _position(entry, measures, side) if body else standing
+                position = offset(entry, measures, side) if body else standing
                 body.append(_joint(entry, parent, position, side))
                 previous = body[-1].name
     return tuple(body)
@@ -96,7 +96,7 @@ def sided(name: str, side: str) -> str:
     return name.replace("{side}", side)
 
 
-def _position(entry: dict[str, Any], measures: dict[str, float], side: str, key: str = "at") -> Array:
+def offset(entry: dict[str, Any], measures: dict[str, float], side: str, key: str = "at") -> Array:
     """Return (3,) [m] from three sums of named body measures such as "xiphoid - lumbar", mirrored on the left."""
     position = np.array([_length(text, measures) for text in entry.get(key, ("0", "0", "0"))])
     return position * (1.0, 1.0, -1.0) if side == "left" else position
@@ -142,7 +142,7 @@ def frames(stature: float, sex: str) -> list[tuple[str, str, Array, Array]]:
     """Return the named frames: name, parent joint, position (3,) [m] and axes (3, 3) in the frame of that joint."""
     measures = lengths(stature, sex)
     return [
-        (sided(entry["name"], side), sided(entry["after"], side), _position(entry, measures, side), AXES[entry["axes"]])
+        (sided(entry["name"], side), sided(entry["after"], side), offset(entry, measures, side), AXES[entry["axes"]])
         for entry in table()["frames"]
         for side in (SIDES if "{side}" in entry["name"] else ("right",))
     ]
@@ -166,7 +166,7 @@ def capsules(stature: float, sex: str) -> list[Capsule]:
         Capsule(
             sided(name, side),
             sided(entry["after"], side),
-            _position(entry, measures, side, "to"),
+            offset(entry, measures, side, "to"),
             entry["radius"] * stature / 1.75,
             sided(entry["limb"], side),
             entry.get("reaches", False),

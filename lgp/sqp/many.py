@@ -51,15 +51,18 @@ class ManyModels:
 
 
 class ManyProblem(Protocol):
-    """B problems that differ in their start only; costs in cost units, see `lgp.sqp.problem.Problem`."""
+    """B problems that differ in start and bounds only; costs in cost units, see `lgp.sqp.problem.Problem`.
+
+    An unknown with equal bounds is a parameter of its problem.
+    """
 
     @property
     def lower(self) -> Array:
-        """(n,) lower bounds."""
+        """(n,) or (B, n) lower bounds."""
 
     @property
     def upper(self) -> Array:
-        """(n,) upper bounds."""
+        """(n,) or (B, n) upper bounds."""
 
     def evaluate(self, x: Array) -> tuple[Array, Array, Array]:
         """Return costs (B,), equalities (B, m_e) and inequalities (B, m_i) at x (B, n)."""
@@ -110,7 +113,8 @@ def solve_many(
         longest_step: largest change of an unknown in one iteration.
         cost_ratio: cost expected after the next step, relative to the best minimum so far, at which one is given up.
     """
-    x = np.clip(x0, problem.lower, problem.upper)
+    low, high = (np.broadcast_to(end, x0.shape) for end in (problem.lower, problem.upper))
+    x = np.clip(x0, low, high)
     cost, eq, ineq = problem.evaluate(x)
     count, n = x.shape
     y_eq, y_in = np.zeros_like(eq), np.zeros_like(ineq)
@@ -124,7 +128,7 @@ def solve_many(
         model = problem.linearise(x[open_], y_eq[open_], y_in[open_])
         diagonal = np.einsum("bii->bi", model.hessian)
         diagonal += (damping[open_] * diagonal.max(axis=1, initial=0.0))[:, None]
-        solved = _solve_qps(model, problem.lower - x[open_], problem.upper - x[open_], side[open_], active[open_])
+        solved = _solve_qps(model, low[open_] - x[open_], high[open_] - x[open_], side[open_], active[open_])
         y_eq[open_], y_in[open_] = solved.y_eq, solved.y_in
         side[open_], active[open_] = solved.side, solved.active
         step, slope, curvature = solved.step, *_slopes(model, solved.step)
@@ -149,7 +153,8 @@ def solve_many(
         for _ in range(TRIALS):
             if not len(left):
                 break
-            point = np.clip(x[open_[left]] + length[:, None] * step[left], problem.lower, problem.upper)
+            at = open_[left]
+            point = np.clip(x[at] + length[:, None] * step[left], low[at], high[at])
             values = problem.evaluate(point)
             reached = values[0] + mu[left] * violation_sums(values[1], values[2])
             good = reached <= merit[left] + ARMIJO * length * descent[left] + 1e-12 * np.abs(merit[left])

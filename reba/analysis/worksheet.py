@@ -157,9 +157,18 @@ def _part(parts: list[AngleClasses], angles: np.ndarray[Any, Any], counts: bool)
         if so_far + points > highest:
             points, rule = highest - so_far, f"{rule}; at most {highest} for this part"
         lines.append(
-            WorksheetLine(quantity.part, points, quantity.name, f"{angle:.1f} deg", rule, quantity.classes[0].points)
+            WorksheetLine(
+                quantity.part, points, quantity.name, _degrees(angle, quantity), rule, quantity.classes[0].points
+            )
         )
     return lines
+
+
+def _degrees(angle: float, quantity: AngleClasses) -> str:
+    """Return an angle with a decimal, or with as many as show its class: 10.04 is over 10, 10.0 is not."""
+    own = quantity.class_of(angle)
+    digits = next((n for n in range(1, 7) if quantity.class_of(round(angle, n)) is own), 9)
+    return f"{angle:.{digits}f} deg"
 
 
 def _span(quantity: AngleClasses, least: int | None = None) -> str:

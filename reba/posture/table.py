@@ -103,6 +103,7 @@ class PostureTable:
         epoch: Unix time [s] of time 0, 0.0 where the source does not say.
         signals: names of the joints, frames or points that were read, none for a posture table.
         files: paths of what was read where that were several files, else empty.
+        people: names that the recording gives to bodies, subjects and streams.
         scored: what a file of scores was written with (rules, factors, version), None for other recordings.
         movement: of the recording that this is a block of, None for others; the block begins at its `first_frame`.
     """
@@ -119,6 +120,7 @@ class PostureTable:
     epoch: float = 0.0
     signals: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
+    people: tuple[str, ...] = ()
     scored: Mapping[str, Any] | None = field(default=None, repr=False)
     movement: Movement | None = field(default=None, repr=False, compare=False)
     first_frame: int = 0

@@ -49,7 +49,7 @@ from reba.readers.quality_control import (
     straight_at_180,
     subtract,
 )
-from reba.readers.recognise import Match
+from reba.readers.recognise import Match, bodies
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import LOST_HINT, MESSAGES, Block, ReadLog, Recording, Stream
 
@@ -158,6 +158,7 @@ def read_match(
         epoch=match.stream.epoch + start,
         signals=tuple(mapper.wanted),
         files=recording.files,
+        people=_people(recording, match),
     )
     since = [each - start for each in times or ()]
     unix = np.zeros(0) if pelvis is None else pelvis.time
@@ -223,6 +224,7 @@ def _read_angles(recording: Recording, match: Match, neutral: str, strict: bool)
         quality=_quality(recording, match, 0.0, log, time, frames, _column_warnings(seen), strict),
         epoch=match.stream.epoch,
         files=recording.files,
+        people=_people(recording, match),
         scored=scored,
     )
     if scored is not None:
@@ -242,6 +244,7 @@ def _as_recorded(whole: PostureTable, scored: Mapping[str, Any]) -> PostureTable
     inside = [seam for seam in seams if is_number(seam)] if isinstance(seams, list) else []
     assumed = scored.get("assumed")
     texts = [text for text in assumed if isinstance(text, str)] if isinstance(assumed, list) else []
+    people = scored.get("people")
     why = scored.get("why_unmeasured")
     reasons = {column: str(why[column]) for column in whole.unmeasured if isinstance(why, dict) and column in why}
     return replace(
@@ -249,9 +252,17 @@ def _as_recorded(whole: PostureTable, scored: Mapping[str, Any]) -> PostureTable
         profile=scored["profile"] if isinstance(scored.get("profile"), str) else whole.profile,
         assumed=(*whole.assumed, *texts),
         why_unmeasured=whole.why_unmeasured | reasons,
+        people=tuple(name for name in people if isinstance(name, str)) if isinstance(people, list) else whole.people,
         epoch=float(scored["epoch"]) if is_number(scored.get("epoch")) else whole.epoch,
         quality=replace(whole.quality, seams=tuple(map(float, inside))),
     )
+
+
+def _people(recording: Recording, match: Match) -> tuple[str, ...]:
+    """Return the names of bodies, subjects and streams, which pages leave out."""
+    ids = {} if match.profile is None else bodies(match.profile, match.stream)
+    streams = [stream.name for stream in recording.streams]
+    return tuple(dict.fromkeys(name for name in (match.body, *match.ids, *ids, *streams) if name))
 
 
 def _table(match: Match, log: ReadLog) -> pd.DataFrame:

@@ -18,6 +18,14 @@ from reba.files import write_atomic, write_text
 from reba.outputs import FileOutput, check_outputs
 from reba.report.page import Form, page
 from reba.report.pdf import print_pdf
+from reba.report.privacy import (
+    WITH_NAMES,
+    WITHOUT_NAMES,
+    command_without_names,
+    file_name,
+    text_without_folders,
+    without_names,
+)
 
 Recordings = ScoreTable | Sequence[ScoreTable]
 """Scores of one recording or of several."""
@@ -25,8 +33,19 @@ BLANK = Form()
 """Lines to fill in by hand."""
 
 
-def render(scores: Recordings, *, command: str = "", form: Form = BLANK) -> str:
+def render(
+    scores: Recordings,
+    *,
+    command: str = "",
+    form: Form = BLANK,
+    failed: Sequence[tuple[str, str]] = (),
+    names: bool = False,
+) -> str:
     """Return the report on one recording or several as HTML text; `command` is the command line that reproduces it.
+
+    Args:
+        failed: path and error of recordings that could not be scored; they are listed.
+        names: show the names that recordings give to people, marker sets and streams, and paths.
 
     Raises:
         RebaError: no recording was given.
@@ -34,11 +53,23 @@ def render(scores: Recordings, *, command: str = "", form: Form = BLANK) -> str:
     recordings = [scores] if isinstance(scores, ScoreTable) else list(scores)
     if not recordings:
         raise RebaError("a report needs at least one scored recording; none was given")
-    return page(recordings, command, form)
+    if names:
+        return page(recordings, command, form, failed, WITH_NAMES)
+    hidden = [without_names(each) for each in recordings]
+    listed = [(file_name(path), text_without_folders(error, path)) for path, error in failed]
+    return page(hidden, command_without_names(command, recordings), form, listed, WITHOUT_NAMES)
 
 
 def write_report(
-    scores: Recordings, path: str | Path, *, command: str = "", task: str = "", assessor: str = "", date: str = ""
+    scores: Recordings,
+    path: str | Path,
+    *,
+    command: str = "",
+    task: str = "",
+    assessor: str = "",
+    date: str = "",
+    failed: Sequence[tuple[str, str]] = (),
+    names: bool = False,
 ) -> None:
     """Write the report as one HTML file, or as PDF if the path ends so; it appears only when it is complete.
 
@@ -49,6 +80,9 @@ def write_report(
         path: file to write; its folder is created if missing.
         command: command line to show, with which the report can be reproduced.
         task, assessor, date: what the first printed page says of them; "" leaves a line to fill in.
+        failed: path and error of recordings that could not be scored; they are listed.
+        names: show the names that recordings give to people, marker sets and streams, and paths; they are left out by
+            default. The name of the file is shown, whatever it says.
 
     Raises:
         RebaError: no recording was given, the file cannot be written, it is a recording, or no browser prints the PDF.
@@ -73,7 +107,7 @@ def write_report(
         raise RebaError(f"write_report: path is {shown(path)}; expected {PATH.expected}")
     path = from_home(path)
     check_outputs(FileOutput(path), inputs=[path for each in several for path in each.postures.inputs])
-    html = render(several, command=command, form=Form(str(task), str(assessor), str(date)))
+    html = render(several, command=command, form=Form(str(task), str(assessor), str(date)), failed=failed, names=names)
     if Path(path).suffix.lower() == ".pdf":
         write_atomic(Path(path), lambda part: print_pdf(html, part))
     else:

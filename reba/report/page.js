@@ -75,6 +75,36 @@
     show();
   }
 
+  // Tables are sorted by the values of their cells: numbers the largest first, texts from a to z, and back.
+  for (const table of document.querySelectorAll("table.sortable")) {
+    table.querySelectorAll(".sorts").forEach((hint) => { hint.hidden = false; });
+    const body = table.tBodies[0], heads = [...table.tHead.rows[0].cells];
+    const value = (row, column) => {
+      const text = row.cells[column] ? row.cells[column].dataset.sort : undefined;
+      return text === undefined || text === "" ? null : Number.isNaN(Number(text)) ? text : Number(text);
+    };
+    const compare = (a, b) => (typeof a === "string" || typeof b === "string" ? String(a).localeCompare(String(b)) : b - a);
+    heads.forEach((head, column) => {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.append(...head.childNodes);
+      head.append(button);
+      button.addEventListener("click", () => {
+        const values = new Map([...body.rows].map((row) => [row, value(row, column)]));
+        const texts = [...values.values()].some((one) => typeof one === "string");
+        const back = head.hasAttribute("data-sorted") && head.dataset.sorted !== "back";
+        heads.forEach((other) => { other.removeAttribute("aria-sort"); delete other.dataset.sorted; });
+        head.dataset.sorted = back ? "back" : "";
+        head.setAttribute("aria-sort", texts !== back ? "ascending" : "descending");
+        const rows = [...body.rows].sort((first, second) => {
+          const [a, b] = [values.get(first), values.get(second)];
+          return a === null || b === null ? (a === null) - (b === null) : (back ? -1 : 1) * compare(a, b);
+        });
+        body.append(...rows);
+      });
+    });
+  }
+
   // On paper, collapsed details cannot be opened.
   window.addEventListener("beforeprint", () => {
     for (const details of document.querySelectorAll("details")) details.open = true;

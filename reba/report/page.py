@@ -64,8 +64,16 @@ class Form:
     date: str = ""
 
 
-def page(scores: Sequence[ScoreTable], command: str, form: Form) -> str:
-    """Return the report as HTML text; `command` is the command line to show, "" for none."""
+def page(
+    scores: Sequence[ScoreTable], command: str, form: Form, failed: Sequence[tuple[str, str]] = (), privacy: str = ""
+) -> str:
+    """Return the report as HTML text.
+
+    Args:
+        command: command line to show, "" for none.
+        failed: name and error of recordings that could not be scored.
+        privacy: what the page says about names in it.
+    """
     from markupsafe import Markup
 
     records = [summarise(one) for one in scores]
@@ -92,6 +100,8 @@ def page(scores: Sequence[ScoreTable], command: str, form: Form) -> str:
         differing=list(differing(*records)) if len(records) == 2 else [],
         command=command,
         form=form,
+        failed=failed,
+        privacy=privacy,
         interval_rule=INTERVAL_RULE,
         grade_rule=GRADE_RULE,
         why_p90=WHY_P90,
@@ -129,9 +139,8 @@ def _section(number: int, record: RecordingSummary, span: float, recordings: int
         "record": record,
         "empty": not record.frames,
         "headline": headline(record),
-        "sustained": wording.span(*record.sustained),
-        "high_risk": _high_risk(record),
-        "side": worse_side(record)[0] if record.frames else "",
+        "overview": _overview(record) if record.frames else [],
+        "severity": high_risk_share(record)[1],
         "views": VIEWS,
         "level_rows": _level_rows(record),
         "intervals": [(one, Markup(one.svg)) for one in intervals],
@@ -167,6 +176,20 @@ def _section(number: int, record: RecordingSummary, span: float, recordings: int
     if (error := section["error"]) is not None:
         section["error_svg"] = Markup(time_svg(record, [], span, curve=error.curve, label=ERROR_LABEL))
     return section
+
+
+def _overview(record: RecordingSummary) -> list[tuple[Any, str, str]]:
+    """Return the cells of the overview: what they are sorted by (of ranges the upper end), text, and class."""
+    ends, title = record.summary["range"], headline(record)
+    return [
+        (ends["p90_high"], title.p90, "n strong"),
+        (record.sustained[1] or 0, wording.span(*record.sustained), "n"),
+        (ends["mean_high"], wording.span(ends["mean_low"], ends["mean_high"], 1), "n"),
+        (high_risk_share(record)[1], _high_risk(record), "n"),
+        (worse_side(record)[0], worse_side(record)[0], ""),
+        (record.quality_grade.letter, record.quality_grade.letter, ""),
+        (record.seconds, wording.seconds(record.seconds), "n"),
+    ]
 
 
 def _high_risk(record: RecordingSummary) -> str:

@@ -110,6 +110,7 @@ def posture_metadata(postures: PostureTable) -> dict[str, Any]:
         "unmeasured": list(postures.unmeasured),
         "why_unmeasured": dict(postures.why_unmeasured),
         "assumed": list(postures.assumed),
+        "people": list(postures.people),
         "epoch": postures.epoch,
         "quality": dataclasses.asdict(postures.quality),
     }

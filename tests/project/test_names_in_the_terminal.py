@@ -129,6 +129,8 @@ def hostile_commands(here: Path) -> list[list[str]]:
         [*study, "-o", f"{out} study"], [*study, "--json"], [*study, "--conditions", FORGED],
         ["lgp", "study", str(here / "labelled")], ["lgp", "study", str(here / "study"), "--pattern", FORGED],
         ["lgp", "simulate-study", f"{FORGED}={here / 'plan'}", "-n", "1", "-o", f"{out} logs"],
+        ["lgp", "improve", FORGED], ["lgp", "improve", str(postures), "--cost", FORGED],
+        ["lgp", "improve", str(postures), "--at", "1", "--heights", "0.9", "0.9", "--step", "0.4"],
         ["lgp", "experiment", "toolbox", "--cost", FORGED, "-o", f"{out} experiment"],
     ]  # fmt: skip
     return [[os.fsencode(word).decode("latin-1") for word in words] for words in calls]

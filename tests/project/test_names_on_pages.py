@@ -28,6 +28,7 @@ from lgp.kinematics.reachability import Reachability
 from lgp.scene.model import FreeParameter
 from lgp.search.tree_figure import draw
 from lgp.study.study import run_study
+from lgp.workplace.report import write_report as write_moved
 from reba.batch.run import ScoringOptions
 from reba.posture.skeleton import stick_figure
 from reba.printable import printable
@@ -70,7 +71,7 @@ def reba_report(folder: Path) -> Path:
     )  # fmt: skip
     both = [dataclasses.replace(scores, postures=postures, assumed=(MARKUP,)), scores]
     path = folder / "report.html"
-    reba.write_report(both, path, command=f"reba score {MARKUP}")
+    reba.write_report(both, path, command=f"reba score {MARKUP}", names=True)
     return path
 
 
@@ -83,6 +84,17 @@ def dreba_report(folder: Path) -> Path:
     model.about_ = dataclasses.replace(model.about_, domain=domain.to_dict(), provenance=provenance)
     path = folder / "model.html"
     dreba.write_report(model, dreba.sample(400, rng=3), path, name=FILE, command=MARKUP)
+    return path
+
+
+def moved_report(folder: Path) -> Path:
+    """Write the page of a moved surface for a recording with a hostile name."""
+    bent = {"time": [0.0], "trunk_flexion": [60.0], "upper_arm_flexion": [60.0], "lower_arm_flexion": [20.0]}
+    scores = reba.score(pd.DataFrame(bent))
+    scores = dataclasses.replace(scores, postures=dataclasses.replace(scores.postures, source=FILE))
+    path = folder / "moved.html"
+    moved = lgp.improve(scores, at=0.0, heights=(0.9, 0.9), distances=(0.3, 0.3), step=0.4)
+    write_moved(moved, path, command=MARKUP)
     return path
 
 
@@ -206,6 +218,7 @@ def stick_figures(folder: Path) -> Path:
 WRITERS: dict[str, tuple[Callable[[Path], Path], int]] = {
     "reba report": (reba_report, 20),
     "dreba report": (dreba_report, 8),
+    "moved surface": (moved_report, 2),
     "page of a plan": (plan_page, 0),  # its sentences turn names into words
     "tree": (tree, 3),
     "study report": (study_report, 15),
@@ -218,6 +231,7 @@ WRITERS: dict[str, tuple[Callable[[Path], Path], int]] = {
 PAGES = {
     "reba/report/page.py", "dreba/report.py", "lgp/page/page.py", "lgp/study/report.py", "lgp/experiments/report.py",
     "lgp/experiments/toolbox_report.py", "lgp/experiments/comparison.py", "reba/app/server.py",
+    "lgp/workplace/report.py",
 }  # fmt: skip
 DRAWINGS = {"reba/report/plots.py", "reba/report/body_map.py", "reba/posture/skeleton.py", "lgp/svg.py",
             "lgp/search/tree_figure.py", "lgp/experiments/figures.py"}  # fmt: skip

@@ -50,11 +50,12 @@ OPTIONS = dict(pair for module in (reba, dreba, lgp) for pair in _options(module
 def test_every_numeric_option_has_a_range(name: str) -> None:
     parameter = OPTIONS[name]
     context = click.Context(click.Command("x"))
+    several = parameter.multiple or parameter.nargs > 1
     texts = ["1e300", "-1e300", "nan", "inf", "-inf", str(HUGE), str(-HUGE), "9" * 5000, "x", "", "1e400"]
     texts += ["2.5"] if isinstance(parameter.type, click.types.IntParamType) else []
     for text in texts:
         with pytest.raises(click.BadParameter) as error:
-            parameter.type_cast_value(context, (text,) if parameter.multiple else text)
+            parameter.type_cast_value(context, (text,) * parameter.nargs if several else text)
         assert "\n" not in error.value.format_message()
         if not isinstance(parameter.type, click.types.IntParamType) and text in ("nan", "inf", "1e300"):
             says(error.value.format_message(), "range")

@@ -35,6 +35,7 @@ GIVEN: dict[str, tuple[str, ...]] = {
     "lgp study": ("in.csv", "--manifest", "other.csv"),
     "lgp simulate-study": ("a=plan",),
     "lgp run": ("plan",),
+    "lgp improve": ("in.csv", "--cost", "in.json"),
 }
 """What each command that writes is given beside its outputs; every file of it is an input."""
 READ = {

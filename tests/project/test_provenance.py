@@ -68,6 +68,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "lgp scenes": ("--json",),
     "lgp study": ("logs -o study --pattern {participant}_{condition} --report study.html --json",),
     "lgp simulate-study": ("a=bench b=bench --participants 2 -o simulated --json",),
+    "lgp improve": ("arms.csv --at 0.1 --heights 0.9 1.1 --distances 0.3 0.4 --report moved.html --json",),
     "lgp run": ("plan --speed 0 --no-page --no-compare --human exact --json", "plan --export motion.mcap --json"),
 }  # fmt: skip
 """Command -> lines that together write each kind of file and JSON it can; in an order in which inputs exist."""
@@ -82,6 +83,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     for name, trunk in (("in.csv", 10.0), ("other.csv", 50.0)):
         frames = pd.DataFrame({"time": [0.0, 0.1, 0.2], "trunk_flexion": trunk})
         frames.to_csv(name, index=False)
+    arms = {"trunk_flexion": 40.0, "upper_arm_flexion": 50.0, "lower_arm_flexion": 30.0}
+    pd.DataFrame({"time": [0.0, 0.1], **arms}).to_csv("arms.csv", index=False)
     Path("bench.toml").write_text(BENCH)
     for person in "abc":
         for condition, trunk in (("low", 10.0), ("high", 65.0 + ord(person) % 3)):

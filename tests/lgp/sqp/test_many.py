@@ -68,3 +68,20 @@ def test_inconsistent_rows_do_not_converge_and_do_not_raise():
 
 def test_no_start_is_no_result():
     assert solve_many(Spring(0.0), np.zeros((0, 3))).x.shape == (0, 3)
+
+
+def test_an_unknown_with_equal_bounds_is_a_parameter_of_its_problem():
+    problem = Spring(limit=0.9)
+    starts = np.array([[0.5, 0.5, 0.5], [0.2, 0.6, 0.1]])
+    fixed = np.array([0.1, 0.4])
+    problem.lower, problem.upper = (np.tile(end, (2, 1)) for end in (Spring.lower, Spring.upper))
+    problem.lower[:, 0] = problem.upper[:, 0] = fixed
+    found = solve_many(problem, starts, violation=1e-8, decrease=1e-10, iterations=60, cost_ratio=1e9)
+    assert found.converged.all()
+    assert found.x[:, 0].tolist() == fixed.tolist()
+    for value, both in zip(fixed, found.x, strict=True):
+        alone_problem = Spring(limit=0.9)
+        alone_problem.lower, alone_problem.upper = Spring.lower.copy(), Spring.upper.copy()
+        alone_problem.lower[0] = alone_problem.upper[0] = value
+        single = solve_many(alone_problem, both[None] + 0.05, violation=1e-8, decrease=1e-10, iterations=60)
+        assert both == pytest.approx(single.x[0], abs=1e-5)

@@ -194,3 +194,12 @@ def test_the_values_of_the_tables_are_those_of_the_paper() -> None:
     assert sheet.tables["table_c_left"] == reba.TABLE_C[score_a - 1, score_b - 1] == sheet.scores["reba_left"] - 1
     assert sheet.to_dict()["tables"] == sheet.tables
     assert reba.score(frame.drop(columns="trunk_flexion")).explain(0.0).tables["table_a"] is None
+
+
+def test_an_angle_is_printed_inside_its_class() -> None:
+    frames = {"trunk_flexion": [20.004], "trunk_twist": [10.03], "neck_twist": [9.96], "trunk_side_bend": [-10.0]}
+    values = {line.what: (line.value, line.rule) for line in reba.score(frames).explain(0.0).lines}
+    assert values["trunk flexion"][0] == "20.004 deg"
+    assert values["trunk twist"] == ("10.03 deg", "twisted (over 10)")
+    assert values["neck twist"] == ("10.0 deg", "within 10")
+    assert values["trunk side bend"] == ("-10.0 deg", "within 10")

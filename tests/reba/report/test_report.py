@@ -173,7 +173,7 @@ def test_text_from_files_is_escaped() -> None:
         one.postures, topic=HOSTILE, profile=HOSTILE, recognised=HOSTILE, why_unmeasured={"neck_twist": HOSTILE},
         assumed=(HOSTILE,),
     )  # fmt: skip
-    page = _Page(render([dataclasses.replace(one, postures=postures)], command=HOSTILE))
+    page = _Page(render([dataclasses.replace(one, postures=postures)], command=HOSTILE, names=True))
     assert page.tags.count("script") == 4
     assert page.tags.count("title") == 1
     assert page.text.count(HOSTILE) >= 9
@@ -538,3 +538,30 @@ def test_a_comparison_has_every_figure_with_what_is_open() -> None:
 def test_what_makes_a_comparison_hard_is_said() -> None:
     a, b = (summarise(scored(frames(50, without=lacks), name)) for lacks, name in (("wrist", "a.csv"), ("^$", "b.csv")))
     assert list(differing(a, b)) == ["Only in a.csv not measured: the wrists."]
+
+
+def test_recordings_that_failed_are_listed_without_their_folders() -> None:
+    scores = reba.score({"trunk_flexion": [10.0, 70.0]}, missing="neutral")
+    failed = [("/home/ann/broken.mcap", "/home/ann/broken.mcap: the magic number is missing; record it again")]
+    text = render(scores, failed=failed)
+    for words in ("Not scored", "broken.mcap: the magic number is missing; record it again", "One recording could not"):
+        assert words in text
+    assert "/home/ann" not in text
+    assert "/home/ann" in render(scores, failed=failed, names=True)
+    assert "Not scored" not in render(scores)
+
+
+def test_a_report_of_many_recordings_grows_little_with_each() -> None:
+    rng = np.random.default_rng(0)
+    columns = (
+        "trunk_flexion",
+        "upper_arm_flexion",
+        "lower_arm_flexion",
+        "neck_flexion",
+        "knee_flexion",
+        "wrist_flexion",
+    )
+    frames = {"time": np.arange(5000) / 25.0, **{name: rng.uniform(0.0, 80.0, 5000) for name in columns}}
+    scores = reba.score(pd.DataFrame(frames))
+    size = {number: len(render([scores] * number).encode()) for number in (4, 12)}
+    assert (size[12] - size[4]) / 8 < 200_000

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -279,3 +280,36 @@ def test_a_report_is_printed_as_pdf(tmp_path: Path) -> None:
     assert content.startswith(b"%PDF")
     assert content.count(b"/Type /Page\n") + content.count(b"/Type /Page ") >= 4
     assert [file.name for file in tmp_path.iterdir()] == ["report.pdf"]
+
+
+def test_the_overview_is_sorted_by_a_click(browser: Any, tmp_path: Path) -> None:
+    recordings = []
+    for number, trunk in enumerate((30.0, 70.0, 10.0)):
+        frames = pd.DataFrame({"time": np.arange(10.0 * (number + 1)), "trunk_flexion": trunk})
+        scores = reba.score(frames, missing="neutral")
+        source = dataclasses.replace(scores.postures, source=f"recording_{'bca'[number]}.csv")
+        recordings.append(dataclasses.replace(scores, postures=source))
+    path = tmp_path / "several.html"
+    reba.write_report(recordings, path)
+    show(browser, path, 1200)
+    rows = "return [...document.querySelectorAll('.overview tbody tr')].map((row) => row.cells[0].innerText.at(-5))"
+    heads = browser.find_elements("css selector", ".overview thead th button")
+    order = {"as given": browser.execute_script(rows)}
+    for column, name in ((0, "by name"), (0, "by name, back"), (1, "by p90"), (7, "by seconds")):
+        heads[column].click()
+        order[name] = browser.execute_script(rows)
+    assert order == {
+        "as given": ["b", "c", "a"],
+        "by name": ["a", "b", "c"],
+        "by name, back": ["c", "b", "a"],
+        "by p90": ["c", "b", "a"],
+        "by seconds": ["a", "c", "b"],
+    }
+    sorts = (
+        "return [...document.querySelectorAll('.overview th[aria-sort]')].map((one) => one.getAttribute('aria-sort'))"
+    )
+    assert browser.execute_script(sorts) == ["descending"]
+    # Links still lead to the sections.
+    browser.find_element("css selector", ".overview tbody tr a").click()
+    assert browser.execute_script("return location.hash") == "#r3"
+    assert complaints(browser) == []
