@@ -19,7 +19,7 @@ from lgp.kinematics.world import World
 from reba.arrays import Array, Indices
 
 NEAR: Final = 0.01
-"""[m] As far as bodies are kept apart."""
+"""[m] Margin of collision constraints."""
 DRAWN: Final = 0.5
 """Share of the positions in which links are in each other that are joined."""
 POSITIONS: Final = 200

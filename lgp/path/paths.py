@@ -41,7 +41,7 @@ FINAL_OPTIONS = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
 """Paths at the last stage, whose cost has edges: steps to more digits get ever shorter."""
 
 
-STRETCHES = (1.0, 1.2, 1.5)
+DURATION_FACTORS = (1.0, 1.2, 1.5)
 """Durations that are tried in turn, in multiples of what the path that is too fast needs: contacts need time too."""
 DIGITS = 13
 """Decimals of a path [rad, m]."""
@@ -58,7 +58,7 @@ class PathSolver:
 
     Attributes:
         limits_speeds: whether the speed limits of joints are constraints; not where durations follow from them.
-        stretches: whether phases last longer where a joint would be too fast.
+        extends_phases: whether phases last longer where a joint would be too fast.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class PathSolver:
     ) -> None:
         self.keyframes, self.free_path, self.multi_start = keyframes, free_path, multi_start
         self.limits_speeds = keyframes.world.scene.durations == "fixed"
-        self.stretches = keyframes.world.scene.durations == "stretched"
+        self.extends_phases = keyframes.world.scene.durations == "stretched"
         self.tolerance = options.violation
         final = options if keyframes.stages == 1 else FINAL_OPTIONS
         self.options = collision_options(final) if collisions else final
@@ -95,16 +95,16 @@ class PathSolver:
             phases: in which the given path is too fast, if it is.
         """
         solution = answer[0]
-        if solution is None or solution.path is None or not (self.limits_speeds or self.stretches):
+        if solution is None or solution.path is None or not (self.limits_speeds or self.extends_phases):
             return answer
         world, start = self.keyframes.world, self.keyframes.initial_configuration
         reason = too_fast(world, phases, start, solution.path)
         if not reason:
             return answer
         needed = needed_durations(speed_limits(world), start, solution.path, phases.slices)
-        for factor in STRETCHES if self.stretches else (0.0,):
+        for factor in DURATION_FACTORS if self.extends_phases else (0.0,):
             longer = np.maximum(factor * needed, phases.phase_durations)
-            given = replace(phases, durations=tuple(longer.tolist())) if self.stretches else phases
+            given = replace(phases, durations=tuple(longer.tolist())) if self.extends_phases else phases
             slower = self.solve_again(given, solution, collision_free=collision_free)
             if slower is not None:
                 return replace(slower, durations=given.durations), ""
@@ -165,7 +165,7 @@ class PathSolver:
         problem = self.keyframes.problem("path", phases)
         path = earlier.keyframes if earlier.path is None else earlier.path
         begin = replace(earlier.result, x=problem.join(path, earlier.variables))
-        active = self.active(phases, collision_free=collision_free, speeds=self.limits_speeds or self.stretches)
+        active = self.active(phases, collision_free=collision_free, speeds=self.limits_speeds or self.extends_phases)
         solved = solve_constrained(self.problem_of(phases), active, begin, self.options, solved=False)
         return self.accept(*solved, earlier.starts)[0]
 
