@@ -153,8 +153,8 @@ class Collisions:
         first, second = self._sides.T
         # |a - b|^2 of all centres by one product; its rounding is far below `ROUNDING`.
         squares = np.einsum("nbi,nbi->nb", centres, centres)
-        apart = squares[:, :, None] + squares[:, None] - 2.0 * centres @ np.swapaxes(centres, 1, 2)
-        gaps = np.sqrt(np.maximum(apart[:, first, second], 0.0)) - self._radii[first] - self._radii[second] - ROUNDING
+        squared = squares[:, :, None] + squares[:, None] - 2.0 * centres @ np.swapaxes(centres, 1, 2)
+        gaps = np.sqrt(np.maximum(squared[:, first, second], 0.0)) - self._radii[first] - self._radii[second] - ROUNDING
         reach = within + (np.zeros_like(gaps) if required is None else required)
         slices, pairs = np.nonzero(gaps < reach)
         close, nearest = np.ones(len(slices), dtype=bool), reach[slices, pairs]
@@ -233,8 +233,8 @@ class Collisions:
             points[ball, rows], points[box, rows] = middle - rim[:, None] * normal, middle - away[:, None] * normal
             normals[rows] = normal if ball else -normal
         rows = np.flatnonzero(boxes < 0)
-        found, result = np.empty((len(rows), 10)), coal.DistanceResult()
-        for out, row, pair in zip(found, rows.tolist(), sides[rows].tolist(), strict=True):
+        computed, result = np.empty((len(rows), 10)), coal.DistanceResult()
+        for out, row, pair in zip(computed, rows.tolist(), sides[rows].tolist(), strict=True):
             first, second = (
                 (self.shapes[side].shape, coal.Transform3s(rotation[at, row], centre[at, row]))
                 for at, side in enumerate(pair)
@@ -242,7 +242,10 @@ class Collisions:
             result.clear()
             out[0] = coal.distance(*first, *second, self._request, result)
             out[1:4], out[4:7], out[7:] = result.getNearestPoint1(), result.getNearestPoint2(), result.normal
-        value[rows], points[0, rows], points[1, rows], normals[rows] = found[:, 0], *np.split(found[:, 1:], 3, axis=1)
+        value[rows], points[0, rows], points[1, rows], normals[rows] = (
+            computed[:, 0],
+            *np.split(computed[:, 1:], 3, axis=1),
+        )
         return NearestPoints(slices, pairs, value, points, normals)
 
     def dependencies(self, pair: int, phase: int) -> tuple[Indices, Indices]:

@@ -43,7 +43,7 @@ class _Near(NamedTuple):
     value: Array
 
 
-class _Found(NamedTuple):
+class _Evaluation(NamedTuple):
     """The nearest points of all constraints at a path (T, nq) and variables (nz,), in the points (u,) they are at."""
 
     q: Array
@@ -72,7 +72,7 @@ class CollisionConstraints:
         self.points, self.pairs = np.zeros(0, np.intp), np.zeros(0, np.intp)
         self._columns: list[tuple[Indices, Indices]] = []
         self._gradient_entries: tuple[Indices, Indices, Indices] | None = None
-        self._last: _Found | None = None
+        self._last: _Evaluation | None = None
         self._phase = np.repeat(np.arange(phases.count), phases.slices * POINTS_PER_SLICE)
         clock = Clock.of(phases.phase_durations, phases.seconds, phases.slices)
         contacts = declared_contacts(self.collisions.modes, clock)
@@ -143,28 +143,28 @@ class CollisionConstraints:
         """Return the constraints (m,) [m] at a path (T, nq) and variables (nz,)."""
         if not len(self.points):
             return np.zeros(0)
-        return np.asarray(self._limits[self.points, self.pairs] - self._found(q, z).nearest.value)
+        return np.asarray(self._limits[self.points, self.pairs] - self._evaluation(q, z).nearest.value)
 
     def gradients(self, q: Array, z: Array) -> list[Array]:
         """Return the entries of the gradients of all constraints, in the order of `blocks`."""
         if not len(self.points):
             return []
-        found = self._found(q, z)
-        places = found.nearest.slices
-        phases = self._phase[found.points]
-        gradients = np.concatenate(self.collisions.gradients(found.kinematics, phases, z, found.nearest), axis=1)
+        known = self._evaluation(q, z)
+        places = known.nearest.slices
+        phases = self._phase[known.points]
+        gradients = np.concatenate(self.collisions.gradients(known.kinematics, phases, z, known.nearest), axis=1)
         row, column, around = self._entries()
-        weights = interpolation_weights(self._knots(q), *_share(found.points))
+        weights = interpolation_weights(self._knots(q), *_share(known.points))
         weight = np.where(around < 0, 1.0, weights[places[row], around, np.minimum(column, self.world.nq - 1)])
         return [-weight * gradients[row, column]]
 
-    def _found(self, q: Array, z: Array) -> _Found:
+    def _evaluation(self, q: Array, z: Array) -> _Evaluation:
         """Return the nearest points of all constraints; the last ones are stored, for gradients and curvature."""
         if self._last is None or not (np.array_equal(self._last.q, q) and np.array_equal(self._last.z, z)):
             used, places = np.unique(self.points, return_inverse=True)
             kinematics = self.world.at(self._between(q, used), self.collisions.frames_of(self.pairs))
             nearest = self.collisions.nearest(kinematics, self._phase[used], z, places, self.pairs)
-            self._last = _Found(q.copy(), z.copy(), used, kinematics, nearest)
+            self._last = _Evaluation(q.copy(), z.copy(), used, kinematics, nearest)
         return self._last
 
     def hessian_columns(self) -> list[Indices]:
@@ -183,10 +183,10 @@ class CollisionConstraints:
         total = np.zeros((len(slices), self.world.nq, self.world.nq))
         rows = np.flatnonzero(y > 0.0)
         if len(rows):
-            found = self._found(q, z)
-            own = found.nearest.rows(rows)
-            by_point = self.collisions.curvature(found.kinematics, self._phase[found.points], own, -y[rows])
-            first = np.zeros(len(found.points), np.intp)
+            known = self._evaluation(q, z)
+            own = known.nearest.rows(rows)
+            by_point = self.collisions.curvature(known.kinematics, self._phase[known.points], own, -y[rows])
+            first = np.zeros(len(known.points), np.intp)
             first[own.slices] = places[rows]
             total = sum_by(by_point, first, len(slices))
         return [_convex_part(total[:, columns[:, None], columns]) for columns in self._agents()]
