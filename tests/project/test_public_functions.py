@@ -110,6 +110,8 @@ GOOD: dict[str, dict[str, Any]] = {
     },
     "lgp.load_scene": {"which": "screwdriver"},
     "lgp.plan": {"scene": "screwdriver", "cost": None, "slices": -1, "depth": -1},
+    "lgp.register_action": {"name": "stir", "kind": lgp.ActionKind(("hand", "object"))},
+    "lgp.register_cost_term": {"name": "reach", "term": lambda at: at},
     "lgp.replan": {"plan": None, "now": 0.0, "poses": None, "joints": None, "cost": None},
     "lgp.run_plan": {"folder": "run", "seed": 0, "speed": 0.0},
     "lgp.run_study": {"logs": None},
