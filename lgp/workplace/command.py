@@ -89,5 +89,7 @@ def show_workplace(to: Console, moved: Any) -> None:
 
 
 def _cell(place: Any, moment: Any) -> str:
-    mark = "!" if place.moved == moment.best.moved else "*" if place.moved == moment.here.moved else ""
-    return "-" if place.posture is None else f"{place.posture.reba}{mark}"
+    from lgp.workplace.wording import mark
+
+    sign = {"best": "!", "now": "*", "": ""}[mark(place, moment, in_grid=True)]
+    return "-" if place.posture is None else f"{place.posture.reba}{sign}"

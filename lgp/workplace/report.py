@@ -74,11 +74,11 @@ def _section(moment: MovedSurface) -> dict[str, Any]:
             for title, posture in postures
         ],
         "rows": [
-            {"height": f"{100 * row[0].height:.0f}", "cells": [_cell(place, moment) for place in row]}
+            {"height": f"{100 * row[0].height:.0f}", "cells": [_cell(place, moment, in_grid=True) for place in row]}
             for row in reversed(moment.grid)
         ],
         "distances": [f"{100 * place.distance:.0f}" for place in moment.grid[0]],
-        "sideways": [{**_cell(place, moment), "side": _side(place)} for place in moment.sideways],
+        "sideways": [{**_cell(place, moment, in_grid=False), "side": _side(place)} for place in moment.sideways],
         "at": wording.where(moment.best),
         "angles": _angles([posture for _, posture in postures]),
     }
@@ -89,9 +89,9 @@ def _side(place: Place) -> str:
     return f"{abs(side)} {'right' if side > 0 else 'left'}" if side else "0"
 
 
-def _cell(place: Place, moment: MovedSurface) -> dict[str, Any]:
+def _cell(place: Place, moment: MovedSurface, *, in_grid: bool) -> dict[str, Any]:
     reba = None if place.posture is None else place.posture.reba
-    mark = "best" if place.moved == moment.best.moved else "now" if place.moved == moment.here.moved else ""
+    mark = wording.mark(place, moment, in_grid=in_grid)
     return {"reba": reba, "level": None if reba is None else int(LEVEL_OF[reba]), "mark": mark}
 
 

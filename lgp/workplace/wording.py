@@ -45,6 +45,17 @@ def move(place: Place) -> str:
     return ", ".join(reversed(steps)) or "where it is"
 
 
+def mark(place: Place, moment: MovedSurface, *, in_grid: bool) -> str:
+    """Return "best" for the best place, "now" for that of the surface as it is, "" for others.
+
+    In the grid, whose places are not moved sideways, the best one is that of the best height and distance.
+    """
+    (x, y, z), (forward, side, up) = place.moved, moment.best.moved
+    if (x, z) == (forward, up) and (in_grid or y == side):
+        return "best"
+    return "now" if place.moved == moment.here.moved else ""
+
+
 def result(moment: MovedSurface) -> str:
     """Return the result in a sentence or two."""
     first = f"{scored(moment.measured)} as measured."

@@ -105,6 +105,10 @@ class Advice:
         """Return the effect of an action as text: "33.9 s -> 17.2 s"."""
         return f"{time_text(self.seconds)} -> {time_text(action.seconds)}"
 
+    def is_seen(self, action: Action) -> bool:
+        """Return whether the effect of an action shows in the figures as they are printed."""
+        return time_text(action.seconds) != time_text(self.seconds)
+
     def text(self, action: Action) -> str:
         """Return an action as one line."""
         what = "; and ".join(change.text for change in action.changes)
@@ -135,7 +139,7 @@ def time_text(ends: tuple[float, float]) -> str:
     """Return a time, or both ends of its range, as text.
 
     >>> time_text((3.0, 3.0)), time_text((3.0, 61.5))
-    ('3.0 s', '3.0 s to 61.5 s')
+    ('3.0 s', '3.0 s to 1 min 01 s')
     """
     return both(*(seconds(end) for end in ends))
 
@@ -144,18 +148,29 @@ def advise(scores: ScoreTable, frames: NDArray[np.int64] | None = None, at_least
     """Return the changes that take most time out of high and very high risk, ties decided by medium risk.
 
     Unmeasured angles are neutral at the low end and at their worst at the high end; they are never changed. The ends
-    rank in this order. Left out are limits that leave no margin of `MEASUREMENT_ERROR` inside their class, and those
-    that the frames at risk exceed by less than it on average.
+    rank in this order. Left out are limits that leave no margin of `MEASUREMENT_ERROR` inside their class, those
+    that the frames at risk exceed by less than it on average, and changes whose effect is not seen in the figures.
 
     Args:
         frames: rows of the score table; all by default.
-        at_least: REBA from which time counts; by default 8, and where no time reaches it 4, else 2.
+        at_least: REBA from which time counts; by default 8, and where no time reaches it, or no change takes any of it
+            away, 4, else 2.
     """
     rows = np.arange(len(scores.data)) if frames is None else frames
     weights = durations(scores.time)[rows]
     low, high = column(scores, "reba_low")[rows], column(scores, "reba_high")[rows]
     levels = [at_least] if at_least is not None else [HIGH, MEDIUM, ACTION_LEVEL_FROM[1]]
-    level = next((one for one in levels if (high >= one).any()), levels[-1])
+    levels = [one for one in levels if (high >= one).any()] or levels[-1:]
+    every = (_advise_from(scores, rows, weights, (low, high), level) for level in levels)
+    first = next(every)
+    return first if first.single else next((one for one in every if one.single), first)
+
+
+def _advise_from(
+    scores: ScoreTable, rows: NDArray[np.int64], weights: Array, range_: tuple[Array, Array], level: int
+) -> Advice:
+    """Return the advice on the time from one score on."""
+    low, high = range_
 
     def time_from(score: int) -> tuple[float, float]:
         return float(weights[low >= score].sum()), float(weights[high >= score].sum())
@@ -173,13 +188,11 @@ def advise(scores: ScoreTable, frames: NDArray[np.int64] | None = None, at_least
         reached = min((best[m][:2] for m in best), default=before[:2])
         if sets and sets[0][:2] < reached:
             best[n] = sets[0]
-    single = [one for one in ranked[1] if one[:2] < before[:2]]
-    return replace(
-        advice,
-        single=tuple(_action(ends, level, steps) for *_, steps in single),
-        pair=_action(ends, level, best[2][-1]) if 2 in best else None,
-        triple=_action(ends, level, best[3][-1]) if 3 in best else None,
-    )
+    single = [_action(ends, level, steps) for key, *_, steps in ranked[1] if key < before[0]]
+    several = {n: _action(ends, level, best[n][-1]) for n in best if n > 1}
+    seen = {n: one for n, one in several.items() if advice.is_seen(one)}
+    single = [one for one in single if advice.is_seen(one)]
+    return replace(advice, single=tuple(single), pair=seen.get(2), triple=seen.get(3))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ def seconds(value: float) -> str:
     >>> seconds(176.2)
     '2 min 56 s'
     """
-    if value < 120:
+    if value < 60:
         return f"{value:.1f} s"
     if value < 7200:
         return f"{int(value) // 60} min {int(value) % 60:02d} s"

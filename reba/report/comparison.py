@@ -9,7 +9,7 @@ import numpy as np
 
 from reba.analysis.wording import both, percent, seconds, span
 from reba.errors import join_names
-from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
+from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF
 from reba.report.labels import PARTS, body_parts
 from reba.report.summary import RecordingSummary, seconds_of_levels
 
@@ -39,11 +39,11 @@ def compared_figures(a: RecordingSummary, b: RecordingSummary) -> list[ComparedF
     high = f"Time at REBA {ACTION_LEVEL_FROM[3]} or more"
     rows.append(_figure(high, _time_from(a), _time_from(b), lambda low, up: both(seconds(low), seconds(up))))
     rows.append(_figure(f"{high}, share", _share_from(a), _share_from(b), _percents))
-    levels = [seconds_of_levels(one, "reba") for one in (a, b)]
-    for level in (*reversed(range(len(ACTION_LEVELS))), None):
-        name = "Not determined" if level is None else f"At {ACTION_LEVELS[level][0]} risk"
-        shares = [times[level] / one.seconds for times, one in zip(levels, (a, b), strict=True)]
-        rows.append(_figure(name, (shares[0], shares[0]), (shares[1], shares[1]), _percents, judged=False))
+    for level in reversed(range(len(ACTION_LEVELS))):
+        name = f"At {ACTION_LEVELS[level][0]} risk"
+        rows.append(_figure(name, _share_at(a, level), _share_at(b, level), _percents, judged=False))
+    unknown = [seconds_of_levels(one, "reba")[None] / one.seconds for one in (a, b)]
+    rows.append(_figure("Not determined", (unknown[0],) * 2, (unknown[1],) * 2, _percents, judged=False))
     for part, title in PARTS.items():
         means = [
             tuple(float(np.average(end[part], weights=one.weights)) for end in (one.ends.low, one.ends.high))
@@ -63,6 +63,17 @@ def _time_from(one: RecordingSummary) -> Ends:
 def _share_from(one: RecordingSummary) -> Ends:
     low, high = _time_from(one)
     return low / one.seconds, high / one.seconds
+
+
+def _share_at(one: RecordingSummary, level: int) -> Ends:
+    """Return the share of time at an action level: where it is certain, and where it is possible."""
+    curve = one.curves["reba"]
+    low, high = (LEVEL_OF[np.asarray(end, np.intp)] for end in (curve.low, curve.high))
+    certain, possible = (
+        float(one.weights[frames].sum()) / one.seconds
+        for frames in ((low == level) & (high == level), (low <= level) & (level <= high))
+    )
+    return certain, possible
 
 
 def _points(low: float, high: float) -> str:

@@ -112,4 +112,5 @@ def test_the_page_states_what_was_found(moved):
     for words in (result(moment), "out of reach", "lgp improve shift.mcap", "soles on the floor", "angles within"):
         assert words in text
     assert text.count("<svg") == 3
-    assert text.count(">best<") == 1
+    assert text.count(">best<") == 2  # in the grid, and among the places to either side
+    assert text.count(">now<") == 1

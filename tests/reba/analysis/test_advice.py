@@ -175,3 +175,13 @@ def test_plain_data_names_each_side(demo: reba.Scores) -> None:
     assert [change["what"] for change in arms["changes"]] == ["left upper arm flexion", "right upper arm flexion"]
     assert set(found) >= {"at_least", "total", "seconds", "single", "pair", "triple"}
     pd.json_normalize(found["single"])
+
+
+def test_every_change_that_is_named_shows_its_effect() -> None:
+    rng, names = np.random.default_rng(3), ("trunk_flexion", "upper_arm_flexion_right", "upper_arm_abduction_right")
+    for first in (0, 1, 0, 1):
+        columns = {name: rng.uniform(0.0, 110.0) + rng.normal(0, 15, 200) for name in names[first:]}
+        advice = advise(reba.score(pd.DataFrame({"time": np.arange(200) / 25.0, **columns}), load=6.0))
+        for action in (*advice.single, *filter(None, (advice.pair, advice.triple))):
+            before, after = advice.effect(action).split(" -> ")
+            assert before != after

@@ -510,7 +510,7 @@ def test_what_the_assessor_writes_is_escaped() -> None:
 
 
 def test_a_comparison_has_every_figure_with_what_is_open() -> None:
-    """The rows of the levels and of what is not determined add up to the whole of each recording."""
+    """What is certain at each level and what is not determined add up to the whole of each recording."""
     a = summarise(scored(frames(120), "a.csv"))
     better = frames(120)
     better["trunk_flexion"] = 0.0
@@ -520,9 +520,11 @@ def test_a_comparison_has_every_figure_with_what_is_open() -> None:
         levels = [
             getattr(row, place) for name, row in rows.items() if name.startswith("At ") or name == "Not determined"
         ]
-        shares = [float(text.replace("<", "").removesuffix("\xa0%")) for text in levels]
+        certain = [text.partition(" to ")[0] for text in levels]
+        shares = [float(text.replace("<", "").removesuffix("\xa0%")) for text in certain]
         assert sum(shares) == pytest.approx(100, abs=1.5)
     assert float(rows["Not determined"].first.removesuffix("\xa0%")) > 0
+    assert any(" to " in rows[f"At {name} risk"].first for name in ("low", "medium", "high"))
     ends = [one.summary["range"] for one in (a, b)]
     low, high = ends[1]["mean_low"] - ends[0]["mean_high"], ends[1]["mean_high"] - ends[0]["mean_low"]
     assert low < 0 < high
