@@ -45,7 +45,7 @@ on = "table.near"
 if __name__ == "__main__":
     for weight in (0.0, 1.0):
         Path("lift.toml").write_text(SCENE.format(weight=weight))
-        plan = lgp.plan("lift.toml", cost=None)
+        plan = lgp.plan("lift.toml", cost=None, collisions=False)
         motion = lgp.Motion(plan)
         frames = motion.frames(["human.right_hand", "human.pelvis_x"])
         away = frames["human.right_hand"].position - frames["human.pelvis_x"].position
