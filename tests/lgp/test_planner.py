@@ -148,7 +148,7 @@ def test_plan_of_the_screwdriver_from_the_command_line(tmp_path: Path) -> None:
     assert result["feasible"] is True
     assert result["actions"][0] == "grasp(1, baxter.right, screwdriver)"
     assert result["actions"][-1] == "grasp(3, human.right_hand, screwdriver)"
-    assert set(result["cost"]) == {"total", "acceleration", "ergonomics", "time"}
+    assert set(result["cost"]) == {"total", "acceleration", "ergonomics", "time", "terms", "actions"}
     assert len(result["reba"]["per_phase"]) == 3
     assert max(result["residuals"].values()) <= 1e-6
     assert {"expanded", "poses", "sequences", "paths", "seconds"} <= set(result["search"])
@@ -163,7 +163,7 @@ def test_plan_of_the_screwdriver_from_the_command_line(tmp_path: Path) -> None:
 @needs_robots
 def test_a_given_sequence_is_followed() -> None:
     scene = lgp.load_scene("screwdriver").with_heights(HEIGHTS)
-    found = lgp.plan(scene, cost=None, sequence=SEQUENCE.splitlines(), slices=4, world=screwdriver_world())
+    found = lgp.plan(scene, cost=None, sequence=SEQUENCE.splitlines(), slices=8, world=screwdriver_world())
     assert found.actions[1] == "place(2, baxter.right, screwdriver, table.center)"
     assert found.search["paths"] == 1
     # No other sequence was looked at, so nothing is said of the optimum.

@@ -24,7 +24,7 @@ SEQUENCE = (
     "grasp(human.right_hand, screwdriver)",
 )  # fmt: skip
 SLICES = 3
-CHANGES = {"cost.model": "busch2018", "cost.weight": 4.0, "phase_seconds": 0.75, "cost.time_weight": 0.0}
+CHANGES = {"cost.model": "busch2018", "cost.weight": 4.0, "phase_seconds": 2.5, "cost.time_weight": 0.0}
 
 
 @cache
