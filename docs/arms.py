@@ -34,7 +34,9 @@ HEAD = """# Arms that were tried
 Written by `python docs/arms.py`: every arm of the package example-robot-data takes a cube from a table, from its URDF
 alone ([scenes](scenes.md)). *Joints* are those between the base and the hand, *slides* and *endless* ones among them;
 joints that follow another one are left out. What the [audit](planner.md) finds are contacts between bodies as the URDF
-draws them: many robots of the package stand with bodies in each other at first, or have a hand without jaws.
+draws them: many robots of the package stand with bodies in each other at first, or have a hand without jaws. An arm
+that is folded into itself in the middle of its joint limits starts from the first of 20 random postures in which it is
+not.
 
 | arm | URDF | hand | joints | slides | endless | plan | audit |
 |---|---|---|---|---|---|---|---|
@@ -116,16 +118,11 @@ def tried(name: str, urdf: str, hand: str, reach: float) -> Outcome:
         robot["position"] = [0, 0, float(HEIGHT + SIDE / 2 - target[2])]
         values["tables"]["spot"]["position"] = target[:2].tolist()
         scene = read_scene(values, name)
-        start = "yes"
-        try:
-            plan = lgp.plan(scene, cost=None)
-        except lgp.LgpError:  # bodies are in each other at the start
-            start = "yes, from a start with bodies in each other"
-            plan = lgp.plan(scene, cost=None, accept_start=True)
+        plan, start = planned(scene, q)
         reason = plan.reason
         if not reason:
             break
-        if not without and lgp.plan(scene, cost=None, collisions=False).feasible:
+        if not without and lgp.plan(scene, cost=None, collisions=False, accept_start=True).feasible:
             without = f"without bodies only: {reason}"
     else:
         return replace(result, plan=without or f"none: {reason}", audit="-")
@@ -134,6 +131,20 @@ def tried(name: str, urdf: str, hand: str, reach: float) -> Outcome:
     if len(audit.faults) == 1:
         found = audit.faults[0].what
     return replace(result, planned=True, plan=start, audit=found)
+
+
+def planned(scene: lgp.Scene, starts: np.ndarray) -> tuple[lgp.Plan, str]:
+    """Return a plan and from where: the middle of the joint limits, else the first of some configurations (n, nq) in
+    which no bodies are in each other."""
+    try:
+        return lgp.plan(scene, cost=None), "yes"
+    except lgp.LgpError:
+        for start in starts[:20]:
+            try:
+                return lgp.plan(scene, cost=None, start=start), "yes, from another posture"
+            except lgp.LgpError:
+                continue
+    return lgp.plan(scene, cost=None, accept_start=True), "yes, from a start with bodies in each other"
 
 
 def main(words: list[str]) -> None:
