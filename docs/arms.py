@@ -122,7 +122,7 @@ def tried(name: str, urdf: str, hand: str, reach: float) -> Outcome:
         reason = plan.reason
         if not reason:
             break
-        if not without and lgp.plan(scene, cost=None, collisions=False, accept_start=True).feasible:
+        if not without and lgp.plan(scene, cost=None, depth=1, collisions=False, accept_start=True).feasible:
             without = f"without bodies only: {reason}"
     else:
         return replace(result, plan=without or f"none: {reason}", audit="-")
@@ -137,14 +137,14 @@ def planned(scene: lgp.Scene, starts: np.ndarray) -> tuple[lgp.Plan, str]:
     """Return a plan and from where: the middle of the joint limits, else the first of some configurations (n, nq) in
     which no bodies are in each other."""
     try:
-        return lgp.plan(scene, cost=None), "yes"
+        return lgp.plan(scene, cost=None, depth=1), "yes"
     except lgp.LgpError:
         for start in starts[:20]:
             try:
-                return lgp.plan(scene, cost=None, start=start), "yes, from another posture"
+                return lgp.plan(scene, cost=None, depth=1, start=start), "yes, from another posture"
             except lgp.LgpError:
                 continue
-    return lgp.plan(scene, cost=None, accept_start=True), "yes, from a start with bodies in each other"
+    return lgp.plan(scene, cost=None, depth=1, accept_start=True), "yes, from a start with bodies in each other"
 
 
 def main(words: list[str]) -> None:
