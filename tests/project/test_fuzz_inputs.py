@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import subprocess
 import sys
 import time
@@ -86,7 +87,8 @@ def test_inputs_are_counted_and_a_hang_is_ended() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="address space is limited by setrlimit")
 def test_memory_is_bounded() -> None:
     code = "from check import limit; limit(1 << 28); bytearray(1 << 29)"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT / "fuzz", capture_output=True, text=True, check=False)
+    path = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "fuzz")])}
+    done = subprocess.run([sys.executable, "-c", code], env=path, capture_output=True, text=True, check=False)
     assert "MemoryError" in done.stderr
 
 

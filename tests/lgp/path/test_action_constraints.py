@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lgp
-from lgp.collision.contacts import declared_contacts
+from lgp.collision.contacts import Clock, declared_contacts
 from lgp.kinematics import features
 from lgp.kinematics.features import Feature
 from lgp.kinematics.modes import ModeSequence
@@ -165,5 +165,6 @@ def test_two_hands_carry_what_both_may(tmp_path: Path, mass: float, reason: str)
         assert bool(why) == bool(reason)
         modes = ModeSequence(World(one), phases.switches)
         assert modes.second_intervals == (("gantry.other", 0, 0),)
-        touching = {(one.first, one.second) for one in declared_contacts(modes, 2.0, 0.2) if one.touches}
+        clock = Clock.of(np.full(phases.count, 2.0), 2.0, 10)
+        touching = {(one.first, one.second) for one in declared_contacts(modes, clock) if one.touches}
         assert {("gantry.hand", "box"), ("gantry.other", "box")} <= touching

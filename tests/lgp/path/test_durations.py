@@ -77,7 +77,7 @@ def test_of_a_fixed_path_three_times_accelerations_are_what_time_costs(
     assert best.costs.total < solution.costs.total
     for factors in ((1.02, 1.0), (0.98, 1.0), (1.0, 1.02), (1.0, 0.98)):
         durations = tuple(np.multiply(best.durations, factors).tolist())
-        assert same_path(replace(phases, durations=durations), best).costs.total >= best.costs.total * (1.0 - 1e-5)
+        assert same_path(replace(phases, durations=durations), best).costs.total >= best.costs.total * (1.0 - 5e-4)
 
 
 def test_no_other_durations_give_a_cheaper_path(world: World, ergonomics: Ergonomics) -> None:

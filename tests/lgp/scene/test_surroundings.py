@@ -147,7 +147,8 @@ def test_the_planner_and_the_audit_keep_bodies_out_of_obstacles(tmp_path: Path) 
     (tmp_path / "part.stl").write_bytes(STL)
     part = {"mesh": str(tmp_path / "part.stl"), "position": [0.45, -0.05, 0.8], "scale": [2, 2, 2]}
     for obstacles in ({"pillar": OBSTACLES["pillar"]}, {"part": part}):
-        values = scene_values(tmp_path, goal=["placed(box, table.b)"], obstacles=obstacles)
+        slow = {"phase_seconds": 3.0, "slices": 15}
+        values = scene_values(tmp_path, goal=["placed(box, table.b)"], obstacles=obstacles, **slow)
         pair = "box", f"obstacle.{next(iter(obstacles))}"
         straight = lgp.plan(read_scene(values), cost=None, collisions=False)
         assert pair in [one.pair for one in lgp.audit_plan(straight).contacts], "a straight way leads through it"
