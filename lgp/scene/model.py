@@ -258,7 +258,7 @@ class Scene:
         title: one line.
         domain: name or path of the PDDL domain.
         initial: atoms of the initial state, as text.
-        goal: atoms of the goal, as text; `not ` before one wants it false.
+        goal: atoms of the goal, as text; with "not" before it, an atom has to be false.
         phase_seconds: duration of each phase [s], or the first guess of it.
         durations: "fixed", "stretched" where a joint would be too fast, or "free" where they are unknowns of a plan.
         slices: slices per phase of a path.

@@ -186,8 +186,8 @@ class SolverOptions:
     kkt: float = 1e-6
     """Largest relative stationarity and complementarity error of an OPTIMAL point."""
     decrease: float = 1e-10
-    """Decrease, relative to max(1, abs(cost)) in cost units, below which a feasible point is ACCEPTABLE: of the model,
-    or of each of some steps in a row."""
+    """Decrease in cost units, relative to 1 or the size of the cost where that is larger, below which a feasible point
+    is ACCEPTABLE: of the model, or of each of some steps in a row."""
     iterations: int = 100
     seconds: float = float("inf")
     """Wall time; checked between iterations."""
