@@ -40,7 +40,7 @@ def without_names(scores: ScoreTable) -> ScoreTable:
         >>> import reba
         >>> scores = reba.score({"trunk_flexion": [10.0]})
         >>> texts = {"topic": "Ann Lee", "recognised": "points of Ann Lee"}
-        >>> postures = replace(scores.postures, source="/home/ann/a.c3d", **texts)
+        >>> postures = replace(scores.postures, source="/data/ann/a.c3d", **texts)
         >>> hidden = without_names(replace(scores, postures=postures)).postures
         >>> hidden.source, hidden.topic, hidden.recognised
         ('a.c3d', '', 'points of [name 1]')
@@ -89,7 +89,7 @@ def command_without_names(command: str, recordings: Sequence[ScoreTable]) -> str
 def text_without_folders(text: str, path: str) -> str:
     """Return a message about a file without the folder of that file.
 
-    >>> text_without_folders("/home/ann/a.csv: no column 'time'", "/home/ann/a.csv")
+    >>> text_without_folders("/data/ann/a.csv: no column 'time'", "/data/ann/a.csv")
     "a.csv: no column 'time'"
     """
     return text.replace(path, file_name(path))

@@ -137,7 +137,7 @@ def test_words_of_the_readers_are_no_names(tmp_path: Path) -> None:
 def test_commands_lose_folders_and_names() -> None:
     scores = reba.score({"trunk_flexion": [10.0]})
     text = command_without_names(
-        "reba score '/home/ann lee/a b.c3d' --report=/tmp/r.html --load 8 -o C:\\x\\s.csv", [scores]
+        "reba score '/data/ann lee/a b.c3d' --report=/tmp/r.html --load 8 -o C:\\x\\s.csv", [scores]
     )
     assert text == "reba score 'a b.c3d' --report=r.html --load 8 -o C:xs.csv"
     assert command_without_names("reba 'score", [scores]) == ""

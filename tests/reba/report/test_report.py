@@ -544,12 +544,12 @@ def test_what_makes_a_comparison_hard_is_said() -> None:
 
 def test_recordings_that_failed_are_listed_without_their_folders() -> None:
     scores = reba.score({"trunk_flexion": [10.0, 70.0]}, missing="neutral")
-    failed = [("/home/ann/broken.mcap", "/home/ann/broken.mcap: the magic number is missing; record it again")]
+    failed = [("/data/ann/broken.mcap", "/data/ann/broken.mcap: the magic number is missing; record it again")]
     text = render(scores, failed=failed)
     for words in ("Not scored", "broken.mcap: the magic number is missing; record it again", "One recording could not"):
         assert words in text
-    assert "/home/ann" not in text
-    assert "/home/ann" in render(scores, failed=failed, names=True)
+    assert "/data/ann" not in text
+    assert "/data/ann" in render(scores, failed=failed, names=True)
     assert "Not scored" not in render(scores)
 
 
