@@ -10,7 +10,7 @@ import numpy as np
 
 from lgp.audit.agents import AgentModel
 from lgp.audit.contacts import allowed_depths
-from lgp.audit.faults import HANDS, TOUCHING, Audit, Depth, Extreme, Fault
+from lgp.audit.faults import HANDS_ROUNDING, TOUCHING, Audit, Depth, Extreme, Fault
 from lgp.audit.jaws import carriers, jaw_values, too_wide
 from lgp.audit.joint_tree import BASE, about
 from lgp.audit.joints import beyond_limits, fastest, feet_leave
@@ -172,8 +172,8 @@ def _nearest_hands(run: Replay) -> tuple[Extreme, list[Fault]]:
         value, time = float(distance[at]), float(run.samples.times[at])
         if least.value is None or value < least.value:
             least = Extreme(value, (one, other), time)
-        if value < HANDS - TOUCHING:
-            expected = f"expected {100 * HANDS:.3g} cm"
-            what = f"the grip points of {one} and {other} are {100 * value:.1f} cm from each other, {expected}"
+        if value < run.scene.hand_clearance - HANDS_ROUNDING:
+            expected = f"expected {1000 * run.scene.hand_clearance:.3g} mm or more"
+            what = f"the grip points of {one} and {other} are {1000 * value:.1f} mm from each other, {expected}"
             faults.append(Fault("hands", what, value, time))
     return least, faults

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-HANDS: Final = 0.06
-"""[m] Least distance of the grip points of two hands (a choice: a palm and a gripper beside each other)."""
+HANDS_ROUNDING: Final = 1e-4
+"""[m] By which grip points may be nearer than the scene says: constraints hold to a micrometre."""
 TOUCHING: Final = 0.001
 """[m] Bodies that are in each other by this or less touch; errors of attachment up to this are none."""
 LEVEL: Final = 1.0

@@ -9,7 +9,8 @@ Objects and hands touch only what their actions say, and only around their switc
     parts of one assembly                  as object and support, from when both stand as they are screwed
 
 Only the bodies of the hand are exempt, not the arm. Beyond bodies, the grip points of hands keep away from each other
-always; how hands draw back from what they let go is in `lgp.collision.withdrawals`.
+always, with a margin where they are not at one object; how hands draw back from what they let go is in
+`lgp.collision.withdrawals`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -30,6 +32,10 @@ WINDOW = 0.3
 
 HAND_WINDOW = 0.25
 """[s] The same of a hand, whose fingers reach around the object: clear of it when `WINDOW` ends, between slices too."""
+
+
+GRIP_MARGIN = 0.002
+"""[m] By which grip points keep more than their distance at the constrained points: between these they come nearer."""
 
 
 @dataclass(frozen=True)
@@ -76,18 +82,20 @@ def required_distances(
     Pairs that are `close` keep no margin.
     """
     kinds = [{shapes[one].kind, shapes[other].kind} for one, other in pairs]
-    of_pair = [0.0 if kind == {"grip"} else -math.inf if "grip" in kind else margin for kind in kinds]
+    of_pair = [GRIP_MARGIN if kind == {"grip"} else -math.inf if "grip" in kind else margin for kind in kinds]
     if close is not None:
         of_pair = np.where(close, np.minimum(of_pair, 0.0), of_pair).tolist()
     required = np.tile(of_pair, (len(times), 1))
     agents = {hand.partition(".")[0] for shape in shapes for hand in shape.hands}
     names = [shape.hands if shape.owner in agents else shape.hands | {shape.name} for shape in shapes]
+    hands = set[str]().union(*(shape.hands for shape in shapes))
     for contact in contacts:
         both = {contact.first}, {contact.second}
+        of_hands = hands >= {contact.first, contact.second}
         touched = [
             number
             for number, (one, other) in enumerate(pairs)
-            if "grip" not in kinds[number]
+            if (kinds[number] == {"grip"} if of_hands else "grip" not in kinds[number])
             and any(first & names[one] and second & names[other] for first, second in (both, both[::-1]))
         ]
         required[:, touched] = np.minimum(required[:, touched], contact.required(times, margin)[:, None])
@@ -137,12 +145,8 @@ class Clock:
 
 def declared_contacts(modes: ModeSequence, clock: Clock) -> tuple[Contact, ...]:
     """Return the contacts of a sequence of actions, each of which ends a phase."""
-    return (
-        *_attachments(modes, clock),
-        *_holds(modes, clock),
-        *_reaches(modes, clock),
-        *_assemblies(modes, clock),
-    )
+    touching = (*_attachments(modes, clock), *_holds(modes, clock))
+    return (*touching, *_reaches(modes, clock), *_assemblies(modes, clock), *_hands_together(modes, touching))
 
 
 def _attachments(modes: ModeSequence, clock: Clock) -> Iterator[Contact]:
@@ -181,6 +185,15 @@ def _holds(modes: ModeSequence, clock: Clock) -> Iterator[Contact]:
         if switch.action.screws:
             for name in (switch.object_name, switch.other):
                 yield Contact(switch.hand, name, float(clock.ends[number + 1]), clock.rested(number + 1), free=True)
+
+
+def _hands_together(modes: ModeSequence, contacts: Sequence[Contact]) -> Iterator[Contact]:
+    """Yield the hands that are at one object at a time: their grips are where it has them, with no margin to spare."""
+    at_object = [contact for contact in contacts if contact.first in modes.world.scene.hands and contact.free]
+    for one, other in combinations(at_object, 2):
+        begin, end = max(one.begin, other.begin), min(one.end, other.end)
+        if one.second == other.second and one.first != other.first and begin <= end:
+            yield Contact(one.first, other.first, begin, end, touches=False)
 
 
 def _reaches(modes: ModeSequence, clock: Clock) -> Iterator[Contact]:

@@ -7,7 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from lgp.collision.contacts import DRAW_BACK_SECONDS, WINDOW, Clock, Contact, declared_contacts, required_distances
+from lgp.collision.contacts import (
+    DRAW_BACK_SECONDS,
+    GRIP_MARGIN,
+    WINDOW,
+    Clock,
+    Contact,
+    declared_contacts,
+    required_distances,
+)
 from lgp.collision.distances import Collisions
 from lgp.collision.withdrawals import (
     DRAWN_BACK,
@@ -89,7 +97,12 @@ def test_grip_points_keep_their_clearance_and_a_hand_draws_back_before_another_c
     world = screwdriver_world()
     robot, person = "grip point of baxter.right", f"grip point of {RIGHT}"
     half = world.scene.hand_clearance / 2.0
-    assert set(required(world, HANDED_OVER, robot, person, [0.1, 4.0, 6.0])) == {0.0}
+    # At one object the grips say their distance; elsewhere they keep a margin, as they come nearer between the points.
+    assert set(required(world, HANDED_OVER, robot, person, [0.1, 4.0, 6.0])) == {GRIP_MARGIN}
+    given = [HANDED_OVER[0], KinematicSwitch("handover", RIGHT, "screwdriver", giver="baxter.right")]
+    assert required(world, given, robot, person, [3.0, 4.0 - TAU, 4.0, 4.0]) == pytest.approx(
+        [GRIP_MARGIN, GRIP_MARGIN, 0.0, 0.0]
+    )
     soon, later = 4.0 + DRAW_BACK_SECONDS / 2.0, 4.0 + 2.0 * DRAW_BACK_SECONDS
     assert required(world, HANDED_OVER, person, "screwdriver", [3.9, soon, later]) == pytest.approx(
         [-math.inf, NOT_YET - half, -math.inf]
