@@ -101,8 +101,8 @@ class FamilyBounds:
         """Return what a sequence changed that symbols do not tell."""
         return self._first.displaced(skeleton)
 
-    def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
-        """Return the result of a level for a sequence; each is solved once."""
+    def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf) -> BoundResult:
+        """Return the result of a level for a sequence; each is solved once, whatever the limit."""
         stored = self._results.get((level, skeleton))
         if stored is not None:
             return replace(stored, known=True, seconds=0.0)

@@ -39,6 +39,12 @@ MAX_STEP = 0.3
 COMPARABLE_VIOLATION = 1e-2
 """[m, rad] Violation up to which the cost is near that of the feasible path."""
 
+DEARER = 1.01
+"""Cost of a path with part of its constraints, relative to the best plan, from which on it is given up: constraints that
+are added later seldom make a path cheaper, and never by that much as far as is known."""
+UNSETTLED = 1.25
+"""The same for a round that did not end at a minimum, relative to one that did: its cost may still fall."""
+
 ProblemOf = Callable[[ActiveConstraints], PathProblem]
 """Active constraints -> path problem."""
 
@@ -52,6 +58,7 @@ def solve_constrained(
     solved: bool = True,
     rounds: int = ROUNDS,
     cost_limit: float = math.inf,
+    unsettled: float = 1.0,
 ) -> tuple[PathProblem, Result]:
     """Return the problem of the last round and its result; constraints left violated show that it failed.
 
@@ -61,6 +68,7 @@ def solve_constrained(
         options: of the solver; its iterations are those of the last round.
         solved: whether `first` is at its minimum; otherwise it is an initial guess only.
         cost_limit: cost at which to stop: more constraints seldom make a path cheaper.
+        unsettled: the same relative to `cost_limit` after a round that did not end at a minimum.
     """
     problem, result = problem_of(constraints), first
     final = solved
@@ -78,11 +86,17 @@ def solve_constrained(
             iterations=min(FINAL_ITERATIONS, chosen.iterations),
         )
         result = Solver(limited).solve(problem, result.x, warm=_with_new_multipliers(result, problem))
-        if result.cost >= cost_limit and result.violation <= COMPARABLE_VIOLATION:
+        if exceeds(result, cost_limit, unsettled):
             break
         # At a stationary point of the violation a solve to the final tolerance would not reduce it either.
         final = final or result.status is SolveStatus.INFEASIBLE
     return problem, result
+
+
+def exceeds(result: Result, cost_limit: float, unsettled: float = 1.0) -> bool:
+    """Return whether a path that nearly satisfies its constraints costs a limit or more, see `solve_constrained`."""
+    settled = result.status in (SolveStatus.OPTIMAL, SolveStatus.ACCEPTABLE)
+    return result.violation <= COMPARABLE_VIOLATION and result.cost >= cost_limit * (1.0 if settled else unsettled)
 
 
 def round_options(options: SolverOptions) -> SolverOptions:
@@ -136,21 +150,27 @@ def multi_start(
     free: Result,
     least: float,
     reference: Array | None = None,
+    cost_limit: float = math.inf,
 ) -> CandidatePath | None:
     """Return the cheapest candidate that costs clearly less than the known path, None without one.
+
+    Where all of these cost too much it is the cheapest of them, whose constraints need not hold.
 
     Args:
         active_of: makes the constraints of a candidate, none active yet.
         problem: the one without collision constraints, with its result `free`.
         least: cost of the known path, inf without one.
         reference: (T, nq) path of the same actions under another cost [rad, m]; the first guess has its robot joints.
+        cost_limit: cost that is too much; a candidate is stopped there.
     """
     path, variables = problem.split(free.x)
     best: CandidatePath | None = None
+    dear: CandidatePath | None = None
     for guess in candidate_guesses(problem, path, variables, reference):
         constraints = active_of()
         begin = replace(free, x=problem.join(guess, variables))
-        limit = IMPROVEMENT * least
+        improved = IMPROVEMENT * least
+        limit = min(improved, cost_limit)
         candidate = CandidatePath(
             constraints,
             *solve_constrained(
@@ -163,11 +183,16 @@ def multi_start(
                 cost_limit=limit,
             ),
         )
-        if candidate.result.violation <= CLOSE and candidate.result.cost < limit:
-            best, least = candidate, candidate.result.cost
-            if least <= GOOD_RATIO * free.cost:
-                break
-    return best
+        cost = candidate.result.cost
+        if candidate.result.violation <= CLOSE and cost < limit:
+            best, least = candidate, cost
+        elif cost < improved and exceeds(candidate.result, cost_limit):
+            dear = candidate if dear is None or cost < dear.result.cost else dear
+        else:
+            continue
+        if cost <= GOOD_RATIO * free.cost:
+            break
+    return best or dear
 
 
 def candidate_guesses(

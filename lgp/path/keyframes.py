@@ -67,6 +67,7 @@ class Solution:
         starts: number of starts of the sequence that agree with this one, and of all.
         minima: points (N,) of the sequence problem that paths start from; () for the keyframes alone.
         durations: of each phase [s], () where all take as long.
+        given_up: whether the path is none yet, but known to cost this or more.
     """
 
     keyframes: Array
@@ -77,6 +78,7 @@ class Solution:
     starts: tuple[int, int] = (1, 1)
     minima: tuple[Array, ...] = ()
     durations: tuple[float, ...] = ()
+    given_up: bool = False
 
 
 class KeyframeSolver:

@@ -17,9 +17,12 @@ import numpy as np
 from lgp.path.active_constraints import ActiveConstraints, MotionConstraints
 from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.collision_path import (
+    DEARER,
     MULTI_START_RATIO,
+    UNSETTLED,
     ProblemOf,
     collision_options,
+    exceeds,
     multi_start,
     solve_constrained,
 )
@@ -123,8 +126,11 @@ class PathSolver:
             return None, "path: the ergonomic cost has no stage; expected 1 or more"
         return self.accept(problem, result, starts)
 
-    def solve_collision_free(self, phases: Phases, earlier: Solution | None) -> Answer:
-        """Return the collision-free path that starts from the free path, or a cheaper one from another guess."""
+    def solve_collision_free(self, phases: Phases, earlier: Solution | None, limit: float = math.inf) -> Answer:
+        """Return the collision-free path that starts from the free path, or a cheaper one from another guess.
+
+        One that turns out to cost `limit` or more is given up: its solution says what it costs at least.
+        """
         free, reason = (
             (earlier, "") if earlier is not None and earlier.path is not None else self.free_path(phases, earlier)
         )
@@ -132,15 +138,27 @@ class PathSolver:
             return None, reason
         if free.durations:
             phases = replace(phases, durations=free.durations)
-        nearest, reason = self._cheapest_collision_free(phases, free)
+        nearest, reason = self._cheapest_collision_free(phases, free, limit)
+        if nearest is not None and nearest.given_up:
+            return nearest, ""
         if nearest is not None:
             nearest = replace(nearest, durations=free.durations)
         return self._slow_enough(phases, (nearest, reason), collision_free=True)
 
-    def _cheapest_collision_free(self, phases: Phases, free: Solution) -> Answer:
+    def _cheapest_collision_free(self, phases: Phases, free: Solution, limit: float) -> Answer:
         problem_of = self.problem_of(phases)
         constraints = self.active(phases)
-        nearest = self.accept(*solve_constrained(problem_of, constraints, free.result, self.options), free.starts)
+        limit -= free.costs.total - free.costs.motion
+        solved = solve_constrained(
+            problem_of,
+            constraints,
+            free.result,
+            self.options,
+            cost_limit=DEARER * limit,
+            unsettled=UNSETTLED,
+        )
+        too_dear = exceeds(solved[1], DEARER * limit, UNSETTLED)
+        nearest = self._given_up(*solved) if too_dear else self.accept(*solved, free.starts)
         if not self.multi_start or _cost(nearest) <= MULTI_START_RATIO * free.costs.motion:
             return nearest
         reference = self.keyframes.reference("path", phases.actions)
@@ -149,16 +167,25 @@ class PathSolver:
             lambda: self.active(phases),
             self.keyframes.problem("path", phases),
             free.result,
-            _cost(nearest),
+            math.inf if too_dear else _cost(nearest),
             None if reference is None else reference.path,
+            DEARER * limit,
         )
         if candidate is None:
             return nearest
+        if exceeds(candidate.result, DEARER * limit):
+            return min(nearest, self._given_up(candidate.problem, candidate.result), key=_cost)
         other = self.accept(
             *solve_constrained(problem_of, candidate.constraints, candidate.result, self.options, solved=False),
             free.starts,
         )
         return min(nearest, other, key=_cost)
+
+    def _given_up(self, problem: PathProblem, result: Result) -> Answer:
+        """Return what is known of a path that costs more than one that is known: that it does."""
+        path, variables = problem.split(result.x)
+        keyframes = path[problem.phases.keyframes]
+        return Solution(keyframes, variables, None, problem.costs(result.x), result, given_up=True), ""
 
     def solve_again(self, phases: Phases, earlier: Solution, *, collision_free: bool) -> Solution | None:
         """Return the path near one with other durations or limits of speed, None where it is not feasible."""

@@ -25,6 +25,7 @@ class BoundResult:
         known: whether it was solved before.
         estimate: what a path through what is known by now may cost, no bound; `cost` where it is None.
         attained: cost of the point that was found, which the optimum does not exceed; `cost` where it is None.
+        given_up: whether its solver stopped once it had seen that the cost is `cost` or more, and no solution is known.
     """
 
     feasible: bool
@@ -36,6 +37,7 @@ class BoundResult:
     known: bool = False
     estimate: float | None = None
     attained: float | None = None
+    given_up: bool = False
 
 
 class Bounds(Protocol):
@@ -49,8 +51,11 @@ class Bounds(Protocol):
     def prefix_level(self) -> str:
         """Name of a finer level of sequences that are not complete, "" without one."""
 
-    def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
-        """Return the result of a level for a sequence; `warm` is that of the level before."""
+    def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf) -> BoundResult:
+        """Return the result of a level for a sequence; `warm` is that of the level before.
+
+        A solver may give up a problem of the last level once it sees that it costs `limit` or more.
+        """
 
     def is_lower_bound(self, level: str) -> bool:
         """Whether the cost of a level is a lower bound of later levels and of longer sequences."""

@@ -130,9 +130,11 @@ class _Search:
         if bound < self._best_cost():
             return True
         dead = next((above for above in self._chain(node) if above.verdict == "infeasible"), None)
-        costs = f"costs {bound:.4g} or more, the best path {self._best_cost():.4g}"
-        self._prune(node, costs if dead is None else dead.reason)
+        self._prune(node, self._too_dear(bound) if dead is None else dead.reason)
         return False
+
+    def _too_dear(self, bound: float) -> str:
+        return f"costs {bound:.4g} or more, the best path {self._best_cost():.4g}"
 
     def _chain(self, node: Node) -> Iterator[Node]:
         """Yield a node and its ancestors, up to the root."""
@@ -176,7 +178,7 @@ class _Search:
         """Open again what was excluded by bounds that were lowered since."""
         for node in self.nodes:
             low = node.verdict == "pruned" and self._bound(node) < self._best_cost()
-            if low and self._conflict_in(node.skeleton) is None:
+            if low and node.level < len(self.bounds.levels) and self._conflict_in(node.skeleton) is None:
                 node.verdict, node.reason = "", ""
                 self.pruned -= 1
                 self.open.push(node)
@@ -208,6 +210,10 @@ class _Search:
         if not result.feasible:
             self._close(node, name, result)
             return
+        if result.given_up:
+            node.level, node.bound = node.level + 1, max(node.bound, result.cost)
+            self._prune(node, self._too_dear(result.cost))
+            return
         node.result, node.costs[name] = result, result.cost
         node.estimate = result.cost if result.estimate is None else result.estimate
         node.level += 1
@@ -234,7 +240,7 @@ class _Search:
     def _solve(self, name: str, node: Node) -> BoundResult:
         start = time.perf_counter()
         parent = self.nodes[node.parent].result if node.result is None and node.parent >= 0 else node.result
-        result = self.bounds.solve(name, node.skeleton, parent)
+        result = self.bounds.solve(name, node.skeleton, parent, self._best_cost())
         self.statistics[name] = self.statistics[name].plus(result, time.perf_counter() - start)
         return result
 

@@ -43,7 +43,7 @@ class RandomBounds:
                 return end
         return 0
 
-    def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
+    def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf) -> BoundResult:
         self.calls.append((level, skeleton))
         stage = 1 if level == self.prefix_level else self.levels.index(level)
         end = self._bad(skeleton, stage)

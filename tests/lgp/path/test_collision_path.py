@@ -70,6 +70,22 @@ def test_the_same_scene_leads_to_the_same_path(blocked: tuple[PathBounds, Search
     assert planned(HIGH)[1].cost == blocked[1].cost
 
 
+def test_a_path_that_costs_more_than_a_known_one_is_given_up(blocked: tuple[PathBounds, SearchResult]) -> None:
+    bounds, found = blocked
+    before = bounds.solve("free_path", found.skeleton, None)
+    other = PathBounds(bounds.world, slices=SLICES, collisions=True)
+    limit = 0.5 * (before.cost + found.cost)
+    result = other.solve("path", found.skeleton, before, limit)
+    assert result.given_up
+    assert result.payload is None
+    assert limit <= result.cost <= found.cost * 1.1
+    # What is given up at one limit is no answer for a higher one.
+    assert other.solve("path", found.skeleton, before, limit).known
+    whole = other.solve("path", found.skeleton, before, 2.0 * found.cost)
+    assert not whole.known
+    assert whole.cost == pytest.approx(found.cost, rel=1e-6)
+
+
 def test_a_cheap_collision_free_path_needs_no_multi_start() -> None:
     bounds, found = planned(LOW)
     assert found.cost <= MULTI_START_RATIO * free(bounds, found).costs.total

@@ -119,10 +119,12 @@ def test_a_thing_may_be_put_elsewhere_on_the_table_that_it_is_on() -> None:
             last = [action for action in skeleton if action.name == "place"][-1:]
             return tuple(f"{action.arguments[1]} by {action.arguments[0]}" for action in last)
 
-        def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf
+        ) -> BoundResult:
             if any(action.name == "place" and action.arguments[2] != "left" for action in skeleton):
                 return BoundResult(False, math.inf, "only left can be reached")
-            return super().solve(level, skeleton, warm)
+            return super().solve(level, skeleton, warm, limit)
 
     result = search(problem, Displaced(4, 0.0), Budget(depth=5))
     assert [action.name for action in result.skeleton] == ["grasp", "place", "grasp"]
@@ -138,8 +140,10 @@ def test_conflicts_prune_other_sequences() -> None:
     bad = problem.action("place(robot.0, tool, left)")
 
     class Learning(RandomBounds):
-        def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
-            result = super().solve(level, skeleton, warm)
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf
+        ) -> BoundResult:
+            result = super().solve(level, skeleton, warm, limit)
             if skeleton[-1] == bad:
                 return BoundResult(False, math.inf, "left is out of reach of robot.0", conflict=(bad,))
             return result
@@ -177,10 +181,12 @@ def test_budgets_end_the_search_with_a_gap() -> None:
 
 def test_an_interrupt_is_raised_unless_the_best_plan_is_asked_for() -> None:
     class Interrupted(RandomBounds):
-        def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf
+        ) -> BoundResult:
             if sum(1 for name, _ in self.calls if name == "path"):
                 raise KeyboardInterrupt
-            return super().solve(level, skeleton, warm)
+            return super().solve(level, skeleton, warm, limit)
 
     with pytest.raises(KeyboardInterrupt):
         search(task(), Interrupted(2, 0.0), Budget(depth=5))
@@ -212,8 +218,10 @@ def test_the_path_of_the_lowest_estimate_is_solved_first() -> None:
     """An estimate that knows the cost of each prefix finds the best plan at once."""
 
     class Informed(RandomBounds):
-        def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
-            result = super().solve(level, skeleton, warm)
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf
+        ) -> BoundResult:
+            result = super().solve(level, skeleton, warm, limit)
             return replace(result, estimate=super().solve("path", skeleton, None).cost) if result.feasible else result
 
     for seed in range(8):
@@ -253,8 +261,10 @@ def test_a_bound_that_a_longer_sequence_undercuts_is_lowered() -> None:
     """Bounds are solved locally and may be too high; what they exclude is opened again as soon as that shows."""
 
     class TooHigh(RandomBounds):
-        def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None) -> BoundResult:
-            result = super().solve(level, skeleton, warm)
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf
+        ) -> BoundResult:
+            result = super().solve(level, skeleton, warm, limit)
             wrong = level == "prefix" and len(skeleton) == 1
             return replace(result, cost=100.0, attained=100.0) if wrong and result.feasible else result
 
@@ -281,3 +291,35 @@ def test_what_is_left_costs_something() -> None:
         plain, priced = (search(task(), kind(seed, 0.1), Budget(depth=4)) for kind in (RandomBounds, Priced))
         assert plain.cost == pytest.approx(priced.cost)
         assert len(priced.nodes) <= len(plain.nodes)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000))
+def test_paths_that_are_given_up_change_no_plan(seed: int) -> None:
+    """A path that costs as much as the incumbent need not be solved to its end."""
+
+    class GivesUp(RandomBounds):
+        given_up = 0
+
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf
+        ) -> BoundResult:
+            result = super().solve(level, skeleton, warm)
+            if level != "path" or not limit <= result.cost < math.inf:
+                return result
+            self.given_up += 1
+            return BoundResult(True, 0.5 * (limit + result.cost), given_up=True)
+
+    problem, bounds = task(), GivesUp(seed, 0.2)
+    result, whole = search(problem, bounds, Budget(depth=5)), search(problem, RandomBounds(seed, 0.2), Budget(depth=5))
+    assert (result.skeleton, result.cost, result.bound, result.status) == (
+        whole.skeleton,
+        whole.cost,
+        whole.bound,
+        whole.status,
+    )
+    dear = [node for node in result.nodes if node.level == len(bounds.levels) and "path" not in node.costs]
+    assert len(dear) == bounds.given_up
+    for node in dear:
+        assert node.verdict == "pruned"
+        assert "or more, the best path" in node.reason
