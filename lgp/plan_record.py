@@ -13,6 +13,7 @@ import numpy as np
 from lgp.agent_trajectory import AgentTrajectory, configurations_at, moments_of
 from lgp.errors import LgpError
 from lgp.files import PLAN_FILE, PLAN_FILES
+from lgp.kinematics.interpolation import NAME as INTERPOLATION
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
@@ -217,6 +218,7 @@ def save(plan: Plan, folder: Path) -> None:
     data |= {
         "actions": list(plan.actions),
         "durations": list(plan.durations),
+        "interpolation": INTERPOLATION,
         "joints": list(plan.joints),
         "start": plan.start.tolist(),
     }
@@ -266,6 +268,9 @@ def _read(file: Path) -> dict[str, Any]:
         raise LgpError(f'{file}: not a plan, expected "format": "{FORMAT}"; give a folder that `lgp plan -o` wrote')
     if not isinstance(data.get("version"), int) or data["version"] > VERSION:
         raise LgpError(f"{file}: version is {data.get('version')}, expected up to {VERSION}; update this package")
+    between = data.get("interpolation", INTERPOLATION)
+    if between != INTERPOLATION:
+        raise LgpError(f"{file}: its motion between slices is {between!r}, expected {INTERPOLATION!r}; plan again")
     missing = [name for name in (*PLAIN, "scene", "actions", "joints", "start") if name not in data]
     if missing:
         raise LgpError(f"{file}: {missing[0]!r} is missing; the file is damaged, plan again")

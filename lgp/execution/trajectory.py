@@ -1,7 +1,7 @@
 """Motions over time: the slices of one phase as a smooth trajectory from rest to rest, and a brake.
 
 The wait between two actions is unknown, so every motion ends at rest. The path through the slices is that of the plan,
-monotone cubic in every joint; its path parameter has a trapezoidal rate: constant, with a linear ramp at either end.
+as it interpolates; its path parameter has a trapezoidal rate: constant, with a linear ramp at either end.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lgp.kinematics.interpolation import interpolate, interpolation_acceleration, interpolation_speed
 from lgp.kinematics.world import World
 from lgp.scene.joint_units import TURN, JointUnit
 from reba.arrays import Array, Indices
@@ -38,15 +39,10 @@ class JointTrajectory:
     def __init__(
         self, knots: Array, seconds: float, scale: float = 1.0, beside: tuple[Array, Array] | None = None
     ) -> None:
-        from scipy.interpolate import PchipInterpolator
-
         self.knots, self.seconds, self.scale = np.asarray(knots, dtype=float), seconds, scale
         self.beside = (self.knots[0], self.knots[-1]) if beside is None else beside
-        step = seconds / (len(self.knots) - 1)
-        times = np.linspace(-step, seconds + step, len(self.knots) + 2)
-        self._spline = PchipInterpolator(
-            times, np.concatenate([self.beside[0][None], self.knots, self.beside[1][None]])
-        )
+        self._step = seconds / (len(self.knots) - 1)
+        self._path = np.concatenate([self.beside[0][None], self.knots, self.beside[1][None]])
         self._ramp = min(RAMP, seconds)
 
     @property
@@ -56,17 +52,25 @@ class JointTrajectory:
 
     def at(self, time: float) -> Array:
         """Return the configuration (n,) at a time since its start [s]; the last one after its end."""
-        return np.asarray(self._spline(self._progress(time)[0]))
+        return interpolate(self._path, *self._place(self._progress(time)[0]))[0]
 
     def velocity(self, time: float) -> Array:
         """Return the velocity (n,) at a time since its start."""
         progress, rate, _ = self._progress(time)
-        return np.asarray(self._spline(progress, 1) * rate)
+        return np.asarray(interpolation_speed(self._path, *self._place(progress))[0] * (rate / self._step))
 
     def acceleration(self, time: float) -> Array:
         """Return the acceleration (n,) at a time since its start."""
         progress, rate, change = self._progress(time)
-        return np.asarray(self._spline(progress, 2) * rate**2 + self._spline(progress, 1) * change)
+        place = self._place(progress)
+        curvature = interpolation_acceleration(self._path, *place)[0] * (rate / self._step) ** 2
+        return np.asarray(curvature + interpolation_speed(self._path, *place)[0] * (change / self._step))
+
+    def _place(self, progress: float) -> tuple[Indices, Array]:
+        """Return the knot before a path parameter [s] and its share of the way to the next one."""
+        steps = progress / self._step
+        before = min(int(steps), len(self.knots) - 2)
+        return np.array([before + 1]), np.array([steps - before])
 
     def _progress(self, time: float) -> tuple[float, float, float]:
         """Return the path parameter [s], its rate [-] and the change of the rate [1/s]."""

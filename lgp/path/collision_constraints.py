@@ -63,6 +63,7 @@ class CollisionConstraints:
     Attributes:
         points: (m,) time of each constraint in steps of 1 / POINTS_PER_SLICE slices; new ones come last.
         pairs: (m,) its pair of bodies.
+        contacts_alone: whether only pairs become active that actions bring near each other, or keep apart.
     """
 
     def __init__(self, world: World, phases: Phases, initial_configuration: Array, margin: float = MARGIN) -> None:
@@ -82,6 +83,8 @@ class CollisionConstraints:
         require_withdrawals(
             self._limits, shapes, pairs, tuple(declared_withdrawals(self.collisions.modes, clock)), times
         )
+        self._contacts = (self._limits != margin).any(axis=0)
+        self.contacts_alone = False
         at_first = required_distances(shapes, pairs, contacts, np.zeros(1), margin, self.collisions.close)
         near = self._near(
             initial_configuration[None], np.zeros(1, np.intp), np.zeros(self.collisions.modes.size), 0.0, at_first
@@ -102,6 +105,8 @@ class CollisionConstraints:
         count = len(self.collisions.pairs)
         clearance = near.value - self._limits[near.slices, near.pairs]
         new = self._nearest_of_slice(near, clearance) & (clearance < EARLY_MARGIN)
+        if self.contacts_alone:
+            new &= self._contacts[near.pairs]
         new &= ~np.isin(near.slices * count + near.pairs, self.points * count + self.pairs)
         violated = int(np.count_nonzero(new & (clearance < -MARGIN_TOLERANCE)))
         if not violated:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lgp.kinematics.world import World
-from lgp.path.active_constraints import ActiveConstraints
+from lgp.path.active_constraints import ActiveConstraints, MotionConstraints
 from lgp.path.collision_constraints import MARGIN_TOLERANCE, CollisionConstraints
 from lgp.path.feasibility import CLOSE
 from lgp.path.phases import Phases
@@ -40,8 +40,8 @@ COMPARABLE_VIOLATION = 1e-2
 """[m, rad] Violation up to which the cost is near that of the feasible path."""
 
 DEARER = 1.01
-"""Cost of a path with part of its constraints, relative to the best plan, from which on it is given up: constraints that
-are added later seldom make a path cheaper, and never by that much as far as is known."""
+"""Cost of a path with part of its constraints, relative to the best plan, from which on it is given up: constraints
+that are added later seldom make a path cheaper, and never by that much as far as is known."""
 UNSETTLED = 1.25
 """The same for a round that did not end at a minimum, relative to one that did: its cost may still fall."""
 
@@ -93,6 +93,23 @@ def solve_constrained(
     return problem, result
 
 
+def solve_contacts(
+    problem_of: ProblemOf, constraints: MotionConstraints, first: Result, cost_limit: float = math.inf
+) -> tuple[PathProblem, Result]:
+    """Return the path that keeps what actions declare: contacts, and hands that draw back; other bodies may overlap.
+
+    They shape a path most, and from there it seldom gets stuck at other bodies. What its cost is above that of the free
+    path belongs to the actions, and no other way around anything saves it.
+    """
+    assert constraints.collisions is not None
+    constraints.collisions.contacts_alone = True
+    solved = solve_constrained(
+        problem_of, constraints, first, CANDIDATE_OPTIONS, cost_limit=cost_limit, unsettled=UNSETTLED
+    )
+    constraints.collisions.contacts_alone = False
+    return solved
+
+
 def exceeds(result: Result, cost_limit: float, unsettled: float = 1.0) -> bool:
     """Return whether a path that nearly satisfies its constraints costs a limit or more, see `solve_constrained`."""
     settled = result.status in (SolveStatus.OPTIMAL, SolveStatus.ACCEPTABLE)
@@ -117,9 +134,9 @@ def _with_new_multipliers(warm: Result, problem: PathProblem) -> Result:
 
 
 MULTI_START_RATIO = 1.5
-"""Cost of a collision-free path, relative to the free path, above which other initial guesses are solved."""
+"""Cost of a collision-free path, relative to the path with contacts alone, above which other guesses are solved."""
 GOOD_RATIO = 1.5
-"""Cost, relative to the free path, below which an improved path ends the multi-start."""
+"""Cost, relative to the same, below which an improved path ends the multi-start."""
 IMPROVEMENT = 0.97
 """Cost, relative to the best known path, above which a candidate is stopped."""
 GUESS_AMPLITUDES = (0.3, 0.5)
@@ -127,7 +144,9 @@ GUESS_AMPLITUDES = (0.3, 0.5)
 GUESSES = 24
 """Initial guesses drawn: their total penetration costs little compared with solving one."""
 CANDIDATES = 4
-"""Guesses solved, in turn the next of least total penetration and the next drawn."""
+"""Guesses solved, in turn the next of least total penetration and the next drawn; more until a path is plausible."""
+PLAUSIBLE_RATIO = 4.0
+"""Cost of a known path, relative to the path with contacts alone, above which there is probably another way."""
 CANDIDATE_OPTIONS = SolverOptions(violation=1e-6, kkt=1e-2, decrease=1e-3, iterations=16)
 """Coarse: candidates are only compared."""
 CANDIDATE_ROUNDS = 5
@@ -147,7 +166,7 @@ def multi_start(
     problem_of: ProblemOf,
     active_of: Callable[[], ActiveConstraints],
     problem: PathProblem,
-    free: Result,
+    contacts: Result,
     least: float,
     reference: Array | None = None,
     cost_limit: float = math.inf,
@@ -158,17 +177,20 @@ def multi_start(
 
     Args:
         active_of: makes the constraints of a candidate, none active yet.
-        problem: the one without collision constraints, with its result `free`.
+        problem: the one without collision constraints.
+        contacts: result of `solve_contacts`.
         least: cost of the known path, inf without one.
         reference: (T, nq) path of the same actions under another cost [rad, m]; the first guess has its robot joints.
         cost_limit: cost that is too much; a candidate is stopped there.
     """
-    path, variables = problem.split(free.x)
+    path, variables = problem.split(contacts.x)
+    begin = replace(contacts, y_in=contacts.y_in[: problem.constraints.always])
     best: CandidatePath | None = None
     dear: CandidatePath | None = None
-    for guess in candidate_guesses(problem, path, variables, reference):
+    for number, guess in enumerate(candidate_guesses(problem, path, variables, reference)):
+        if number >= CANDIDATES and least <= PLAUSIBLE_RATIO * contacts.cost:
+            break
         constraints = active_of()
-        begin = replace(free, x=problem.join(guess, variables))
         improved = IMPROVEMENT * least
         limit = min(improved, cost_limit)
         candidate = CandidatePath(
@@ -176,7 +198,7 @@ def multi_start(
             *solve_constrained(
                 problem_of,
                 constraints,
-                begin,
+                replace(begin, x=problem.join(guess, variables)),
                 CANDIDATE_OPTIONS,
                 solved=False,
                 rounds=CANDIDATE_ROUNDS,
@@ -187,10 +209,10 @@ def multi_start(
         if candidate.result.violation <= CLOSE and cost < limit:
             best, least = candidate, cost
         elif cost < improved and exceeds(candidate.result, cost_limit):
-            dear = candidate if dear is None or cost < dear.result.cost else dear
+            dear, least = candidate, cost
         else:
             continue
-        if cost <= GOOD_RATIO * free.cost:
+        if cost <= GOOD_RATIO * contacts.cost:
             break
     return best or dear
 
@@ -214,7 +236,7 @@ def candidate_guesses(
     depths = [constraints.total_penetration(guess, variables) for guess in guesses]
     by_depth = np.argsort(depths, kind="stable").tolist()
     order = dict.fromkeys(number for pair in zip(by_depth, range(GUESSES), strict=True) for number in pair)
-    yield from (guesses[number] for number in list(order)[:CANDIDATES])
+    yield from (guesses[number] for number in order)
 
 
 def initial_guesses(world: World, phases: Phases, path: Array, count: int) -> Iterator[Array]:

@@ -15,10 +15,10 @@ from typing import Final
 import numpy as np
 
 from lgp.kinematics.world import World
+from lgp.path.joint_speeds import needed_durations, speed_limits
 from lgp.path.keyframes import Solution
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
-from lgp.path.speed_constraints import needed_durations, speed_limits
 from reba.arrays import Array
 
 SHARE_OF_SPEED: Final = 0.8

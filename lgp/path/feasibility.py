@@ -15,10 +15,10 @@ import pinocchio as pin
 from lgp.kinematics.attachments import placed, resting
 from lgp.kinematics.ik import least_squares
 from lgp.kinematics.world import World
+from lgp.path.joint_speeds import too_fast
 from lgp.path.mode_constraints import SPARE_SHARE, ConstraintInfo
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
-from lgp.path.speed_constraints import too_fast
 from lgp.scene.footing import LEAST_SHARE, footprint
 from lgp.scene.joint_units import SLIDE
 from lgp.scene.model import Hand, SceneObject, Table
@@ -96,6 +96,9 @@ def explain_infeasibility(problem: PathProblem, x: Array) -> str:
             longest = too_fast(problem.world, problem.phases, problem.initial_configuration, problem.path(x))
             text = longest or f"phase {at + 1}: {row.name} is too fast"
             messages.append((value, text))
+        elif row.kind == "limit":
+            text = f"{row.name} is {_amount(value, row.unit)} beyond its limit"
+            messages.append((value, f"{_phase_of_knot(problem, row.number)}: {text}"))
         elif row.kind == "action":
             messages.append((value, _of_action(problem, row, value)))
         elif row.kind == "collision":

@@ -17,6 +17,7 @@ import numpy as np
 from lgp.path.active_constraints import ActiveConstraints, MotionConstraints
 from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.collision_path import (
+    COMPARABLE_VIOLATION,
     DEARER,
     MULTI_START_RATIO,
     UNSETTLED,
@@ -25,12 +26,14 @@ from lgp.path.collision_path import (
     exceeds,
     multi_start,
     solve_constrained,
+    solve_contacts,
 )
 from lgp.path.feasibility import explain_infeasibility, project_to_feasible
+from lgp.path.joint_constraints import JointConstraints, beyond_limits
+from lgp.path.joint_speeds import needed_durations, speed_limits, too_fast
 from lgp.path.keyframes import NEARLY_FEASIBLE, Answer, KeyframeSolver, Solution
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
-from lgp.path.speed_constraints import SpeedConstraints, needed_durations, speed_limits, too_fast
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result
 from lgp.sqp.solver import solve
@@ -92,18 +95,23 @@ class PathSolver:
         return self._slow_enough(phases, min(answers, key=_cost), collision_free=False)
 
     def _slow_enough(self, phases: Phases, answer: Answer, *, collision_free: bool) -> Answer:
-        """Return a path that keeps the speed limits: near the given one, or in longer phases where they may be longer.
+        """Return a path that keeps the limits of joints: near the given one, or in longer phases where these may be.
 
         Args:
             phases: in which the given path is too fast, if it is.
         """
         solution = answer[0]
-        if solution is None or solution.path is None or not (self.limits_speeds or self.extends_phases):
+        if solution is None or solution.path is None:
             return answer
         world, start = self.keyframes.world, self.keyframes.initial_configuration
-        reason = too_fast(world, phases, start, solution.path)
+        limited = self.limits_speeds or self.extends_phases
+        reason = too_fast(world, phases, start, solution.path) if limited else ""
         if not reason:
-            return answer
+            reason = beyond_limits(world, start, solution.path)
+            if not reason:
+                return answer
+            kept = self.solve_again(phases, solution, collision_free=collision_free)
+            return (None, f"path: {reason}") if kept is None else (replace(kept, durations=solution.durations), "")
         needed = needed_durations(speed_limits(world), start, solution.path, phases.slices)
         for factor in DURATION_FACTORS if self.extends_phases else (0.0,):
             longer = np.maximum(factor * needed, phases.phase_durations)
@@ -148,32 +156,39 @@ class PathSolver:
     def _cheapest_collision_free(self, phases: Phases, free: Solution, limit: float) -> Answer:
         problem_of = self.problem_of(phases)
         constraints = self.active(phases)
-        limit -= free.costs.total - free.costs.motion
+        limit = DEARER * (limit - (free.costs.total - free.costs.motion))
+        problem, contacts = solve_contacts(problem_of, constraints, free.result, cost_limit=limit)
+        if exceeds(contacts, limit, UNSETTLED):
+            return self._given_up(problem, contacts)
+        if contacts.violation > COMPARABLE_VIOLATION:
+            # Stuck in a table, say: no path to go on from.
+            constraints, contacts = self.active(phases), free.result
         solved = solve_constrained(
             problem_of,
             constraints,
-            free.result,
+            contacts,
             self.options,
-            cost_limit=DEARER * limit,
+            solved=False,
+            cost_limit=limit,
             unsettled=UNSETTLED,
         )
-        too_dear = exceeds(solved[1], DEARER * limit, UNSETTLED)
+        too_dear = exceeds(solved[1], limit, UNSETTLED)
         nearest = self._given_up(*solved) if too_dear else self.accept(*solved, free.starts)
-        if not self.multi_start or _cost(nearest) <= MULTI_START_RATIO * free.costs.motion:
+        if not self.multi_start or _cost(nearest) <= MULTI_START_RATIO * contacts.cost:
             return nearest
         reference = self.keyframes.reference("path", phases.actions)
         candidate = multi_start(
             problem_of,
             lambda: self.active(phases),
             self.keyframes.problem("path", phases),
-            free.result,
-            math.inf if too_dear else _cost(nearest),
+            contacts,
+            _cost(nearest),
             None if reference is None else reference.path,
-            DEARER * limit,
+            limit,
         )
         if candidate is None:
             return nearest
-        if exceeds(candidate.result, DEARER * limit):
+        if exceeds(candidate.result, limit):
             return min(nearest, self._given_up(candidate.problem, candidate.result), key=_cost)
         other = self.accept(
             *solve_constrained(problem_of, candidate.constraints, candidate.result, self.options, solved=False),
@@ -219,7 +234,7 @@ class PathSolver:
         world, start = self.keyframes.world, self.keyframes.initial_configuration
         limited = self.limits_speeds if speeds is None else speeds
         return MotionConstraints(
-            SpeedConstraints(world, phases, start) if limited else None,
+            JointConstraints(world, phases, start, limits_speeds=limited),
             self.collision_constraints(phases) if collision_free else None,
         )
 

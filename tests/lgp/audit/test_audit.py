@@ -106,6 +106,7 @@ def test_the_window_of_a_switch_forgives_a_touch_only(tmp_path: Path) -> None:
     for dip, clean in ((0.002, True), (0.004, False)):
         plan = carried(tmp_path)
         path = plan.path.copy()
+        path[-4:, 2] = GRIP  # it comes to rest before, so that nothing but the dip is below
         path[-2, 2] = GRIP - dip  # one slice, 0.2 s, before it stands
         audit = audit_plan(replace(plan, path=path))
         boxes = [one for one in audit.contacts if set(one.pair) == {"box", "table.b"}]
@@ -128,7 +129,7 @@ def test_a_joint_beyond_its_limits(tmp_path: Path) -> None:
     kinds = {fault.kind for fault in audit_plan(plan).faults}
     assert "limit" in kinds
     fault = next(fault for fault in audit_plan(plan).faults if fault.kind == "limit")
-    assert fault.amount == pytest.approx(0.02)
+    assert fault.amount == pytest.approx(0.02, abs=2e-4)  # a little more between slices
     assert "gantry.z is at 3.02 m" in fault.what
 
 
