@@ -107,6 +107,7 @@ def test_a_plan_survives_its_files(planned: lgp.Plan, tmp_path: Path) -> None:
         (text.replace('"lgp-plan"', '"other"'), "not a plan"),
         (text.replace('"version": 1', '"version": 99'), "version is 99"),
         (text.replace('"costs"', '"prices"'), "'costs' is missing"),
+        (text.replace('"interpolation": "cubic', '"interpolation": "linear'), "between slices", "plan again"),
         ("{", "cannot be read"),
     ):
         (tmp_path / "plan" / "plan.json").write_text(damage)
