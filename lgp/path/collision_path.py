@@ -45,6 +45,8 @@ that are added later seldom make a path cheaper, and never by that much as far a
 UNSETTLED = 1.25
 """The same for a round that did not end at a minimum, relative to one that did: its cost may still fall."""
 
+Motion = tuple[Array, Array]
+"""Path (T, nq) [rad, m] and variables (nz,)."""
 ProblemOf = Callable[[ActiveConstraints], PathProblem]
 """Active constraints -> path problem."""
 
@@ -168,7 +170,7 @@ def multi_start(
     problem: PathProblem,
     contacts: Result,
     least: float,
-    reference: Array | None = None,
+    reference: Motion | None = None,
     cost_limit: float = math.inf,
 ) -> CandidatePath | None:
     """Return the cheapest candidate that costs clearly less than the known path, None without one.
@@ -180,7 +182,7 @@ def multi_start(
         problem: the one without collision constraints.
         contacts: result of `solve_contacts`.
         least: cost of the known path, inf without one.
-        reference: (T, nq) path of the same actions under another cost [rad, m]; the first guess has its robot joints.
+        reference: motion of the same actions under another cost.
         cost_limit: cost that is too much; a candidate is stopped there.
     """
     path, variables = problem.split(contacts.x)
@@ -188,7 +190,7 @@ def multi_start(
     best: CandidatePath | None = None
     dear: CandidatePath | None = None
     for number, guess in enumerate(candidate_guesses(problem, path, variables, reference)):
-        if number >= CANDIDATES and least <= PLAUSIBLE_RATIO * contacts.cost:
+        if number >= CANDIDATES and min(least / PLAUSIBLE_RATIO, cost_limit) <= contacts.cost:
             break
         constraints = active_of()
         improved = IMPROVEMENT * least
@@ -198,7 +200,7 @@ def multi_start(
             *solve_constrained(
                 problem_of,
                 constraints,
-                replace(begin, x=problem.join(guess, variables)),
+                replace(begin, x=problem.join(*guess)),
                 CANDIDATE_OPTIONS,
                 solved=False,
                 rounds=CANDIDATE_ROUNDS,
@@ -218,25 +220,26 @@ def multi_start(
 
 
 def candidate_guesses(
-    problem: PathProblem, path: Array, variables: Array, reference: Array | None = None
-) -> Iterator[Array]:
-    """Yield the initial guesses (T, nq) [rad, m] of the candidates.
+    problem: PathProblem, path: Array, variables: Array, reference: Motion | None = None
+) -> Iterator[Motion]:
+    """Yield the initial guesses of the candidates.
 
-    First the path with the robot joints of the reference, if there is one; then, in turn, the next of least total
-    penetration and the next drawn.
+    First the path with the robot joints of the reference, if there is one, and the reference, which keeps all
+    constraints; then, in turn, the next of least total penetration and the next drawn.
     """
     world = problem.world
     if reference is not None:
         robots = [column for name in world.scene.robots for column in world.columns(name)]
         guess = path.copy()
-        guess[:, robots] = reference[:, robots]
-        yield guess
+        guess[:, robots] = reference[0][:, robots]
+        yield guess, variables
+        yield reference
     constraints = CollisionConstraints(world, problem.phases, problem.initial_configuration)
     guesses = list(initial_guesses(world, problem.phases, path, GUESSES))
     depths = [constraints.total_penetration(guess, variables) for guess in guesses]
     by_depth = np.argsort(depths, kind="stable").tolist()
     order = dict.fromkeys(number for pair in zip(by_depth, range(GUESSES), strict=True) for number in pair)
-    yield from (guesses[number] for number in order)
+    yield from ((guesses[number], variables) for number in order)
 
 
 def initial_guesses(world: World, phases: Phases, path: Array, count: int) -> Iterator[Array]:

@@ -176,25 +176,26 @@ class PathSolver:
         nearest = self._given_up(*solved) if too_dear else self.accept(*solved, free.starts)
         if not self.multi_start or _cost(nearest) <= MULTI_START_RATIO * contacts.cost:
             return nearest
-        reference = self.keyframes.reference("path", phases.actions)
+        other = self.keyframes.reference("path", phases.actions)
+        reference = None if other is None or other.path is None else (other.path, other.variables)
         candidate = multi_start(
             problem_of,
             lambda: self.active(phases),
             self.keyframes.problem("path", phases),
             contacts,
             _cost(nearest),
-            None if reference is None else reference.path,
+            reference,
             limit,
         )
         if candidate is None:
             return nearest
         if exceeds(candidate.result, limit):
             return min(nearest, self._given_up(candidate.problem, candidate.result), key=_cost)
-        other = self.accept(
+        cheaper = self.accept(
             *solve_constrained(problem_of, candidate.constraints, candidate.result, self.options, solved=False),
             free.starts,
         )
-        return min(nearest, other, key=_cost)
+        return min(nearest, cheaper, key=_cost)
 
     def _given_up(self, problem: PathProblem, result: Result) -> Answer:
         """Return what is known of a path that costs more than one that is known: that it does."""

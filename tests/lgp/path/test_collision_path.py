@@ -108,13 +108,19 @@ def test_initial_guesses_move_robots_between_keyframes_only(blocked: tuple[PathB
         assert ((guess >= world.lower - 1e-9) & (guess <= world.upper + 1e-9)).all()
 
 
-def test_the_first_candidate_has_the_robots_of_the_reference(blocked: tuple[PathBounds, SearchResult]) -> None:
+def test_the_first_candidates_have_the_robots_of_the_reference_and_all_of_it(
+    blocked: tuple[PathBounds, SearchResult],
+) -> None:
     bounds, found = planned(HIGH, reference=blocked[0])
     assert found.cost <= blocked[1].cost * 1.01
     robot = bounds.world.columns("baxter")
     problem = bounds.problem("path", bounds.phases(found.skeleton))
-    without, reference = free(bounds, found), blocked[1].payload.path
-    first = next(candidate_guesses(problem, without.path, without.variables, reference))
-    assert np.array_equal(first[:, robot], reference[:, robot])
+    without, other = free(bounds, found), blocked[1].payload
+    reference = other.path, other.variables
+    guesses = candidate_guesses(problem, without.path, without.variables, reference)
+    first, variables = next(guesses)
+    assert np.array_equal(first[:, robot], other.path[:, robot])
+    assert np.array_equal(variables, without.variables)
+    assert next(guesses) is reference
     others = np.setdiff1d(np.arange(bounds.world.nq), robot)
     assert np.array_equal(first[:, others], without.path[:, others])
