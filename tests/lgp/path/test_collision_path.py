@@ -108,7 +108,7 @@ def test_initial_guesses_move_robots_between_keyframes_only(blocked: tuple[PathB
         assert ((guess >= world.lower - 1e-9) & (guess <= world.upper + 1e-9)).all()
 
 
-def test_the_first_candidates_have_the_robots_of_the_reference_and_all_of_it(
+def test_the_first_candidates_have_the_robots_of_the_reference_and_all(
     blocked: tuple[PathBounds, SearchResult],
 ) -> None:
     bounds, found = planned(HIGH, reference=blocked[0])
