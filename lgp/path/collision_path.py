@@ -40,8 +40,8 @@ COMPARABLE_VIOLATION = 1e-2
 """[m, rad] Violation up to which the cost is near that of the feasible path."""
 
 DEARER = 1.01
-"""Cost of a path with part of its constraints, relative to the best plan, from which on it is given up: constraints that
-are added later seldom make a path cheaper, and never by that much as far as is known."""
+"""Cost of a path with part of its constraints, relative to the best plan, from which on it is given up: constraints
+that are added later seldom make a path cheaper, and never by that much as far as is known."""
 UNSETTLED = 1.25
 """The same for a round that did not end at a minimum, relative to one that did: its cost may still fall."""
 
@@ -83,6 +83,7 @@ def solve_constrained(
         limited = replace(
             chosen,
             longest_step=min(MAX_STEP, options.longest_step),
+            trust_region=True,
             iterations=min(FINAL_ITERATIONS, chosen.iterations),
         )
         result = Solver(limited).solve(problem, result.x, warm=_with_new_multipliers(result, problem))
