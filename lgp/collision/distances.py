@@ -7,7 +7,7 @@ points along the normal, exact where these points are unique.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -111,14 +111,15 @@ class Collisions:
         kinds = np.array([shape.kind == "point" for shape in self.shapes])[self._sides]
         self._ball_to_box = np.where(kinds.any(axis=1), kinds.argmax(axis=1), -1)
 
-    def _nearer(self, pairs: Sequence[tuple[int, int]], q: Array) -> tuple[Indices, Indices]:
-        """Return in how many configurations (n, nq) pairs of links are in each other, and nearer than `NEAR`."""
+    def _nearer(
+        self, pairs: Sequence[tuple[int, int]], q: Array
+    ) -> tuple[Indices, Indices, Callable[[Indices], Array]]:
+        """Return configurations (m,) of (n, nq) and pairs (m,) of links that may be nearer than `NEAR`, and a function
+        that gives the distances of some of these."""
         self._set_pairs(pairs)
         kinematics, phases, z = self.world.at(q, self.frames), np.zeros(len(q), np.intp), np.zeros(self.modes.size)
         slices, rows = self.near_pairs(kinematics, phases, z, NEAR)
-        distance = self.values(kinematics, phases, z, slices, rows)
-        meet, near = (np.bincount(rows[distance < least], minlength=len(pairs)) for least in (0.0, NEAR))
-        return meet.astype(np.intp), near.astype(np.intp)
+        return slices, rows, lambda some: self.values(kinematics, phases, z, slices[some], rows[some])
 
     def name(self, pair: int) -> str:
         """Return the name of a pair for messages: `table.left and baxter.left_w2`."""

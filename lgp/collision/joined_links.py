@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
-from weakref import WeakKeyDictionary
+from typing import Final
 
 import numpy as np
 
@@ -24,8 +23,11 @@ DRAWN: Final = 0.5
 """Share of the positions in which links are in each other that are joined."""
 POSITIONS: Final = 200
 """Random positions that decide it."""
+AT_ONCE: Final = 20
+"""Of so many positions distances are computed before it is looked at which pairs are decided."""
 
 Pair = tuple[int, int]
+Nearer = Callable[[Sequence[Pair], Array], tuple[Indices, Indices, Callable[[Indices], Array]]]
 
 
 @dataclass(frozen=True)
@@ -36,20 +38,20 @@ class JoinedLinks:
     close: frozenset[frozenset[str]]
 
 
-_KNOWN: WeakKeyDictionary[Any, JoinedLinks] = WeakKeyDictionary()
-"""By the kinematic model: the tables and objects of a world change nothing."""
+_KNOWN: dict[tuple[str, bytes], JoinedLinks] = {}
+"""By agents and joint limits: the tables and objects of a world change nothing."""
+MOST_KNOWN: Final = 64
+"""Agents that are remembered; the first are forgotten first."""
 
 
-def joined_links(
-    world: World, shapes: Sequence[CollisionShape], nearer: Callable[[Sequence[Pair], Array], tuple[Indices, Indices]]
-) -> JoinedLinks:
+def joined_links(world: World, shapes: Sequence[CollisionShape], nearer: Nearer) -> JoinedLinks:
     """Return which links of one robot are joined.
 
     Args:
-        nearer: pairs of shapes, configurations (n, nq) -> in how many of these each pair is in each other, and nearer
-            than `NEAR`.
+        nearer: (pairs of shapes, configurations (n, nq)) -> near rows (m,) and the function that gives their distances.
     """
-    if world.model not in _KNOWN:
+    key = repr(world.scene.agents), np.concatenate([world.lower, world.upper]).tobytes()
+    if key not in _KNOWN:
         links = [number for number, shape in enumerate(shapes) if _of_robot(world, shape)]
         pairs = [
             (one, other)
@@ -59,14 +61,39 @@ def joined_links(
         ]
         low, high = np.maximum(world.lower, -np.pi), np.minimum(world.upper, np.pi)
         positions = np.random.default_rng(0).uniform(low, high, (POSITIONS, world.nq))
-        meet, near = nearer(pairs, positions) if pairs else (np.zeros(0, np.intp),) * 2
         beside = _next_to_each_other(world, [shapes[number] for number in links])
         names = [(shapes[one].name, shapes[other].name) for one, other in pairs]
-        least = [1 if beside(*pair) else DRAWN * POSITIONS for pair in names]
-        joined = {frozenset(pair) for pair, most, enough in zip(names, meet, least, strict=True) if most >= enough}
+        enough = np.array([1 if beside(*pair) else DRAWN * POSITIONS for pair in names])
+        meet, near = _counts(*nearer(pairs, positions), enough) if pairs else (np.zeros(0, np.intp),) * 2
+        joined = {frozenset(pair) for pair, is_so in zip(names, meet >= enough, strict=True) if is_so}
         close = {frozenset(pair) for pair, most in zip(names, near, strict=True) if most >= DRAWN * POSITIONS}
-        _KNOWN[world.model] = JoinedLinks(frozenset(joined | _jaws(shapes)), frozenset(close - joined))
-    return _KNOWN[world.model]
+        if len(_KNOWN) == MOST_KNOWN:
+            del _KNOWN[next(iter(_KNOWN))]
+        _KNOWN[key] = JoinedLinks(frozenset(joined | _jaws(shapes)), frozenset(close - joined))
+    return _KNOWN[key]
+
+
+def _counts(
+    positions: Indices, pairs: Indices, distances: Callable[[Indices], Array], enough: Array
+) -> tuple[Indices, Indices]:
+    """Return in how many positions each pair is in each other and nearer than `NEAR`, as far as it decides something.
+
+    Args:
+        positions, pairs: (m,) of the rows that may be nearer.
+        distances: (k,) of some rows [m].
+        enough: of each pair, positions in each other in which it is joined.
+    """
+    count = len(enough)
+    meet, near, left = np.zeros(count, np.intp), np.zeros(count, np.intp), np.bincount(pairs, minlength=count)
+    for first in range(0, POSITIONS, AT_ONCE):
+        open_ = (meet < enough) & (meet + left >= enough) | (meet < enough) & (near + left >= DRAWN * POSITIONS)
+        now = np.flatnonzero((positions >= first) & (positions < first + AT_ONCE))
+        left -= np.bincount(pairs[now], minlength=count)
+        now = now[open_[pairs[now]]]
+        value = distances(now)
+        meet += np.bincount(pairs[now[value < 0.0]], minlength=count)
+        near += np.bincount(pairs[now[value < NEAR]], minlength=count)
+    return meet, near
 
 
 def _jaws(shapes: Sequence[CollisionShape]) -> set[frozenset[str]]:

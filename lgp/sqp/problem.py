@@ -193,6 +193,9 @@ class SolverOptions:
     """Wall time; checked between iterations."""
     longest_step: float = float("inf")
     """Largest change of an unknown in one iteration, e.g. 0.5 rad where constraints turn quickly."""
+    trust_region: bool = False
+    """Whether the step is the best one within `longest_step`, not a longer one made shorter: each unknown goes as far
+    as it may, where a single one that wants to go far would hold up all others."""
     max_stalled_iterations: int = 6
     """Iterations in which the violation falls by less than a tenth, before inconsistent rows end the solve."""
     penalty: float = 1.0
@@ -201,5 +204,5 @@ class SolverOptions:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not value > 0:
+            if not isinstance(value, bool) and not value > 0:
                 raise ProblemError(f"option {field.name}: {value} given, expected a positive number")

@@ -39,7 +39,8 @@ NEAR_CONVERGENCE = 10.0
 NEARLY_FEASIBLE = 30.0
 """Violation, relative to the tolerance, up to which inconsistent rows are not tested."""
 IDLE_STEPS = 3
-"""Consecutive steps between feasible points, each of which decreases the cost by less than the model must predict."""
+"""Consecutive steps between feasible points, each of which lowers the least cost by less than the model must
+predict."""
 RETRIES = 8
 """Dampings tried at one point when no step length is accepted."""
 
@@ -56,7 +57,8 @@ class Solver:
 
     def __init__(self, options: SolverOptions | None = None, backend: QPBackend | None = None) -> None:
         self.options = SolverOptions() if options is None else options
-        self.subproblem = SubproblemSolver(backend)
+        radius = self.options.longest_step if self.options.trust_region else np.inf
+        self.subproblem = SubproblemSolver(backend, radius)
 
     def solve(self, problem: Problem, x0: Array, warm: Result | None = None) -> Result:
         """Return the minimiser from an initial point x0 (n,), clipped to the bounds.
@@ -101,7 +103,8 @@ class _Run:
         self.penalty, self.damping, self.damping_hold = solver.options.penalty, 0.0, 0
         self.log: list[Iteration] = []
         self.seconds = {"evaluate": 0.0, "linearise": 0.0, "qp": 0.0, "total": 0.0}
-        self.least_violation, self.stalled, self.penalty_raises, self.idle = np.inf, 0, 0, 0
+        self.least_violation, self.stalled, self.penalty_raises = np.inf, 0, 0
+        self.idle, self.least_cost = 0, np.inf
         self.warm: QPResult | None = None
         # Multipliers of the bounds by the last QP; without it they follow from the residuals.
         self.y_box: Array | None = None
@@ -153,10 +156,17 @@ class _Run:
         return SolveStatus.TIME if self.seconds["total"] > options.seconds else None
 
     def _count_idle(self, before: Values, after: Values) -> None:
-        """Count steps that change nothing: at edges of constraints the model predicts decreases that do not come."""
-        little = before[0] - after[0] <= self.options.decrease * max(1.0, abs(after[0]))
-        feasible = max(violation_max(*values[1:]) for values in (before, after)) <= self.options.violation
-        self.idle = self.idle + 1 if little and feasible else 0
+        """Count steps that gain nothing: at edges of constraints the model predicts decreases that do not come.
+
+        Steps may go to and fro between such edges, so the least cost counts.
+        """
+        if max(violation_max(*values[1:]) for values in (before, after)) > self.options.violation:
+            self.idle, self.least_cost = 0, np.inf
+            return
+        self.least_cost = min(self.least_cost, before[0])
+        little = self.least_cost - after[0] <= self.options.decrease * max(1.0, abs(after[0]))
+        self.idle = self.idle + 1 if little else 0
+        self.least_cost = min(self.least_cost, after[0])
 
     def _locally_infeasible(self, violation: float, model: Model) -> bool:
         """Whether the violation has stopped falling at a stationary point of it, or with inconsistent rows.

@@ -15,6 +15,7 @@ from lgp.sqp.backends import Piqp
 from lgp.sqp.merit import violation_sum
 from lgp.sqp.problem import Model, Problem, Values
 from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus, UpperTriangle, cost_scale, same_pattern
+from lgp.sqp.reduced_qp import ReducedQP
 from reba.arrays import Array
 
 FIRST_DAMPING = 1e-4
@@ -45,11 +46,16 @@ class SqpStep:
 
 
 class SubproblemSolver:
-    """Solves the QP subproblems of models of one pattern; back ends and their analyses persist between calls."""
+    """Solves the QP subproblems of models of one pattern; back ends and their analyses persist between calls.
 
-    def __init__(self, backend: QPBackend | None = None) -> None:
-        self.backend = ActiveSet() if backend is None else backend
+    Args:
+        radius: largest change of an unknown in a step (trust region in the largest norm).
+    """
+
+    def __init__(self, backend: QPBackend | None = None, radius: float = np.inf) -> None:
+        self.backend, self.radius = ActiveSet() if backend is None else backend, radius
         self.elastic = Elastic()
+        self.reduced = ReducedQP()
         self._upper: UpperTriangle | None = None
         self.restart()
 
@@ -71,7 +77,7 @@ class SubproblemSolver:
         failures = 0
         for _ in range(DAMPINGS):
             qp = self.qp(problem, model, x, damping)
-            result = self.backend.solve(qp, warm)
+            result = self.reduced.solve(qp, warm, self.backend.solve)
             if result.status is QPStatus.SOLVED:
                 self._inconsistent = 0
                 return self._step(qp, result, damping, elastic=False, stationary_infeasible=False)
@@ -101,7 +107,8 @@ class SubproblemSolver:
         """Return the second-order correction (n,) of a full step with these values (NW eq. 18.55); None if it fails."""
         equalities = model.eq_jac @ step.step - values[1]
         inequalities = model.in_jac @ step.step - values[2]
-        result = self.backend.solve(replace(step.qp, b=equalities, h=inequalities), step.result)
+        corrected = replace(step.qp, b=equalities, h=inequalities)
+        result = self.reduced.solve(corrected, step.result, self.backend.solve)
         if result.status is not QPStatus.SOLVED:
             return None
         return np.clip(result.x, step.qp.lb, step.qp.ub)
@@ -117,8 +124,8 @@ class SubproblemSolver:
             b=-model.eq,
             G=model.in_jac,
             h=-model.ineq,
-            lb=problem.lower - x,
-            ub=problem.upper - x,
+            lb=np.maximum(problem.lower - x, -self.radius),
+            ub=np.minimum(problem.upper - x, self.radius),
         )
 
     def _elastic_step(self, qp: QP, model: Model, damping: float) -> SqpStep | None:
@@ -127,8 +134,12 @@ class SubproblemSolver:
         penalty = max(self._penalty, 10.0 * max(1.0, float(np.abs(model.gradient).max(initial=0.0))))
         best: SqpStep | None = None
         last = np.inf
+
+        def elastic(part: QP, _: QPResult | None) -> QPResult:
+            return self.elastic.solve(part, penalty)
+
         for _ in range(PENALTIES):
-            result = self.elastic.solve(qp, penalty)
+            result = self.reduced.solve(qp, None, elastic)
             self._penalty, penalty = penalty, 10.0 * penalty
             if result.status is not QPStatus.SOLVED:
                 continue

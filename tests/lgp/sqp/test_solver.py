@@ -177,6 +177,16 @@ def test_steps_are_limited_by_longest_step():
     assert max(line.step for line in result.iterations) <= 0.25 + 1e-12
 
 
+def test_in_a_trust_region_one_unknown_with_far_to_go_holds_up_no_other():
+    target = np.array([10.0, 0.5, -0.2])
+    bowl = FunctionProblem(3, cost=lambda x: float((x - target) @ (x - target)), gradient=lambda x: 2.0 * (x - target))
+    options = SolverOptions(longest_step=1.0, trust_region=True, iterations=1)
+    assert np.allclose(solve(bowl, np.zeros(3), options=options).x, [1.0, 0.5, -0.2])
+    shorter = solve(bowl, np.zeros(3), options=dataclasses.replace(options, trust_region=False))
+    assert np.allclose(shorter.x, target / 10.0)
+    assert np.allclose(solve(bowl, np.zeros(3), options=dataclasses.replace(options, iterations=100)).x, target)
+
+
 def test_values_that_are_not_finite_end_the_solve():
     problem = FunctionProblem(1, cost=lambda x: np.nan, gradient=lambda x: np.zeros(1))
     assert solve(problem, np.zeros(1)).status is SolveStatus.BROKEN
