@@ -144,10 +144,11 @@ IMPROVEMENT = 0.97
 """Cost, relative to the best known path, above which a candidate is stopped."""
 GUESS_AMPLITUDES = (0.3, 0.5)
 """Largest share of the way from the path to random postures, in turn."""
-GUESSES = 24
+GUESSES = 12
 """Initial guesses drawn: their total penetration costs little compared with solving one."""
 CANDIDATES = 4
-"""Guesses solved, in turn the next of least total penetration and the next drawn; more until a path is plausible."""
+"""Guesses solved where a plan or a plausible path is known, and otherwise all; in turn the next of least total
+penetration and the next drawn."""
 PLAUSIBLE_RATIO = 4.0
 """Cost of a known path, relative to the path with contacts alone, above which there is probably another way."""
 CANDIDATE_OPTIONS = SolverOptions(violation=1e-6, kkt=1e-2, decrease=1e-3, iterations=16)
@@ -191,7 +192,8 @@ def multi_start(
     best: CandidatePath | None = None
     dear: CandidatePath | None = None
     for number, guess in enumerate(candidate_guesses(problem, path, variables, reference)):
-        if number >= CANDIDATES and min(least / PLAUSIBLE_RATIO, cost_limit) <= contacts.cost:
+        known = math.isfinite(cost_limit) or least <= PLAUSIBLE_RATIO * contacts.cost
+        if number >= (CANDIDATES if known else GUESSES):
             break
         constraints = active_of()
         improved = IMPROVEMENT * least

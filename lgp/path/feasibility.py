@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+import scipy.sparse as sp
 
 from lgp.kinematics.attachments import placed, resting
 from lgp.kinematics.ik import least_squares
@@ -22,6 +23,9 @@ from lgp.path.problem import PathProblem
 from lgp.scene.footing import LEAST_SHARE, footprint
 from lgp.scene.joint_units import SLIDE
 from lgp.scene.model import Hand, SceneObject, Table
+from lgp.sqp.backends import Piqp
+from lgp.sqp.merit import violation_max
+from lgp.sqp.qp import QP, QPStatus
 from reba.arrays import Array, Indices
 
 CLOSE = 1e-4
@@ -51,6 +55,36 @@ def project_to_feasible(problem: PathProblem, start: Array, tolerance: float = C
             break
         before = float(violation[0])
     return x[0], float(violation[0])
+
+
+NEWTON_STEPS = 8
+"""Steps to the nearest feasible point, of which two or three are needed where it is near."""
+
+
+def nearest_feasible(problem: PathProblem, start: Array, tolerance: float) -> tuple[Array, float]:
+    """Return a feasible point x (n,) near a start that is nearly feasible, and its largest violation [m, rad].
+
+    Each step is the shortest one to the linearised constraints, all of them: a projection to those that are violated
+    would break others that are just met. It solves a QP, so it is for the end of a solve.
+    """
+    solver, identity, none = Piqp(), sp.eye_array(problem.n, format="csc"), np.zeros(problem.n)
+    x, violation = start, np.inf
+    for _ in range(NEWTON_STEPS):
+        at = problem.split(x)
+        values = problem.constraints.evaluate(*at)
+        before, violation = violation, violation_max(values.equality, values.inequality)
+        if violation <= tolerance or violation > PROGRESS * before:
+            break
+        equal, limits = problem.constraints.jacobians(values, *at)
+        qp = QP(
+            sp.csc_matrix(identity), none, equal, -values.equality, limits, -values.inequality,
+            problem.lower - x, problem.upper - x,
+        )  # fmt: skip
+        result = solver.solve(qp)
+        if result.status is not QPStatus.SOLVED:
+            break
+        x = np.clip(x + result.x, problem.lower, problem.upper)
+    return x, violation
 
 
 REPORTED = 1e-4

@@ -28,7 +28,7 @@ from lgp.path.collision_path import (
     solve_constrained,
     solve_contacts,
 )
-from lgp.path.feasibility import explain_infeasibility, project_to_feasible
+from lgp.path.feasibility import explain_infeasibility, nearest_feasible
 from lgp.path.joint_constraints import JointConstraints, beyond_limits
 from lgp.path.joint_speeds import needed_durations, speed_limits, too_fast
 from lgp.path.keyframes import NEARLY_FEASIBLE, Answer, KeyframeSolver, Solution
@@ -217,7 +217,7 @@ class PathSolver:
         x, violation = result.x, result.violation
         if NEARLY_FEASIBLE > violation > self.tolerance:
             # The iterations ended just before the constraints held: the nearest feasible path costs as much.
-            x, violation = project_to_feasible(problem, x, 0.5 * self.tolerance)
+            x, violation = nearest_feasible(problem, x, 0.5 * self.tolerance)
         if violation > self.tolerance:
             return None, f"path: {explain_infeasibility(problem, x) or result.status.value}"
         # Steps of 1e-310 rad are none: those who interpolate a path divide by them.
