@@ -19,12 +19,13 @@ from lgp.path.collision_constraints import MARGIN_TOLERANCE, CollisionConstraint
 from lgp.path.feasibility import CLOSE
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+from lgp.sqp.merit import violation_max
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result, SolveStatus
 from lgp.sqp.solver import Solver
 from reba.arrays import Array, Indices
 
-ROUNDS = 8
+ROUNDS = 12
 """Rounds of constraint generation."""
 ROUND_ITERATIONS = 8
 """SQP iterations of a round before the last, at most."""
@@ -61,6 +62,7 @@ def solve_constrained(
     rounds: int = ROUNDS,
     cost_limit: float = math.inf,
     unsettled: float = 1.0,
+    coarse: bool = False,
 ) -> tuple[PathProblem, Result]:
     """Return the problem of the last round and its result; constraints left violated show that it failed.
 
@@ -71,6 +73,7 @@ def solve_constrained(
         solved: whether `first` is at its minimum; otherwise it is an initial guess only.
         cost_limit: cost at which to stop: more constraints seldom make a path cheaper.
         unsettled: the same relative to `cost_limit` after a round that did not end at a minimum.
+        coarse: whether constraints that the last round violates, and that were not active in it, are left out.
     """
     problem, result = problem_of(constraints), first
     final = solved
@@ -93,6 +96,11 @@ def solve_constrained(
             break
         # At a stationary point of the violation a solve to the final tolerance would not reduce it either.
         final = final or result.status is SolveStatus.INFEASIBLE
+    else:
+        if not coarse and constraints.add_violated(*problem.split(result.x)):
+            problem = problem_of(constraints)
+            _, equality, inequality = problem.evaluate(result.x)
+            result = replace(result, inequality=violation_max(equality, inequality))
     return problem, result
 
 
@@ -107,7 +115,7 @@ def solve_contacts(
     assert constraints.collisions is not None
     constraints.collisions.contacts_alone = True
     solved = solve_constrained(
-        problem_of, constraints, first, CANDIDATE_OPTIONS, cost_limit=cost_limit, unsettled=UNSETTLED
+        problem_of, constraints, first, CANDIDATE_OPTIONS, cost_limit=cost_limit, unsettled=UNSETTLED, coarse=True
     )
     constraints.collisions.contacts_alone = False
     return solved
@@ -208,6 +216,7 @@ def multi_start(
                 solved=False,
                 rounds=CANDIDATE_ROUNDS,
                 cost_limit=limit,
+                coarse=True,
             ),
         )
         cost = candidate.result.cost
