@@ -5,7 +5,7 @@ Topics, times in seconds since the run began plus its first wall-clock time:
     /scene                    JSON  the scene it is for
     /events                   JSON  what happened (`Event`)
     /predicates               JSON  start or end predicates of the current action, whenever one changes
-    /state                    JSON  what a restart needs, see `log_reader.checkpoint`
+    /state                    JSON  what a restart needs, see `checkpoint.Checkpoint`
     /comparison               JSON  cost of retargeting against a new plan, see `session.retarget_cost`
     /ergonomics/posture       JSON  posture angles [deg] and carried load [kg] of the human; `reba score` reads them
     /human/joint_states       sensor_msgs/JointState, joints of human.urdf
@@ -58,7 +58,7 @@ _TEXTS, _NUMBERS = {"type": "array", "items": _TEXT}, {"type": "array", "items":
 _COSTS = dict.fromkeys(("greedy", "anew", "extra", "share"), _NUMBER)
 _AT = {"number": _WHOLE, "time": _NUMBER, "action": _WHOLE}
 JSON_SCHEMAS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
-    "/plan": ("lgp.Plan", {"folder": _TEXT, "actions": _TEXTS, "columns": _TEXTS, "time": _NUMBERS}),
+    "/plan": ("lgp.Plan", {"folder": _TEXT, "digest": _TEXT, "actions": _TEXTS, "columns": _TEXTS, "time": _NUMBERS}),
     "/scene": ("lgp.Scene", {"name": _TEXT}),
     "/events": ("lgp.Event", {**_AT, "state": _TEXT, "kind": _TEXT, "text": _TEXT, "plan": _WHOLE}),
     "/predicates": ("lgp.Predicates", {"time": _NUMBER, "action": _WHOLE}),
@@ -164,7 +164,8 @@ class Recorder:
     def plan(self, time: float, plan: Plan, folder: str) -> None:
         """Write the plan in force from now on, and its scene."""
         steps = {"actions": list(plan.actions), "columns": list(plan.joints), "costs": plan.costs}
-        self.log.json("/plan", time, {"folder": folder, **steps, "time": plan.time, "path": plan.path})
+        motion = {"time": plan.time, "path": plan.path, "digest": plan.digest}
+        self.log.json("/plan", time, {"folder": folder, **steps, **motion})
         self.log.json("/scene", time, {"name": plan.scene.name, "values": plan.scene.values})
 
     def event(self, event: Event) -> None:
