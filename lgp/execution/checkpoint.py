@@ -49,11 +49,11 @@ class Checkpoint:
 
     def record(self) -> dict[str, Any]:
         """Return plain data, as the log holds them."""
-        things = {
+        placed = {
             name: {"hand": at.hand, "rotation": at.rotation.tolist(), "position": at.position.tolist()}
             for name, at in self.objects.items()
         }
-        plain = {"q": self.q.tolist(), "closed": sorted(self.closed), "things": things}
+        plain = {"q": self.q.tolist(), "closed": sorted(self.closed), "things": placed}
         return {"epoch": self.epoch, "time": self.time, **plain} | {
             "number": self.number,
             "folder": self.folder,
