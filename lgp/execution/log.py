@@ -17,8 +17,9 @@ Topics, times in seconds since the run began plus its first wall-clock time:
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from collections.abc import Set as AbstractSet
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -89,7 +90,7 @@ class RunLog:
         from mcap.writer import CompressionType, Writer
 
         encoder(JOINT_STATE)  # a missing package is reported before the file is replaced
-        self.epoch = epoch
+        self.epoch, self.file = epoch, file
         try:
             self._stream: IO[bytes] = file.open("wb")
         except OSError as error:
@@ -129,17 +130,31 @@ class RunLog:
 
     def raw(self, channel: int, stamp: int, data: bytes) -> None:
         """Write one message."""
-        self._writer.add_message(channel, stamp, data, stamp)
+        with self._writing():
+            self._writer.add_message(channel, stamp, data, stamp)
 
     def flush(self) -> None:
         """Hand finished chunks to the operating system, so that they survive a crash of the process."""
-        self._stream.flush()
+        with self._writing():
+            self._stream.flush()
 
     def close(self) -> None:
         """Write the last chunk and the summary."""
-        if not self._stream.closed:
-            self._writer.finish()
-            self._stream.close()
+        if self._stream.closed:
+            return
+        with self._writing():
+            try:
+                self._writer.finish()
+            finally:
+                self._stream.close()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            why = error.strerror or error
+            raise LgpError(f"{self.file}: cannot be written ({why}); make room, then run with --resume") from error
 
     def _channel(self, topic: str, encoding: str, name: str, kind: str, text: str) -> int:
         if (topic, name) not in self._channels:

@@ -85,3 +85,14 @@ def test_an_event_that_no_run_writes(tmp_path: Path, name: str, value: Any) -> N
 
 def test_what_is_written_is_read_again() -> None:
     assert Checkpoint.read(RECORD).record() == RECORD
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_full_disk_is_one_line_that_says_what_to_do() -> None:
+    log = RunLog(Path("/dev/full"), 1.7e9, {})
+    log.json("/state", 0.25, RECORD)
+    for write in (log.flush, log.close):
+        with pytest.raises(lgp.LgpError) as error:
+            write()
+        says(error, "/dev/full", "No space left", "--resume")
+    log.close()
